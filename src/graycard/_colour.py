@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From scene-linear radiance to what a display shows."""
+
+import numpy as np
+
+_KNEE = 0.0031308
+
+
+def srgb_encode(linear: np.ndarray) -> np.ndarray:
+    """Display values of linear Rec.709 ones, any shape; float64.
+
+    Domain: [0, ∞), where 1 is display white; what lies outside [0, 1] is clipped. Range: [0, 1].
+    Formula: IEC 61966-2-1:1999, piecewise (not a 2.2 power).
+    """
+    x = np.clip(np.asarray(linear, dtype=np.float64), 0, 1)
+    return np.where(x <= _KNEE, 12.92 * x, 1.055 * np.maximum(x, _KNEE) ** (1 / 2.4) - 0.055)
+
+
+def srgb_slope(linear: np.ndarray) -> np.ndarray:
+    """Derivative of :func:`srgb_encode`, any shape; 0 where it clips.
+
+    It carries a variance over to display space, to first order.
+    """
+    x = np.asarray(linear, dtype=np.float64)
+    slope = np.where(x <= _KNEE, 12.92, 1.055 / 2.4 * np.maximum(x, _KNEE) ** (1 / 2.4 - 1))
+    return np.where((x < 0) | (x > 1), 0.0, slope)

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one family of errors that a user can mend; everything else is a bug of ours."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class GraycardError(Exception):
+    """Something the user can mend; the message says what was expected, what came, what to do."""
+
+
+class UnknownNameError(GraycardError):
+    """A suite, scene, track, method or layer that does not exist."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
+        known = sorted(known)
+        near = get_close_matches(name, known, n=1, cutoff=0.4)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        tail = f". {advice}" if advice else ""
+        listing = ", ".join(known) or "none"
+        super().__init__(f"expected a {kind} that exists, got {name!r}{hint} Known: {listing}{tail}")
+
+
+class DatasetError(GraycardError):
+    """A dataset folder is missing, damaged, half-written, or of another format version."""
+
+
+class PredictionError(GraycardError):
+    """A predictions folder does not follow the documented format."""
+
+
+class MethodError(GraycardError):
+    """A method could not be loaded, or was used for what it does not provide."""
+
+
+class RecordError(GraycardError):
+    """A JSON record (settings, scores, run, baseline) is missing, damaged or misspelt."""
+
+
+class OutputError(GraycardError):
+    """Nothing can be written where the user asked for it."""
+
+
+class RenderError(GraycardError):
+    """The renderer is not usable on this machine in the way that was asked for."""

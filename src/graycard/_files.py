@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whole files or none: atomic writing, hashing, and folders that can be written to."""
+
+import errno
+import hashlib
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from graycard._errors import OutputError
+
+PARTIAL = ".partial"
+"""Suffix of what is being written; a name that ends so is never read as data."""
+
+_OUT_OF_SPACE = {errno.ENOSPC, errno.EDQUOT}
+
+
+@contextmanager
+def atomic_path(path: Path) -> Iterator[Path]:
+    """Yield a path to write to; it becomes ``path`` in one step when the block ends well.
+
+    Raises:
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL)
+        os.close(handle)
+    except OSError as error:
+        raise output_error(path, error) from error
+    partial = Path(name)
+    try:
+        yield partial
+        _flush(partial)
+        partial.chmod(0o666 & ~_umask())  # mkstemp makes files that only the owner can read
+        os.replace(partial, path)
+    except OSError as error:
+        raise output_error(path, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file whole or not at all.
+
+    Raises:
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    with atomic_path(path) as partial:
+        partial.write_bytes(data)
+
+
+def writable_folder(path: Path) -> Path:
+    """Make a folder and prove that it takes a file, before any time is spent on its content.
+
+    Raises:
+        OutputError: It is a file, cannot be made, or cannot be written to.
+    """
+    write_bytes(Path(path) / ".graycard-write-test", b"x")
+    (Path(path) / ".graycard-write-test").unlink(missing_ok=True)
+    return Path(path)
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, in hexadecimal."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def sha256_of_files(root: Path, skip: Callable[[str], bool] = lambda name: False) -> dict[str, str]:
+    """SHA-256 of each file below a folder, by its relative POSIX path, sorted; hidden files are left out."""
+    names = (p.relative_to(root) for p in root.rglob("*") if p.is_file())
+    kept = sorted(n.as_posix() for n in names if not any(part.startswith(".") for part in n.parts))
+    return {name: sha256(root / name) for name in kept if not skip(name)}
+
+
+def output_error(path: Path, cause: OSError) -> OutputError:
+    """What a user can do about a write that failed."""
+    if cause.errno in _OUT_OF_SPACE:
+        return OutputError(
+            f"expected room to write {path}, got a full disk ({free_mib(path):.0f} MiB free). "
+            "Free some space, or choose another output folder; the same command then goes on "
+            "where it stopped"
+        )
+    return OutputError(
+        f"expected an output folder that can be written to, got {path} ({cause.strerror or cause}). "
+        "Choose another with --out, or change its permissions"
+    )
+
+
+def free_mib(path: Path) -> float:
+    """Free disk space in MiB where ``path`` lies or would lie."""
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    return shutil.disk_usage(path).free / 2**20
+
+
+def _flush(path: Path) -> None:
+    """Hand the bytes to the disk before the name points at them: a power cut leaves no empty file."""
+    with open(path, "rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _umask() -> int:
+    current = os.umask(0)
+    os.umask(current)
+    return current

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The named images of a decomposition, each with its channels, unit and meaning."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from graycard._errors import UnknownNameError
+
+RGB, XYZ = ("R", "G", "B"), ("X", "Y", "Z")
+RADIANCE = "W/m²/sr, scene-linear Rec.709"
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """What a named image holds.
+
+    ``name`` may end in ``.<light>``: then there is one such image for each light of the scene.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    """Suffixes of the EXR channels, ``<name>.<suffix>``."""
+    unit: str
+    meaning: str
+    dtype: Literal["float32", "uint32"] = "float32"
+    may_be_infinite: bool = False
+    """Whether +inf has a meaning (a depth where there is nothing)."""
+
+
+def _rgb(name: str, unit: str, meaning: str) -> Layer:
+    return Layer(name, RGB, unit, meaning)
+
+
+_TABLE = (
+    _rgb("radiance", RADIANCE, "light that arrives at the camera, averaged over the pixel (box filter)"),
+    _rgb("base_color", "1", "colour parameter of the material, whatever its metallic share"),
+    _rgb("diffuse_reflectance", "1", "share of light that is scattered diffusely; 0 for a metal"),
+    _rgb("albedo", "1", "directional-hemispherical reflectance towards the camera"),
+    _rgb("f0", "1", "specular reflectance at normal incidence"),
+    Layer("roughness", ("Y",), "1", "square root of the GGX alpha"),
+    Layer("alpha", ("Y",), "1", "GGX alpha, the square of roughness"),
+    Layer("metallic", ("Y",), "1", "0 dielectric, 1 metal"),
+    Layer("normal", XYZ, "1, unit length", "surface normal in the world, outward"),
+    Layer(
+        "depth", ("Z",), "m", "distance along the optical axis; +inf where there is nothing", "float32", True
+    ),
+    Layer("distance", ("Z",), "m", "distance along the ray; +inf where there is nothing", "float32", True),
+    Layer("position", XYZ, "m", "point in the world"),
+    Layer("object_id", ("ID",), "index", "which object is seen; 0 where there is none", "uint32"),
+    _rgb("shading", RADIANCE, "radiance divided by albedo for a Lambertian surface: irradiance / pi"),
+    _rgb("irradiance.<light>", "W/m²", "light of one source that arrives at the surface"),
+    _rgb("radiance.<light>", RADIANCE, "share of one source in the radiance"),
+    Layer("visibility.<light>", ("Y",), "1", "share of one source that the point sees"),
+    _rgb("direct.diffuse", RADIANCE, "one bounce, diffuse lobe"),
+    _rgb("direct.specular", RADIANCE, "one bounce, specular lobe"),
+    _rgb("indirect.diffuse", RADIANCE, "more bounces, diffuse lobe at the camera's hit"),
+    _rgb("indirect.specular", RADIANCE, "more bounces, specular lobe at the camera's hit"),
+    _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
+)
+_BY_NAME = {layer.name: layer for layer in _TABLE}
+
+
+def layers() -> tuple[Layer, ...]:
+    """All layers of the vocabulary, in the order of the documentation."""
+    return _TABLE
+
+
+def layer(name: str) -> Layer:
+    """The layer of a name, as in ``"base_color"``, ``"visibility.lamp"`` or ``"radiance.var"``.
+
+    ``<layer>.var`` is the variance of the mean, in the unit of the layer squared.
+
+    Raises:
+        UnknownNameError: There is no such layer.
+    """
+    if name in _BY_NAME:
+        return _BY_NAME[name]
+    stem, _, tail = name.rpartition(".")
+    if tail == "var":
+        of = layer(stem)
+        return Layer(name, of.channels, f"({of.unit})²", f"variance of the mean of {stem}")
+    if tail and f"{stem}.<light>" in _BY_NAME:
+        per_light = _BY_NAME[f"{stem}.<light>"]
+        return Layer(name, per_light.channels, per_light.unit, f"{per_light.meaning} ({tail})")
+    raise UnknownNameError("layer", name, _BY_NAME)
+
+
+def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
+    """The shape of a layer's array: ``(height, width, 3)``, or ``(height, width)`` for one channel."""
+    channels = len(layer(name).channels)
+    return (height, width) if channels == 1 else (height, width, channels)
+
+
+def find_fault(name: str, values: np.ndarray, height: int, width: int) -> str | None:
+    """What is wrong with an array that is meant to be a layer, as "expected …, got …"; else None."""
+    expected = shape_of(name, height, width)
+    if values.shape != expected:
+        return f"expected {name} of shape {expected}, got {values.shape}"
+    bad = ~np.isfinite(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
+    if layer(name).may_be_infinite:
+        bad &= ~np.isposinf(values)
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        kind = f"{int(bad.sum())} of {values.size} values are not, the first at {where}"
+        return f"expected finite values in {name}, got {values[where]} ({kind})"
+    return None

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lights with their exact position and strength; colours are scene-linear Rec.709.
+
+Each kind of light is a type of its own. On disk a light is a JSON object whose ``type`` names it.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from graycard._camera import Camera
+from graycard._errors import DatasetError, GraycardError, UnknownNameError
+from graycard._json import decode, encode
+
+Vector = tuple[float, float, float]
+Frame = Literal["world", "camera"]
+
+
+@dataclass(frozen=True, slots=True)
+class PointLight:
+    """A light without extent that shines equally in all directions."""
+
+    name: str
+    position: Vector
+    """Metres, in ``frame``."""
+    intensity: Vector
+    """Radiant intensity per channel, W/sr."""
+    frame: Frame = "world"
+    """``camera``: the light is mounted on the camera and ``position`` is in camera axes (OpenCV)."""
+
+    @property
+    def axial_intensity(self) -> np.ndarray:
+        """Radiant intensity along the brightest direction, shape ``(3,)``, W/sr."""
+        return np.array(self.intensity)
+
+
+@dataclass(frozen=True, slots=True)
+class SpotLight:
+    """A light without extent whose intensity falls to zero outside a cone.
+
+    Full intensity inside ``beam_width`` of the axis, then linear in the angle down to zero at
+    ``cutoff_angle`` (both half angles, degrees).
+    """
+
+    name: str
+    position: Vector
+    """Metres, in ``frame``."""
+    direction: Vector
+    """Axis of the cone away from the light, in ``frame``."""
+    intensity: Vector
+    """Radiant intensity on the axis per channel, W/sr."""
+    beam_width: float
+    cutoff_angle: float
+    frame: Frame = "world"
+
+    @property
+    def axial_intensity(self) -> np.ndarray:
+        """Radiant intensity along the brightest direction, shape ``(3,)``, W/sr."""
+        return np.array(self.intensity)
+
+
+@dataclass(frozen=True, slots=True)
+class RectangleLight:
+    """A one-sided, diffusely emitting rectangle, ``position ± half_u ± half_v``; it shines along u x v."""
+
+    name: str
+    position: Vector
+    """Centre in the world, metres."""
+    half_u: Vector
+    half_v: Vector
+    radiance: Vector
+    """W/m²/sr per channel."""
+    frame: Frame = "world"
+
+    @property
+    def axial_intensity(self) -> np.ndarray:
+        """Radiant intensity along the brightest direction, shape ``(3,)``, W/sr: radiance x area."""
+        area = 4 * np.linalg.norm(np.cross(self.half_u, self.half_v))
+        return np.array(self.radiance) * area
+
+
+@dataclass(frozen=True, slots=True)
+class SphereLight:
+    """A diffusely emitting sphere."""
+
+    name: str
+    position: Vector
+    """Centre in the world, metres."""
+    radius: float
+    """Metres."""
+    radiance: Vector
+    """W/m²/sr per channel."""
+    frame: Frame = "world"
+
+    @property
+    def axial_intensity(self) -> np.ndarray:
+        """Radiant intensity, the same in all directions, shape ``(3,)``, W/sr: radiance x disc area."""
+        return np.array(self.radiance) * np.pi * self.radius**2
+
+
+@dataclass(frozen=True, slots=True)
+class EnvironmentLight:
+    """Light from infinitely far away, as a latitude-longitude image.
+
+    Row ``i`` of ``H``, column ``j`` of ``W`` holds the radiance from the world direction
+    ``(sin t cos p, sin t sin p, cos t)`` with ``t = pi (i + 0.5) / H`` and ``p = 2 pi (j + 0.5) / W``.
+    """
+
+    name: str
+    image: str
+    """EXR file of R, G, B radiance in W/m²/sr, relative to the file that lists the lights."""
+
+
+Light = PointLight | SpotLight | RectangleLight | SphereLight | EnvironmentLight
+LocalLight = PointLight | SpotLight | RectangleLight | SphereLight
+
+_TYPES: dict[str, type[Light]] = {
+    "point": PointLight,
+    "spot": SpotLight,
+    "rectangle": RectangleLight,
+    "sphere": SphereLight,
+    "environment": EnvironmentLight,
+}
+
+
+def is_local(light: Light) -> bool:
+    """Whether a light has a place in the scene (an environment has none)."""
+    return not isinstance(light, EnvironmentLight)
+
+
+def world_position(light: LocalLight, camera: Camera) -> np.ndarray:
+    """Where a light is in the world while ``camera`` looks, shape ``(3,)``, metres."""
+    local = np.array(light.position, dtype=np.float64)
+    if light.frame == "world":
+        return local
+    return camera.camera_to_world[:3, :3] @ local + camera.position
+
+
+def light_to_json(light: Light) -> dict[str, Any]:
+    """A light as JSON data with its ``type``."""
+    kind = next(name for name, cls in _TYPES.items() if isinstance(light, cls))
+    return {"type": kind, **encode(light)}
+
+
+def light_from_json(data: Any, error: type[GraycardError] = DatasetError, source: str = "") -> Light:
+    """A light from JSON data; strict.
+
+    Raises:
+        UnknownNameError: The ``type`` is none that exists.
+        DatasetError: (or ``error``) A key is unknown or missing, or has a value of another type.
+    """
+    if not isinstance(data, dict) or "type" not in data:
+        raise error(f"expected a light as an object with a 'type' in {source}, got {data!r}")
+    kind = str(data["type"])
+    if kind not in _TYPES:
+        raise UnknownNameError("light type", kind, _TYPES)
+    return decode(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)

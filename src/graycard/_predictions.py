@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The folder that any method, in any language, hands in to be scored.
+
+PREDICTIONS/predictions.json    who made it, for which scene
+PREDICTIONS/views/<view>.exr    channels <layer>.<suffix>, linear, float32
+PREDICTIONS/lights.json         optional: the lights that were found
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from graycard._dataset import read_lights, write_lights
+from graycard._errors import GraycardError, PredictionError
+from graycard._exr import read_layers, write_layers
+from graycard._files import sha256, sha256_of_files
+from graycard._json import IN_MEMORY, decode, read_json, write_json
+from graycard._lights import Light
+
+INDEX = "predictions.json"
+PREDICTIONS_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Predictions:
+    """What a method says about a scene."""
+
+    method: str
+    track: str
+    scene: str
+    format: str = "graycard-predictions"
+    format_version: int = PREDICTIONS_VERSION
+    files: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 by relative path; optional, and checked where it is given."""
+    root: Path | None = field(default=None, metadata=IN_MEMORY)
+
+    def view_names(self) -> list[str]:
+        """Names of the views that have a file."""
+        return sorted(p.stem for p in (self._root / "views").glob("*.exr"))
+
+    def layers(self, view: str) -> dict[str, np.ndarray]:
+        """All predicted layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
+
+        Raises:
+            PredictionError: The file is missing or broken, has channels of no layer, or was changed
+                after its hash was taken.
+        """
+        name = f"views/{view}.exr"
+        path = self._root / name
+        if not path.is_file():
+            have = ", ".join(self.view_names()) or "none"
+            raise PredictionError(
+                f"expected a prediction for view {view!r} at {path}, got none. Present: {have}"
+            )
+        if name in self.files and (found := sha256(path)) != self.files[name]:
+            raise PredictionError(
+                f"expected {path} with SHA-256 {self.files[name][:12]}…, got {found[:12]}…: it changed "
+                f"after {INDEX} was written. Write the predictions again"
+            )
+        return read_layers(path, PredictionError)
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """The predicted lights; None where the method provides none.
+
+        Raises:
+            PredictionError: The file is broken, or a light has an unknown key or type.
+        """
+        path = self._root / "lights.json"
+        if not path.is_file():
+            return None
+        try:
+            return read_lights(path)
+        except GraycardError as cause:
+            raise PredictionError(str(cause)) from cause
+
+    @property
+    def _root(self) -> Path:
+        if self.root is None:
+            raise PredictionError("expected predictions that were opened from a folder, got some in memory")
+        return self.root
+
+
+def open_predictions(folder: Path) -> Predictions:
+    """The predictions in a folder.
+
+    Raises:
+        PredictionError: There is no index, it is of another format, or it has an unknown key.
+    """
+    path = Path(folder) / INDEX
+    if not path.is_file():
+        raise PredictionError(
+            f"expected a predictions folder with {INDEX} at {folder}, got "
+            f"{'a folder without it' if Path(folder).is_dir() else 'nothing'}. See docs/formats.md"
+        )
+    found = decode(Predictions, read_json(path, PredictionError), PredictionError, str(path))
+    if found.format != "graycard-predictions" or found.format_version > PREDICTIONS_VERSION:
+        raise PredictionError(
+            f"expected graycard-predictions of version {PREDICTIONS_VERSION} or older in {path}, "
+            f"got {found.format} version {found.format_version}"
+        )
+    return replace(found, root=Path(folder))
+
+
+def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> None:
+    """Write the predicted layers of one view.
+
+    Args:
+        folder: The predictions folder.
+        view: Name of the view, as in the capture.
+        layers: By layer name, each ``(H, W)`` or ``(H, W, 3)``, linear.
+
+    Raises:
+        UnknownNameError: A layer is not in the vocabulary.
+        ValueError: An array has a shape that its layer has not.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_layers(Path(folder) / "views" / f"{view}.exr", layers)
+
+
+def finish_predictions(
+    folder: Path, predictions: Predictions, lights: tuple[Light, ...] | None = None
+) -> None:
+    """Write the lights and, last, the index with the hash of each file: now the folder is whole."""
+    if lights is not None:
+        write_lights(Path(folder) / "lights.json", lights)
+    files = sha256_of_files(
+        Path(folder), skip=lambda name: name == INDEX or name.startswith("decomposition/")
+    )
+    write_json(Path(folder) / INDEX, replace(predictions, files=files))

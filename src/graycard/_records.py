@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a score and a run are on disk: every number with its protocol, its counts and its origin."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from graycard._errors import RecordError
+from graycard._json import decode, read_json
+
+RECORD_VERSION = 1
+
+Status = Literal["scored", "failed", "not provided"]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One number about one prediction, with all that is needed to trust it."""
+
+    metric: str
+    """Id, as in ``albedo.psnr.channel``."""
+    protocol: str
+    """Name and version of the rules (mask, gauge, colour space, pooling), as in ``graycard-0``."""
+    status: Status
+    value: float | None
+    """None unless ``status`` is ``scored``."""
+    unit: str
+    higher_is_better: bool
+    optimum: float
+    """The value of a perfect prediction; may be infinite."""
+    per_view: Mapping[str, float] = field(default_factory=dict)
+    """Value by test view."""
+    noise_ceiling: float | None = None
+    """The best value that the truth's own noise allows; None where the truth is exact."""
+    gauge: tuple[float, ...] | None = None
+    """Factors applied to the prediction (R, G, B), fitted on training views; None where there is none."""
+    interval: tuple[float, float] | None = None
+    """95 % interval; None for a single scene, which has none."""
+    expected: int = 0
+    """Number of test views (or lights) that should be scored."""
+    scored: int = 0
+    reason: str = ""
+    """Why it failed, or what is not provided."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreSheet:
+    """All scores of one predictions folder on one scene: what ``graycard score`` writes."""
+
+    track: str
+    scene: str
+    method: str
+    predictions_sha256: str
+    """Hash over the files of the predictions folder."""
+    truth_sha256: str
+    """Hash of the truth's manifest, which holds the hash of each file."""
+    scores: tuple[Score, ...]
+    format: str = "graycard-scores"
+    format_version: int = RECORD_VERSION
+
+    def score(self, metric: str) -> Score:
+        """The score of a metric.
+
+        Raises:
+            RecordError: The sheet has none.
+        """
+        for score in self.scores:
+            if score.metric == metric:
+                return score
+        raise RecordError(
+            f"expected a metric of this sheet, got {metric!r}: {[s.metric for s in self.scores]}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One fit: a pure function of this record."""
+
+    track: str
+    scene: str
+    method: str
+    """Name in the registry, or ``module:attribute``."""
+    seed: int
+    settings: Mapping[str, Any]
+    """The method's settings, resolved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a job took."""
+
+    wall_s: float
+    peak_memory_mib: float
+
+
+@dataclass(frozen=True, slots=True)
+class JobResult:
+    """How a job ended."""
+
+    job: Job
+    job_hash: str
+    folder: str
+    """Folder of the job, relative to the run."""
+    status: Literal["done", "failed"]
+    reason: str = ""
+    """Why it failed."""
+    sheet: ScoreSheet | None = None
+    cost: Cost | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRecord:
+    """A scene of a run."""
+
+    track: str
+    scene: str
+    family: str
+    seed: int
+    folder: str
+    """``<track>/<scene>`` folder, relative to the run."""
+    truth_sha256: str
+    title: str
+    """One line that says what is to be seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRecord:
+    """A method of a run."""
+
+    name: str
+    summary: str
+    """One sentence."""
+    sees: tuple[str, ...]
+    """What it is handed beyond the capture; empty for a method that competes."""
+
+
+@dataclass(frozen=True, slots=True)
+class MetricRecord:
+    """What a metric means, for the reader of a table."""
+
+    id: str
+    title: str
+    """Short, for a table head."""
+    group: str
+    """Which part of the decomposition it judges, as in ``albedo``."""
+    unit: str
+    higher_is_better: bool
+    optimum: float
+    formula: str
+    headline: bool
+    """Whether it stands in the leaderboard."""
+    tolerance: float
+    """By how much a score may get worse before the gate calls it a regression, in ``unit``."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """A whole run: ``run.json``."""
+
+    suite: str
+    suite_version: int
+    scenes: tuple[SceneRecord, ...]
+    methods: tuple[MethodRecord, ...]
+    metrics: tuple[MetricRecord, ...]
+    results: tuple[JobResult, ...]
+    environment: Mapping[str, Any]
+    """Package versions, git commit, hardware, renderer variant."""
+    started: str
+    """UTC, ISO 8601."""
+    wall_s: float
+    format: str = "graycard-run"
+    format_version: int = RECORD_VERSION
+
+
+def read_score_sheet(path: Path) -> ScoreSheet:
+    """The scores in a file that ``graycard score --json`` wrote.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, or of a newer format.
+    """
+    return _read(ScoreSheet, path, "graycard-scores")
+
+
+def read_run(run: Path) -> RunRecord:
+    """The record of a run folder.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, or of a newer format.
+    """
+    path = Path(run) / "run.json"
+    if not path.is_file():
+        raise RecordError(
+            f"expected a run folder with run.json at {run}, got none. Make one with `graycard bench`"
+        )
+    return _read(RunRecord, path, "graycard-run")
+
+
+def _read(cls: type[Any], path: Path, kind: str) -> Any:
+    data = read_json(path)
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if isinstance(version, int) and version > RECORD_VERSION:
+        raise RecordError(
+            f"expected {kind} of version {RECORD_VERSION} or older in {path}, got version {version}. "
+            "Install a newer graycard"
+        )
+    record = decode(cls, data, RecordError, str(path))
+    if record.format != kind:
+        raise RecordError(f"expected {kind} in {path}, got {record.format}")
+    return record

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ground truth: seeded procedural scenes, rendered by Mitsuba 3."""

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A tiny scene with closed-form truth, on disk, without a renderer: what most tests stand on."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+
+WIDTH, HEIGHT = 28, 24
+DIAMETER = 4.0
+RADIUS = 0.6
+ALBEDO = {0: (0.0, 0.0, 0.0), 1: (0.55, 0.45, 0.30), 2: (0.20, 0.45, 0.60), 3: (0.6, 0.1, 0.1)}
+LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+
+
+def shade(camera: gc.Camera, with_target: bool) -> dict[str, np.ndarray]:
+    """Exact layers of a floor, a ball and a small red target ball under a light on the camera."""
+    balls = [(2, np.array([0, 0, RADIUS]), RADIUS)]
+    balls += [(3, np.array([0.9, -0.3, 0.3]), 0.3)] if with_target else []
+    rays, origin = camera.rays(), camera.position
+    floor = np.where(rays[..., 2] < 0, -origin[2] / np.minimum(rays[..., 2], -1e-9), np.inf)
+    floor = np.where(np.linalg.norm((origin + floor[..., None] * rays)[..., :2], axis=-1) < 2, floor, np.inf)
+    distance, ids = floor, np.where(np.isfinite(floor), 1, 0)
+    normal = np.where(ids[..., None] > 0, np.array([0.0, 0.0, 1.0]), 0.0)
+    for number, centre, radius in balls:
+        b = rays @ (origin - centre)
+        hit = b**2 - (origin - centre) @ (origin - centre) + radius**2
+        t = np.where(hit > 0, -b - np.sqrt(np.maximum(hit, 0)), np.inf)
+        closer = (t > 0) & (t < distance)
+        distance, ids = np.where(closer, t, distance), np.where(closer, number, ids)
+        point = origin + np.where(closer, t, 0)[..., None] * rays
+        normal = np.where(closer[..., None], (point - centre) / radius, normal)
+    seen = ids > 0
+    point = origin + np.where(seen, distance, 0)[..., None] * rays
+    to_light = gc.world_position(LAMP, camera) - point
+    square = (to_light**2).sum(-1)
+    cosine = np.maximum((normal * to_light).sum(-1) / np.sqrt(square), 0)
+    base = np.array([ALBEDO[i] for i in range(4)])[ids]
+    texture = 1 + 0.3 * np.sin(9 * point[..., :1]) * np.sin(7 * point[..., 1:2])
+    base = base * texture
+    irradiance = np.array(LAMP.intensity) * (cosine / square)[..., None]
+    return {
+        "radiance": np.where(seen[..., None], base / np.pi * irradiance, 0.02).astype(np.float32),
+        "base_color": base.astype(np.float32),
+        "normal": normal.astype(np.float32),
+        "depth": (distance * (rays @ camera.forward)).astype(np.float32),
+        "object_id": ids.astype(np.uint32),
+    }
+
+
+def write_scene(
+    dataset: Path,
+    track: str = "dark",
+    scene: str = "tiny-0000",
+    train: int = 3,
+    test: int = 2,
+    sigma: float = 1e-3,
+) -> Path:
+    """Write the tiny scene as a whole dataset folder and return ``DATASET/<track>/<scene>``."""
+    folder = Path(dataset) / track / scene
+    target = 3 if track == "tabletop" else None
+    angles = np.linspace(0, 1.2, train + test)
+    cameras = [
+        gc.Camera.from_fov(
+            WIDTH,
+            HEIGHT,
+            50,
+            gc.look_at(np.array([3 * np.sin(a), -3 * np.cos(a), 1.6]), np.array([0, 0, 0.4])),
+        )
+        for a in angles
+    ]
+    splits = ["test" if i % 2 and i // 2 < test else "train" for i in range(train + test)]
+    views = tuple(
+        gc.View(f"{split}_{i:03d}", split, camera)  # pyright: ignore[reportArgumentType]
+        for i, (split, camera) in enumerate(zip(splits, cameras, strict=True))
+    )
+    noise = np.random.default_rng(7)
+    photographs = []
+    for view in views:
+        layers = shade(view.camera, with_target=True)
+        layers["radiance.var"] = np.full_like(layers["radiance"], sigma**2)
+        layers["radiance"] = layers["radiance"] + noise.normal(0, sigma, layers["radiance"].shape).astype(
+            np.float32
+        )
+        if target:
+            layers["counterfactual.radiance"] = shade(view.camera, with_target=False)["radiance"]
+            layers["counterfactual.radiance.var"] = layers["radiance.var"]
+        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+        if view.split == "train":
+            gc.write_rgb(folder / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
+            photographs.append(layers["radiance"])
+            if target:
+                mask = layers["object_id"] * (layers["object_id"] == target)
+                gc.write_layers(
+                    folder / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask}
+                )
+    exposure = float(1 / np.percentile(photographs, 99))
+    capture = gc.Capture(track, scene, views, exposure, light_on_camera=track == "dark", target=target)
+    objects = (
+        gc.SceneObject(1, "floor", False),
+        gc.SceneObject(2, "ball", False),
+        gc.SceneObject(3, "target", False),
+    )
+    truth = gc.Truth(track, scene, views, exposure, DIAMETER, objects, target)
+    gc.write_index(folder / "capture", capture)
+    gc.write_index(folder / "truth", truth)
+    gc.write_lights(folder / "truth" / "lights.json", (LAMP,))
+    origin = {"name": "tests", "version": gc.__version__}
+    gc.seal(folder / "capture", gc.Manifest("graycard-capture", 1, track, scene, origin, {}, {}))
+    gc.seal(folder / "truth", gc.Manifest("graycard-truth", 1, track, scene, origin, {"scene": 0}, {}))
+    return folder
+
+
+@pytest.fixture
+def make_scene(tmp_path: Path) -> Callable[..., Path]:
+    """``make_scene(track="dark", scene="tiny-0000", train=3, test=2)`` writes one, gives its folder."""
+
+    def make(**options: object) -> Path:
+        return write_scene(tmp_path / "dataset", **options)  # pyright: ignore[reportArgumentType]
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def tiny_scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One scene folder a track, shared and not to be changed."""
+    dataset = tmp_path_factory.mktemp("tiny")
+    return {track: write_scene(dataset, track=track) for track in gc.TRACKS}
