@@ -1,2 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Methods that take photographs apart, behind one contract."""
+"""Methods that take photographs apart, behind one contract; nothing here is imported to list them."""
+
+from graycard.methods._contract import Decomposition as Decomposition
+from graycard.methods._contract import Method as Method
+from graycard.methods._contract import NoSettings as NoSettings
+from graycard.methods._contract import Priors as Priors
+from graycard.methods._contract import PriorSource as PriorSource
+from graycard.methods._contract import Relightable as Relightable
+from graycard.methods._contract import Removable as Removable
+from graycard.methods._predict import write_predictions as write_predictions
+from graycard.methods._registry import Listing as Listing
+from graycard.methods._registry import fingerprint as fingerprint
+from graycard.methods._registry import listings as listings
+from graycard.methods._registry import load_method as load_method
+from graycard.methods._registry import offers as offers
+from graycard.methods._registry import settings_of as settings_of

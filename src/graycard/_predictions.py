@@ -125,7 +125,5 @@ def finish_predictions(
     """Write the lights and, last, the index with the hash of each file: now the folder is whole."""
     if lights is not None:
         write_lights(Path(folder) / "lights.json", lights)
-    files = sha256_of_files(
-        Path(folder), skip=lambda name: name == INDEX or name.startswith("decomposition/")
-    )
+    files = sha256_of_files(Path(folder), skip=lambda name: name == INDEX)
     write_json(Path(folder) / INDEX, replace(predictions, files=files))

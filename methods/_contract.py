@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a method is: it fits a capture and gives a decomposition, which renders layers for a camera.
+
+A decomposition claims only what it can do: the layers in ``provides``, and the verbs of the smaller
+protocols :class:`Relightable` and :class:`Removable`. What it does not claim is "not provided", never 0.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+from graycard import Camera, Capture, Light, MethodError, Progress
+
+PriorSource = Literal["none", "oracle", "classical", "pretrained"]
+
+
+@dataclass(frozen=True, slots=True)
+class Priors:
+    """What a method is handed beyond the capture: what a pretrained network would tell it, or the truth."""
+
+    source: PriorSource = "none"
+    layers: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    """Arrays by view name and layer name, for training and held-out views."""
+    lights: tuple[Light, ...] | None = None
+
+    def layer(self, view: str, name: str) -> np.ndarray:
+        """The array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
+
+        Raises:
+            MethodError: It was not handed in.
+        """
+        try:
+            return self.layers[view][name]
+        except KeyError as cause:
+            raise MethodError(
+                f"expected a prior for layer {name!r} of view {view!r}, got none (source: {self.source}). "
+                "Fit with the scene's truth beside its capture, or hand the prior in"
+            ) from cause
+
+
+@runtime_checkable
+class Decomposition(Protocol):
+    """What a fitted method says about a scene."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Names of the layers that :meth:`render` can give."""
+        ...
+
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Layers as ``camera`` sees them.
+
+        Args:
+            camera: Any camera, unless the method says otherwise.
+            layers: Names out of ``provides``.
+
+        Returns:
+            Arrays by name, ``(H, W)`` or ``(H, W, 3)``, linear, in the unit of the layer.
+
+        Raises:
+            MethodError: A layer or the camera is not provided.
+        """
+        ...
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """The lights that were found; None if the method does not look for lights."""
+        ...
+
+    def save(self, folder: Path) -> None:
+        """Write the decomposition as safetensors and JSON; the method's ``load`` reads it back.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        ...
+
+
+@runtime_checkable
+class Relightable(Protocol):
+    """A decomposition whose lights can be exchanged."""
+
+    def relight(self, lights: tuple[Light, ...]) -> Decomposition:
+        """The same scene under other lights."""
+        ...
+
+
+@runtime_checkable
+class Removable(Protocol):
+    """A decomposition from which an object can be taken away."""
+
+    def remove(self, object_id: int) -> Decomposition:
+        """The same scene without an object, its shadow and its reflection."""
+        ...
+
+
+@runtime_checkable
+class Method(Protocol):
+    """A way to take photographs apart."""
+
+    @property
+    def summary(self) -> str:
+        """One sentence for tables."""
+        ...
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Truth that it is handed as a prior: layer names, ``lights``; empty for a method that competes."""
+        ...
+
+    @property
+    def settings_type(self) -> type[Any]:
+        """A frozen dataclass; its defaults are the method's defaults."""
+        ...
+
+    def fit(
+        self, capture: Capture, priors: Priors, settings: Any, seed: int, progress: Progress
+    ) -> Decomposition:
+        """Take a capture apart.
+
+        Args:
+            capture: Photographs and cameras of the training views, cameras of the held-out ones.
+            priors: What ``needs`` asks for.
+            settings: An instance of ``settings_type``.
+            seed: Equal seeds give equal decompositions.
+            progress: Called now and then.
+
+        Raises:
+            MethodError: The capture or the settings do not suit the method.
+        """
+        ...
+
+    def load(self, folder: Path) -> Decomposition:
+        """A decomposition that ``save`` wrote.
+
+        Raises:
+            MethodError: It is missing, damaged, or was written by another method.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class NoSettings:
+    """The settings of a method that has none."""
