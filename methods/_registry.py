@@ -63,7 +63,7 @@ def load_method(name: str) -> Method:
     try:
         found = point.load()
         method = found() if inspect.isclass(found) else found
-    except Exception as cause:  # a plug-in may raise anything at all
+    except (Exception, SystemExit) as cause:  # a plug-in may raise anything at all
         raise MethodError(
             f"expected method {name!r} ({point.value}, {origin(point)}) to import, got "
             f"{type(cause).__name__}: {cause}. Mend or uninstall it; other methods are not affected"

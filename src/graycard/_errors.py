@@ -15,10 +15,15 @@ class UnknownNameError(GraycardError):
     def __init__(self, kind: str, name: str, known: Iterable[str], advice: str = "") -> None:
         known = sorted(known)
         near = get_close_matches(name, known, n=1, cutoff=0.4)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
         tail = f". {advice}" if advice else ""
         listing = ", ".join(known) or "none"
-        super().__init__(f"expected a {kind} that exists, got {name!r}{hint} Known: {listing}{tail}")
+        super().__init__(f"expected a {kind} that exists, got {name!r}{hint}. Known: {listing}{tail}")
+        self._made_of = (kind, name, known, advice)
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, list[str], str]]:
+        """Survive the way back from a worker process: by default only the message would come."""
+        return type(self), self._made_of
 
 
 class DatasetError(GraycardError):

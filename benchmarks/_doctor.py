@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What this machine offers, and what to do for the rest."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from graycard import free_mib
+from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
+from graycard.synth import renderer_advice, renderer_name
+
+ROOM_MIB = 2048
+"""A run of the largest suite fits into this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of ``graycard doctor``."""
+
+    name: str
+    found: str
+    advice: str = ""
+    """What to do; empty if all is well."""
+
+
+def findings(folder: Path) -> list[Finding]:
+    """Renderer, processor, GPU, weights and disk, without loading a renderer or torch.
+
+    Args:
+        folder: Where runs would go.
+    """
+    return [
+        Finding("renderer", renderer_name(), renderer_advice() or ""),
+        Finding("processor", f"{cpu_model()}, {usable_cores()} cores, {_memory_gib():.0f} GiB"),
+        Finding("GPU", gpu_name() or "none", "" if gpu_name() else "not needed: everything runs on the CPU"),
+        Finding("torch", package_version("torch") or "none"),
+        Finding("weights", _weights(), ""),
+        _disk(folder),
+    ]
+
+
+def _memory_gib() -> float:
+    return psutil.virtual_memory().total / 2**30
+
+
+def _weights() -> str:
+    """Pretrained weights where torch keeps them; no score of this version needs any."""
+    home = Path(os.environ.get("TORCH_HOME", Path.home() / ".cache" / "torch")) / "hub" / "checkpoints"
+    found = sorted(path.name for path in home.glob("*.pth")) if home.is_dir() else []
+    return f"{', '.join(found) or 'none'} in {home} (nothing in this version needs any)"
+
+
+def _disk(folder: Path) -> Finding:
+    free = free_mib(folder)
+    advice = "" if free > ROOM_MIB else f"free some space: a large suite takes up to {ROOM_MIB} MiB"
+    return Finding("disk", f"{free / 1024:.1f} GiB free at {folder}", advice)

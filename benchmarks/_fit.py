@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fit one method on one scene: the same for the command line, a process pool, and a cluster."""
+
+import random
+import resource
+import shutil
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from graycard import Capture, Cost, Progress, Truth, open_capture, open_truth, write_json
+from graycard.methods import Method, Priors, load_method, settings_of, write_predictions
+
+LIGHTS = "lights"
+DONE = "job.json"
+"""Written last: a job folder without it is half-done and is begun anew."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitSpec:
+    """All that a fit depends on."""
+
+    method: str
+    """A registered name or ``module:attribute``."""
+    settings: Mapping[str, Any]
+    """Those that differ from the method's defaults."""
+    seed: int
+    scene: Path
+    """``DATASET/<track>/<scene>``."""
+
+
+def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path | None = None) -> Cost:
+    """Fit a method and write its predictions folder.
+
+    Args:
+        spec: What to fit.
+        predictions: Where to; what is there is replaced.
+        progress: Called now and then.
+        save: Also write the decomposition itself, to this folder.
+
+    Raises:
+        MethodError: The method, its settings or the capture do not go together.
+        DatasetError: The scene is missing or damaged.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    method = load_method(spec.method)
+    settings = settings_of(method, spec.settings)
+    capture = open_capture(spec.scene / "capture")
+    priors = oracle_priors(method, capture, spec.scene)
+    shutil.rmtree(predictions, ignore_errors=True)
+    seed_everything(spec.seed)
+    start = time.perf_counter()
+    decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+    write_predictions(decomposition, capture, spec.method, predictions, progress)
+    cost = Cost(time.perf_counter() - start, peak_memory_mib())
+    if save is not None:
+        decomposition.save(save)
+    return cost
+
+
+def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
+    """The truth that a method asks for, read here so that the method never sees the truth folder.
+
+    Raises:
+        DatasetError: The method asks for truth, and the scene has none or a damaged one.
+    """
+    if not method.needs:
+        return Priors()
+    truth = open_truth(scene / "truth")
+    wanted = set(method.needs)
+    layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
+    return Priors("oracle", layers, truth.lights() if LIGHTS in wanted else None)
+
+
+def seed_everything(seed: int) -> None:
+    """Seed every global random source that a method may use; torch only if the method has loaded it."""
+    random.seed(seed)
+    np.random.seed(seed)  # noqa: NPY002 -- third-party methods draw from the legacy global state
+    if "torch" in sys.modules:
+        sys.modules["torch"].manual_seed(seed)
+
+
+def peak_memory_mib() -> float:
+    """The most memory that this process has held, MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
+
+
+def finish_job(folder: Path, facts: Mapping[str, Any], cost: Cost) -> None:
+    """Mark a job folder as whole."""
+    write_json(folder / DONE, {**facts, "cost": cost})
+
+
+def _pick(truth: Truth, view: str, wanted: set[str]) -> dict[str, np.ndarray]:
+    return {name: a for name, a in truth.layers(truth.view(view)).items() if name in wanted}

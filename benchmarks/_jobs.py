@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The work of a bench as pure functions of their spec, to be run in any process.
+
+A job leaves its result on disk and gives back an :class:`Outcome`, never an exception: one broken
+method fails its own jobs and no others.
+"""
+
+import json
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from graycard import (
+    Cost,
+    GraycardError,
+    Job,
+    OutputError,
+    PredictionError,
+    ScoreSheet,
+    decode,
+    open_predictions,
+    read_json,
+    silent,
+    write_bytes,
+    write_json,
+)
+from graycard.benchmarks._fit import DONE, FitSpec, finish_job, fit_scene
+from graycard.benchmarks._sources import eval_fingerprint
+from graycard.eval import predictions_hash, score_predictions, truth_hash
+from graycard.synth import RenderSettings, SceneSpec, render_scene
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a job ended."""
+
+    reason: str = ""
+    """Why it failed; empty if it did not."""
+    reused: bool = False
+    """Whether all was there already."""
+    value: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class RenderJob:
+    """Render one scene."""
+
+    spec: SceneSpec
+    settings: RenderSettings
+    dataset: Path
+    threads: int
+
+
+@dataclass(frozen=True, slots=True)
+class FitJob:
+    """Fit one method on one scene and score it."""
+
+    job: Job
+    job_hash: str
+    scene: Path
+    folder: Path
+    threads: int
+
+
+def run_render(job: RenderJob) -> Outcome:
+    """Render a scene, or find it whole."""
+
+    def work() -> Outcome:
+        folder = render_scene(job.spec, job.settings, job.dataset, silent, job.threads)
+        return Outcome(value=folder)
+
+    return _guarded(work, None)
+
+
+def run_fit(job: FitJob) -> Outcome:
+    """Fit a method, or find its predictions whole."""
+
+    def work() -> Outcome:
+        cost = finished_cost(job)
+        if cost is not None:
+            return Outcome(reused=True, value=cost)
+        spec = FitSpec(job.job.method, job.job.settings, job.job.seed, job.scene)
+        (job.folder / DONE).unlink(missing_ok=True)
+        with threadpool_limits(job.threads):
+            cost = fit_scene(spec, job.folder / "predictions", silent)
+        finish_job(job.folder, {"job": job.job, "job_hash": job.job_hash}, cost)
+        return Outcome(value=cost)
+
+    return _guarded(work, job.folder / "error.txt")
+
+
+def run_score(job: FitJob) -> Outcome:
+    """Score the predictions of a job, or find their scores."""
+
+    def work() -> Outcome:
+        predictions, path = job.folder / "predictions", job.folder / "scores.json"
+        key = [eval_fingerprint(), predictions_hash(predictions), truth_hash(job.scene)]
+        sheet = _stored_sheet(path, key)
+        if sheet is not None:
+            return Outcome(reused=True, value=sheet)
+        with threadpool_limits(job.threads):
+            sheet = score_predictions(predictions, job.scene)
+        write_json(path, {"key": key, "sheet": sheet})
+        return Outcome(value=sheet)
+
+    return _guarded(work, job.folder / "error.txt")
+
+
+def finished_cost(job: FitJob) -> Cost | None:
+    """What a job took that has been done and whose predictions are intact; else None."""
+    path = job.folder / DONE
+    if not path.is_file():
+        return None
+    done = read_json(path)
+    if not isinstance(done, dict) or done.get("job_hash") != job.job_hash:
+        return None
+    try:
+        predictions = open_predictions(job.folder / "predictions")
+        for view in predictions.view_names():
+            predictions.layers(view)
+    except PredictionError:
+        return None
+    return decode(Cost, done["cost"])
+
+
+def _stored_sheet(path: Path, key: list[str]) -> ScoreSheet | None:
+    """The scores of exactly these predictions, truth and metrics, if they were taken before."""
+    if not path.is_file():
+        return None
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        return decode(ScoreSheet, stored["sheet"]) if stored["key"] == key else None
+    except (ValueError, KeyError, GraycardError):
+        return None
+
+
+def _guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
+    try:
+        return work()
+    except OutputError:
+        raise  # a full disk is no fault of the method: it ends the run
+    except GraycardError as error:
+        return Outcome(reason=str(error))
+    except Exception as error:  # a method may raise anything at all
+        if log is not None:
+            write_bytes(log, traceback.format_exc().encode())
+        where = f" (traceback in {log.name})" if log is not None else ""
+        return Outcome(reason=f"{type(error).__name__}: {error}{where}")

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where numbers come from: versions, commit, hardware, and the hash of the code that scores."""
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+import graycard
+import graycard.eval
+
+PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
+PACKAGES += ("colour-science", "flip-evaluator")
+
+
+@cache
+def eval_fingerprint() -> str:
+    """SHA-256 over the source of ``graycard.eval``: when a metric changes, everything is scored anew."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(graycard.eval.__path__[0]).glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def environment() -> dict[str, Any]:
+    """Versions, commit and hardware, for the run record."""
+    return {
+        "packages": {name: package_version(name) for name in PACKAGES},
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "git_commit": git_commit(),
+        "cpu": cpu_model(),
+        "cores": usable_cores(),
+        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
+        "gpu": gpu_name(),
+    }
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def package_version(name: str) -> str | None:
+    """Version of an installed distribution; None if it is not installed."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def git_commit() -> str | None:
+    """Commit of the checkout that graycard runs from, with ``+`` if it was changed; None outside one."""
+    root = Path(graycard.__file__).resolve().parents[2]
+    if not (root / ".git").exists() or shutil.which("git") is None:
+        return None
+    head = _output(["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"])
+    changed = _output(["git", "-C", str(root), "status", "--porcelain", "--untracked-files=no"])
+    return f"{head}+" if head and changed else head or None
+
+
+def cpu_model() -> str:
+    """Name of the processor."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def gpu_name() -> str | None:
+    """Name of the first NVIDIA GPU, asked of its driver (torch takes seconds to load); None without one."""
+    if shutil.which("nvidia-smi") is None:
+        return None
+    names = _output(["nvidia-smi", "--query-gpu=name", "--format=csv,noheader"]).splitlines()
+    return names[0] if names else None
+
+
+def _output(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
+    return done.stdout.strip() if done.returncode == 0 else ""

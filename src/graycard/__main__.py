@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line: ``graycard VERB ...``, or ``python -m graycard VERB ...``."""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, Union
+
+import tyro
+
+from graycard._commands import COMMANDS, Fit, Render, Screen, refuse
+from graycard._errors import GraycardError, UnknownNameError
+
+ERROR = 2
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run one verb.
+
+    Args:
+        args: What follows ``graycard``; ``sys.argv`` by default.
+
+    Returns:
+        The exit code: 0 done, 1 a job, a score or the gate failed, 2 something for the user to mend.
+    """
+    screen = Screen()
+    given = list(sys.argv[1:] if args is None else args)
+    try:
+        command, rest = _parse(given)
+        return command.run(screen, rest)
+    except GraycardError as error:
+        screen.err.print(f"graycard: {error}")
+        return ERROR
+    except KeyboardInterrupt:
+        screen.err.print("graycard: stopped; the same command goes on where it stopped")
+        return 130
+
+
+def _parse(args: list[str]) -> tuple[Any, list[str]]:
+    """The verb with its options, and what is left for the settings of a method or a renderer.
+
+    Raises:
+        GraycardError: The verb does not exist, or does not take some option.
+    """
+    if args and not args[0].startswith("-") and args[0] not in COMMANDS:
+        raise UnknownNameError("verb", args[0], COMMANDS)
+    command, rest = tyro.cli(
+        _union(), args=args, prog="graycard", description=_DESCRIPTION, return_unknown_args=True
+    )
+    if not isinstance(command, Fit | Render):
+        refuse(rest, args[0])
+    return command, rest
+
+
+_DESCRIPTION = "Inverse rendering, judged by scenes whose light, albedo and normals are known exactly."
+
+
+def _union() -> Any:
+    """The type that tyro turns into one sub-command a verb."""
+    members = tuple(
+        Annotated[cls, tyro.conf.subcommand(name, prefix_name=False)] for name, cls in COMMANDS.items()
+    )
+    return Union[members]  # pyright: ignore  # noqa: UP007
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,385 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs of the command line: each is a dataclass of its options, and says its result in one line.
+
+Stages are imported inside the verbs: ``graycard methods`` must not wait for a renderer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as ProgressBar
+from rich.table import Table
+
+from graycard._dataset import TRACKS
+from graycard._errors import GraycardError
+from graycard._json import write_json
+from graycard._progress import Progress
+from graycard._records import RunRecord, ScoreSheet, read_run
+
+Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+Words = tyro.conf.UseAppendAction[tuple[str, ...]]
+
+OK, FAILED = 0, 1
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Where a verb writes: results on stdout, progress and advice on stderr."""
+
+    out: Console = field(default_factory=lambda: Console(soft_wrap=True, highlight=False, markup=False))
+    err: Console = field(
+        default_factory=lambda: Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
+    )
+
+    @contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """A progress bar for the length of a block."""
+        columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+        with ProgressBar(*columns, console=self.err, transient=True) as bar:
+            task = bar.add_task("", total=1.0)
+
+            def report(done: float, doing: str) -> None:
+                bar.update(task, completed=done, description=doing)
+
+            yield report
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Say what is here (renderer, GPU, weights, disk) and what to do for the rest."""
+
+    json: Json = None
+    """Also write the findings to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Look around."""
+        from graycard.benchmarks import findings
+
+        found = findings(Path.cwd())
+        table = Table("", "found", "what to do", box=None, pad_edge=False)
+        for item in found:
+            table.add_row(item.name, item.found, item.advice)
+        screen.out.print(table)
+        _write_json(self.json, found)
+        advised = sum(bool(item.advice) for item in found)
+        screen.out.print(f"doctor: graycard works here; {advised} of {len(found)} things could be better")
+        return OK
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """List the scene families and the scenes of each suite."""
+
+    json: Json = None
+    """Also write the list to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """List them."""
+        from graycard.benchmarks import load_suite, suite_names
+        from graycard.synth import describe, families, scene_name
+
+        suites = [load_suite(name) for name in suite_names()]
+        table = Table("suite", "track", "scene", "what is to be seen", box=None, pad_edge=False)
+        for suite in suites:
+            for spec in suite.scenes:
+                table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
+        screen.out.print(table)
+        known = {track: sorted(found) for track, found in families().items()}
+        _write_json(self.json, {"families": known, "suites": suites})
+        names = ", ".join(f"{track}: {'/'.join(found)}" for track, found in known.items())
+        screen.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
+        return OK
+
+
+@dataclass(frozen=True)
+class Methods:
+    """List the methods, or show one with its settings."""
+
+    name: Annotated[str | None, tyro.conf.Positional] = None
+    """Show this one: a name or module:attribute."""
+    json: Json = None
+    """Also write the list to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """List them; one that fails to load says why and hurts no other."""
+        if self.name is not None:
+            return self._show(screen, self.name)
+        from graycard.methods import listings
+
+        found = listings()
+        table = Table("method", "from", "what it does", box=None, pad_edge=False)
+        for row in found:
+            table.add_row(row.name, row.origin, row.summary or f"cannot be loaded: {row.reason}")
+        screen.out.print(table)
+        _write_json(self.json, found)
+        broken = sum(row.summary is None for row in found)
+        screen.out.print(f"methods: {len(found) - broken} work, {broken} cannot be loaded")
+        return OK
+
+    def _show(self, screen: Screen, name: str) -> int:
+        from graycard.methods import load_method
+
+        method = load_method(name)
+        screen.out.print(f"{name}: {method.summary}")
+        screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}\n")
+        screen.out.print(tyro.extras.get_parser(method.settings_type, prog="settings").format_help())
+        settings = method.settings_type()
+        _write_json(
+            self.json, {"name": name, "summary": method.summary, "needs": method.needs, "settings": settings}
+        )
+        screen.out.print(f"methods: {name} with {settings}")
+        return OK
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render the scenes of a suite, or one scene of a track with any seed."""
+
+    what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE|TRACK")]
+    """A suite, or one of the tracks. For a track, size and samples may follow: --width, --height, …"""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Where to: DATASET/<track>/<scene>/{capture,truth}. What is there and intact is kept."""
+    seed: int = 0
+    """Seed of the scene (for a track)."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Render, view by view."""
+        from graycard.synth import render_scene, renderer_advice
+
+        jobs = self._jobs(rest)
+        if advice := renderer_advice():
+            screen.err.print(advice)
+        for number, (spec, settings) in enumerate(jobs):
+            with screen.progress() as progress:
+                folder = render_scene(spec, settings, self.out, _share(progress, number, len(jobs)))
+            screen.out.print(folder.as_posix())
+        screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}")
+        return OK
+
+    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any]]:
+        from graycard.benchmarks import load_suite
+        from graycard.synth import RenderSettings, default_scene
+
+        if self.what in TRACKS:
+            settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
+            return [(default_scene(self.what, self.seed), settings)]
+        refuse(rest, "render")
+        suite = load_suite(self.what)
+        return [(spec, suite.render) for spec in suite.scenes]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fit a method on a scene; its own settings may follow as options."""
+
+    method: Annotated[str, tyro.conf.Positional]
+    """A name or module:attribute; `graycard methods NAME` shows its settings."""
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
+    """Where to; what is there is replaced."""
+    seed: int = 0
+    """Equal seeds give equal predictions."""
+    save: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Also save the decomposition itself here."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Fit, then render every view."""
+        from graycard._json import encode
+        from graycard.benchmarks import FitSpec, fit_scene
+        from graycard.methods import load_method
+
+        method = load_method(self.method)
+        settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
+        spec = FitSpec(self.method, encode(settings), self.seed, self.scene)
+        with screen.progress() as progress:
+            cost = fit_scene(spec, self.out, progress, self.save)
+        screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
+        return OK
+
+
+@dataclass(frozen=True)
+class ScoreCommand:
+    """Score a predictions folder, from any code, against the truth of its scene."""
+
+    predictions: Annotated[Path, tyro.conf.Positional]
+    """The folder: docs/formats.md says what is in it."""
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    json: Json = None
+    """Also write the scores to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Score; a score that failed makes the exit code 1."""
+        from graycard.eval import score_predictions
+
+        sheet = score_predictions(self.predictions, self.scene)
+        screen.out.print(_score_table(sheet))
+        _write_json(self.json, sheet)
+        failed = [score for score in sheet.scores if score.status == "failed"]
+        for reason in dict.fromkeys(score.reason for score in failed):
+            screen.err.print(f"failed: {reason}")
+        scored = sum(score.status == "scored" for score in sheet.scores)
+        screen.out.print(
+            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
+            f"{len(sheet.scores) - scored - len(failed)} not provided"
+        )
+        return FAILED if failed else OK
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Run a suite from scene to report; what is there already is reused."""
+
+    suite: Annotated[str, tyro.conf.Positional]
+    """A suite, or a path to one of your own that ends in .toml."""
+    tracks: tuple[str, ...] = ()
+    """Only these tracks."""
+    methods: tuple[str, ...] = ()
+    """Only these methods; names or module:attribute, also such as are not in the suite."""
+    jobs: int | None = None
+    """Fits at a time; as many as there are cores by default."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
+    """The run folder; runs/<suite> by default."""
+    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
+    """Where the scenes are or go; RUN/dataset by default."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Run it; a job or a score that failed makes the exit code 1."""
+        from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores
+        from graycard.reports import write_report
+        from graycard.synth import renderer_advice
+
+        suite = narrow(load_suite(self.suite), self.tracks, self.methods)
+        run = self.out or Path("runs") / Path(self.suite).stem
+        if advice := renderer_advice():
+            screen.err.print(advice)
+        with screen.progress() as progress:
+            record = run_bench(suite, run, self.jobs or usable_cores(), progress, self.dataset)
+        report = write_report(run)
+        failures = _failures(record)
+        for line in failures:
+            screen.err.print(f"failed: {line}")
+        screen.out.print(
+            f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
+            f"report: {report.resolve()}"
+        )
+        return FAILED if failures else OK
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+    baseline: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """The expected scores with their tolerances."""
+    write: bool = False
+    """Write the baseline from the run instead of comparing."""
+    json: Json = None
+    """Also write the verdict to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Compare."""
+        from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
+
+        if self.write:
+            made = make_baseline(read_run(self.run_folder))
+            write_baseline(self.baseline, made)
+            screen.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
+            return OK
+        verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
+        for label in ("worse", "missing", "better"):
+            for change in getattr(verdict, label):
+                screen.out.print(f"{label}: {change}")
+        _write_json(self.json, verdict)
+        says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
+        screen.out.print(
+            f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
+            f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
+        )
+        return verdict.exit_code
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a run: one HTML file that opens offline."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Write it."""
+        from graycard.reports import write_report
+
+        screen.out.print(f"report: {write_report(self.run_folder).resolve()}")
+        return OK
+
+
+def refuse(rest: list[str], verb: str) -> None:
+    """Say that options were not understood.
+
+    Raises:
+        GraycardError: There are some.
+    """
+    if rest:
+        raise GraycardError(
+            f"expected options of `graycard {verb}`, got {' '.join(rest)}. See `graycard {verb} --help`"
+        )
+
+
+def _score_table(sheet: ScoreSheet) -> Table:
+    table = Table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge", box=None, pad_edge=False)
+    for score in sheet.scores:
+        value = f"{score.value:.4g}" if score.value is not None else score.status
+        ceiling = f"{score.noise_ceiling:.1f}" if score.noise_ceiling is not None else ""
+        gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
+        counts = f"{score.scored}/{score.expected}"
+        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)
+    return table
+
+
+def _failures(record: RunRecord) -> list[str]:
+    """A line for each job that failed, and for each score that failed."""
+    lines = []
+    for result in record.results:
+        where = f"{result.job.track}/{result.job.scene} {result.job.method}"
+        if result.status == "failed":
+            lines.append(f"{where}: {result.reason}")
+        for score in result.sheet.scores if result.sheet else ():
+            if score.status == "failed":
+                lines.append(f"{where} {score.metric}: {score.reason}")
+    return lines
+
+
+def _share(progress: Progress, number: int, of: int) -> Callable[[float, str], None]:
+    """The progress of one part in that of the whole."""
+    return lambda done, doing: progress((number + done) / of, doing)
+
+
+def _write_json(path: Path | None, value: Any) -> None:
+    if path is not None:
+        write_json(path, value)
+
+
+COMMANDS: dict[str, type[Any]] = {
+    "doctor": Doctor,
+    "scenes": Scenes,
+    "methods": Methods,
+    "render": Render,
+    "fit": Fit,
+    "score": ScoreCommand,
+    "bench": Bench,
+    "gate": Gate,
+    "report": Report,
+}
+"""Verb by verb, in the order of ``--help``."""

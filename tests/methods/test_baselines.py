@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard import methods
+from graycard.methods._retinex import RetinexSettings, integrate_steps, split
+
+NAMES = ("truth", "gray", "input", "retinex")
+
+
+def oracle(scene: Path) -> methods.Priors:
+    truth = gc.open_truth(scene / "truth")
+    return methods.Priors("oracle", {v.name: truth.layers(v) for v in truth.views}, truth.lights())
+
+
+def fit(name: str, scene: Path, **settings: float) -> methods.Decomposition:
+    method = methods.load_method(name)
+    capture = gc.open_capture(scene / "capture")
+    return method.fit(capture, oracle(scene), methods.settings_of(method, settings), 0, gc.silent)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_follows_the_contract(name: str, tiny_scenes: dict[str, Path]):
+    scene = tiny_scenes["dark"]
+    decomposition = fit(name, scene)
+    assert isinstance(methods.load_method(name), methods.Method)
+    assert isinstance(decomposition, methods.Decomposition)
+    for view in gc.open_capture(scene / "capture").views:
+        layers = decomposition.render(view.camera, sorted(decomposition.provides))
+        assert layers.keys() == decomposition.provides
+        for layer, values in layers.items():
+            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+    with pytest.raises(gc.MethodError, match="expected layers out of"):
+        decomposition.render(view.camera, ["roughness"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_saved_renders_the_same(name: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    scene = tiny_scenes["tabletop"]
+    decomposition = fit(name, scene)
+    decomposition.save(tmp_path)
+    back = methods.load_method(name).load(tmp_path)
+    assert back.provides == decomposition.provides
+    assert back.lights() == decomposition.lights()
+    for view in gc.open_capture(scene / "capture").views:
+        for layer in decomposition.provides:
+            expected = decomposition.render(view.camera, [layer])[layer]
+            assert np.array_equal(back.render(view.camera, [layer])[layer], expected)
+    if isinstance(decomposition, methods.Removable):
+        assert isinstance(back, methods.Removable)
+        assert np.array_equal(
+            back.remove(3).render(view.camera, ["radiance"])["radiance"],
+            decomposition.remove(3).render(view.camera, ["radiance"])["radiance"],
+        )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_another_methods_save_is_refused(name: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    other = "gray" if name != "gray" else "input"
+    fit(other, tiny_scenes["dark"]).save(tmp_path)
+    message = f"expected a decomposition by '{name}' in .*, got one by '{other}'"
+    with pytest.raises(gc.MethodError, match=message):
+        methods.load_method(name).load(tmp_path)
+
+
+def test_a_damaged_save(tiny_scenes: dict[str, Path], tmp_path: Path):
+    fit("gray", tiny_scenes["dark"]).save(tmp_path)
+    (tmp_path / "arrays.safetensors").write_bytes(b"\x08")
+    with pytest.raises(gc.MethodError, match="expected a whole decomposition in .*, got a damaged one"):
+        methods.load_method("gray").load(tmp_path)
+    with pytest.raises(gc.MethodError, match="expected a JSON file"):
+        methods.load_method("gray").load(tmp_path / "nowhere")
+
+
+def test_truth_removes_its_target_and_nothing_else(tiny_scenes: dict[str, Path]):
+    scene = tiny_scenes["tabletop"]
+    truth, decomposition = gc.open_truth(scene / "truth"), fit("truth", scene)
+    assert isinstance(decomposition, methods.Removable)
+    view = truth.view("test_001")
+    clean = decomposition.remove(3).render(view.camera, ["radiance"])["radiance"]
+    assert np.array_equal(clean, truth.layers(view)["counterfactual.radiance"])
+    with pytest.raises(gc.MethodError, match=r"expected the target of the scene \(3\), got object 1"):
+        decomposition.remove(1)
+    assert "counterfactual.radiance" not in decomposition.provides
+
+
+def test_truth_needs_the_truth(tiny_scenes: dict[str, Path]):
+    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    for name, message in (
+        ("truth", "as an oracle prior, got source 'none'"),
+        ("input", "prior for layer 'radiance'"),
+    ):
+        method = methods.load_method(name)
+        with pytest.raises(gc.MethodError, match=message):
+            method.fit(capture, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
+
+
+def test_single_image_methods_know_no_views_in_between(tiny_scenes: dict[str, Path]):
+    elsewhere = gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([9, 9, 9]), np.zeros(3)))
+    with pytest.raises(gc.MethodError, match="knows no views in between"):
+        fit("input", tiny_scenes["dark"]).render(elsewhere, ["base_color"])
+
+
+def test_gray_is_gray_and_faces_any_camera(tiny_scenes: dict[str, Path]):
+    camera = gc.Camera.from_fov(9, 7, 50, gc.look_at(np.array([9, 9, 9]), np.zeros(3)))
+    layers = fit("gray", tiny_scenes["dark"], reflectance=0.3).render(camera, ["base_color", "normal"])
+    assert np.all(layers["base_color"] == np.float32(0.3))
+    assert np.allclose((layers["normal"] * camera.rays()).sum(-1), -1, atol=1e-6)
+
+
+def test_input_is_the_exposed_photograph(tiny_scenes: dict[str, Path]):
+    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    view = capture.train[1]
+    albedo = fit("input", tiny_scenes["dark"]).render(view.camera, ["base_color"])["base_color"]
+    assert np.allclose(albedo, capture.photograph(view) * capture.exposure)
+
+
+def test_steps_integrate_back_to_the_image():
+    """Without any step set to 0 the reconstruction is exact, up to the mean."""
+    image = np.random.default_rng(0).normal(size=(13, 17, 3))
+    back = integrate_steps(np.diff(image, axis=1), np.diff(image, axis=0))
+    assert np.allclose(back, image - image.mean(axis=(0, 1)), atol=1e-10)
+
+
+def test_retinex_takes_smooth_light_out_of_flat_paint():
+    """Two paints under light that falls off smoothly: the light goes, the edge between them stays."""
+    paint = np.full((40, 40, 3), 0.2)
+    paint[:, 20:] = [0.5, 0.4, 0.1]
+    light = np.exp(-np.linspace(0, 2, 40))[:, None, None]
+    albedo = split(paint * light, RetinexSettings())
+    ratio = albedo / paint
+    assert np.ptp(ratio, axis=(0, 1)).max() < 1e-9
+    assert np.exp(np.log(albedo).mean()) == pytest.approx(0.18)
+
+
+def test_retinex_keeps_hard_edges_whatever_makes_them():
+    """Its known failure: a hard shadow edge looks like paint."""
+    image = np.full((20, 20, 3), 0.4)
+    image[:, 10:] = 0.04
+    albedo = split(image, RetinexSettings())
+    assert albedo[0, 0, 0] / albedo[0, -1, 0] == pytest.approx(10)
+
+
+@pytest.mark.parametrize(
+    ("method", "settings", "message"),
+    [
+        ("gray", {"reflectance": 0.0}, r"expected a reflectance in \(0, 1\], got 0.0"),
+        ("retinex", {"colour_step": -1.0}, "expected steps >= 0"),
+        ("retinex", {"mean_albedo": 2.0}, "expected a mean albedo"),
+        ("gray", {"reflectence": 0.2}, "did you mean 'reflectance'"),
+        ("gray", {"reflectance": "bright"}, "expected a number, got 'bright'"),
+    ],
+)
+def test_bad_settings(method: str, settings: dict[str, object], message: str):
+    with pytest.raises(gc.GraycardError, match=message):
+        methods.settings_of(methods.load_method(method), settings)
+
+
+def test_predictions_hold_every_view_and_the_removal(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene(track="tabletop")
+    capture = gc.open_capture(scene / "capture")
+    methods.write_predictions(fit("truth", scene), capture, "truth", tmp_path / "p", gc.silent)
+    found = gc.open_predictions(tmp_path / "p")
+    assert found.view_names() == sorted(v.name for v in capture.views)
+    assert "counterfactual.radiance" in found.layers("test_001")
+    assert found.lights() == gc.open_truth(scene / "truth").lights()
+    methods.write_predictions(fit("gray", scene), capture, "gray", tmp_path / "q", gc.silent)
+    assert gc.open_predictions(tmp_path / "q").layers("test_001").keys() == {
+        "base_color",
+        "normal",
+        "radiance",
+    }
+    assert gc.open_predictions(tmp_path / "q").lights() is None

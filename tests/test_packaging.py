@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every folder that holds code ships in the wheel, under one name, with one dependency direction."""
+
+import ast
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FOLDERS = ("benchmarks", "eval", "methods", "reports", "synth")
+MUST_NOT_KNOW = {
+    "src/graycard/_*.py": ("synth", "methods", "eval", "benchmarks", "reports"),
+    "synth/**/*.py": ("methods", "eval", "benchmarks", "reports"),
+    "methods/**/*.py": ("synth", "eval", "benchmarks", "reports"),
+    "eval/**/*.py": ("synth", "methods", "benchmarks", "reports"),
+    "benchmarks/**/*.py": ("reports",),
+    "reports/**/*.py": ("synth", "methods", "eval", "benchmarks"),
+}
+
+
+def read_project() -> dict[str, object]:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def test_every_package_is_listed():
+    setuptools = read_project()["tool"]["setuptools"]  # pyright: ignore
+    on_disk = [
+        ".".join(["graycard", folder, *init.parent.relative_to(ROOT / folder).parts])
+        for folder in FOLDERS
+        for init in (ROOT / folder).rglob("__init__.py")
+    ]
+    assert sorted(setuptools["packages"]) == sorted(["graycard", *on_disk])
+
+
+def test_each_folder_has_its_link():
+    links = [ROOT / "src" / "graycard" / folder for folder in FOLDERS]
+    if not any(link.is_symlink() for link in links):
+        pytest.skip("a checkout without links (core.symlinks=false): the mapping in pyproject serves it")
+    assert all(os.path.samefile(link, ROOT / link.name) for link in links)
+
+
+@pytest.mark.parametrize("pattern", MUST_NOT_KNOW)
+def test_dependencies_point_one_way(pattern: str):
+    """Scene -> predictions -> scores -> runs -> reports. Only the command line imports all, lazily."""
+    for path in ROOT.glob(pattern):
+        tree = ast.parse(path.read_text())
+        body = tree.body if path.name == "_commands.py" else ast.walk(tree)
+        names = [n.module or "" for n in body if isinstance(n, ast.ImportFrom)]
+        names += [a.name for n in body if isinstance(n, ast.Import) for a in n.names]
+        bad = [n for n in names for far in MUST_NOT_KNOW[pattern] if n.startswith(f"graycard.{far}")]
+        assert not bad, f"{path.relative_to(ROOT)} imports {bad}"
+
+
+@pytest.mark.parametrize("heavy", ["torch", "mitsuba", "skimage", "colour"])
+def test_the_command_line_starts_without(heavy: str):
+    code = f"import sys, graycard.__main__; sys.exit({heavy!r} in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_constraints_pin_every_dependency():
+    project = read_project()["project"]  # pyright: ignore
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    names = {w.split(">")[0].split("=")[0].strip().lower().replace("_", "-") for w in wanted}
+    pins = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line]
+    assert names <= {pin.split("==")[0].lower().replace("_", "-") for pin in pins}

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import graycard as gc
+
+rng = np.random.default_rng(3)
+
+
+@pytest.fixture
+def arrays() -> dict[str, np.ndarray]:
+    depth = rng.random((5, 7)).astype(np.float32)
+    depth[0, 0] = np.inf
+    return {
+        "radiance": rng.random((5, 7, 3)).astype(np.float32),
+        "radiance.var": rng.random((5, 7, 3)).astype(np.float32),
+        "normal": rng.normal(size=(5, 7, 3)).astype(np.float32),
+        "depth": depth,
+        "object_id": rng.integers(0, 2**32, (5, 7), dtype=np.uint32),
+        "visibility.lamp": rng.random((5, 7)).astype(np.float32),
+    }
+
+
+def test_round_trip_is_exact(tmp_path: Path, arrays: dict[str, np.ndarray]):
+    gc.write_layers(tmp_path / "a.exr", arrays)
+    back = gc.read_layers(tmp_path / "a.exr")
+    assert back.keys() == arrays.keys()
+    for name, values in arrays.items():
+        assert back[name].dtype == values.dtype
+        assert np.array_equal(back[name], values)
+
+
+def test_strided_views_are_written_right(tmp_path: Path):
+    """OpenEXR itself writes wrong pixels for them, without an error."""
+    image = rng.random((9, 7, 3)).astype(np.float32)
+    gc.write_rgb(tmp_path / "a.exr", image[::-1, :, ::-1])
+    assert np.array_equal(gc.read_rgb(tmp_path / "a.exr"), image[::-1, :, ::-1])
+
+
+def test_another_program_sees_named_float32_channels_in_rec709(tmp_path: Path, arrays: dict[str, np.ndarray]):
+    gc.write_layers(tmp_path / "a.exr", arrays, {"view": "test_000"})
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert {
+            "radiance.R",
+            "radiance.var.B",
+            "normal.X",
+            "depth.Z",
+            "object_id.ID",
+        } <= file.channels().keys()
+        assert file.channels()["radiance.R"].pixels.dtype == np.float32
+        assert file.header()["chromaticities"] == pytest.approx(
+            (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+        )
+        assert json.loads(file.header()["graycard"]) == {"view": "test_000"}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.99])
+def test_a_truncated_file(tmp_path: Path, arrays: dict[str, np.ndarray], share: float):
+    path = tmp_path / "a.exr"
+    gc.write_layers(path, arrays)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    with pytest.raises(
+        gc.DatasetError, match=r"expected a whole EXR file at .*a\.exr, got one that breaks off"
+    ):
+        gc.read_layers(path)
+
+
+def test_a_missing_file(tmp_path: Path):
+    with pytest.raises(gc.PredictionError, match="expected an EXR file at .*, got none"):
+        gc.read_layers(tmp_path / "no.exr", gc.PredictionError)
+
+
+@pytest.mark.parametrize(
+    ("channels", "message"),
+    [
+        (
+            ["albedoo.R", "albedoo.G", "albedoo.B"],
+            r"expected a layer that exists, got 'albedoo' \(did you mean 'albedo'",
+        ),
+        (
+            ["normal.R", "normal.G", "normal.B"],
+            r"expected channels normal\.X, normal\.Y, normal\.Z .* got normal\.B",
+        ),
+        (["radiance.R", "radiance.G"], r"expected channels radiance\.R, radiance\.G, radiance\.B"),
+        (["R", "G", "B"], "expected channels named <layer>.<suffix>"),
+    ],
+)
+def test_wrong_channel_names(tmp_path: Path, channels: list[str], message: str):
+    planes = {name: np.zeros((4, 4), np.float32) for name in channels}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, planes).write(str(tmp_path / "a.exr"))
+    with pytest.raises(gc.DatasetError, match=message):
+        gc.read_layers(tmp_path / "a.exr")
+
+
+def test_a_photograph_has_plain_channels(tmp_path: Path, arrays: dict[str, np.ndarray]):
+    gc.write_layers(tmp_path / "a.exr", arrays)
+    with pytest.raises(gc.DatasetError, match="expected channels R, G, B"):
+        gc.read_rgb(tmp_path / "a.exr")
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"radiance": np.zeros((4, 4))}, r"expected radiance of shape \(H, W, 3\), got \(4, 4\)"),
+        ({"depth": np.zeros((4, 4, 3))}, r"expected depth of shape \(H, W\), got \(4, 4, 3\)"),
+        ({"depth": np.zeros((4, 4)), "alpha": np.zeros((4, 5))}, "layers of one size"),
+        ({}, "layers of one size"),
+    ],
+)
+def test_wrong_shapes(tmp_path: Path, arrays: dict[str, np.ndarray], message: str):
+    with pytest.raises(ValueError, match=message):
+        gc.write_layers(tmp_path / "a.exr", arrays)
+
+
+def test_layers_have_units_and_know_their_families():
+    assert gc.layer("irradiance.lamp_2").unit == "W/m²"
+    assert gc.layer("counterfactual.radiance.var").channels == ("R", "G", "B")
+    assert len({layer.name for layer in gc.layers()}) == len(gc.layers())
+    assert gc.shape_of("normal", 4, 5) == (4, 5, 3)
+    with pytest.raises(gc.UnknownNameError, match="did you mean 'roughness'"):
+        gc.layer("roughnes")
+
+
+def test_faults_are_found():
+    good = np.ones((4, 5, 3))
+    assert gc.find_fault("radiance", good, 4, 5) is None
+    assert "of shape (4, 6, 3), got (4, 5, 3)" in str(gc.find_fault("radiance", good, 4, 6))
+    good[2, 3, 1] = np.nan
+    assert "1 of 60 values are not, the first at (2, 3, 1)" in str(gc.find_fault("radiance", good, 4, 5))
+    depth = np.array([[np.inf, 1.0]])
+    assert gc.find_fault("depth", depth, 1, 2) is None
+    assert gc.find_fault("depth", -depth, 1, 2) is not None
+    assert gc.find_fault("object_id", np.zeros((1, 2), np.uint32), 1, 2) is None

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+
+SCORE = gc.Score(
+    "m", "graycard-0", "scored", math.inf, "dB", True, math.inf, {"test_000": math.inf}, 40.0, (1.0, 2.0, 3.0)
+)
+SHEET = gc.ScoreSheet("dark", "s", "truth", "ab", "cd", (SCORE,))
+
+
+def test_records_round_trip_with_infinities(tmp_path: Path):
+    gc.write_json(tmp_path / "a.json", SHEET)
+    assert gc.read_score_sheet(tmp_path / "a.json") == SHEET
+    strict = json.loads((tmp_path / "a.json").read_text(), parse_constant=lambda name: pytest.fail(name))
+    assert strict["scores"][0]["value"] == "inf"
+
+
+def test_a_score_is_found_by_name():
+    assert SHEET.score("m") is SCORE
+    with pytest.raises(gc.RecordError, match=r"expected a metric of this sheet, got 'n': \['m'\]"):
+        SHEET.score("n")
+
+
+def test_a_misspelt_or_missing_key(tmp_path: Path):
+    data = gc.encode(SHEET)
+    gc.write_json(tmp_path / "a.json", {**data, "trak": 1})
+    with pytest.raises(gc.RecordError, match="trak"):
+        gc.read_score_sheet(tmp_path / "a.json")
+    del data["scene"]
+    gc.write_json(tmp_path / "a.json", data)
+    with pytest.raises(gc.RecordError, match='missing value for field "scene"'):
+        gc.read_score_sheet(tmp_path / "a.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "text that breaks off or is none"),
+        ("[]", "expected a ScoreSheet"),
+        ('{"format_version": 7}', "version 7"),
+    ],
+)
+def test_no_record_at_all(tmp_path: Path, text: str, message: str):
+    (tmp_path / "a.json").write_text(text)
+    with pytest.raises(gc.RecordError, match=message):
+        gc.read_score_sheet(tmp_path / "a.json")
+
+
+def test_another_format(tmp_path: Path):
+    gc.write_json(tmp_path / "a.json", replace(SHEET, format="something-else"))
+    with pytest.raises(gc.RecordError, match="expected graycard-scores in .*, got something-else"):
+        gc.read_score_sheet(tmp_path / "a.json")
+
+
+def test_a_run_folder_without_a_run(tmp_path: Path):
+    with pytest.raises(gc.RecordError, match="expected a run folder with run.json .* `graycard bench`"):
+        gc.read_run(tmp_path)
+
+
+def test_types_are_checked():
+    with pytest.raises(gc.RecordError, match="expected a Cost"):
+        gc.decode(gc.Cost, {"wall_s": True, "peak_memory_mib": 1.0})
+    with pytest.raises(gc.RecordError, match="expected a number"):
+        gc.decode(gc.Cost, {"wall_s": "fast", "peak_memory_mib": 1.0})
+    assert gc.decode(gc.Cost, {"wall_s": 1, "peak_memory_mib": "nan"}).wall_s == 1.0
+
+
+def test_numpy_and_paths_become_plain_json():
+    assert gc.encode({"a": np.float32(0.5), "b": np.arange(2), "c": Path("x/y"), "d": (1, "two")}) == {
+        "a": 0.5,
+        "b": [0, 1],
+        "c": "x/y",
+        "d": [1, "two"],
+    }
+
+
+def test_predictions_round_trip_and_notice_changes(tmp_path: Path):
+    gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.5)})
+    gc.finish_predictions(
+        tmp_path, gc.Predictions("mine", "dark", "s"), (gc.PointLight("a", (0, 0, 0), (1, 1, 1)),)
+    )
+    found = gc.open_predictions(tmp_path)
+    assert (found.method, found.view_names()) == ("mine", ["test_000"])
+    assert np.array_equal(found.layers("test_000")["base_color"], np.full((2, 3, 3), 0.5, np.float32))
+    assert found.lights() == (gc.PointLight("a", (0, 0, 0), (1, 1, 1)),)
+    with pytest.raises(
+        gc.PredictionError, match="expected a prediction for view 'test_001' .* Present: test_000"
+    ):
+        found.layers("test_001")
+    gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.6)})
+    with pytest.raises(gc.PredictionError, match="it changed after predictions.json was written"):
+        found.layers("test_000")
+
+
+def test_predictions_need_an_index_of_their_format(tmp_path: Path):
+    with pytest.raises(
+        gc.PredictionError, match=r"with predictions.json at .*, got nothing.*docs/formats.md"
+    ):
+        gc.open_predictions(tmp_path / "no")
+    gc.write_json(
+        tmp_path / "predictions.json", {"method": "m", "track": "dark", "scene": "s", "format_version": 9}
+    )
+    with pytest.raises(gc.PredictionError, match="got graycard-predictions version 9"):
+        gc.open_predictions(tmp_path)
+    gc.write_json(tmp_path / "predictions.json", {"method": "m", "track": "dark"})
+    with pytest.raises(gc.PredictionError, match="scene"):
+        gc.open_predictions(tmp_path)
+    with pytest.raises(gc.PredictionError, match="some in memory"):
+        gc.Predictions("m", "dark", "s").lights()
+
+
+def test_lights_are_optional_but_must_be_right(tmp_path: Path):
+    gc.finish_predictions(tmp_path, gc.Predictions("m", "dark", "s"))
+    assert gc.open_predictions(tmp_path).lights() is None
+    gc.write_json(tmp_path / "lights.json", [{"type": "torch"}])
+    with pytest.raises(gc.PredictionError, match="expected a light type that exists, got 'torch'"):
+        gc.open_predictions(tmp_path).lights()
+
+
+def test_srgb_against_the_standard():
+    """IEC 61966-2-1: 18 % gray is 46.1 % on a display; both pieces of the curve meet."""
+    assert gc.srgb_encode(np.array([0.0, 0.18, 1.0, 2.0, -1.0])) == pytest.approx(
+        [0, 0.46135, 1, 1, 0], abs=1e-5
+    )
+    assert gc.srgb_encode(np.array([0.0031308]))[0] == pytest.approx(0.04045, abs=1e-6)
+    x = np.array([0.001, 0.02, 0.5, 0.9])
+    slope = (gc.srgb_encode(x + 1e-6) - gc.srgb_encode(x - 1e-6)) / 2e-6
+    assert gc.srgb_slope(x) == pytest.approx(slope, rel=1e-4)
+    assert not gc.srgb_slope(np.array([-0.1, 1.5])).any()
