@@ -1,2 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions against truth: metrics, gauges, scores."""
+
+from graycard.eval._angles import angles as angles
+from graycard.eval._error_map import error_map as error_map
+from graycard.eval._error_map import error_map_unit as error_map_unit
+from graycard.eval._flip import flip as flip
+from graycard.eval._flip import flip_map as flip_map
+from graycard.eval._gauge import Moments as Moments
+from graycard.eval._gauge import apply_gauge as apply_gauge
+from graycard.eval._gauge import fit_gauge as fit_gauge
+from graycard.eval._gauge import moments as moments
+from graycard.eval._light_errors import LightMatch as LightMatch
+from graycard.eval._light_errors import intensity_error as intensity_error
+from graycard.eval._light_errors import light_distances as light_distances
+from graycard.eval._light_errors import match_lights as match_lights
+from graycard.eval._mask import judged_mask as judged_mask
+from graycard.eval._metrics import metrics as metrics
+from graycard.eval._protocol import PROTOCOL as PROTOCOL
+from graycard.eval._psnr import display_variance as display_variance
+from graycard.eval._psnr import mean_square_error as mean_square_error
+from graycard.eval._psnr import psnr as psnr
+from graycard.eval._sheet import score_predictions as score_predictions
+from graycard.eval._ssim import ssim as ssim

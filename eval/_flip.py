@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""FLIP: the error that an observer sees when two images alternate at 67 pixels per degree."""
+
+import numpy as np
+
+from graycard.eval._mask import with_true_background
+
+
+def flip_map(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """FLIP error per pixel, shape ``(H, W)``, [0, 1].
+
+    Andersson et al. 2020 (LDR), by the authors' own library. Outside the mask both images show the
+    truth: FLIP's filters reach about ten pixels far, and what is not judged must not leak in.
+
+    Args:
+        predicted: shape ``(H, W, 3)``, display values (sRGB-encoded) in [0, 1].
+        true: shape ``(H, W, 3)``, display values in [0, 1].
+        mask: shape ``(H, W)``, bool.
+
+    Raises:
+        ValueError: The shapes differ, the mask is empty, or a value is outside [0, 1].
+    """
+    from flip_evaluator import evaluate
+
+    shown = with_true_background(predicted, true, mask)
+    if min(shown.min(), true.min()) < 0 or max(shown.max(), true.max()) > 1:
+        raise ValueError(f"expected display values in [0, 1], got [{shown.min()}, {shown.max()}]")
+    error, _, _ = evaluate(
+        np.ascontiguousarray(true, np.float32),
+        np.ascontiguousarray(shown, np.float32),
+        "LDR",
+        inputsRGB=True,
+        applyMagma=False,
+        computeMeanError=False,
+    )
+    return np.asarray(error, np.float64)[..., 0]
+
+
+def flip(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
+    """Mean of :func:`flip_map` over the mask, [0, 1]; 0 for equal images.
+
+    Raises:
+        ValueError: As :func:`flip_map`.
+    """
+    return float(flip_map(predicted, true, mask)[mask].mean())

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which pixels are judged; what lies outside is left out, never multiplied by zero."""
+
+from collections.abc import Set
+
+import numpy as np
+
+
+def judged_mask(object_id: np.ndarray, left_out: Set[int] = frozenset()) -> np.ndarray:
+    """Where an object is seen that is not left out, shape ``(H, W)``, bool.
+
+    Args:
+        object_id: shape ``(H, W)``, integer, from the truth; 0 is where nothing is seen.
+        left_out: Ids that are not judged (for base colour: the surfaces of lights).
+
+    Example:
+        >>> import numpy as np
+        >>> judged_mask(np.array([[0, 1, 2]]), {2}).tolist()
+        [[False, True, False]]
+    """
+    return (object_id > 0) & ~np.isin(object_id, sorted(left_out))
+
+
+def judged_pixels(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of two images inside a mask, each of shape ``(N, ...)``, float64.
+
+    Raises:
+        ValueError: The shapes differ, or the mask is empty.
+    """
+    check_images(predicted, true, mask)
+    return np.asarray(predicted, np.float64)[mask], np.asarray(true, np.float64)[mask]
+
+
+def with_true_background(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The prediction inside the mask and the truth outside, shape ``(H, W, C)``, float64.
+
+    Metrics that look at neighbourhoods (FLIP, SSIM) would otherwise see pixels that are not judged.
+
+    Raises:
+        ValueError: The shapes differ, or the mask is empty.
+    """
+    check_images(predicted, true, mask)
+    return np.where(mask[..., None], predicted, true).astype(np.float64)
+
+
+def check_images(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> None:
+    """Raise ValueError unless the images have one shape that fits a mask with pixels in it."""
+    if predicted.shape != true.shape or mask.shape != true.shape[:2] or mask.dtype != np.bool_:
+        raise ValueError(
+            "expected two images of one shape and a boolean mask of their height and width, got "
+            f"{predicted.shape}, {true.shape} and {mask.dtype} {mask.shape}"
+        )
+    if not mask.any():
+        raise ValueError("expected a mask with pixels in it, got an empty one")

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of metrics: what each one measures, on which layer, in which space, with which gauge."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+import graycard as gc
+from graycard.eval._angles import mean_angle, median_angle
+from graycard.eval._flip import flip
+from graycard.eval._gauge import Kind
+from graycard.eval._psnr import mean_square_error, psnr
+from graycard.eval._ssim import ssim
+
+Space = Callable[[np.ndarray, float], np.ndarray]
+"""``(linear, exposure) -> values that are compared``."""
+Measure = Callable[[np.ndarray, np.ndarray, np.ndarray], float]
+"""``(predicted, true, mask) -> value of one view`` that is averaged over views."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImageMetric:
+    """How one number is made from one layer of the test views."""
+
+    record: gc.MetricRecord
+    layer: str
+    space: Space
+    measure: Measure
+    finish: Callable[[float], float]
+    """Applied to the mean over views."""
+    gauge: Kind | None = None
+    """Which gauge is applied first; None for a layer that has none."""
+    noisy: bool = False
+    """Whether the noise of the truth bounds it from above."""
+
+
+def metrics() -> tuple[gc.MetricRecord, ...]:
+    """All metrics in the order in which they are scored and shown."""
+    return tuple(m.record for m in IMAGE_METRICS) + LIGHT_METRICS
+
+
+def display(radiance: np.ndarray, exposure: float) -> np.ndarray:
+    """What a display shows of linear radiance, [0, 1]."""
+    return gc.srgb_encode(np.asarray(radiance, np.float64) * exposure)
+
+
+def _linear(values: np.ndarray, exposure: float) -> np.ndarray:
+    return values
+
+
+def _display_of_reflectance(values: np.ndarray, exposure: float) -> np.ndarray:
+    """A reflectance has no exposure: 1 is white."""
+    return gc.srgb_encode(values)
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _radiance_metrics(group: str, title: str, layer: str, of: str) -> tuple[ImageMetric, ...]:
+    shown = f"{of} as displayed, srgb(L·exposure), over the mask of the test views"
+    psnr_record = gc.MetricRecord(
+        f"{group}.psnr", f"{title} PSNR", group, "dB", True, math.inf,
+        f"10·log10(1 / mean over views of MSE); {shown}", headline=True, tolerance=0.3,
+    )  # fmt: skip
+    ssim_record = gc.MetricRecord(
+        f"{group}.ssim", f"{title} SSIM", group, "1", True, 1.0,
+        f"mean of the SSIM map (Gaussian 11x11, sigma 1.5) over the eroded mask; {shown}",
+        headline=False, tolerance=0.01,
+    )  # fmt: skip
+    flip_record = gc.MetricRecord(
+        f"{group}.flip", f"{title} FLIP", group, "1", False, 0.0,
+        f"mean of the LDR-FLIP map (67 pixels per degree) over the mask; {shown}",
+        headline=False, tolerance=0.01,
+    )  # fmt: skip
+    return (
+        ImageMetric(psnr_record, layer, display, mean_square_error, psnr, noisy=True),
+        ImageMetric(ssim_record, layer, display, ssim, _same),
+        ImageMetric(flip_record, layer, display, flip, _same),
+    )
+
+
+def _albedo_psnr(kind: Kind, title: str, scale: str) -> ImageMetric:
+    record = gc.MetricRecord(
+        f"albedo.psnr.{kind}", f"Albedo PSNR, {title}", "albedo", "dB", True, math.inf,
+        f"10·log10(1 / mean over views of MSE) of {scale} against base_color, linear, over the mask "
+        "without lights",
+        headline=kind == "channel", tolerance=0.3,
+    )  # fmt: skip
+    return ImageMetric(record, "base_color", _linear, mean_square_error, psnr, gauge=kind)
+
+
+def _albedo_metrics() -> tuple[ImageMetric, ...]:
+    ssim_record = gc.MetricRecord(
+        "albedo.ssim", "Albedo SSIM", "albedo", "1", True, 1.0,
+        "mean of the SSIM map (Gaussian 11x11, sigma 1.5) of srgb(s_c·base_color) over the eroded mask",
+        headline=False, tolerance=0.01,
+    )  # fmt: skip
+    flip_record = gc.MetricRecord(
+        "albedo.flip", "Albedo FLIP", "albedo", "1", False, 0.0,
+        "mean of the LDR-FLIP map (67 pixels per degree) of srgb(s_c·base_color) over the mask",
+        headline=False, tolerance=0.01,
+    )  # fmt: skip
+    shown = _display_of_reflectance
+    return (
+        _albedo_psnr("raw", "raw", "base_color as it is"),
+        _albedo_psnr("scalar", "one scale", "s·base_color, s = Σpt/Σp² on training views"),
+        _albedo_psnr(
+            "channel", "scale per channel", "s_c·base_color, s_c = Σp_c t_c/Σp_c² on training views"
+        ),
+        ImageMetric(ssim_record, "base_color", shown, ssim, _same, gauge="channel"),
+        ImageMetric(flip_record, "base_color", shown, flip, _same, gauge="channel"),
+    )
+
+
+def _normal_metric(statistic: str, measure: Measure, headline: bool) -> ImageMetric:
+    record = gc.MetricRecord(
+        f"normal.{statistic}_angle", f"Normal error, {statistic}", "normal", "°", False, 0.0,
+        f"{statistic} over the mask of atan2(|p×t|, p·t), mean over views; a zero vector counts 90°",
+        headline, tolerance=0.5,
+    )  # fmt: skip
+    return ImageMetric(record, "normal", _linear, measure, _same)
+
+
+def _light_metric(
+    name: str, title: str, unit: str, formula: str, tolerance: float, headline: bool = False
+) -> gc.MetricRecord:
+    return gc.MetricRecord(f"light.{name}", title, "light", unit, False, 0.0, formula, headline, tolerance)
+
+
+IMAGE_METRICS: tuple[ImageMetric, ...] = (
+    *_radiance_metrics("novel_view", "Novel view", "radiance", "radiance"),
+    *_radiance_metrics(
+        "counterfactual", "Removal", "counterfactual.radiance", "radiance without the target object"
+    ),
+    *_albedo_metrics(),
+    _normal_metric("mean", mean_angle, headline=True),
+    _normal_metric("median", median_angle, headline=False),
+)
+
+LIGHT_METRICS: tuple[gc.MetricRecord, ...] = (
+    _light_metric(
+        "position", "Light position error", "% of the scene's diameter",
+        "100·mean over matched lights of |p - t| / diameter, in the world, mean over test cameras; "
+        "matched by least sum of distances", 1.0, headline=True,
+    ),
+    _light_metric(
+        "intensity", "Light intensity error", "stops",
+        "mean over matched lights and channels of |log2(p / t)| of the axial radiant intensity", 0.1,
+    ),
+    _light_metric("missing", "Lights missing", "count", "true local lights without a partner", 0.0),
+    _light_metric("extra", "Lights too many", "count", "predicted local lights without a partner", 0.0),
+)  # fmt: skip

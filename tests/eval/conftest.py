@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Predictions made from the truth itself, changed where a test wants them wrong."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+
+Layers = dict[str, np.ndarray]
+Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
+PREDICTED = ("radiance", "base_color", "normal", "counterfactual.radiance")
+
+
+def unchanged(view: gc.View, layers: Layers) -> Layers:
+    return layers
+
+
+@pytest.fixture
+def predict(tmp_path: Path) -> Callable[..., Path]:
+    """``predict(scene, change=..., lights=...)`` writes the truth as predictions and gives the folder.
+
+    ``change(view, layers)`` gives the layers to be written, or None for a view without a file;
+    ``lights`` are the truth's unless others, or None, are handed in.
+    """
+    made = iter(range(1000))
+
+    def write(
+        scene: Path, change: Change = unchanged, lights: tuple[gc.Light, ...] | str | None = "truth"
+    ) -> Path:
+        truth = gc.open_truth(scene / "truth")
+        folder = tmp_path / f"predictions-{next(made)}"
+        for view in truth.views:
+            layers = {k: v for k, v in truth.layers(view).items() if k in PREDICTED}
+            if (changed := change(view, layers)) is not None:
+                gc.write_view(folder, view.name, changed)
+        found = truth.lights() if isinstance(lights, str) else lights
+        gc.finish_predictions(folder, gc.Predictions("truth", truth.track, truth.scene), found)
+        return folder
+
+    return write

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""FLIP against the formula of its paper, which is closed for images of one colour."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import graycard.eval as ge
+
+RNG = np.random.default_rng(3)
+PREDICTED, TRUE = RNG.random((2, 32, 30, 3))
+EVERYWHERE = np.ones((32, 30), bool)
+COLOURS = ((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), (0.9, 0.2, 0.1), (0.1, 0.3, 0.8))
+XYZ_OF_RGB = np.array(
+    [
+        [10135552 / 24577794, 8788810 / 24577794, 4435075 / 24577794],
+        [2613072 / 12288897, 8788810 / 12288897, 887015 / 12288897],
+        [1425312 / 73733382, 8788810 / 73733382, 70074185 / 73733382],
+    ]
+)
+
+
+def hunt_lab(display: np.ndarray) -> np.ndarray:
+    """CIELAB (D65) with chroma scaled by lightness, of sRGB display values, shape ``(3,)``."""
+    linear = np.where(display <= 0.04045, display / 12.92, ((display + 0.055) / 1.055) ** 2.4)
+    ratio = XYZ_OF_RGB @ linear / XYZ_OF_RGB.sum(axis=1)
+    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    lightness = 116 * f[1] - 16
+    a, b = 500 * (f[0] - f[1]), 200 * (f[1] - f[2])
+    return np.array([lightness, 0.01 * lightness * a, 0.01 * lightness * b])
+
+
+def hyab(a: np.ndarray, b: np.ndarray) -> float:
+    return abs(a[0] - b[0]) + float(np.hypot(a[1] - b[1], a[2] - b[2]))
+
+
+def flip_of_colours(a: np.ndarray, b: np.ndarray) -> float:
+    """Andersson et al. 2020, section 4.1: nothing but the colour term is left without any structure."""
+    largest = hyab(hunt_lab(np.array([0.0, 1, 0])), hunt_lab(np.array([0.0, 0, 1]))) ** 0.7
+    difference, knee = hyab(hunt_lab(a), hunt_lab(b)) ** 0.7, 0.4 * largest
+    if difference < knee:
+        return 0.95 / knee * difference
+    return 0.95 + (difference - knee) / (largest - knee) * 0.05
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    list(itertools.combinations(COLOURS, 2)),
+)
+def test_images_of_one_colour(a: tuple[float, ...], b: tuple[float, ...]) -> None:
+    first, second = np.broadcast_to(np.array(a, float), (2, 24, 24, 3)).copy()
+    second[:] = b
+    mask = np.ones((24, 24), bool)
+    expected = flip_of_colours(np.array(a, float), np.array(b, float))
+    assert ge.flip(first, second, mask) == pytest.approx(expected, abs=2e-3)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_identity_symmetry_and_range(seed: int) -> None:
+    a, b = np.random.default_rng(seed).random((2, 16, 15, 3))
+    mask = np.ones((16, 15), bool)
+    error = ge.flip_map(a, b, mask)
+    assert error.shape == (16, 15)
+    assert (error >= 0).all()
+    assert (error <= 1).all()
+    assert np.array_equal(error, ge.flip_map(b, a, mask))
+    assert ge.flip(a, a, mask) == 0
+
+
+def test_the_background_changes_nothing_not_even_through_the_filters() -> None:
+    mask = np.zeros((32, 30), bool)
+    mask[8:24, 8:22] = True
+    changed = np.where(mask[..., None], PREDICTED, 1 - TRUE)
+    assert ge.flip(changed, TRUE, mask) == ge.flip(PREDICTED, TRUE, mask)
+
+
+def test_it_is_the_mean_over_the_mask() -> None:
+    mask = np.zeros((32, 30), bool)
+    mask[:, :15] = True
+    error = ge.flip_map(PREDICTED, TRUE, mask)
+    assert ge.flip(PREDICTED, TRUE, mask) == pytest.approx(error[:, :15].mean())
+    assert error[:, 28:].max() == 0, "far from the mask both images show the truth"
+
+
+def test_it_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    ge.flip(PREDICTED, TRUE, EVERYWHERE)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_values_that_no_display_shows() -> None:
+    with pytest.raises(ValueError, match=r"expected display values in \[0, 1\], got"):
+        ge.flip(PREDICTED + 0.5, TRUE, EVERYWHERE)

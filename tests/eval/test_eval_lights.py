@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Matching of lights against brute force, and errors against closed forms."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+import graycard as gc
+import graycard.eval as ge
+
+RNG = np.random.default_rng(4)
+
+
+def camera(x: float) -> gc.Camera:
+    return gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([x, -3, 1]), np.zeros(3)))
+
+
+CAMERAS = [camera(-1.0), camera(0.5), camera(2.0)]
+
+
+def points(count: int) -> list[gc.LocalLight]:
+    places = RNG.normal(size=(count, 3))
+    return [
+        gc.PointLight(f"p{i}", (float(x), float(y), float(z)), (1, 1, 1))
+        for i, (x, y, z) in enumerate(places)
+    ]
+
+
+@pytest.mark.parametrize(("predicted", "true"), [(3, 3), (4, 4), (2, 4), (5, 3), (1, 5)])
+def test_the_assignment_is_the_best_of_all(predicted: int, true: int) -> None:
+    for _ in range(10):
+        p, t = points(predicted), points(true)
+        cost = np.linalg.norm(
+            np.array([a.position for a in p])[:, None] - np.array([b.position for b in t])[None], axis=-1
+        )
+        cost = cost if predicted <= true else cost.T
+        best = min(
+            sum(cost[i, j] for i, j in enumerate(chosen))
+            for chosen in permutations(range(cost.shape[1]), cost.shape[0])
+        )
+        match = ge.match_lights(p, t, CAMERAS)
+        assert sum(match.distances) == pytest.approx(best)
+        assert (match.missing, match.extra) == (max(true - predicted, 0), max(predicted - true, 0))
+
+
+def test_order_and_names_do_not_matter() -> None:
+    lights = points(4)
+    shuffled = [replace(lights[i], name="x") for i in (2, 0, 3, 1)]
+    match = ge.match_lights(shuffled, lights, CAMERAS)
+    assert set(match.pairs) == {(0, 2), (1, 0), (2, 3), (3, 1)}
+    assert max(match.distances) == 0
+
+
+def test_a_light_on_the_camera_is_placed_by_each_camera() -> None:
+    mounted = gc.PointLight("lamp", (0.3, -0.1, 0.2), (1, 1, 1), "camera")
+    fixed = replace(mounted, position=(0.5, 0.0, 1.0), frame="world")
+    places = [c.camera_to_world @ (0.3, -0.1, 0.2, 1) for c in CAMERAS]
+    expected = np.mean([np.linalg.norm(p[:3] - (0.5, 0, 1)) for p in places])
+    assert ge.light_distances([fixed], [mounted], CAMERAS).item() == pytest.approx(expected)
+    assert ge.light_distances([mounted], [mounted], CAMERAS).item() == 0
+
+
+def test_a_light_that_stays_where_the_mean_camera_is_does_not_pass_for_a_mounted_one() -> None:
+    mounted = gc.PointLight("lamp", (0, 0, 0), (1, 1, 1), "camera")
+    x, y, z = np.mean([c.position for c in CAMERAS], axis=0).tolist()
+    assert ge.light_distances([gc.PointLight("still", (x, y, z), (1, 1, 1))], [mounted], CAMERAS).item() > 0.5
+
+
+def test_no_lights_on_one_side() -> None:
+    assert ge.match_lights([], points(3), CAMERAS).missing == 3
+    assert ge.match_lights(points(2), [], CAMERAS).extra == 2
+    with pytest.raises(ValueError, match="expected cameras to place the lights by"):
+        ge.match_lights(points(1), points(1), [])
+
+
+@pytest.mark.parametrize(("factor", "stops"), [(1, 0), (2, 1), (0.5, 1), (8, 3), (2**-0.5, 0.5)])
+def test_intensity_error_is_in_stops(factor: float, stops: float) -> None:
+    true = gc.PointLight("a", (0, 0, 0), (4, 2, 1))
+    predicted = gc.PointLight("b", (9, 9, 9), (4 * factor, 2 * factor, factor))
+    assert ge.intensity_error(predicted, true) == pytest.approx(stops)
+
+
+def test_intensities_of_different_kinds_are_compared_on_the_axis() -> None:
+    sphere = gc.SphereLight("s", (0, 0, 0), 0.5, (4, 4, 4))
+    point = gc.PointLight("p", (0, 0, 0), (np.pi, np.pi, np.pi))
+    assert ge.intensity_error(point, sphere) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_channel_without_light_has_no_ratio() -> None:
+    red = gc.PointLight("red", (0, 0, 0), (4, 0, 0))
+    assert ge.intensity_error(gc.PointLight("x", (0, 0, 0), (8, 1, 5)), red) == pytest.approx(1)
+    dark = replace(red, intensity=(0, 0, 0))
+    assert ge.intensity_error(red, dark) == 0
+
+
+def test_a_predicted_light_that_is_off() -> None:
+    off = gc.PointLight("off", (0, 0, 0), (1, 0, 1))
+    with pytest.raises(gc.PredictionError, match="expected light 'off' with a positive intensity"):
+        ge.intensity_error(off, gc.PointLight("lamp", (0, 0, 0), (1, 1, 1)))
