@@ -23,15 +23,19 @@ from graycard import (
     ScoreSheet,
     decode,
     open_predictions,
+    predictions_hash,
     read_json,
+    sha256,
     silent,
     write_bytes,
     write_json,
 )
 from graycard.benchmarks._fit import DONE, FitSpec, finish_job, fit_scene
 from graycard.benchmarks._sources import eval_fingerprint
-from graycard.eval import predictions_hash, score_predictions, truth_hash
+from graycard.eval import score_predictions
 from graycard.synth import RenderSettings, SceneSpec, render_scene
+
+SCORES = "scores.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,24 +71,18 @@ class FitJob:
 
 
 def run_render(job: RenderJob) -> Outcome:
-    """Render a scene, or find it whole."""
-
-    def work() -> Outcome:
-        folder = render_scene(job.spec, job.settings, job.dataset, silent, job.threads)
-        return Outcome(value=folder)
-
-    return _guarded(work, None)
+    """Render a scene; the renderer keeps what is there and intact."""
+    return _guarded(
+        lambda: Outcome(value=render_scene(job.spec, job.settings, job.dataset, silent, job.threads)), None
+    )
 
 
 def run_fit(job: FitJob) -> Outcome:
-    """Fit a method, or find its predictions whole."""
+    """Fit a method and write its predictions."""
 
     def work() -> Outcome:
-        cost = finished_cost(job)
-        if cost is not None:
-            return Outcome(reused=True, value=cost)
-        spec = FitSpec(job.job.method, job.job.settings, job.job.seed, job.scene)
         (job.folder / DONE).unlink(missing_ok=True)
+        spec = FitSpec(job.job.method, job.job.settings, job.job.seed, job.scene)
         with threadpool_limits(job.threads):
             cost = fit_scene(spec, job.folder / "predictions", silent)
         finish_job(job.folder, {"job": job.job, "job_hash": job.job_hash}, cost)
@@ -94,20 +92,28 @@ def run_fit(job: FitJob) -> Outcome:
 
 
 def run_score(job: FitJob) -> Outcome:
-    """Score the predictions of a job, or find their scores."""
+    """Score the predictions of a job and keep the scores."""
 
     def work() -> Outcome:
-        predictions, path = job.folder / "predictions", job.folder / "scores.json"
-        key = [eval_fingerprint(), predictions_hash(predictions), truth_hash(job.scene)]
-        sheet = _stored_sheet(path, key)
-        if sheet is not None:
-            return Outcome(reused=True, value=sheet)
+        key = _score_key(job)
         with threadpool_limits(job.threads):
-            sheet = score_predictions(predictions, job.scene)
-        write_json(path, {"key": key, "sheet": sheet})
+            sheet = score_predictions(job.folder / "predictions", job.scene)
+        write_json(job.folder / SCORES, {"key": key, "sheet": sheet})
         return Outcome(value=sheet)
 
     return _guarded(work, job.folder / "error.txt")
+
+
+def fit_at_hand(job: FitJob) -> Outcome | None:
+    """The outcome of a fit that has been done and whose predictions are intact; else None."""
+    cost = finished_cost(job)
+    return None if cost is None else Outcome(reused=True, value=cost)
+
+
+def score_at_hand(job: FitJob) -> Outcome | None:
+    """The scores of exactly these predictions, this truth and these metrics; None if there are none."""
+    sheet = _stored_sheet(job.folder / SCORES, _score_key(job))
+    return None if sheet is None else Outcome(reused=True, value=sheet)
 
 
 def finished_cost(job: FitJob) -> Cost | None:
@@ -127,8 +133,13 @@ def finished_cost(job: FitJob) -> Cost | None:
     return decode(Cost, done["cost"])
 
 
+def _score_key(job: FitJob) -> list[str]:
+    """What scores depend on: the code of the metrics, the predictions, the truth."""
+    truth = sha256(job.scene / "truth" / "manifest.json")
+    return [eval_fingerprint(), predictions_hash(job.folder / "predictions"), truth]
+
+
 def _stored_sheet(path: Path, key: list[str]) -> ScoreSheet | None:
-    """The scores of exactly these predictions, truth and metrics, if they were taken before."""
     if not path.is_file():
         return None
     try:

@@ -38,7 +38,17 @@ from graycard import (
     writable_folder,
     write_json,
 )
-from graycard.benchmarks._jobs import FitJob, Outcome, RenderJob, run_fit, run_render, run_score
+from graycard.benchmarks._jobs import (
+    FitJob,
+    Outcome,
+    RenderJob,
+    fit_at_hand,
+    run_fit,
+    run_render,
+    run_score,
+    scene_at_hand,
+    score_at_hand,
+)
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.eval import metrics
@@ -75,9 +85,9 @@ def run_bench(
     run = writable_folder(run)
     scenes = _render(suite, dataset or run / "dataset", progress)
     fits = _plan(suite, scenes, run, threads=max(1, usable_cores() // jobs))
-    fitted = run_all(run_fit, fits, jobs, lambda d, s: progress((1 + d) / 3, f"fitted {s}"))
+    fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
-    scored = run_all(run_score, done, jobs, lambda d, s: progress((2 + d) / 3, f"scored {s}"))
+    scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand)
     outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
     record = RunRecord(
         suite=suite.name,
@@ -95,26 +105,38 @@ def run_bench(
 
 
 def run_all(
-    work: Callable[[J], Outcome], jobs: Sequence[J], at_a_time: int, progress: Progress
+    work: Callable[[J], Outcome],
+    jobs: Sequence[J],
+    at_a_time: int,
+    progress: Progress,
+    at_hand: Callable[[J], Outcome | None] = lambda job: None,
 ) -> list[Outcome]:
     """Do jobs in worker processes, each in a process of its own; outcomes in the order of the jobs.
 
     A worker that dies (out of memory, a crash in native code) fails its own job only.
 
+    Args:
+        work: Does a job; must be importable by a fresh process.
+        jobs: What to do.
+        at_a_time: Number of workers.
+        progress: Called after each job.
+        at_hand: Gives the outcome of a job that need not be done again.
+
     Raises:
         OutputError: A job could not write its result.
     """
+    outcomes = {number: found for number, job in enumerate(jobs) if (found := at_hand(job)) is not None}
     context = multiprocessing.get_context("spawn")
     with ProcessPool(max_workers=at_a_time, max_tasks=1, context=context) as pool:
         try:
-            futures: list[Future[Any]] = [pool.schedule(work, args=[job]) for job in jobs]
-            for number, future in enumerate(as_completed(futures), start=1):
-                outcome = _outcome_of(future)
-                progress(number / len(jobs), "again: it was there" if outcome.reused else "")
-            return [_outcome_of(future) for future in futures]
+            waiting = {pool.schedule(work, [jobs[n]]): n for n in range(len(jobs)) if n not in outcomes}
+            for future in as_completed(waiting):
+                outcomes[waiting[future]] = _outcome_of(future)
+                progress(len(outcomes) / len(jobs), f"{len(outcomes)} of {len(jobs)}")
         except BaseException:
             pool.stop()  # otherwise leaving the block waits for all the rest
             raise
+    return [outcomes[number] for number in range(len(jobs))]
 
 
 def job_hash(job: Job, capture_sha256: str, origin: str) -> str:
@@ -126,7 +148,7 @@ def job_hash(job: Job, capture_sha256: str, origin: str) -> str:
 def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[SceneSpec, Path]]:
     """Render all scenes one after the other: Mitsuba itself takes all cores."""
     jobs = [RenderJob(spec, suite.render, dataset, usable_cores()) for spec in suite.scenes]
-    outcomes = run_all(run_render, jobs, 1, lambda d, s: progress(d / 3, f"rendered {s}"))
+    outcomes = run_all(run_render, jobs, 1, _part(progress, 0, "rendering"), scene_at_hand)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
             raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
@@ -194,6 +216,11 @@ def _renderers(scenes: list[tuple[SceneSpec, Path]]) -> list[Any]:
     """The renderers that made the scenes, each once."""
     found = [manifest_of(open_truth(folder / "truth", check=False)).generator for _, folder in scenes]
     return [g for i, g in enumerate(found) if g not in found[:i]]
+
+
+def _part(progress: Progress, stage: int, doing: str) -> Progress:
+    """The progress of one of the three stages in that of the run."""
+    return lambda done, what: progress((stage + done) / 3, f"{doing} {what}")
 
 
 def _relative(path: Path, run: Path) -> str:

@@ -70,6 +70,7 @@ from graycard._manifest import seal as seal
 from graycard._predictions import Predictions as Predictions
 from graycard._predictions import finish_predictions as finish_predictions
 from graycard._predictions import open_predictions as open_predictions
+from graycard._predictions import predictions_hash as predictions_hash
 from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
 from graycard._progress import silent as silent

@@ -6,6 +6,7 @@ PREDICTIONS/views/<view>.exr    channels <layer>.<suffix>, linear, float32
 PREDICTIONS/lights.json         optional: the lights that were found
 """
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -127,3 +128,10 @@ def finish_predictions(
         write_lights(Path(folder) / "lights.json", lights)
     files = sha256_of_files(Path(folder), skip=lambda name: name == INDEX)
     write_json(Path(folder) / INDEX, replace(predictions, files=files))
+
+
+def predictions_hash(folder: Path) -> str:
+    """SHA-256 of what ``sha256sum`` prints for the files of a predictions folder, sorted by name."""
+    hashes = sha256_of_files(Path(folder))
+    lines = "".join(f"{value}  {name}\n" for name, value in hashes.items())
+    return hashlib.sha256(lines.encode()).hexdigest()

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arithmetic of the gate; tests/benchmarks/test_bench.py runs it on real run folders."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
+
+METRICS = (
+    gc.MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.5),
+    gc.MetricRecord("angle", "Angle", "normal", "°", False, 0.0, "", True, 0.2),
+)
+
+
+def make_run(psnr: float | None = 30.0, angle: float | None = 10.0, status: str = "scored") -> gc.RunRecord:
+    scores = (
+        gc.Score("psnr", "graycard-0", status if psnr is None else "scored", psnr, "dB", True, math.inf),  # pyright: ignore
+        gc.Score("angle", "graycard-0", status if angle is None else "scored", angle, "°", False, 0.0),  # pyright: ignore
+    )
+    sheet = gc.ScoreSheet("dark", "s", "m", "", "", scores)
+    result = gc.JobResult(gc.Job("dark", "s", "m", 0, {}), "h", "jobs/x", "done", sheet=sheet)
+    return gc.RunRecord("demo", 1, (), (), METRICS, (result,), {}, "2026-01-01T00:00:00+00:00", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("psnr", "angle", "code", "worse", "better"),
+    [
+        (30.0, 10.0, 0, [], []),
+        (29.6, 10.1, 0, [], []),  # within tolerance
+        (29.4, 10.0, 1, ["psnr"], []),
+        (31.0, 10.3, 1, ["angle"], ["psnr"]),
+        (math.inf, 0.0, 0, [], ["psnr", "angle"]),
+        (math.nan, 10.0, 2, [], []),
+    ],
+)
+def test_worse_is_a_matter_of_direction(
+    psnr: float, angle: float, code: int, worse: list[str], better: list[str]
+):
+    verdict = judge(make_run(psnr, angle), make_baseline(make_run()))
+    assert verdict.exit_code == code
+    assert [c.expected.metric for c in verdict.worse] == worse
+    assert [c.expected.metric for c in verdict.better] == better
+
+
+def test_an_infinite_score_must_stay_infinite():
+    baseline = make_baseline(make_run(math.inf, 0.0))
+    assert judge(make_run(math.inf, 0.0), baseline).exit_code == 0
+    assert judge(make_run(120.0, 0.0), baseline).exit_code == 1
+
+
+@pytest.mark.parametrize("status", ["failed", "not provided"])
+def test_a_score_that_is_gone_is_missing_not_fine(status: str):
+    verdict = judge(make_run(None, 10.0, status), make_baseline(make_run()))
+    assert verdict.exit_code == 2
+    assert str(verdict.missing[0]) == f"dark/s m psnr: expected 30, got no score ({status})"
+
+
+def test_a_run_without_results_measured_nothing():
+    empty = replace(make_run(), results=())
+    verdict = judge(empty, make_baseline(make_run()))
+    assert (verdict.exit_code, verdict.compared) == (2, 0)
+    assert judge(make_run(), replace(make_baseline(make_run()), scores=())).exit_code == 2
+    with pytest.raises(gc.RecordError, match="expected a run with scores to make a baseline of"):
+        make_baseline(empty)
+
+
+def test_both_values_are_named():
+    verdict = judge(make_run(20.0, 10.0), make_baseline(make_run()))
+    assert str(verdict.worse[0]) == "dark/s m psnr: expected 30 dB (tolerance 0.5), got 20"
+
+
+def test_round_trip_and_bad_baselines(tmp_path: Path):
+    baseline = make_baseline(make_run(math.inf))
+    write_baseline(tmp_path / "b.json", baseline)
+    assert read_baseline(tmp_path / "b.json") == baseline
+    gc.write_json(tmp_path / "b.json", replace(baseline, format_version=9))
+    with pytest.raises(gc.RecordError, match="Install a newer graycard"):
+        read_baseline(tmp_path / "b.json")
+    gc.write_json(tmp_path / "b.json", {"suite": "demo", "scors": []})
+    with pytest.raises(gc.RecordError, match="scors"):
+        read_baseline(tmp_path / "b.json")
+    with pytest.raises(gc.RecordError, match="expected a JSON file at"):
+        read_baseline(tmp_path / "none.json")
