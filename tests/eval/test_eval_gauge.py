@@ -79,3 +79,21 @@ def test_apply_gauge_keeps_the_input() -> None:
     image = np.full((2, 2, 3), 2, np.float32)
     assert ge.apply_gauge(image, (0.5, 1, 2))[1, 1].tolist() == [1, 2, 4]
     assert (image == 2).all()
+
+
+def test_one_prediction_has_many_scores_and_the_rules_decide() -> None:
+    """The same albedo, a tenth of the image: why a number without its protocol says nothing."""
+    rng = np.random.default_rng(1)
+    y, x = np.mgrid[:60, :60] / 59
+    mask = np.hypot(x - 0.5, y - 0.5) < np.sqrt(0.1 / np.pi)
+    true = rng.uniform(0.1, 0.9, (6, 6, 3)).repeat(10, 0).repeat(10, 1)
+    shading = (1 + 0.25 * np.sin(5 * x) * np.cos(4 * y))[..., None]
+    predicted = true * (1.35, 1.0, 0.7) * shading + rng.normal(0, 0.01, true.shape)
+    seen = [ge.moments(predicted, true, mask)]
+    kinds: tuple[Kind, ...] = ("raw", "scalar", "channel")
+    fitted = [ge.apply_gauge(predicted, ge.fit_gauge(seen, k)) for k in kinds]
+    raw, scalar, channel = (ge.psnr(ge.mean_square_error(f, true, mask)) for f in fitted)
+    multiplied = ge.psnr(float(np.mean(((fitted[2] - true) * mask[..., None]) ** 2)))
+    assert raw < scalar < channel < multiplied
+    assert channel - raw > 3
+    assert multiplied - raw > 13

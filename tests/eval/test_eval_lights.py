@@ -99,3 +99,8 @@ def test_a_predicted_light_that_is_off() -> None:
     off = gc.PointLight("off", (0, 0, 0), (1, 0, 1))
     with pytest.raises(gc.PredictionError, match="expected light 'off' with a positive intensity"):
         ge.intensity_error(off, gc.PointLight("lamp", (0, 0, 0), (1, 1, 1)))
+
+
+def test_errors_of_opposite_sign_do_not_cancel() -> None:
+    true = gc.PointLight("a", (0, 0, 0), (4, 4, 4))
+    assert ge.intensity_error(replace(true, intensity=(8, 2, 4)), true) == pytest.approx(2 / 3)

@@ -300,3 +300,24 @@ def test_a_scene_without_local_lights_has_counts_only(
     sheet = ge.score_predictions(predict(scene, lights=(LAMP,)), scene)
     found = {s.metric: s.value for s in sheet.scores if s.metric.startswith("light.")}
     assert found == {"light.missing": 0, "light.extra": 1}
+
+
+def test_lights_are_placed_by_the_test_cameras(make_scene: Callable[..., Path], predict: Predict) -> None:
+    scene = make_scene()
+    fixed = replace(LAMP, position=(1.0, -2.0, 1.5), frame="world")
+    sheet = ge.score_predictions(predict(scene, lights=(fixed,)), scene)
+    cameras = [v.camera for v in gc.open_truth(scene / "truth").views if v.split == "test"]
+    away = [np.linalg.norm(gc.world_position(LAMP, c) - fixed.position) for c in cameras]
+    assert value(sheet, "light.position") == pytest.approx(100 * np.mean(away) / 4.0)
+
+
+def test_a_ceiling_needs_the_noise_of_every_test_view(
+    make_scene: Callable[..., Path], predict: Predict
+) -> None:
+    scene = make_scene()
+    truth = gc.open_truth(scene / "truth")
+    layers = truth.layers(truth.view("test_003"))
+    layers.pop("radiance.var")
+    gc.write_layers(scene / "truth" / "views" / "test_003.exr", layers)
+    gc.seal(scene / "truth", gc.manifest_of(truth))
+    assert ge.score_predictions(predict(scene), scene).score("novel_view.psnr").noise_ceiling is None
