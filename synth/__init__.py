@@ -1,2 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ground truth: seeded procedural scenes, rendered by Mitsuba 3."""
+"""Ground truth: seeded procedural scenes, rendered by Mitsuba 3.
+
+Importing this package does not import Mitsuba; :func:`render_scene` does when there is something to render.
+"""
+
+from graycard.synth._families import describe as describe
+from graycard.synth._families import families as families
+from graycard.synth._families import family_of as family_of
+from graycard.synth._families import resolved_knobs as resolved_knobs
+from graycard.synth._families import scene_name as scene_name
+from graycard.synth._family import Family as Family
+from graycard.synth._render import render_scene as render_scene
+from graycard.synth._scene import Ball as Ball
+from graycard.synth._scene import Glossy as Glossy
+from graycard.synth._scene import Matte as Matte
+from graycard.synth._scene import Quad as Quad
+from graycard.synth._scene import Scene as Scene
+from graycard.synth._scene import Texture as Texture
+from graycard.synth._scene import Thing as Thing
+from graycard.synth._spec import GENERATOR_VERSION as GENERATOR_VERSION
+from graycard.synth._spec import RenderSettings as RenderSettings
+from graycard.synth._spec import SceneSpec as SceneSpec
+from graycard.synth._variant import LLVM as LLVM
+from graycard.synth._variant import Renderer as Renderer
+from graycard.synth._variant import find_llvm as find_llvm
+from graycard.synth._variant import use_renderer as use_renderer

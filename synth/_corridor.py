@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dark track: a storage corridor, lit by a lamp that is mounted beside the camera."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+import graycard as gc
+from graycard.synth import _props as props
+from graycard.synth import _textures as textures
+from graycard.synth._family import check_knobs, interleaved, knob, stream
+from graycard.synth._mesh import Mesh, blob
+from graycard.synth._scene import (
+    Ball,
+    Color,
+    Geometry,
+    Glossy,
+    Material,
+    Matte,
+    Quad,
+    Scene,
+    Texture,
+    Thing,
+    surface_of,
+)
+from graycard.synth._spec import RenderSettings
+from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, scaled
+
+LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
+
+_PAINTS = ("moderate red", "blue sky", "foliage", "orange", "purplish blue", "yellow green", "light skin")
+_SHELF_HEIGHTS = (0.28, 0.82, 1.34)
+
+
+@dataclass(frozen=True, slots=True)
+class Corridor:
+    """A dark corridor with shelves and clutter, seen by a camera that carries a spot light.
+
+    Raises:
+        ValueError: A knob is out of its range.
+    """
+
+    light_offset: float = knob(0.25, 0.02, 0.8)
+    """Distance of the lamp to the right of the pinhole, metres."""
+    light_cutoff: float = knob(42.0, 15.0, 80.0)
+    """Half angle at which the lamp's light ends, degrees."""
+    ambient: float = knob(0.02, 0.0, 2.0)
+    """Radiance of the ceiling, W/m²/sr; the lamp gives about 3 W/m² at 1.5 m."""
+    clutter: float = knob(0.75, 0.0, 1.0)
+    """Share of the places on the shelves that are taken."""
+    gloss: float = knob(0.0, 0.0, 1.0)
+    """Share of the objects that are glossy; the others are Lambertian."""
+
+    track: ClassVar[str] = "dark"
+    name: ClassVar[str] = "corridor"
+    title: ClassVar[str] = "a dark storage corridor, lit only by a lamp beside the camera"
+
+    def __post_init__(self) -> None:
+        check_knobs(self)
+
+    def build(self, seed: int, settings: RenderSettings) -> Scene:
+        """The corridor of a seed."""
+        ceiling = _ceiling(self.ambient)
+        things = (*_walls(seed), *_chart(), *self._shelves(seed), *self._floor_objects(seed))
+        return Scene(
+            things=(*things, surface_of(ceiling)) if self.ambient else things,
+            lights=(self._lamp(), ceiling) if self.ambient else (self._lamp(),),
+            views=interleaved(_cameras(seed, settings), settings.test_views),
+            light_weights={"lamp": 20.0},
+        )
+
+    def _lamp(self) -> gc.SpotLight:
+        position = (self.light_offset, -0.06, 0.0)
+        toe_in = (-self.light_offset / 3.0, 0.03, 1.0)
+        color = scaled(blackbody(5000), 8.0)
+        return gc.SpotLight(
+            "lamp", position, toe_in, color, 0.4 * self.light_cutoff, self.light_cutoff, "camera"
+        )
+
+    def _shelves(self, seed: int) -> Iterator[Thing]:
+        rng = stream(seed, "shelves")
+        wood = textures.wood(stream(seed, "shelf wood"), (0.30, 0.21, 0.13))
+        for side, (x, length) in enumerate(((3.2, 1.7), (4.9, 1.6))):
+            y = (WIDTH / 2 - 0.24) * (1 if side == 0 else -1)
+            shift = rng.uniform(-0.15, 0.15)
+            rack = props.shelf(length, 0.4, _SHELF_HEIGHTS).moved((x + shift, y, 0))
+            yield Thing(f"shelf {side + 1}", rack, Matte(Texture(wood, (0.8, 0.8))))
+            for level, z in enumerate(_SHELF_HEIGHTS):
+                for place in np.linspace(-0.36, 0.36, 4) * length:
+                    if rng.random() < self.clutter:
+                        where = (x + shift + place + rng.normal(0, 0.02), y, z)
+                        yield self._shelf_object(rng, f"shelf {side + 1}.{level + 1} at {place:+.1f}", where)
+
+    def _shelf_object(self, rng: np.random.Generator, where: str, at: tuple[float, float, float]) -> Thing:
+        kind = rng.choice(["carton", "jar", "bottle", "vase", "books", "ball", "stone"])
+        turn = rng.uniform(-0.3, 0.3)
+        color = chart_patches()[rng.choice(_PAINTS)]
+        if kind == "ball":
+            radius = rng.uniform(0.09, 0.14)
+            center = (float(at[0]), float(at[1]), float(at[2] + radius))
+            surface = Texture(textures.bands(rng, color, [(0.6, 0.58, 0.5)]))
+            return Thing(f"ball on {where}", Ball(center, float(radius)), self._material(rng, surface))
+        shape = _shelf_shape(str(kind), rng).moved(at, turn)
+        return Thing(f"{kind} on {where}", shape, self._material(rng, _surface(str(kind), rng, color)))
+
+    def _floor_objects(self, seed: int) -> Iterator[Thing]:
+        rng = stream(seed, "floor objects")
+        brown = (0.42, 0.29, 0.17)
+        stack = ((0.62, 0.5, 0.46), (0.5, 0.42, 0.36), (0.36, 0.34, 0.26))
+        x, y, z = rng.uniform(2.75, 3.05), -0.92, 0.0
+        for number, size in enumerate(stack, start=1):
+            pixels = textures.cardboard(stream(seed, f"crate {number}"), scaled(brown, rng.uniform(0.8, 1.2)))
+            crate = props.crate(*size).moved((x, y, z), rng.normal(0, 0.2))
+            yield self._thing(rng, f"crate {number}", crate, Texture(pixels, (1.6, 1.6)))
+            z += size[2]
+        drum = props.barrel(0.9, 0.29).moved((rng.uniform(4.5, 4.8), 0.88, 0))
+        rust = textures.stone(
+            rng, [(0.05, 0.16, 0.26), (0.06, 0.22, 0.36), (0.08, 0.26, 0.4), (0.3, 0.13, 0.05)]
+        )
+        yield self._thing(rng, "drum", drum, Texture(rust, (2, 1)))
+        seat = props.stool(0.5, 0.19).moved((rng.uniform(3.7, 4.1), rng.uniform(-0.2, 0.1), 0))
+        yield self._thing(rng, "stool", seat, Texture(textures.wood(rng, (0.42, 0.17, 0.09)), (2, 1)))
+        clay = textures.bands(rng, (0.45, 0.22, 0.13), [(0.6, 0.55, 0.45), (0.08, 0.07, 0.1)])
+        pot = props.vase(rng, 0.62, 0.42).moved((rng.uniform(5.4, 5.8), 0.75, 0))
+        yield self._thing(rng, "floor vase", pot, Texture(clay))
+
+    def _thing(self, rng: np.random.Generator, name: str, shape: Geometry, color: Color) -> Thing:
+        return Thing(name, shape, self._material(rng, color))
+
+    def _material(self, rng: np.random.Generator, color: Color) -> Material:
+        glossy, roughness = rng.random() < self.gloss, float(rng.uniform(0.2, 0.5))
+        return Glossy(color, roughness) if glossy else Matte(color)
+
+
+def _ceiling(radiance: float) -> gc.RectangleLight:
+    """A glow from above; a glowing panel inside the room would cast shadows of its own."""
+    sides = (0.0, WIDTH / 2, 0.0), (LENGTH / 2, 0.0, 0.0)
+    color = scaled(blackbody(9000), radiance)
+    return gc.RectangleLight("ambient", (LENGTH / 2, 0.0, HEIGHT), *sides, color)
+
+
+def _walls(seed: int) -> Iterator[Thing]:
+    """The shell of the corridor; each wall is seen from inside."""
+    x, y, z = LENGTH / 2, WIDTH / 2, HEIGHT / 2
+    floor = textures.tiles(stream(seed, "floor"), [(0.34, 0.31, 0.27), (0.16, 0.15, 0.15)])
+    brick = textures.bricks(stream(seed, "brick"), (0.40, 0.20, 0.14))
+    paint = textures.plaster(stream(seed, "plaster"), (0.46, 0.45, 0.38))
+    end = textures.plaster(stream(seed, "end"), (0.24, 0.33, 0.30))
+    door = textures.wood(stream(seed, "door"), (0.36, 0.22, 0.12))
+    yield Thing("floor", Quad((x, 0, 0), (x, 0, 0), (0, y, 0)), Matte(Texture(floor, (4.3, 1.6))))
+    yield Thing("brick wall", Quad((x, y, z), (x, 0, 0), (0, 0, z)), Matte(Texture(brick, (5, 3.4))))
+    yield Thing("plaster wall", Quad((x, -y, z), (-x, 0, 0), (0, 0, z)), Matte(Texture(paint, (2.5, 1.2))))
+    yield Thing("end wall", Quad((LENGTH, 0, z), (0, -y, 0), (0, 0, z)), Matte(Texture(end, (1, 1.3))))
+    yield Thing("back wall", Quad((0, 0, z), (0, y, 0), (0, 0, z)), Matte((0.3, 0.3, 0.28)))
+    leaf = props.crate(0.06, 0.9, 2.05).moved((LENGTH - 0.03, -0.55, 0))
+    yield Thing("door", leaf, Matte(Texture(door, (1, 2))))
+    skirting = props.crate(LENGTH, 0.02, 0.12, 0.004).moved((x, -y + 0.01, 0))
+    yield Thing("skirting", skirting, Matte((0.2, 0.17, 0.13)))
+
+
+def _chart() -> Iterator[Thing]:
+    """A ColorChecker of 24 measured patches on the plaster wall, upright and readable."""
+    pixels = Texture(textures.chart(chart_patches(), CHART_COLUMNS), smooth=False)
+    board = Quad((3.55, -WIDTH / 2 + 0.015, 1.35), (-0.33, 0.0, 0.0), (0.0, 0.0, 0.22))
+    yield Thing("color chart", board, Matte(pixels))
+
+
+def _shelf_shape(kind: str, rng: np.random.Generator) -> Mesh:
+    size = rng.uniform(0.75, 1.0)
+    match kind:
+        case "carton":
+            return props.crate(0.34 * size, 0.28, 0.3 * size)
+        case "jar":
+            return props.jar(0.26 * size, 0.085)
+        case "bottle":
+            return props.bottle(0.36 * size, 0.075)
+        case "vase":
+            return props.vase(rng, 0.36 * size, 0.22)
+        case "books":
+            return props.books(rng, 4, 0.3)
+        case _:
+            return blob(0.12 * size, rng).moved((0, 0, 0.11 * size))
+
+
+def _surface(kind: str, rng: np.random.Generator, color: tuple[float, float, float]) -> Color:
+    match kind:
+        case "carton":
+            return Texture(textures.cardboard(rng, (0.44, 0.31, 0.19)), (3, 3))
+        case "vase" | "jar":
+            return Texture(textures.bands(rng, color, [(0.55, 0.52, 0.45), (0.1, 0.1, 0.14)]))
+        case "stone":
+            return Texture(textures.stone(rng, [(0.18, 0.17, 0.16), (0.34, 0.32, 0.29), (0.5, 0.48, 0.44)]))
+        case _:
+            return Texture(textures.plaster(rng, color))
+
+
+def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+    """A walk down the corridor that sways and looks from side to side."""
+    rng = stream(seed, "path")
+    sway, glance, nod = rng.uniform(0, 2 * np.pi, size=3)
+    cameras = []
+    for t in np.linspace(0, 1, settings.views):
+        at = np.array([0.45 + 2.0 * t, 0.38 * np.sin(5 * t + sway), 1.4 + 0.12 * np.sin(4 * t + nod)])
+        ahead = np.array([2.6, 0.55 * np.sin(8 * t + glance) - 0.6 * at[1], -0.62])
+        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 62.0, gc.look_at(at, at + ahead)))
+    return cameras

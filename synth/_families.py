@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of scene families, and what a spec says in words."""
+
+import hashlib
+from typing import Any
+
+import graycard as gc
+from graycard.synth._corridor import Corridor
+from graycard.synth._family import Family
+from graycard.synth._glossy_table import GlossyTable
+from graycard.synth._spec import SceneSpec
+from graycard.synth._studio import Studio
+
+_FAMILIES: tuple[type[Family], ...] = (Corridor, GlossyTable, Studio)
+
+
+def families() -> dict[str, type[Family]]:
+    """All scene families by name, in the order of the documentation."""
+    return {family.name: family for family in _FAMILIES}
+
+
+def family_of(spec: SceneSpec) -> Family:
+    """The family of a spec with its knobs set.
+
+    Raises:
+        UnknownNameError: There is no such family, or it is of another track.
+        RecordError: A knob is unknown, of another type, or out of its range.
+    """
+    known = {f"{f.track}/{f.name}": f for f in _FAMILIES}
+    name = f"{spec.track}/{spec.family}"
+    if name not in known:
+        raise gc.UnknownNameError("scene family", name, known)
+    return gc.decode(known[name], dict(spec.knobs), source=f"the knobs of {name}")
+
+
+def resolved_knobs(spec: SceneSpec) -> dict[str, Any]:
+    """Every knob of a spec with its value, the defaults included.
+
+    Raises:
+        UnknownNameError: There is no such family, or it is of another track.
+        RecordError: A knob is unknown, of another type, or out of its range.
+    """
+    return gc.encode(family_of(spec))
+
+
+def scene_name(spec: SceneSpec) -> str:
+    """Name of the scene's folder: family and seed, and a digest of the knobs that were changed, if any.
+
+    For example ``corridor-0000`` and ``corridor-0000-1f4c2a``: a method sees the name, and must not
+    learn the knobs from it.
+
+    Raises:
+        UnknownNameError: There is no such family, or it is of another track.
+        RecordError: A knob is unknown, of another type, or out of its range.
+    """
+    knobs, defaults = resolved_knobs(spec), gc.encode(type(family_of(spec))())
+    changed = {name: value for name, value in knobs.items() if value != defaults[name]}
+    digest = hashlib.sha256(gc.dumps(changed).encode()).hexdigest()[:6]
+    return f"{spec.family}-{spec.seed:04d}" + (f"-{digest}" if changed else "")
+
+
+def describe(spec: SceneSpec) -> str:
+    """One line that says what is to be seen, for reports.
+
+    Raises:
+        UnknownNameError: There is no such family, or it is of another track.
+        RecordError: A knob is unknown, of another type, or out of its range.
+    """
+    title = family_of(spec).title
+    changed = ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in sorted(spec.knobs.items()))
+    tail = f"; {changed}" if changed else ""
+    return f"{title[0].upper()}{title[1:]} (seed {spec.seed}{tail})"

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What follows from the rendered views: the capture, the index files, and the seals."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import graycard as gc
+from graycard.synth._scene import Scene
+from graycard.synth._sky import recorded
+from graycard.synth._store import Place, view_file
+
+
+def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
+    """Derive everything else in a partial folder from its views, and seal it: truth last.
+
+    Args:
+        place: Where the scene is made; all views are there.
+        scene: What was rendered.
+        stamp: What it was made from, with the renderer's variant.
+    """
+    root = place.partial
+    exposure = _write_photographs(root, scene)
+    light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
+    capture = gc.Capture(
+        place.track, place.scene, scene.views, exposure, light_on_camera, target=scene.target_id
+    )
+    truth = gc.Truth(
+        place.track,
+        place.scene,
+        scene.views,
+        exposure,
+        _diameter(root, scene),
+        scene.objects(),
+        scene.target_id,
+    )
+    gc.write_index(root / "capture", capture)
+    gc.write_index(root / "truth", truth)
+    _write_lights(root / "truth", scene)
+    _seal(place, stamp)
+
+
+def _write_photographs(root: Path, scene: Scene) -> float:
+    """Photographs and target masks of the training views; their exposure."""
+    photographs = []
+    for view in scene.views:
+        if view.split != "train":
+            continue
+        layers = gc.read_layers(view_file(root, view.name))
+        photographs.append(layers["radiance"])
+        gc.write_rgb(root / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
+        if scene.target_id is not None:
+            ids = layers["object_id"]
+            mask = np.where(ids == scene.target_id, ids, 0)
+            gc.write_layers(root / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask})
+    brightest = float(np.percentile(photographs, 99))
+    if brightest <= 0:
+        raise gc.RenderError(
+            f"expected a scene with light in it, got black photographs for {scene.views[0].name} and all "
+            "others. Turn up one of its light knobs"
+        )
+    return 1 / brightest
+
+
+def _diameter(root: Path, scene: Scene) -> float:
+    """Diagonal of the box around the cameras and all points that they see, metres."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for view in scene.views:
+        depth = gc.read_layers(view_file(root, view.name))["depth"].astype(np.float64)
+        rays = view.camera.rays()
+        seen = np.isfinite(depth)
+        distance = depth[seen] / (rays[seen] @ view.camera.forward)
+        points = view.camera.position + distance[:, None] * rays[seen]
+        points = np.concatenate([points, view.camera.position[None]])
+        low, high = np.minimum(low, points.min(axis=0)), np.maximum(high, points.max(axis=0))
+    return float(np.linalg.norm(high - low))
+
+
+def _write_lights(folder: Path, scene: Scene) -> None:
+    gc.write_lights(folder / "lights.json", scene.lights)
+    for light in scene.lights:
+        if isinstance(light, gc.EnvironmentLight) and scene.sky is not None:
+            gc.write_rgb(folder / light.image, recorded(scene.sky))
+
+
+def _seal(place: Place, stamp: Mapping[str, Any]) -> None:
+    generator = {"name": "graycard.synth", "version": gc.__version__}
+    origin = {**generator, "generator": stamp["generator"], "variant": stamp["variant"]}
+    capture = gc.Manifest("graycard-capture", gc.FORMAT_VERSION, place.track, place.scene, generator, {}, {})
+    settings = {name: stamp[name] for name in ("family", "knobs", "render")}
+    truth = gc.Manifest(
+        "graycard-truth",
+        gc.FORMAT_VERSION,
+        place.track,
+        place.scene,
+        origin,
+        {"scene": stamp["seed"]},
+        settings,
+    )
+    gc.seal(place.partial / "capture", capture)
+    gc.seal(place.partial / "truth", truth)

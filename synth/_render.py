@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import graycard as gc
+from graycard.synth._families import family_of, resolved_knobs, scene_name
+from graycard.synth._finish import finish
+from graycard.synth._scene import Scene
+from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
+from graycard.synth._store import (
+    Place,
+    damage,
+    foreign_content,
+    is_whole_view,
+    promote,
+    reopen,
+    resume,
+    stamped,
+    view_file,
+)
+from graycard.synth._variant import can_render, use_renderer
+
+
+def render_scene(
+    spec: SceneSpec,
+    settings: RenderSettings,
+    dataset: Path,
+    progress: gc.Progress = gc.silent,
+    threads: int | None = None,
+) -> Path:
+    """Render a scene into ``dataset/<track>/<scene>``, or find it there whole and leave it.
+
+    The same spec, settings and renderer variant give the same bits, with any number of threads, and
+    whether or not the work was cut off in between. What is missing or damaged is made anew.
+
+    Args:
+        spec: Which scene.
+        settings: How it is photographed.
+        dataset: The dataset folder.
+        progress: Told about each view.
+        threads: Number of threads; None for one a core.
+
+    Returns:
+        The scene folder.
+
+    Raises:
+        UnknownNameError: There is no such family.
+        RecordError: A knob is unknown or out of its range.
+        DatasetError: The folder holds a scene of another spec, or something else.
+        OutputError: The dataset folder cannot be written to, or the disk is full.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    wanted = identity(spec, settings)
+    _check_foreign(place)
+    found = _found_identity(place)
+    if found is not None:
+        _check_same(place, found, wanted)
+        faults = damage(place)
+        if not faults:
+            progress(1.0, f"{place.scene} is there")
+            return place.final
+        reopen(place, _stamp(wanted, _usable_variant(found)), faults)
+    gc.writable_folder(place.final.parent)
+    _make(place, spec, settings, wanted, progress, threads)
+    return place.final
+
+
+def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
+    """Everything that decides what a scene's files hold, but for the renderer's variant."""
+    return gc.encode(
+        {
+            "generator": GENERATOR_VERSION,
+            "track": spec.track,
+            "family": spec.family,
+            "seed": spec.seed,
+            "knobs": resolved_knobs(spec),
+            "render": settings,
+        }
+    )
+
+
+def _make(
+    place: Place,
+    spec: SceneSpec,
+    settings: RenderSettings,
+    wanted: Mapping[str, Any],
+    progress: gc.Progress,
+    threads: int | None,
+) -> None:
+    scene = family_of(spec).build(spec.seed, settings)
+    variant = _usable_variant(stamped(place) or {})
+    if variant is None:
+        variant = use_renderer(threads).variant
+    stamp = _stamp(wanted, variant)
+    resume(place, stamp)
+    missing = [
+        number
+        for number, view in enumerate(scene.views)
+        if not is_whole_view(view_file(place.partial, view.name))
+    ]
+    if missing:
+        use_renderer(threads, variant)
+        _render_views(place, scene, missing, spec.seed, settings, progress)
+    finish(place, scene, stamp)
+    promote(place)
+    progress(1.0, f"{place.scene} is done")
+
+
+def _render_views(
+    place: Place,
+    scene: Scene,
+    numbers: list[int],
+    seed: int,
+    settings: RenderSettings,
+    progress: gc.Progress,
+) -> None:
+    from graycard.synth._views import render_view  # Mitsuba: not before its variant is chosen
+
+    for number in numbers:
+        name = scene.views[number].name
+        progress(number / len(scene.views), f"{place.scene} {name}")
+        gc.write_layers(view_file(place.partial, name), render_view(scene, number, seed, settings))
+
+
+def _stamp(wanted: Mapping[str, Any], variant: str | None) -> dict[str, Any]:
+    return {**wanted, "variant": variant}
+
+
+def _usable_variant(found: Mapping[str, Any]) -> str | None:
+    """The variant that existing views were rendered with, if it can be used to add to them."""
+    variant = found.get("variant")
+    return variant if isinstance(variant, str) and can_render(variant) else None
+
+
+def _found_identity(place: Place) -> dict[str, Any] | None:
+    """What the final folder's truth says it was made from; None where it cannot be told."""
+    path = place.final / "truth" / "manifest.json"
+    try:
+        gc.read_json(path)
+    except gc.RecordError:
+        return None
+    manifest = gc.read_manifest(path.parent, "graycard-truth")
+    return {
+        "generator": manifest.generator.get("generator"),
+        "track": manifest.track,
+        "family": manifest.settings.get("family"),
+        "seed": manifest.seeds.get("scene"),
+        "knobs": manifest.settings.get("knobs"),
+        "render": manifest.settings.get("render"),
+        "variant": manifest.generator.get("variant"),
+    }
+
+
+def _check_same(place: Place, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    old, new = _flat(found), _flat(wanted)
+    differ = [f"{k}: expected {v}, got {old.get(k)}" for k, v in new.items() if old.get(k) != v]
+    if differ:
+        raise gc.DatasetError(
+            f"expected {place.final} to be free or to hold this very scene, got one of another spec "
+            f"({'; '.join(differ)}). Choose another output folder, or delete this one"
+        )
+
+
+def _check_foreign(place: Place) -> None:
+    names = foreign_content(place)
+    if names:
+        raise gc.DatasetError(
+            f"expected {place.final} to be free or to hold a scene, got {', '.join(names[:3])} in it. "
+            "Choose another output folder, or move this one away"
+        )
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A scene as plain data: shapes, materials, lights and cameras, before any renderer is involved."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import graycard as gc
+from graycard.synth._mesh import Mesh
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Texture:
+    """A colour that varies over a surface."""
+
+    pixels: np.ndarray
+    """Shape ``(H, W, 3)``, linear Rec.709 reflectance; tiles in both directions."""
+    repeat: tuple[float, float] = (1.0, 1.0)
+    """How often it is repeated for one unit of u and of v."""
+    smooth: bool = True
+    """Bilinear; else nearest, for colours that must not mix."""
+
+
+Color = Vector | Texture
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Matte:
+    """A Lambertian surface."""
+
+    color: Color
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Glossy:
+    """The Disney principled material (Burley 2012), GGX alpha = roughness squared."""
+
+    color: Color
+    roughness: float
+    metallic: float = 0.0
+    specular: float = 0.5
+    """Reflectance at normal incidence of the dielectric part is 0.08 times this."""
+
+
+Material = Matte | Glossy
+
+BLACK = Matte((0.0, 0.0, 0.0))
+"""The surface of a light: it emits and reflects nothing, so its base colour is exactly 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ball:
+    """A sphere, exact."""
+
+    center: Vector
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class Quad:
+    """A one-sided parallelogram, ``center ± half_u ± half_v``; it is seen from the side of u x v."""
+
+    center: Vector
+    half_u: Vector
+    half_v: Vector
+
+
+Geometry = Mesh | Ball | Quad
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Thing:
+    """One object. Its id in ``object_id`` layers is its place in :attr:`Scene.things`, from 1."""
+
+    name: str
+    geometry: Geometry
+    material: Material
+    light: str = ""
+    """Name of the light that its surface is; empty for what does not emit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """Everything that a renderer needs, and everything that the truth records."""
+
+    things: tuple[Thing, ...]
+    lights: tuple[gc.Light, ...]
+    views: tuple[gc.View, ...]
+    sky: np.ndarray | None = None
+    """Radiance of the environment on the sky grid (see :mod:`graycard.synth._sky`), W/m²/sr."""
+    target: str = ""
+    """Name of the thing that the removal task takes away."""
+    light_weights: Mapping[str, float] = field(default_factory=dict)
+    """Share of the light samples that a light is given, relative to 1: less noise, same mean."""
+
+    def id_of(self, name: str) -> int:
+        """The object id of a thing.
+
+        Raises:
+            ValueError: There is no thing of that name.
+        """
+        names = [thing.name for thing in self.things]
+        if name not in names:
+            raise ValueError(f"expected a thing of the scene, got {name!r}: {', '.join(names)}")
+        return names.index(name) + 1
+
+    @property
+    def target_id(self) -> int | None:
+        """The object id of the target; None where there is none."""
+        return self.id_of(self.target) if self.target else None
+
+    def objects(self) -> tuple[gc.SceneObject, ...]:
+        """All objects with their ids."""
+        return tuple(
+            gc.SceneObject(number, thing.name, bool(thing.light))
+            for number, thing in enumerate(self.things, start=1)
+        )
+
+
+def surface_of(light: gc.RectangleLight | gc.SphereLight) -> Thing:
+    """The object that is the surface of an area light."""
+    match light:
+        case gc.RectangleLight():
+            geometry: Geometry = Quad(light.position, light.half_u, light.half_v)
+        case gc.SphereLight():
+            geometry = Ball(light.position, light.radius)
+    return Thing(light.name, geometry, BLACK, light.name)

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene is made from: which family, which seed, which knobs, and how it is photographed."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+GENERATOR_VERSION = 1
+"""Raised whenever the same spec gives other pictures."""
+
+SUB_BUFFERS = 4
+"""A radiance is the mean of this many independent images, and its variance is found from their spread."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenderSettings:
+    """How a scene is photographed.
+
+    Raises:
+        ValueError: A number is out of its range, or ``samples`` is not 4 times a square.
+    """
+
+    width: int = 112
+    """Pixels."""
+    height: int = 112
+    """Pixels."""
+    train_views: int = 8
+    test_views: int = 3
+    samples: int = 64
+    """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
+    max_depth: int = 5
+    """Most segments of a light path; 2 is direct light only."""
+
+    def __post_init__(self) -> None:
+        for name, low in (
+            ("width", 4),
+            ("height", 4),
+            ("train_views", 2),
+            ("test_views", 1),
+            ("max_depth", 1),
+        ):
+            if getattr(self, name) < low:
+                raise ValueError(f"expected {name} to be {low} or more, got {getattr(self, name)}")
+        share, rest = divmod(self.samples, SUB_BUFFERS)
+        if self.samples < SUB_BUFFERS or rest or math.isqrt(share) ** 2 != share:
+            raise ValueError(
+                f"expected samples to be {SUB_BUFFERS} times a square (16, 36, 64, 100, 144, 256 ...), "
+                f"got {self.samples}"
+            )
+
+    @property
+    def views(self) -> int:
+        """Number of all views."""
+        return self.train_views + self.test_views
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSpec:
+    """One scene: everything in it follows from this record.
+
+    Raises:
+        ValueError: The seed is negative.
+    """
+
+    track: str
+    family: str
+    seed: int
+    knobs: Mapping[str, Any] = field(default_factory=dict)
+    """Values that differ from the family's defaults, by name."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise ValueError(f"expected a seed of 0 or more, got {self.seed}")

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
+
+Views are rendered into ``.<scene>.partial`` beside the scene's final folder; a stamp there says for
+which spec. When all views are there, the capture is derived from the truth, both are sealed, and the
+folder gets its final name in one step. A damaged scene goes back to being a partial one.
+"""
+
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import graycard as gc
+
+STAMP = "stamp.json"
+_PARTS = ("capture", "truth")
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """The two places of a scene in a dataset."""
+
+    dataset: Path
+    track: str
+    scene: str
+
+    @property
+    def final(self) -> Path:
+        """The folder of the whole scene."""
+        return self.dataset / self.track / self.scene
+
+    @property
+    def partial(self) -> Path:
+        """The hidden folder of the scene in the making."""
+        return self.dataset / self.track / f".{self.scene}.partial"
+
+    @property
+    def replaced(self) -> Path:
+        """Where a broken scene waits until the new one is whole."""
+        return self.dataset / self.track / f".{self.scene}.replaced"
+
+
+def view_file(root: Path, view: str) -> Path:
+    """The file of a view's true layers, the one product of rendering it."""
+    return root / "truth" / "views" / f"{view}.exr"
+
+
+def damage(place: Place) -> dict[str, str]:
+    """What is wrong with the files of a final folder, by path relative to it; empty if it is whole."""
+    faults: dict[str, str] = {}
+    for part in _PARTS:
+        folder = place.final / part
+        try:
+            manifest = gc.read_manifest(folder, f"graycard-{part}")
+        except gc.DatasetError as cause:
+            faults[f"{part}/manifest.json"] = str(cause)
+            continue
+        faults |= {f"{part}/{name}": fault for name, fault in gc.damaged_files(folder, manifest).items()}
+    return faults
+
+
+def reopen(place: Place, stamp: Mapping[str, Any], faults: Mapping[str, str]) -> None:
+    """Make a damaged scene a partial one again: what is damaged goes, what is whole stays.
+
+    Killed between any two of its steps it leaves a folder that is still seen to be damaged, or a partial one.
+    """
+    discard(place.partial)
+    for name in faults:
+        (place.final / name).unlink(missing_ok=True)
+    gc.write_json(place.final / STAMP, stamp)
+    _move(place.final, place.partial)
+
+
+def resume(place: Place, stamp: Mapping[str, Any]) -> None:
+    """Get the partial folder ready: keep views that were made for this stamp, and nothing else."""
+    path = place.partial / STAMP
+    if not (path.is_file() and _json_or_none(path) == gc.encode(stamp)):
+        discard(place.partial)
+        gc.writable_folder(place.partial)
+        gc.write_json(path, stamp)
+    for part in _PARTS:
+        (place.partial / part / "manifest.json").unlink(missing_ok=True)
+
+
+def stamped(place: Place) -> Mapping[str, Any] | None:
+    """The stamp of the partial folder; None where there is none that can be read."""
+    found = _json_or_none(place.partial / STAMP)
+    return found if isinstance(found, dict) else None
+
+
+def is_whole_view(path: Path) -> bool:
+    """Whether a view's file is there and can be read to its end."""
+    try:
+        gc.read_layers(path)
+    except gc.DatasetError:
+        path.unlink(missing_ok=True)
+        return False
+    return True
+
+
+def promote(place: Place) -> None:
+    """Give the finished partial folder its final name; a broken folder of that name goes first."""
+    (place.partial / STAMP).unlink(missing_ok=True)
+    if place.final.exists():
+        discard(place.replaced)
+        _move(place.final, place.replaced)
+    _move(place.partial, place.final)
+    discard(place.replaced)
+
+
+def discard(folder: Path) -> None:
+    """Remove a folder that graycard made for itself, if it is there.
+
+    Raises:
+        OutputError: It cannot be removed.
+    """
+    if folder.exists():
+        try:
+            shutil.rmtree(folder)
+        except OSError as cause:
+            raise gc.OutputError(
+                f"expected to remove {folder}, got {cause.strerror or cause}. Change its permissions"
+            ) from cause
+
+
+def foreign_content(place: Place) -> list[str]:
+    """Names in a final folder that no scene folder has: then it is not ours to replace."""
+    if not place.final.exists():
+        return []
+    if not place.final.is_dir():
+        return [place.final.name]
+    return sorted(p.name for p in place.final.iterdir() if p.name not in (*_PARTS, STAMP))
+
+
+def _move(source: Path, target: Path) -> None:
+    try:
+        os.replace(source, target)
+    except OSError as cause:
+        raise gc.OutputError(
+            f"expected to rename {source} to {target}, got {cause.strerror or cause}. Is another graycard "
+            "at work on this scene? Run the same command again"
+        ) from cause
+
+
+def _json_or_none(path: Path) -> Any:
+    try:
+        return gc.read_json(path)
+    except gc.RecordError:
+        return None

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The true layers of one view. Import it only after ``use_renderer``."""
+
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+import graycard as gc
+from graycard.synth._mitsuba import centre_sensor, load, load_scene, sensor, shape_key
+from graycard.synth._scene import Scene
+from graycard.synth._spec import SUB_BUFFERS, RenderSettings
+from graycard.synth._variant import SCALAR
+
+_BLOCK = 16
+"""Pixels along the side of a render block; the automatic size depends on the number of threads."""
+
+
+def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+    """All true layers of one view; a pure function of its arguments and of the renderer's variant.
+
+    The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
+    is equal in both, to the bit.
+
+    Args:
+        scene: What is there.
+        number: Index of the view in ``scene.views``.
+        seed: Of the scene.
+        settings: Samples and depth of the light paths.
+
+    Returns:
+        Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.layers`.
+    """
+    camera = scene.views[number].camera
+    seeds = sub_buffer_seeds(seed, number)
+    whole = load_scene(scene, camera)
+    mean, variance = radiance(whole, camera, seeds, settings)
+    layers = {"radiance": mean, "radiance.var": variance, **surface_layers(whole, scene, camera)}
+    if scene.target:
+        emptied = load_scene(scene, camera, without=scene.target)
+        mean, variance = radiance(emptied, camera, seeds, settings)
+        layers |= {"counterfactual.radiance": mean, "counterfactual.radiance.var": variance}
+    return layers
+
+
+def sub_buffer_seeds(seed: int, view: int) -> list[int]:
+    """One 32-bit seed for each independent image of a view."""
+    return [
+        int(np.random.SeedSequence([seed, view, number]).generate_state(1)[0])
+        for number in range(SUB_BUFFERS)
+    ]
+
+
+def radiance(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32.
+
+    The mean is over independent images, so their spread gives an unbiased variance whatever the sampler
+    does inside one image: ``Var(mean) = Var(images) / n``.
+    """
+    share = settings.samples // len(seeds)
+    integrator = load({"type": "path", "max_depth": settings.max_depth, "block_size": _BLOCK})
+    eye = sensor(camera, share)
+    images = np.stack([_image(loaded, eye, integrator, spp=share, seed=one) for one in seeds])
+    mean, variance = images.mean(axis=0), images.var(axis=0, ddof=1) / len(seeds)
+    return mean.astype(np.float32), variance.astype(np.float32)
+
+
+def surface_layers(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:
+    """Base colour, normal, depth and object id at the pixel centres, from one ray each."""
+    aovs = "p:position,n:sh_normal,g:geo_normal,c:albedo,s:shape_index"
+    caster = load({"type": "aov", "aovs": aovs, "block_size": _BLOCK})
+    values = _image(loaded, centre_sensor(camera), caster, spp=1)
+    position, shading, geometric, color = (values[..., 3 * k : 3 * k + 3] for k in range(4))
+    ids = object_ids(values[..., 12], loaded, scene)
+    seen = ids > 0
+    depth = (position - camera.position) @ camera.forward
+    return {
+        "base_color": np.where(seen[..., None], color, 0).astype(np.float32),
+        "normal": np.where(seen[..., None], _facing(shading, geometric, camera), 0).astype(np.float32),
+        "depth": np.where(seen, depth, np.inf).astype(np.float32),
+        "object_id": ids,
+    }
+
+
+def _image(loaded: mi.Scene, eye: mi.Sensor, integrator: mi.Integrator, **options: Any) -> np.ndarray:
+    """One rendered image of shape ``(H, W, channels)``, float64."""
+    return np.array(mi.render(loaded, sensor=eye, integrator=integrator, **options), dtype=np.float64)
+
+
+def object_ids(shape_index: np.ndarray, loaded: mi.Scene, scene: Scene) -> np.ndarray:
+    """Our ids, uint32, from Mitsuba's indices of shapes, which depend on what else was loaded before."""
+    numbers = {shape_key(n): n for n in range(1, len(scene.things) + 1)}
+    ids = np.zeros(shape_index.shape, dtype=np.uint32)
+    for order, shape in enumerate(loaded.shapes(), start=1):
+        ids[shape_index == _registered(shape, order)] = numbers[shape.id()]
+    return ids
+
+
+def _registered(shape: Any, order: int) -> int:
+    if mi.variant() == SCALAR:
+        return order
+    index: Any = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))
+    return int(index[0])
+
+
+def _facing(shading: np.ndarray, geometric: np.ndarray, camera: gc.Camera) -> np.ndarray:
+    """Unit normals that face the camera.
+
+    Where an interpolated normal of a mesh turns away at its outline, the triangle's own one is right.
+    """
+    rays = camera.rays()
+    turned = ((shading * rays).sum(-1) >= 0)[..., None]
+    normal = np.where(turned, geometric, shading).astype(np.float64)
+    normal = np.where((normal * rays).sum(-1, keepdims=True) > 0, -normal, normal)
+    return normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-30)
