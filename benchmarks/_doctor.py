@@ -9,7 +9,7 @@ import psutil
 
 from graycard import free_mib
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
-from graycard.synth import renderer_advice, renderer_name
+from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
 """A run of the largest suite fits into this."""
@@ -32,13 +32,19 @@ def findings(folder: Path) -> list[Finding]:
         folder: Where runs would go.
     """
     return [
-        Finding("renderer", renderer_name(), renderer_advice() or ""),
+        _renderer(),
         Finding("processor", f"{cpu_model()}, {usable_cores()} cores, {_memory_gib():.0f} GiB"),
-        Finding("GPU", gpu_name() or "none", "" if gpu_name() else "not needed: everything runs on the CPU"),
+        Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
         Finding("weights", _weights(), ""),
         _disk(folder),
     ]
+
+
+def _renderer() -> Finding:
+    llvm = find_llvm()
+    variant = f"llvm_ad_rgb (LLVM {llvm.version}, {llvm.path})" if llvm.usable else "scalar_rgb"
+    return Finding("renderer", f"Mitsuba {package_version('mitsuba')}, {variant}", llvm.advice)
 
 
 def _memory_gib() -> float:

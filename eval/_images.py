@@ -10,7 +10,7 @@ import numpy as np
 import graycard as gc
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._metrics import IMAGE_METRICS, ImageMetric
-from graycard.eval._protocol import PROTOCOL, Status
+from graycard.eval._protocol import PROTOCOL
 from graycard.eval._psnr import display_variance, psnr
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 from graycard.eval._ssim import interior, ssim
@@ -181,7 +181,7 @@ def _assemble(
 
 def _status(
     metric: ImageMetric, findings: Mapping[str, Finding], provided: bool, unreadable: Sequence[str]
-) -> tuple[Status, str]:
+) -> tuple[gc.Status, str]:
     if unreadable:
         return "failed", unreadable[0]
     if not provided:

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of the predicted lights of a scene; environments have no place and are not counted."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 import graycard as gc
 from graycard.eval._light_errors import LightMatch, intensity_error, match_lights
 from graycard.eval._metrics import LIGHT_METRICS
-from graycard.eval._protocol import PROTOCOL, Status
+from graycard.eval._protocol import PROTOCOL
 
 _INDEX = "lights.json"
 _NEEDS_PAIRS = ("light.position", "light.intensity")
 
 
-def score_lights(predictions: gc.Predictions, truth: gc.Truth, hashes: Mapping[str, str]) -> list[gc.Score]:
+def score_lights(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]:
     """All light scores, in the order of the table.
 
     A scene without local lights has no errors of position and intensity, only counts.
@@ -22,7 +22,6 @@ def score_lights(predictions: gc.Predictions, truth: gc.Truth, hashes: Mapping[s
     Args:
         predictions: What is scored.
         truth: What it is scored by.
-        hashes: SHA-256 of each file of the predictions, as it is on disk now.
 
     Raises:
         DatasetError: The true lights are missing or broken.
@@ -30,7 +29,7 @@ def score_lights(predictions: gc.Predictions, truth: gc.Truth, hashes: Mapping[s
     true = _local(truth.lights())
     records = [r for r in LIGHT_METRICS if true or r.id not in _NEEDS_PAIRS]
     try:
-        lights = _predicted_lights(predictions, hashes)
+        lights = _predicted_lights(predictions)
     except gc.PredictionError as cause:
         return [_score(r, len(true), "failed", reason=str(cause)) for r in records]
     if lights is None:
@@ -41,13 +40,7 @@ def score_lights(predictions: gc.Predictions, truth: gc.Truth, hashes: Mapping[s
     return [_judge(r, match, predicted, true, truth.diameter) for r in records]
 
 
-def _predicted_lights(predictions: gc.Predictions, hashes: Mapping[str, str]) -> tuple[gc.Light, ...] | None:
-    listed = predictions.files.get(_INDEX)
-    if listed is not None and hashes.get(_INDEX) != listed:
-        raise gc.PredictionError(
-            f"expected {_INDEX} with SHA-256 {listed[:12]}…, got {hashes.get(_INDEX, 'none')[:12]}: it "
-            "changed after predictions.json was written. Write the predictions again"
-        )
+def _predicted_lights(predictions: gc.Predictions) -> tuple[gc.Light, ...] | None:
     lights = predictions.lights()
     for light in _local(lights or ()):
         _check(light)
@@ -108,7 +101,7 @@ def _value(
 def _score(
     record: gc.MetricRecord,
     expected: int,
-    status: Status,
+    status: gc.Status,
     *,
     value: float | None = None,
     scored: int = 0,

@@ -23,10 +23,5 @@ failed, with the reason; a view is never left out and nothing is put in its plac
 view has is "not provided". A file that cannot be read may hold any layer, so it fails all images.
 """
 
-from typing import Literal
-
 PROTOCOL = "graycard-0"
 """Name and version of these rules; a change to any of them is a new version."""
-
-Status = Literal["scored", "failed", "not provided"]
-"""How a score ended, as in :class:`graycard.Score`."""

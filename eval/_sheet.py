@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a predictions folder and a scene folder to a sheet of scores."""
 
-import hashlib
-from collections.abc import Mapping
 from pathlib import Path
 
 import graycard as gc
@@ -35,18 +33,11 @@ def score_predictions(predictions: Path, scene: Path) -> gc.ScoreSheet:
             f"expected predictions for {truth.track}/{truth.scene}, got some for "
             f"{found.track}/{found.scene} in {predictions}. Score them by their own scene"
         )
-    hashes = gc.sha256_of_files(Path(predictions), skip=lambda name: name.startswith("decomposition/"))
     return gc.ScoreSheet(
         truth.track,
         truth.scene,
         found.method,
-        _hash_of(hashes),
+        gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth, hashes)),
+        (*score_images(found, truth), *score_lights(found, truth)),
     )
-
-
-def _hash_of(hashes: Mapping[str, str]) -> str:
-    """SHA-256 of the lines "<hash>  <name>", sorted by name: what ``sha256sum`` prints, hashed."""
-    lines = "".join(f"{value}  {name}\n" for name, value in sorted(hashes.items()))
-    return hashlib.sha256(lines.encode()).hexdigest()

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,12 +23,12 @@ MUST_NOT_KNOW = {
 }
 
 
-def read_project() -> dict[str, object]:
+def read_project() -> dict[str, Any]:
     return tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_every_package_is_listed():
-    setuptools = read_project()["tool"]["setuptools"]  # pyright: ignore
+    setuptools = read_project()["tool"]["setuptools"]
     on_disk = [
         ".".join(["graycard", folder, *init.parent.relative_to(ROOT / folder).parts])
         for folder in FOLDERS
@@ -62,7 +63,7 @@ def test_the_command_line_starts_without(heavy: str):
 
 
 def test_constraints_pin_every_dependency():
-    project = read_project()["project"]  # pyright: ignore
+    project = read_project()["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
     names = {w.split(">")[0].split("=")[0].strip().lower().replace("_", "-") for w in wanted}
     pins = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line]

@@ -83,6 +83,7 @@ from graycard._records import RunRecord as RunRecord
 from graycard._records import SceneRecord as SceneRecord
 from graycard._records import Score as Score
 from graycard._records import ScoreSheet as ScoreSheet
+from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
 

@@ -39,6 +39,11 @@ class Screen:
         default_factory=lambda: Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
     )
 
+    def advise(self, advice: str) -> None:
+        """Say how to get more out of this machine; an empty advice says nothing."""
+        if advice:
+            self.err.print(f"advice: {advice}")
+
     @contextmanager
     def progress(self) -> Iterator[Progress]:
         """A progress bar for the length of a block."""
@@ -46,7 +51,7 @@ class Screen:
         with ProgressBar(*columns, console=self.err, transient=True) as bar:
             task = bar.add_task("", total=1.0)
 
-            def report(done: float, doing: str) -> None:
+            def report(done: float, doing: str, /) -> None:
                 bar.update(task, completed=done, description=doing)
 
             yield report
@@ -92,7 +97,7 @@ class Scenes:
             for spec in suite.scenes:
                 table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
         screen.out.print(table)
-        known = {track: sorted(found) for track, found in families().items()}
+        known = {track: [n for n, f in families().items() if f.track == track] for track in TRACKS}
         _write_json(self.json, {"families": known, "suites": suites})
         names = ", ".join(f"{track}: {'/'.join(found)}" for track, found in known.items())
         screen.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
@@ -152,11 +157,10 @@ class Render:
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Render, view by view."""
-        from graycard.synth import render_scene, renderer_advice
+        from graycard.synth import find_llvm, render_scene
 
         jobs = self._jobs(rest)
-        if advice := renderer_advice():
-            screen.err.print(advice)
+        screen.advise(find_llvm().advice)
         for number, (spec, settings) in enumerate(jobs):
             with screen.progress() as progress:
                 folder = render_scene(spec, settings, self.out, _share(progress, number, len(jobs)))
@@ -166,11 +170,12 @@ class Render:
 
     def _jobs(self, rest: list[str]) -> list[tuple[Any, Any]]:
         from graycard.benchmarks import load_suite
-        from graycard.synth import RenderSettings, default_scene
+        from graycard.synth import RenderSettings, SceneSpec, families
 
         if self.what in TRACKS:
             settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
-            return [(default_scene(self.what, self.seed), settings)]
+            family = next(name for name, f in families().items() if f.track == self.what)
+            return [(SceneSpec(self.what, family, self.seed), settings)]
         refuse(rest, "render")
         suite = load_suite(self.what)
         return [(spec, suite.render) for spec in suite.scenes]
@@ -256,12 +261,11 @@ class Bench:
         """Run it; a job or a score that failed makes the exit code 1."""
         from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores
         from graycard.reports import write_report
-        from graycard.synth import renderer_advice
+        from graycard.synth import find_llvm
 
         suite = narrow(load_suite(self.suite), self.tracks, self.methods)
         run = self.out or Path("runs") / Path(self.suite).stem
-        if advice := renderer_advice():
-            screen.err.print(advice)
+        screen.advise(find_llvm().advice)
         with screen.progress() as progress:
             record = run_bench(suite, run, self.jobs or usable_cores(), progress, self.dataset)
         report = write_report(run)

@@ -48,33 +48,40 @@ class Predictions:
             PredictionError: The file is missing or broken, has channels of no layer, or was changed
                 after its hash was taken.
         """
-        name = f"views/{view}.exr"
-        path = self._root / name
+        path = self._root / "views" / f"{view}.exr"
         if not path.is_file():
             have = ", ".join(self.view_names()) or "none"
             raise PredictionError(
                 f"expected a prediction for view {view!r} at {path}, got none. Present: {have}"
             )
-        if name in self.files and (found := sha256(path)) != self.files[name]:
-            raise PredictionError(
-                f"expected {path} with SHA-256 {self.files[name][:12]}…, got {found[:12]}…: it changed "
-                f"after {INDEX} was written. Write the predictions again"
-            )
+        self._check_hash(path)
         return read_layers(path, PredictionError)
 
     def lights(self) -> tuple[Light, ...] | None:
         """The predicted lights; None where the method provides none.
 
         Raises:
-            PredictionError: The file is broken, or a light has an unknown key or type.
+            PredictionError: The file is broken or was changed after its hash was taken, or a light has an
+                unknown key or type.
         """
         path = self._root / "lights.json"
-        if not path.is_file():
+        if not path.is_file() and "lights.json" not in self.files:
             return None
+        self._check_hash(path)
         try:
             return read_lights(path)
         except GraycardError as cause:
             raise PredictionError(str(cause)) from cause
+
+    def _check_hash(self, path: Path) -> None:
+        """Prove that a file is the one that the index lists, if it lists it."""
+        listed = self.files.get(path.relative_to(self._root).as_posix())
+        found = sha256(path) if path.is_file() else "none"
+        if listed is not None and found != listed:
+            raise PredictionError(
+                f"expected {path} with SHA-256 {listed[:12]}…, got {found[:12]}: it changed after {INDEX} "
+                "was written. Write the predictions again"
+            )
 
     @property
     def _root(self) -> Path:

@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 class Progress(Protocol):
     """Called with the share that is done and what is being done."""
 
-    def __call__(self, done: float, doing: str) -> None:
+    def __call__(self, done: float, doing: str, /) -> None:
         """Report.
 
         Args:

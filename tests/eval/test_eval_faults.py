@@ -222,7 +222,7 @@ def test_lights_that_changed_after_their_hash_was_taken(scene: Path, predict: Pr
         (folder / "lights.json").unlink()
     else:
         gc.write_lights(folder / "lights.json", ())
-    words = ("expected lights.json with SHA-256", "got none" if lost else "it changed after")
+    words = ("lights.json with SHA-256", "got none" if lost else "it changed after")
     expect(ge.score_predictions(folder, scene), "failed", LIGHTS, *words)
 
 

@@ -78,9 +78,7 @@ def test_a_plug_in_may_even_exit(plug_in: Callable[..., None]):
 
 def test_two_offers_of_one_name(plug_in: Callable[..., None]):
     plug_in("graycard-gray", "gray_ep", GOOD, gray="gray_ep:Mine")
-    with pytest.raises(
-        gc.MethodError, match=r"got 2: graycard.methods._gray:GrayMethod .*graycard-gray 0.3"
-    ):
+    with pytest.raises(gc.MethodError, match=r"got 2: graycard.methods._gray:GrayMethod .*graycard-gray 0.3"):
         methods.load_method("gray")
     assert methods.load_method("truth").summary
 

@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole pipeline on real scenes: what it says, what it reuses, what it survives."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.__main__ import main
+
+TRACKS = ("dark", "tabletop", "multilight")
+
+
+def sheets(run: Path) -> dict[tuple[str, str], gc.ScoreSheet | None]:
+    return {(r.job.track, r.job.method): r.sheet for r in gc.read_run(run).results}
+
+
+def stamps(run: Path) -> dict[str, int]:
+    kept = [
+        *run.glob("dataset/*/*/truth/views/*.exr"),
+        *run.glob("jobs/**/*.exr"),
+        *run.glob("jobs/**/scores.json"),
+    ]
+    return {str(path): path.stat().st_mtime_ns for path in kept}
+
+
+def test_every_job_is_there(tiny_run: Path):
+    record = gc.read_run(tiny_run)
+    assert [s.track for s in record.scenes] == list(TRACKS)
+    assert [m.name for m in record.methods] == ["truth", "gray", "input", "retinex"]
+    assert len(record.results) == 12
+    assert all(r.status == "done" and r.cost and r.cost.peak_memory_mib > 1 for r in record.results)
+    assert record.environment["packages"]["mitsuba"]
+    assert record.environment["renderer"][0]["variant"] in ("llvm_ad_rgb", "scalar_rgb")
+
+
+def test_truth_scores_the_optimum_of_every_metric(tiny_run: Path):
+    for track in TRACKS:
+        sheet = sheets(tiny_run)[track, "truth"]
+        assert sheet
+        assert {s.metric: s.value for s in sheet.scores} == {s.metric: s.optimum for s in sheet.scores}
+    counterfactual = [s.metric for s in sheets(tiny_run)["tabletop", "truth"].scores if "counter" in s.metric]  # pyright: ignore
+    assert len(counterfactual) == 3
+
+
+@pytest.mark.parametrize("method", ["gray", "input", "retinex"])
+@pytest.mark.parametrize("track", TRACKS)
+def test_the_others_are_finite_and_worse(tiny_run: Path, track: str, method: str):
+    sheet = sheets(tiny_run)[track, method]
+    assert sheet
+    scored = [s for s in sheet.scores if s.status == "scored"]
+    assert {"albedo.psnr.raw", "albedo.psnr.scalar", "albedo.psnr.channel"} <= {s.metric for s in scored}
+    for score in scored:
+        assert score.value is not None
+        assert abs(score.value) < 1e6
+        assert score.value < score.optimum if score.higher_is_better else score.value > score.optimum
+    assert all(s.status == "not provided" for s in sheet.scores if s not in scored)
+
+
+def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixture[str]):
+    before, scores = stamps(tiny_run), sheets(tiny_run)
+    assert main(["bench", str(tiny_run.parent / "tiny.toml"), "--out", str(tiny_run)]) == 0
+    assert stamps(tiny_run) == before
+    assert sheets(tiny_run) == scores
+    last = capsys.readouterr().out.strip().splitlines()[-1]
+    assert last.startswith("bench: 12 jobs, 0 failures")
+    assert last.endswith(str(tiny_run / "report" / "index.html"))
+
+
+def test_killed_while_rendering_and_while_fitting_it_ends_the_same(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]
+):
+    suite, run = suite_of(), tmp_path / "run"
+    command = [sys.executable, "-m", "graycard", "bench", str(suite), "--out", str(run), "--jobs", "1"]
+    kill_when(command, lambda: any(run.glob("dataset/*/.*/**/*.exr")))
+    assert not (run / "run.json").exists()
+    kill_when(command, lambda: any(run.glob("jobs/*/*/*/predictions/views/*.exr")))
+    assert not (run / "run.json").exists()
+    assert main(command[3:]) == 0
+    assert sheets(run) == sheets(tiny_run)
+
+
+def kill_when(command: list[str], seen: Callable[[], bool]) -> None:
+    """Start a command in a process group of its own and SIGKILL the whole group once ``seen`` says so."""
+    with subprocess.Popen(
+        command, start_new_session=True, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    ) as process:
+        deadline = time.monotonic() + 120
+        while not seen():
+            assert process.poll() is None, "it ended before it could be killed"
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def test_a_damaged_prediction_is_made_again(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
+    run, dataset = tmp_path / "run", tiny_run / "dataset"
+    command = ["bench", str(suite_of(tracks=("dark",))), "--out", str(run), "--dataset", str(dataset)]
+    assert main(command) == 0
+    scores = sheets(run)
+    for path in run.glob("jobs/dark/*/gray*/predictions/views/test*.exr"):
+        path.write_bytes(b"damaged")
+    (next(run.glob("jobs/dark/*/input*")) / "scores.json").write_text("{}")
+    assert main(command) == 0
+    assert sheets(run) == scores
+
+
+def test_gate_passes_the_run_that_made_the_baseline(
+    tiny_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    baseline = str(tmp_path / "base.json")
+    assert main(["gate", str(tiny_run), "--baseline", baseline, "--write"]) == 0
+    assert main(["gate", str(tiny_run), "--baseline", baseline]) == 0
+    assert "gate: passed" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_gate_names_what_got_worse(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    baseline, run = str(tmp_path / "base.json"), tmp_path / "worse"
+    assert main(["gate", str(tiny_run), "--baseline", baseline, "--write"]) == 0
+    worse = suite_of(reflectance=0.95)
+    assert main(["bench", str(worse), "--out", str(run), "--dataset", str(tiny_run / "dataset")]) == 0
+    assert main(["gate", str(run), "--baseline", baseline, "--json", str(tmp_path / "v.json")]) == 1
+    out = capsys.readouterr().out
+    good, bad = (sheets(r)["dark", "gray"].score("albedo.psnr.raw").value for r in (tiny_run, run))  # pyright: ignore
+    assert f"gray albedo.psnr.raw: expected {good:.4g} dB" in out
+    assert f"got {bad:.4g}" in out
+    assert "accuracy dropped" in out.splitlines()[-1]
+    assert gc.read_json(tmp_path / "v.json")["worse"]
+
+
+def test_gate_fails_when_less_was_measured(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    baseline, run = str(tmp_path / "base.json"), tmp_path / "fewer"
+    assert main(["gate", str(tiny_run), "--baseline", baseline, "--write"]) == 0
+    command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    assert main([*command, "--methods", "truth", "gray"]) == 0
+    assert main(["gate", str(run), "--baseline", baseline]) == 2
+    assert "missing: dark/corridor-1000 input albedo.psnr.raw" in capsys.readouterr().out
+
+
+BROKEN = """
+import os
+from graycard.methods import NoSettings
+class Raises:
+    summary, needs, settings_type = "Raises in fit", (), NoSettings
+    def fit(self, capture, priors, settings, seed, progress): raise RuntimeError("no convergence")
+    def load(self, folder): ...
+class Dies(Raises):
+    summary = "Takes its process down"
+    def fit(self, capture, priors, settings, seed, progress): os._exit(9)
+"""
+
+
+@pytest.fixture
+def broken_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    (tmp_path / "broken_methods.py").write_text(BROKEN)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    yield "broken_methods"
+    sys.modules.pop("broken_methods", None)
+
+
+def test_a_method_that_breaks_fails_alone(
+    tiny_run: Path,
+    tmp_path: Path,
+    suite_of: Callable[..., Path],
+    broken_module: str,
+    capsys: pytest.CaptureFixture[str],
+):
+    run = tmp_path / "run"
+    command = [
+        "bench",
+        str(suite_of(tracks=("dark",))),
+        "--out",
+        str(run),
+        "--dataset",
+        str(tiny_run / "dataset"),
+    ]
+    methods = [f"{broken_module}:Raises", f"{broken_module}:Dies", "gray"]
+    assert main([*command, "--methods", *methods]) == 1
+    raised, died, gray = gc.read_run(run).results
+    assert (raised.status, died.status, gray.status) == ("failed", "failed", "done")
+    assert raised.reason.startswith("RuntimeError: no convergence (traceback in error.txt)")
+    assert "no convergence" in (run / raised.folder / "error.txt").read_text()
+    assert "expected the worker to come back, got its death (exit code 9)" in died.reason
+    assert "no convergence" in capsys.readouterr().err
+    assert (run / "report" / "index.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["demoo"], "expected a suite that exists, got 'demoo' (did you mean 'demo'?)"),
+        (["demo", "--tracks", "darkk"], "expected a track that exists, got 'darkk' (did you mean 'dark'?)"),
+        (
+            ["demo", "--methods", "trutth"],
+            "expected a method that exists, got 'trutth' (did you mean 'truth'?)",
+        ),
+        (
+            ["demo", "--out", "/proc/graycard"],
+            "expected an output folder that can be written to, got /proc/graycard",
+        ),
+    ],
+)
+def test_bad_options_are_met_before_any_work(
+    options: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", *options]) == 2
+    assert message in capsys.readouterr().err
+    assert not any(tmp_path.rglob("*.exr"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("samples = 16", "sample = 16", "sample"),
+        ("samples = 16", "samples = 17", "samples"),
+        ('track = "dark"', 'track = "drak"', "did you mean 'dark'"),
+        ('family = "corridor"', 'family = "coridor"', "did you mean 'corridor'"),
+        ("reflectance", "reflektance", "did you mean 'reflectance'"),
+        ("[render]", "[render", "expected TOML"),
+    ],
+)
+def test_bad_suites(
+    old: str,
+    new: str,
+    message: str,
+    tmp_path: Path,
+    suite_of: Callable[..., Path],
+    capsys: pytest.CaptureFixture[str],
+):
+    path = suite_of(tracks=("dark",))
+    path.write_text(path.read_text().replace(old, new))
+    assert main(["bench", str(path), "--out", str(tmp_path / "run")]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_suite_without_scenes_on_a_track(
+    tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    suite = str(suite_of(tracks=("dark",)))
+    assert main(["bench", suite, "--tracks", "tabletop", "--out", str(tmp_path / "run")]) == 2
+    assert "expected suite 'tiny' to have scenes on tabletop, got none" in capsys.readouterr().err
+
+
+def test_a_full_disk_ends_the_bench_and_loses_nothing(
+    tiny_run: Path, small_disk: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    run = small_disk / "run"
+    command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    assert main(command) == 2
+    assert "Free some space" in capsys.readouterr().err
+    assert not (run / "run.json").exists()
+    subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
+    assert main(command) == 0
+    assert sheets(run) == sheets(tiny_run)

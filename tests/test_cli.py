@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line on small things; tests/benchmarks/test_bench.py runs the large ones."""
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.__main__ import main
+from graycard._commands import COMMANDS
+
+ROOT = Path(__file__).parents[1]
+Capture = pytest.CaptureFixture[str]
+
+
+def last_line(capsys: Capture) -> str:
+    return capsys.readouterr().out.strip().splitlines()[-1]
+
+
+def test_doctor_finds_things_and_advises(tmp_path: Path, capsys: Capture):
+    assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
+    assert last_line(capsys).startswith("doctor: ")
+    names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())]
+    assert names == ["renderer", "processor", "GPU", "torch", "weights", "disk"]
+
+
+def test_doctor_without_llvm_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nonexistent/libLLVM.so")
+    assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
+    renderer = json.loads((tmp_path / "d.json").read_text())[0]
+    assert "scalar_rgb" in renderer["found"]
+    assert "/nonexistent/libLLVM.so" in renderer["advice"]
+
+
+def test_scenes_lists_suites_and_families(tmp_path: Path, capsys: Capture):
+    assert main(["scenes", "--json", str(tmp_path / "s.json")]) == 0
+    assert "demo" in capsys.readouterr().out
+    found = json.loads((tmp_path / "s.json").read_text())
+    assert list(found["families"]) == list(gc.TRACKS)
+    assert {suite["name"] for suite in found["suites"]} >= {"demo", "smoke"}
+
+
+def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
+    assert main(["methods", "--json", str(tmp_path / "m.json")]) == 0
+    assert last_line(capsys) == "methods: 4 work, 0 cannot be loaded"
+    assert main(["methods", "gray", "--json", str(tmp_path / "m.json")]) == 0
+    assert "--reflectance" in capsys.readouterr().out
+    assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
+
+
+def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    scene, out = str(tiny_scenes["dark"]), str(tmp_path / "p")
+    assert (
+        main(["fit", "gray", scene, "--out", out, "--reflectance", "0.5", "--save", str(tmp_path / "d")]) == 0
+    )
+    assert last_line(capsys).startswith(f"fit: {out} in ")
+    assert gc.open_predictions(tmp_path / "p").layers("test_001")["base_color"][0, 0, 0] == 0.5
+    assert gc.read_json(tmp_path / "d" / "decomposition.json")["method"] == "gray"
+    assert main(["score", out, scene, "--json", str(tmp_path / "s.json")]) == 0
+    assert re.fullmatch(
+        r"score: gray on dark/tiny-0000: \d+ scored, 0 failed, 4 not provided", last_line(capsys)
+    )
+    assert gc.read_score_sheet(tmp_path / "s.json").score("albedo.psnr.channel").gauge
+
+
+def test_methods_settings_are_checked(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    fit = ["fit", "gray", str(tiny_scenes["dark"]), "--out", str(tmp_path / "p")]
+    for wrong, message in (
+        (["--reflectance", "7"], "expected a reflectance in"),
+        (["--reflectanc", "1"], "--reflectance"),
+    ):
+        with pytest.raises(SystemExit, match="2"):
+            main([*fit, *wrong])
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / "p").exists()
+
+
+def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    scene = tiny_scenes["dark"]
+    assert main(["fit", "input", str(scene), "--out", str(tmp_path)]) == 0
+    gc.write_view(tmp_path, "test_001", {"base_color": np.full((24, 28, 3), np.nan)})
+    gc.finish_predictions(tmp_path, gc.Predictions("input", "dark", "tiny-0000"))
+    assert main(["score", str(tmp_path), str(scene)]) == 1
+    assert "expected finite values in base_color" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["benhc", "demo"], "expected a verb that exists, got 'benhc' (did you mean 'bench'?)"),
+        (["doctor", "--jsn", "x"], "expected options of `graycard doctor`, got --jsn"),
+        (["methods", "retinx"], "did you mean 'retinex'"),
+        (["render", "drak", "--out", "x"], "did you mean 'dark'"),
+        (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
+        (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),
+        (["fit", "gray", "neverwhere", "--out", "{tmp}/x"], "got nothing. Run `graycard render`"),
+        (
+            ["fit", "gray", "{scene}", "--out", "/proc/graycard"],
+            "expected an output folder that can be written to",
+        ),
+        (["report", "nowhere"], "expected a run folder with run.json at nowhere"),
+        (["gate", "nowhere", "--baseline", "x"], "expected a run folder with run.json at nowhere"),
+    ],
+)
+def test_what_the_user_can_mend(
+    args: list[str], message: str, tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
+):
+    given = [a.format(scene=tiny_scenes["dark"], tmp=tmp_path) for a in args]
+    assert main(given) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+    def interrupt(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(COMMANDS["doctor"], "run", interrupt)
+    assert main(["doctor"]) == 130
+    assert "goes on where it stopped" in capsys.readouterr().err
+
+
+def test_render_takes_size_and_samples(tmp_path: Path, capsys: Capture):
+    size = ["--width", "12", "--height", "10", "--train-views", "2", "--test-views", "1", "--samples", "4"]
+    command = ["render", "multilight", "--seed", "1234", "--out", str(tmp_path), *size]
+    assert main(command) == 0
+    assert last_line(capsys) == f"render: 1 scene in {tmp_path}"
+    capture = gc.open_capture(tmp_path / "multilight" / "studio-1234" / "capture")
+    assert [(v.camera.width, v.camera.height) for v in capture.views] == [(12, 10)] * 3
+
+
+def test_it_runs_as_a_module():
+    done = subprocess.run(
+        [sys.executable, "-m", "graycard", "--help"], capture_output=True, text=True, check=True
+    )
+    assert all(verb in done.stdout for verb in COMMANDS)
+
+
+def commands_of(page: str) -> list[str]:
+    blocks = re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+    lines = [line.split(" #")[0].strip() for block in blocks for line in block.splitlines()]
+    return [line for line in lines if line.startswith("graycard ")]
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/methods.md"])
+def test_the_pages_name_commands_that_exist(page: str):
+    from graycard.__main__ import _parse
+
+    commands = commands_of(page)
+    assert commands
+    for command in commands:
+        parsed, rest = _parse(shlex.split(command)[1:])
+        assert type(parsed) is COMMANDS[command.split()[1]]
+        assert rest == []
+
+
+def test_the_method_of_the_docs_works(
+    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/methods.md").read_text(), re.DOTALL)[0]
+    (tmp_path / "median.py").write_text(code)
+    monkeypatch.syspath_prepend(tmp_path)
+    scene = make_scene()
+    assert (
+        main(
+            ["fit", "median:Median", str(scene), "--out", str(tmp_path / "p"), "--save", str(tmp_path / "d")]
+        )
+        == 0
+    )
+    assert main(["score", str(tmp_path / "p"), str(scene)]) == 0
+
+
+def test_the_predictions_of_the_docs_work(
+    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
+    scene = make_scene(scene="corridor-1234")
+    (tmp_path / "dataset").rename(tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "docs/formats.md", "exec"), {})
+    lights = re.findall(r"```json\n(\[.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
+    Path("mine/lights.json").write_text(lights)
+    assert len(gc.open_predictions(Path("mine")).lights() or ()) == 5
+    Path("mine/lights.json").unlink()
+    assert main(["score", "mine", str(Path("data") / "dark" / scene.name)]) == 0
