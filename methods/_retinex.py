@@ -17,11 +17,14 @@ FLOOR = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class RetinexSettings:
-    """Settings of ``retinex``; the thresholds are steps between neighbouring pixels in natural log."""
+    """Settings of ``retinex``; the thresholds are steps between neighbouring pixels in natural log.
 
-    brightness_step: float = 0.25
+    Their defaults are the best of a grid on scenes that judge nobody (seeds 1000 and 1001 of each track).
+    """
+
+    brightness_step: float = 0.8
     """A larger step of log brightness is an edge of the paint."""
-    colour_step: float = 0.06
+    colour_step: float = 0.1
     """A larger step of log chromaticity is an edge of the paint."""
     mean_albedo: float = 0.18
     """Geometric mean that each albedo image is scaled to (gray world): a single image leaves it open."""

@@ -7,7 +7,7 @@ Stages are imported inside the verbs: ``graycard methods`` must not wait for a r
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
 from graycard._dataset import TRACKS
-from graycard._errors import GraycardError
+from graycard._errors import GraycardError, UnknownNameError
 from graycard._json import write_json
 from graycard._progress import Progress
 from graycard._records import RunRecord, ScoreSheet, read_run
@@ -48,7 +48,7 @@ class Screen:
     def progress(self) -> Iterator[Progress]:
         """A progress bar for the length of a block."""
         columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
-        with ProgressBar(*columns, console=self.err, transient=True) as bar:
+        with ProgressBar(*columns, console=self.err, transient=True, disable=not self.err.is_terminal) as bar:
             task = bar.add_task("", total=1.0)
 
             def report(done: float, doing: str, /) -> None:
@@ -135,7 +135,10 @@ class Methods:
         method = load_method(name)
         screen.out.print(f"{name}: {method.summary}")
         screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}\n")
-        screen.out.print(tyro.extras.get_parser(method.settings_type, prog="settings").format_help())
+        with suppress(SystemExit):
+            tyro.cli(
+                method.settings_type, args=["--help"], prog=f"graycard fit {name} SCENE --out PREDICTIONS"
+            )
         settings = method.settings_type()
         _write_json(
             self.json, {"name": name, "summary": method.summary, "needs": method.needs, "settings": settings}
@@ -169,7 +172,7 @@ class Render:
         return OK
 
     def _jobs(self, rest: list[str]) -> list[tuple[Any, Any]]:
-        from graycard.benchmarks import load_suite
+        from graycard.benchmarks import load_suite, suite_names
         from graycard.synth import RenderSettings, SceneSpec, families
 
         if self.what in TRACKS:
@@ -177,6 +180,9 @@ class Render:
             family = next(name for name, f in families().items() if f.track == self.what)
             return [(SceneSpec(self.what, family, self.seed), settings)]
         refuse(rest, "render")
+        known = [*suite_names(), *TRACKS]
+        if self.what not in known and not self.what.endswith(".toml"):
+            raise UnknownNameError("suite or track", self.what, known)
         suite = load_suite(self.what)
         return [(spec, suite.render) for spec in suite.scenes]
 

@@ -230,7 +230,7 @@ def test_bad_options_are_met_before_any_work(
         ("samples = 16", "sample = 16", "sample"),
         ("samples = 16", "samples = 17", "samples"),
         ('track = "dark"', 'track = "drak"', "did you mean 'dark'"),
-        ('family = "corridor"', 'family = "coridor"', "did you mean 'corridor'"),
+        ('family = "corridor"', 'family = "coridor"', "did you mean 'dark/corridor'"),
         ("reflectance", "reflektance", "did you mean 'reflectance'"),
         ("[render]", "[render", "expected TOML"),
     ],
