@@ -10,6 +10,7 @@ from graycard.synth._families import family_of as family_of
 from graycard.synth._families import resolved_knobs as resolved_knobs
 from graycard.synth._families import scene_name as scene_name
 from graycard.synth._family import Family as Family
+from graycard.synth._render import find_scene as find_scene
 from graycard.synth._render import render_scene as render_scene
 from graycard.synth._scene import Ball as Ball
 from graycard.synth._scene import Glossy as Glossy

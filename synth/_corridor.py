@@ -11,7 +11,7 @@ import graycard as gc
 from graycard.synth import _props as props
 from graycard.synth import _textures as textures
 from graycard.synth._family import check_knobs, interleaved, knob, stream
-from graycard.synth._mesh import Mesh, blob
+from graycard.synth._mesh import Mesh, blob, merge
 from graycard.synth._scene import (
     Ball,
     Color,
@@ -32,6 +32,7 @@ LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
 
 _PAINTS = ("moderate red", "blue sky", "foliage", "orange", "purplish blue", "yellow green", "light skin")
 _SHELF_HEIGHTS = (0.28, 0.82, 1.34)
+_CRATES = ((0.62, 0.5, 0.46), (0.5, 0.42, 0.36), (0.36, 0.34, 0.26))
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +45,7 @@ class Corridor:
 
     light_offset: float = knob(0.25, 0.02, 0.8)
     """Distance of the lamp to the right of the pinhole, metres."""
-    light_cutoff: float = knob(42.0, 15.0, 80.0)
+    light_cutoff: float = knob(38.0, 15.0, 80.0)
     """Half angle at which the lamp's light ends, degrees."""
     ambient: float = knob(0.02, 0.0, 2.0)
     """Radiance of the ceiling, W/m²/sr; the lamp gives about 3 W/m² at 1.5 m."""
@@ -63,10 +64,16 @@ class Corridor:
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The corridor of a seed."""
         ceiling = _ceiling(self.ambient)
-        things = (*_walls(seed), *_chart(), *self._shelves(seed), *self._floor_objects(seed))
+        things = (
+            *_walls(seed),
+            _chart(),
+            *self._shelves(seed),
+            *self._crates(seed),
+            *self._floor_objects(seed),
+        )
         return Scene(
-            things=(*things, surface_of(ceiling)) if self.ambient else things,
-            lights=(self._lamp(), ceiling) if self.ambient else (self._lamp(),),
+            things=(*things, surface_of(ceiling)),
+            lights=(self._lamp(), ceiling),
             views=interleaved(_cameras(seed, settings), settings.test_views),
             light_weights={"lamp": 20.0},
         )
@@ -105,20 +112,24 @@ class Corridor:
         shape = _shelf_shape(str(kind), rng).moved(at, turn)
         return Thing(f"{kind} on {where}", shape, self._material(rng, _surface(str(kind), rng, color)))
 
-    def _floor_objects(self, seed: int) -> Iterator[Thing]:
-        rng = stream(seed, "floor objects")
-        brown = (0.42, 0.29, 0.17)
-        stack = ((0.62, 0.5, 0.46), (0.5, 0.42, 0.36), (0.36, 0.34, 0.26))
-        x, y, z = rng.uniform(2.75, 3.05), -0.92, 0.0
-        for number, size in enumerate(stack, start=1):
-            pixels = textures.cardboard(stream(seed, f"crate {number}"), scaled(brown, rng.uniform(0.8, 1.2)))
-            crate = props.crate(*size).moved((x, y, z), rng.normal(0, 0.2))
-            yield self._thing(rng, f"crate {number}", crate, Texture(pixels, (1.6, 1.6)))
+    def _crates(self, seed: int) -> Iterator[Thing]:
+        """A stack of cartons by the plaster wall."""
+        rng = stream(seed, "crates")
+        x, z = rng.uniform(3.15, 3.4), 0.0
+        for number, size in enumerate(_CRATES, start=1):
+            brown = scaled((0.42, 0.29, 0.17), rng.uniform(0.8, 1.2))
+            board = Texture(textures.cardboard(rng, brown), (1.6, 1.6))
+            crate = props.crate(*size).moved((x, -0.92, z), rng.normal(0, 0.2))
+            yield self._thing(rng, f"crate {number}", crate, board)
             z += size[2]
-        drum = props.barrel(0.9, 0.29).moved((rng.uniform(4.5, 4.8), 0.88, 0))
+
+    def _floor_objects(self, seed: int) -> Iterator[Thing]:
+        """A rusty drum, a stool and a large vase."""
+        rng = stream(seed, "floor objects")
         rust = textures.stone(
             rng, [(0.05, 0.16, 0.26), (0.06, 0.22, 0.36), (0.08, 0.26, 0.4), (0.3, 0.13, 0.05)]
         )
+        drum = props.barrel(0.9, 0.29).moved((rng.uniform(4.5, 4.8), 0.88, 0))
         yield self._thing(rng, "drum", drum, Texture(rust, (2, 1)))
         seat = props.stool(0.5, 0.19).moved((rng.uniform(3.7, 4.1), rng.uniform(-0.2, 0.1), 0))
         yield self._thing(rng, "stool", seat, Texture(textures.wood(rng, (0.42, 0.17, 0.09)), (2, 1)))
@@ -158,13 +169,16 @@ def _walls(seed: int) -> Iterator[Thing]:
     yield Thing("door", leaf, Matte(Texture(door, (1, 2))))
     skirting = props.crate(LENGTH, 0.02, 0.12, 0.004).moved((x, -y + 0.01, 0))
     yield Thing("skirting", skirting, Matte((0.2, 0.17, 0.13)))
+    pipe = merge([props.pipe(LENGTH, 0.055).moved((0, y - 0.1, height)) for height in (2.25, 2.42)])
+    lagging = textures.plaster(stream(seed, "pipe"), (0.38, 0.37, 0.34), 0.2)
+    yield Thing("pipes", pipe, Matte(Texture(lagging, (2, 12))))
 
 
-def _chart() -> Iterator[Thing]:
+def _chart() -> Thing:
     """A ColorChecker of 24 measured patches on the plaster wall, upright and readable."""
     pixels = Texture(textures.chart(chart_patches(), CHART_COLUMNS), smooth=False)
     board = Quad((3.55, -WIDTH / 2 + 0.015, 1.35), (-0.33, 0.0, 0.0), (0.0, 0.0, 0.22))
-    yield Thing("color chart", board, Matte(pixels))
+    return Thing("color chart", board, Matte(pixels))
 
 
 def _shelf_shape(kind: str, rng: np.random.Generator) -> Mesh:
@@ -203,6 +217,6 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
     cameras = []
     for t in np.linspace(0, 1, settings.views):
         at = np.array([0.45 + 2.0 * t, 0.38 * np.sin(5 * t + sway), 1.4 + 0.12 * np.sin(4 * t + nod)])
-        ahead = np.array([2.6, 0.55 * np.sin(8 * t + glance) - 0.6 * at[1], -0.62])
+        ahead = np.array([2.6, 0.55 * np.sin(8 * t + glance) - 0.6 * at[1], -0.74])
         cameras.append(gc.Camera.from_fov(settings.width, settings.height, 62.0, gc.look_at(at, at + ahead)))
     return cameras

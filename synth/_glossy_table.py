@@ -29,7 +29,7 @@ class GlossyTable:
         ValueError: A knob is out of its range.
     """
 
-    roughness: float = knob(0.15, 0.03, 0.8)
+    roughness: float = knob(0.1, 0.03, 0.8)
     """Of the table top: square root of the GGX alpha."""
     metallic: float = knob(0.0, 0.0, 1.0)
     """Of the table top: 0 lacquered wood, 1 metal."""
@@ -62,45 +62,47 @@ class GlossyTable:
         color = tone if self.metallic < 0.5 else scaled(tone, 2.5)
         top = box((1.5, 1.1, 0.05), 0.015).moved((0, 0, TOP - 0.025))
         polish = Glossy(
-            Texture(textures.wood(rng, color), (1.3, 1.3)), self.roughness, self.metallic, specular=0.9
+            Texture(textures.wood(rng, color), (1.3, 1.3)), self.roughness, self.metallic, specular=1.0
         )
         return Thing("table", top, polish)
 
 
 def _objects(seed: int) -> Iterator[Thing]:
-    """The target in the middle and three objects around it, none of which touches another."""
+    """The vase in the middle and three objects around it, none of which touches another."""
+    yield _vase(seed)
     rng = stream(seed, "objects")
     start, sense = rng.uniform(0, 2 * np.pi), rng.choice([-1, 1])
-    places = [
-        (0.36 * np.cos(a), 0.27 * np.sin(a), TOP)
-        for a in start + sense * (np.array([0.0, 2.1, 4.2]) + rng.uniform(-0.25, 0.25, size=3))
-    ]
+    angles = start + sense * (np.array([0.0, 2.1, 4.2]) + rng.uniform(-0.25, 0.25, size=3))
+    ring, casket, pebble = ((0.36 * float(np.cos(a)), 0.27 * float(np.sin(a)), TOP) for a in angles)
+    yield from _lime_on_ring(seed, ring)
+    cover = textures.tiles(rng, [paint("orange yellow"), scaled(paint("purplish blue"), 1.1)], 4)
+    box_ = props.crate(0.17, 0.13, 0.12, 0.008).moved(casket, rng.uniform(0, 6))
+    yield Thing("casket", box_, Matte(Texture(cover, (6, 6))))
+    grays = textures.stone(rng, [(0.16, 0.15, 0.14), (0.36, 0.34, 0.31), (0.58, 0.56, 0.52)])
+    stone = blob(0.085, rng).moved(pebble).moved((0, 0, 0.082))
+    yield Thing("stone", stone, Matte(Texture(grays, (2, 1))))
+
+
+def _vase(seed: int) -> Thing:
+    rng = stream(seed, "vase")
     cream, navy = (0.6, 0.55, 0.45), (0.05, 0.07, 0.16)
     clay = textures.bands(rng, scaled(paint("moderate red"), 0.9), [cream, navy, cream])
-    vase = props.vase(rng, rng.uniform(0.27, 0.32), 0.17)
-    yield Thing(
-        "vase",
-        vase.moved((rng.uniform(-0.04, 0.04), rng.uniform(-0.04, 0.04), TOP)),
-        Glossy(Texture(clay, (2, 1)), 0.3),
-    )
+    x, y = rng.uniform(-0.04, 0.04, size=2)
+    shape = props.vase(rng, rng.uniform(0.27, 0.32), 0.17).moved((x, y, TOP))
+    return Thing("vase", shape, Glossy(Texture(clay, (2, 1)), 0.3))
+
+
+def _lime_on_ring(seed: int, at: tuple[float, float, float]) -> Iterator[Thing]:
+    rng = stream(seed, "ring")
     glaze = textures.stone(rng, [(0.04, 0.16, 0.20), (0.07, 0.27, 0.30), (0.20, 0.42, 0.40)])
-    ring = torus(0.085, 0.035).moved((0, 0, 0.035))
-    yield Thing("ring", ring.moved(places[0], rng.uniform(0, 6)), Matte(Texture(glaze)))
-    cover = textures.tiles(rng, [paint("orange yellow"), scaled(paint("purplish blue"), 1.1)], 4)
-    casket = props.crate(0.17, 0.13, 0.12, 0.008).moved(places[1], rng.uniform(0, 6))
-    yield Thing("casket", casket, Matte(Texture(cover, (6, 6))))
-    pebble = textures.stone(rng, [(0.16, 0.15, 0.14), (0.36, 0.34, 0.31), (0.58, 0.56, 0.52)])
-    yield Thing(
-        "stone", blob(0.085, rng).moved(places[2]).moved((0, 0, 0.082)), Matte(Texture(pebble, (2, 1)))
-    )
-    x, y = (float(places[0][k] * 1.0) for k in (0, 1))
-    fruit = textures.plaster(rng, scaled(paint("yellow green"), 0.9))
-    yield Thing("lime", Ball((x, y, TOP + 0.072), 0.046), Glossy(Texture(fruit), 0.4))
+    yield Thing("ring", torus(0.085, 0.035).moved(at).moved((0, 0, 0.035)), Matte(Texture(glaze)))
+    peel = textures.plaster(rng, scaled(paint("yellow green"), 0.9))
+    yield Thing("lime", Ball((at[0], at[1], TOP + 0.076), 0.046), Glossy(Texture(peel), 0.4))
 
 
 def _floor(seed: int) -> Iterator[Thing]:
-    pixels = textures.boards(stream(seed, "floor"), (0.30, 0.22, 0.15))
-    yield Thing("floor", Quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), Matte(Texture(pixels, (6, 8))))
+    pixels = textures.tiles(stream(seed, "floor"), [(0.34, 0.34, 0.32), (0.22, 0.25, 0.25)])
+    yield Thing("floor", Quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), Matte(Texture(pixels, (6, 6))))
     trestle = box((1.1, 0.7, TOP - 0.05), 0.02).moved((0, 0, (TOP - 0.05) / 2))
     yield Thing("trestle", trestle, Matte((0.12, 0.11, 0.11)))
 
@@ -127,7 +129,8 @@ def _room(seed: int, strength: float) -> np.ndarray:
         Window(side, 24, 52, 36, scaled(day, 4.5)),
         Window(side + rng.uniform(110, 150), 18, 24, 44, scaled(warm, 2.0)),
     )
-    sky = room(scaled(warm, 0.32), scaled(warm, 0.42), scaled(warm, 0.12), windows)
+    wall = blackbody(5600)
+    sky = room(scaled(wall, 0.40), scaled(wall, 0.30), scaled(wall, 0.10), windows)
     return strength * sky
 
 

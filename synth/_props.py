@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes of everyday objects, standing on z = 0 at the origin, metres."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -85,6 +86,13 @@ def shelf(length: float, depth: float, heights: tuple[float, ...], board: float 
             post = box((0.04, 0.04, top), 0.004)
             parts.append(post.moved((x * (length / 2 - 0.02), y * (depth / 2 - 0.02), top / 2)))
     return merge(parts)
+
+
+def pipe(length: float, radius: float) -> Mesh:
+    """A round pipe from the origin along +x."""
+    upright = lathe(_bevelled([(0, 0), (radius, 0), (radius, length), (0, length)], 0.01), 24)
+    axes = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    return replace(upright, vertices=upright.vertices @ axes.T, normals=upright.normals @ axes.T)
 
 
 def stool(height: float, radius: float) -> Mesh:

@@ -8,6 +8,7 @@ from typing import Any
 import graycard as gc
 from graycard.synth._families import family_of, resolved_knobs, scene_name
 from graycard.synth._finish import finish
+from graycard.synth._lock import alone
 from graycard.synth._scene import Scene
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
 from graycard.synth._store import (
@@ -53,19 +54,26 @@ def render_scene(
         OutputError: The dataset folder cannot be written to, or the disk is full.
     """
     place = Place(Path(dataset), spec.track, scene_name(spec))
-    wanted = identity(spec, settings)
-    _check_foreign(place)
-    found = _found_identity(place)
-    if found is not None:
-        _check_same(place, found, wanted)
-        faults = damage(place)
-        if not faults:
-            progress(1.0, f"{place.scene} is there")
-            return place.final
-        reopen(place, _stamp(wanted, _usable_variant(found)), faults)
-    gc.writable_folder(place.final.parent)
-    _make(place, spec, settings, wanted, progress, threads)
+    if find_scene(spec, settings, dataset) is None:
+        gc.writable_folder(place.final.parent)
+        with alone(place.lock, lambda: progress(0.0, f"another graycard is at work on {place.scene}")):
+            if find_scene(spec, settings, dataset) is None:
+                _make(place, spec, settings, progress, threads)
+    progress(1.0, f"{place.scene} is there")
     return place.final
+
+
+def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path | None:
+    """The folder of a scene that is there, whole and of this spec; None if it is to be rendered.
+
+    Raises:
+        UnknownNameError: There is no such family.
+        RecordError: A knob is unknown or out of its range.
+        DatasetError: The folder holds a scene of another spec, or something else.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    found = _found_of_this_spec(place, identity(spec, settings))
+    return None if found is None or damage(place) else place.final
 
 
 def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
@@ -83,30 +91,32 @@ def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
 
 
 def _make(
-    place: Place,
-    spec: SceneSpec,
-    settings: RenderSettings,
-    wanted: Mapping[str, Any],
-    progress: gc.Progress,
-    threads: int | None,
+    place: Place, spec: SceneSpec, settings: RenderSettings, progress: gc.Progress, threads: int | None
 ) -> None:
-    scene = family_of(spec).build(spec.seed, settings)
-    variant = _usable_variant(stamped(place) or {})
-    if variant is None:
-        variant = use_renderer(threads).variant
-    stamp = _stamp(wanted, variant)
+    """Render what is missing, derive the rest, seal."""
+    wanted = identity(spec, settings)
+    found = _found_of_this_spec(place, wanted)
+    if found is not None:
+        reopen(place, {**wanted, "variant": found["variant"]}, damage(place))
+    variant = _variant_for(place, threads)
+    stamp = {**wanted, "variant": variant}
     resume(place, stamp)
-    missing = [
-        number
-        for number, view in enumerate(scene.views)
-        if not is_whole_view(view_file(place.partial, view.name))
-    ]
+    scene = family_of(spec).build(spec.seed, settings)
+    files = [view_file(place.partial, view.name) for view in scene.views]
+    missing = [number for number, file in enumerate(files) if not is_whole_view(file)]
     if missing:
         use_renderer(threads, variant)
         _render_views(place, scene, missing, spec.seed, settings, progress)
     finish(place, scene, stamp)
     promote(place)
-    progress(1.0, f"{place.scene} is done")
+
+
+def _variant_for(place: Place, threads: int | None) -> str:
+    """The variant that existing views were rendered with, if it runs here; else the fastest."""
+    variant = (stamped(place) or {}).get("variant")
+    if isinstance(variant, str) and can_render(variant):
+        return variant
+    return use_renderer(threads).variant
 
 
 def _render_views(
@@ -123,16 +133,6 @@ def _render_views(
         name = scene.views[number].name
         progress(number / len(scene.views), f"{place.scene} {name}")
         gc.write_layers(view_file(place.partial, name), render_view(scene, number, seed, settings))
-
-
-def _stamp(wanted: Mapping[str, Any], variant: str | None) -> dict[str, Any]:
-    return {**wanted, "variant": variant}
-
-
-def _usable_variant(found: Mapping[str, Any]) -> str | None:
-    """The variant that existing views were rendered with, if it can be used to add to them."""
-    variant = found.get("variant")
-    return variant if isinstance(variant, str) and can_render(variant) else None
 
 
 def _found_identity(place: Place) -> dict[str, Any] | None:
@@ -152,6 +152,19 @@ def _found_identity(place: Place) -> dict[str, Any] | None:
         "render": manifest.settings.get("render"),
         "variant": manifest.generator.get("variant"),
     }
+
+
+def _found_of_this_spec(place: Place, wanted: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What the final folder was made from, if it is there.
+
+    Raises:
+        DatasetError: It is of another spec, or holds something else.
+    """
+    _check_foreign(place)
+    found = _found_identity(place)
+    if found is not None:
+        _check_same(place, found, wanted)
+    return found
 
 
 def _check_same(place: Place, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:

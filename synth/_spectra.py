@@ -20,10 +20,7 @@ def chart_patches() -> dict[str, Vector]:
     clipped. Source: measured spectra "BabelColor Average" (Pascale 2006) in colour-science, integrated
     with the CIE 1931 2° observer.
     """
-    colour = _colour()
-    spectra = colour.SDS_COLOURCHECKERS["BabelColor Average"]
-    white = colour.SDS_ILLUMINANTS["D65"]
-    return {name.partition(" (")[0]: _clip(_rec709(spectrum, white)) for name, spectrum in spectra.items()}
+    return dict(_patches())
 
 
 def paint(name: str) -> Vector:
@@ -73,6 +70,13 @@ def _colour() -> ModuleType:
         warnings.simplefilter("ignore")
         import colour
     return colour
+
+
+@cache
+def _patches() -> tuple[tuple[str, Vector], ...]:
+    colour = _colour()
+    spectra, white = colour.SDS_COLOURCHECKERS["BabelColor Average"], colour.SDS_ILLUMINANTS["D65"]
+    return tuple((name.partition(" (")[0], _clip(_rec709(s, white))) for name, s in spectra.items())
 
 
 def _rec709(spectrum: Any, white: Any = None) -> np.ndarray:

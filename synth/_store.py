@@ -38,6 +38,11 @@ class Place:
         return self.dataset / self.track / f".{self.scene}.partial"
 
     @property
+    def lock(self) -> Path:
+        """The file that the process holds which makes the scene."""
+        return self.dataset / self.track / f".{self.scene}.lock"
+
+    @property
     def replaced(self) -> Path:
         """Where a broken scene waits until the new one is whole."""
         return self.dataset / self.track / f".{self.scene}.replaced"
@@ -103,11 +108,11 @@ def is_whole_view(path: Path) -> bool:
 
 def promote(place: Place) -> None:
     """Give the finished partial folder its final name; a broken folder of that name goes first."""
-    (place.partial / STAMP).unlink(missing_ok=True)
+    discard(place.replaced)
     if place.final.exists():
-        discard(place.replaced)
         _move(place.final, place.replaced)
     _move(place.partial, place.final)
+    (place.final / STAMP).unlink(missing_ok=True)
     discard(place.replaced)
 
 
