@@ -1,2 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as one HTML file."""
+"""A run as one HTML file that opens offline: leaderboards, pictures, lights and the facts of the run.
+
+The report reads run records and the folders that they name; how a score was made it does not know.
+"""
+
+from graycard.reports._write import write_report as write_report

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the folders of a run hold about one scene; what is missing or broken becomes a reason, no error."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import graycard as gc
+from graycard.reports._format import count
+
+MAX_VIEWS = 2
+"""Test views whose pictures are embedded: a report must stay small enough to be mailed."""
+GAUGED_BY = "albedo.psnr.channel"
+"""The score that holds the factors per channel by which base colour is shown."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneEvidence:
+    """The truth and the capture of a scene, as far as the report shows them."""
+
+    truth: gc.Truth
+    capture: gc.Capture
+    shown: tuple[gc.View, ...]
+    """The test views whose pictures are embedded."""
+    layers: Mapping[str, Mapping[str, np.ndarray]]
+    """True layers by shown view and name."""
+    lights: tuple[gc.Light, ...]
+    settings: Mapping[str, Any]
+    """Knobs and render settings, from the manifest."""
+
+    @property
+    def test(self) -> tuple[gc.View, ...]:
+        """All test views."""
+        return tuple(v for v in self.truth.views if v.split == "test")
+
+    def mask(self, layer: str, view: gc.View) -> np.ndarray:
+        """Where an error of a layer is shown, ``(H, W)``: on surfaces; of base colour not on lights."""
+        ids = self.layers[view.name].get("object_id")
+        if ids is None:
+            return np.ones((view.camera.height, view.camera.width), bool)
+        left_out = self.truth.emitter_ids() if layer == "base_color" else frozenset()
+        return (ids > 0) & ~np.isin(ids, sorted(left_out))
+
+
+@dataclass(frozen=True, slots=True)
+class MethodEvidence:
+    """What one method handed in for a scene."""
+
+    method: str
+    fault: str = ""
+    """Why nothing of it can be shown."""
+    layers: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    """Predicted layers by shown view and name."""
+    faults: Mapping[str, str] = field(default_factory=dict)
+    """Why a view cannot be shown."""
+    lights: tuple[gc.Light, ...] | None = None
+    lights_fault: str = ""
+    gauge: tuple[float, ...] | None = None
+    """Factors for R, G, B, as fitted for the score :data:`GAUGED_BY`."""
+    seeds: int = 1
+    """Number of jobs, of which the first is shown."""
+
+    def layer(self, view: str, name: str) -> np.ndarray | None:
+        """A predicted layer; None where it is not provided."""
+        return self.layers.get(view, {}).get(name)
+
+
+def open_scene(folder: Path) -> SceneEvidence:
+    """The truth and capture of a scene folder, the layers of a few test views among it.
+
+    Raises:
+        DatasetError: A file is missing or broken.
+    """
+    truth = gc.open_truth(folder / "truth", check=False)
+    capture = gc.open_capture(folder / "capture", check=False)
+    test = [v for v in truth.views if v.split == "test"]
+    shown = tuple(test if len(test) <= MAX_VIEWS else [test[0], test[-1]])
+    layers = {view.name: truth.layers(view) for view in shown}
+    settings = gc.manifest_of(truth).settings
+    return SceneEvidence(truth, capture, shown, layers, truth.lights(), settings)
+
+
+def open_method(run: Path, results: Sequence[gc.JobResult], views: Sequence[gc.View]) -> MethodEvidence:
+    """What a method handed in for a scene, from its first job that is not failed, or from its first."""
+    result = next((r for r in results if r.status == "done"), results[0])
+    method, seeds = result.job.method, len(results)
+    if result.status == "failed":
+        return MethodEvidence(method, fault=result.reason or "the job failed", seeds=seeds)
+    try:
+        found = gc.open_predictions(run / result.folder / "predictions")
+    except gc.GraycardError as cause:
+        return MethodEvidence(method, fault=str(cause), seeds=seeds)
+    layers, faults = _read_views(found, views)
+    lights, lights_fault = _read_lights(found)
+    gauge = _gauge_of(result)
+    return MethodEvidence(method, "", layers, faults, lights, lights_fault, gauge, seeds)
+
+
+def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:
+    """One line of figures about a scene."""
+    views, camera = evidence.truth.views, evidence.truth.views[0].camera
+    train = sum(v.split == "train" for v in views)
+    parts = [
+        f"family {scene.family}, seed {scene.seed}",
+        f"{count(train, 'training photograph')} and {count(len(evidence.test), 'test view')} "
+        f"of {camera.width} × {camera.height} pixels",
+        count(len(evidence.lights), "light") + (" on the camera" if evidence.capture.light_on_camera else ""),
+    ]
+    names = [o.name for o in evidence.truth.objects if o.id == evidence.truth.target]
+    return "; ".join(parts + [f"object to remove: {name}" for name in names])
+
+
+def _read_views(
+    predictions: gc.Predictions, views: Sequence[gc.View]
+) -> tuple[dict[str, dict[str, np.ndarray]], dict[str, str]]:
+    layers: dict[str, dict[str, np.ndarray]] = {}
+    faults: dict[str, str] = {}
+    for view in views:
+        try:
+            layers[view.name] = predictions.layers(view.name)
+        except gc.GraycardError as cause:
+            faults[view.name] = str(cause)
+    return layers, faults
+
+
+def _read_lights(predictions: gc.Predictions) -> tuple[tuple[gc.Light, ...] | None, str]:
+    try:
+        return predictions.lights(), ""
+    except gc.GraycardError as cause:
+        return None, str(cause)
+
+
+def _gauge_of(result: gc.JobResult) -> tuple[float, ...] | None:
+    scores = result.sheet.scores if result.sheet else ()
+    return next((s.gauge for s in scores if s.metric == GAUGED_BY and s.gauge), None)

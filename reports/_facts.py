@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The facts of a run: where, with what, by whom and at what cost it was made."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import graycard as gc
+from graycard.reports._format import format_date, format_seconds
+
+
+@dataclass(frozen=True, slots=True)
+class FactGroup:
+    """Facts that belong together, as pairs of name and value."""
+
+    title: str
+    facts: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class JobRow:
+    """A job in the table of costs."""
+
+    scene: str
+    method: str
+    seed: int
+    status: str
+    wall: str
+    memory: str
+    job_hash: str
+    predictions: str
+    """SHA-256 of the predictions folder; a dash where there is none."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SceneHash:
+    """A scene with the hash of its truth."""
+
+    scene: str
+    truth: str
+
+
+def fact_groups(record: gc.RunRecord) -> tuple[FactGroup, ...]:
+    """The run and its environment; each mapping or list of the environment is a group of its own."""
+    own = (
+        ("suite", f"{record.suite}, version {record.suite_version}"),
+        ("started", format_date(record.started)),
+        ("wall time", format_seconds(record.wall_s)),
+        ("jobs", _count_jobs(record.results)),
+    )
+    nested = {k: v for k, v in record.environment.items() if _is_nested(v)}
+    plain = tuple((_words(k), _text(v)) for k, v in record.environment.items() if k not in nested)
+    groups = [FactGroup("Run", own), *([FactGroup("Machine", plain)] if plain else [])]
+    return tuple(groups + [FactGroup(_words(k).capitalize(), flatten(v)) for k, v in nested.items()])
+
+
+def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:
+    """Nested mappings and lists as pairs of a path and a text."""
+    if isinstance(value, Mapping):
+        parts = [(f"{prefix} {_words(str(k))}".strip(), v) for k, v in value.items()]
+    elif _is_nested(value):
+        parts = [(f"{prefix} {i + 1}".strip() if len(value) > 1 else prefix, v) for i, v in enumerate(value)]
+    else:
+        return ((prefix or "value", _text(value)),)
+    return tuple(pair for name, part in parts for pair in flatten(part, name))
+
+
+def job_rows(record: gc.RunRecord) -> tuple[JobRow, ...]:
+    """Every job with its cost and hashes, in the order of the run."""
+    return tuple(_job_row(result) for result in record.results)
+
+
+def scene_hashes(record: gc.RunRecord) -> tuple[SceneHash, ...]:
+    """Every scene with the hash of its truth's manifest."""
+    return tuple(SceneHash(f"{s.track}/{s.scene}", s.truth_sha256) for s in record.scenes)
+
+
+def _job_row(result: gc.JobResult) -> JobRow:
+    job, cost = result.job, result.cost
+    return JobRow(
+        scene=f"{job.track}/{job.scene}",
+        method=job.method,
+        seed=job.seed,
+        status=result.status,
+        wall=format_seconds(cost.wall_s) if cost else "–",
+        memory=f"{cost.peak_memory_mib:.0f} MiB" if cost else "–",
+        job_hash=result.job_hash,
+        predictions=result.sheet.predictions_sha256 if result.sheet else "–",
+        reason=result.reason,
+    )
+
+
+def _count_jobs(results: Sequence[gc.JobResult]) -> str:
+    failed = sum(r.status == "failed" for r in results)
+    return f"{len(results)} jobs, {failed} failed" if failed else f"{len(results)} jobs, none failed"
+
+
+def _is_nested(value: Any) -> bool:
+    """A mapping, or a list that holds something nested; a list of plain values is one text."""
+    if isinstance(value, Mapping):
+        return True
+    return isinstance(value, list | tuple) and any(isinstance(v, Mapping | list | tuple) for v in value)
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(_text(v) for v in value) or "none"
+    return str(value)
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")

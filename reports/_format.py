@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers as a reader wants them: as many digits as the unit deserves, the same in a whole column."""
+
+import math
+from collections.abc import Iterable
+from datetime import datetime
+
+_DECIMALS = {"dB": 2, "1": 3, "°": 2, "stops": 2, "count": 1, "m": 3}
+_DEFAULT_DECIMALS = 2
+
+
+def format_value(value: float, unit: str) -> str:
+    """A score as text, with the decimals of its unit, so that a column of one unit aligns.
+
+    Example:
+        >>> format_value(31.456, "dB"), format_value(math.inf, "dB"), format_value(-0.5, "1")
+        ('31.46', '∞', '−0.500')
+    """
+    if math.isnan(value):
+        return "nan"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:.{_DECIMALS.get(unit, _DEFAULT_DECIMALS)}f}".replace("-", "−")
+
+
+def format_number(value: float) -> str:
+    """A number of any size with three significant digits.
+
+    Example:
+        >>> format_number(0.012345), format_number(-4.0)
+        ('0.0123', '−4')
+    """
+    return f"{value:.3g}".replace("-", "−") if math.isfinite(value) else format_value(value, "")
+
+
+def format_vector(values: Iterable[float]) -> str:
+    """Numbers side by side, as in ``1.2, 0.5, −3``."""
+    return ", ".join(format_number(float(v)) for v in values)
+
+
+def format_seconds(seconds: float) -> str:
+    """A duration in the unit that fits.
+
+    Example:
+        >>> format_seconds(4.2), format_seconds(75), format_seconds(3700)
+        ('4.2 s', '1 min 15 s', '1 h 1 min')
+    """
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def format_date(moment: str) -> str:
+    """An ISO 8601 time as ``21 November 2026, 09:47 UTC``; anything else as it is."""
+    try:
+        found = datetime.fromisoformat(moment)
+    except ValueError:
+        return moment
+    zone = f" {found.tzname()}" if found.tzinfo else ""
+    return f"{found.day} {found:%B %Y, %H:%M}{zone}"
+
+
+def format_name(name: str) -> str:
+    """An identifier as words, as in ``novel_view`` to ``Novel view``."""
+    words = name.replace("_", " ").replace(".", " ")
+    return words[:1].upper() + words[1:]
+
+
+def count(number: int, noun: str) -> str:
+    """A number with its noun, as in ``1 scene`` and ``2 scenes``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

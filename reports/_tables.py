@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of a track and of a scene, driven by the metric records alone."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import graycard as gc
+from graycard.reports._cells import Cell, MetricHead, is_better, metric_head, pool, read_metric
+from graycard.reports._format import format_value
+
+
+@dataclass(frozen=True, slots=True)
+class MethodHead:
+    """A method as the head of a row or column."""
+
+    name: str
+    summary: str
+    sees: tuple[str, ...]
+    """What it is handed beyond the capture; empty for a method that competes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A row of a leaderboard."""
+
+    method: MethodHead
+    place: int | None
+    """None for a reference, which is never ranked."""
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Leaderboard:
+    """Methods against the headline metrics of a track."""
+
+    metrics: tuple[MetricHead, ...]
+    competing: tuple[Standing, ...]
+    references: tuple[Standing, ...]
+
+    @property
+    def methods(self) -> tuple[MethodHead, ...]:
+        """All methods in the order of the rows."""
+        return tuple(s.method for s in self.competing + self.references)
+
+
+@dataclass(frozen=True, slots=True)
+class MetricRow:
+    """A row of a full table: one metric, a cell for each method."""
+
+    metric: MetricHead
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRow:
+    """A row of the table of single views."""
+
+    metric: MetricHead
+    view: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Trouble:
+    """Something that failed, or that the reader should be warned of."""
+
+    method: str
+    where: str
+    what: str
+    reason: str
+
+
+def metrics_of(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> tuple[gc.MetricRecord, ...]:
+    """The metrics that some of these jobs has a score of; all, where no job came as far as scores."""
+    seen = {score.metric for result in results if result.sheet for score in result.sheet.scores}
+    return tuple(m for m in record.metrics if m.id in seen or not seen)
+
+
+def leaderboard(
+    record: gc.RunRecord, results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]
+) -> Leaderboard:
+    """Methods in the order of their mean place over the headline metrics; references apart.
+
+    Only methods with a job among ``results`` have a row. A cell without the whole count of scenes
+    takes the last place: to fail a hard scene must not pay.
+    """
+    headline = [m for m in metrics if m.headline]
+    present = {r.job.method for r in results}
+    heads = [MethodHead(m.name, m.summary, m.sees) for m in record.methods if m.name in present]
+    rows = {h: tuple(_cell(results, h.name, m) for m in headline) for h in heads}
+    competing = {h: cells for h, cells in rows.items() if not h.sees}
+    order = {h: _mean_place(h, competing, headline) for h in competing}
+    ranked = sorted(competing, key=lambda h: order[h])
+    return Leaderboard(
+        tuple(metric_head(m) for m in headline),
+        tuple(
+            Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, headline)) for h in ranked
+        ),
+        tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
+    )
+
+
+def metric_rows(
+    results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metrics: Sequence[gc.MetricRecord]
+) -> tuple[MetricRow, ...]:
+    """Every metric against every method, the best competing value marked."""
+    rows = []
+    for metric in metrics:
+        cells = {method: _cell(results, method.name, metric, detailed=True) for method in methods}
+        competing = {h: (cell,) for h, cell in cells.items() if not h.sees}
+        marked = {h: _mark_best(competing, h, [metric])[0] for h in competing}
+        rows.append(MetricRow(metric_head(metric), tuple((cells | marked).values())))
+    return tuple(rows)
+
+
+def view_rows(
+    results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metrics: Sequence[gc.MetricRecord]
+) -> tuple[ViewRow, ...]:
+    """Every metric in every test view; of several seeds the mean."""
+    rows = []
+    for metric in metrics:
+        found = {h: _values_by_view(results, h.name, metric.id) for h in methods}
+        for view in sorted({view for values in found.values() for view in values}):
+            texts = tuple(_mean_text(found[h].get(view, []), metric.unit) for h in methods)
+            rows.append(ViewRow(metric_head(metric), view, texts))
+    return tuple(rows)
+
+
+def failures(results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]) -> tuple[Trouble, ...]:
+    """Everything that failed, the metrics that failed for one reason in one line."""
+    found = []
+    for result in results:
+        where = f"{result.job.scene}, seed {result.job.seed}"
+        if result.sheet is None:
+            reason = result.reason or "expected scores of this job, got none"
+            found.append(Trouble(result.job.method, where, "the whole job", reason))
+            continue
+        readings = [(m, read_metric(result, m.id)) for m in metrics]
+        failed = [(m.title, r.reason) for m, r in readings if r.status == "failed"]
+        for reason in dict.fromkeys(reason for _, reason in failed):
+            titles = ", ".join(title for title, why in failed if why == reason)
+            found.append(Trouble(result.job.method, where, titles, reason or "no reason given"))
+    return tuple(found)
+
+
+def warnings(results: Sequence[gc.JobResult]) -> tuple[Trouble, ...]:
+    """Everything that the scores of these jobs warn of, each warning once a job."""
+    found: dict[Trouble, None] = {}
+    for result in results:
+        for score in result.sheet.scores if result.sheet else ():
+            where = f"{result.job.scene}, seed {result.job.seed}"
+            found |= {Trouble(result.job.method, where, score.metric, w): None for w in score.warnings}
+    return tuple(found)
+
+
+def _cell(
+    results: Sequence[gc.JobResult], method: str, metric: gc.MetricRecord, detailed: bool = False
+) -> Cell:
+    readings = [read_metric(r, metric.id) for r in results if r.job.method == method]
+    return pool(readings, metric.unit, detailed)
+
+
+def _mark_best(
+    competing: dict[MethodHead, tuple[Cell, ...]], method: MethodHead, metrics: Sequence[gc.MetricRecord]
+) -> tuple[Cell, ...]:
+    cells = competing[method]
+    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics)]
+    return tuple(
+        replace(cell, best=cell.complete and place == 1) for cell, place in zip(cells, places, strict=True)
+    )
+
+
+def _mean_place(
+    method: MethodHead,
+    competing: dict[MethodHead, tuple[Cell, ...]],
+    metrics: Sequence[gc.MetricRecord],
+) -> float:
+    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics)]
+    return sum(places) / max(len(places), 1)
+
+
+def _place(
+    method: MethodHead, competing: dict[MethodHead, tuple[Cell, ...]], column: int, higher_is_better: bool
+) -> int:
+    own = competing[method][column]
+    if own.value is None or not own.complete:
+        return len(competing)
+    others = [cells[column] for cells in competing.values()]
+    values = [c.value for c in others if c.value is not None and c.complete]
+    return 1 + sum(is_better(v, own.value, higher_is_better) for v in values)
+
+
+def _rank(own: float, mean_places: Iterable[float]) -> int:
+    return 1 + sum(other < own for other in mean_places)
+
+
+def _values_by_view(results: Sequence[gc.JobResult], method: str, metric: str) -> dict[str, list[float]]:
+    found: dict[str, list[float]] = {}
+    for result in results:
+        for score in result.sheet.scores if result.sheet and result.job.method == method else ():
+            for view, value in score.per_view.items() if score.metric == metric else ():
+                found.setdefault(view, []).append(value)
+    return found
+
+
+def _mean_text(values: Sequence[float], unit: str) -> str:
+    return format_value(sum(values) / len(values), unit) if values else "–"

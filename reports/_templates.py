@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the content of a page to HTML text; everything that comes from a record is escaped."""
+
+import base64
+import hashlib
+from pathlib import Path
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from graycard.reports._format import format_name
+from graycard.reports._page import Page
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def render_page(page: Page) -> str:
+    """The HTML text of a page, with its style and script inside."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["words"] = format_name
+    style, script = _asset("report.css"), _asset("report.js")
+    return environment.get_template("report.html.j2").render(
+        page=page,
+        style=Markup(style),
+        script=Markup(script),
+        policy=content_policy(style, script),
+        linear=linear_sources(page),
+    )
+
+
+def linear_sources(page: Page) -> dict[str, int]:
+    """The data URIs of all linear light in a page, each once, with its number.
+
+    A perfect prediction is the same picture as the truth: its bytes are not written twice.
+    """
+    galleries = [s.pictures.gallery for track in page.tracks for s in track.scenes if s.pictures]
+    found = [picture.linear for gallery in galleries for picture in gallery.pictures()]
+    return {source: number for number, source in enumerate(dict.fromkeys(filter(None, found)))}
+
+
+def content_policy(style: str, script: str) -> str:
+    """A content security policy under which only this style, this script and data: images work.
+
+    Whatever escaped the escaping could still not run, and no browser asks any host for anything.
+    """
+    return (
+        f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _asset(name: str) -> str:
+    return "\n" + (TEMPLATES / name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

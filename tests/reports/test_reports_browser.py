@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report in a browser, opened as a file: what its script does, and that it asks nobody for anything."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+import graycard as gc
+from graycard.reports import write_report
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium or google-chrome on this machine")
+
+READ_CANVAS = """(label) => {
+  const canvas = [...document.querySelectorAll('canvas')].find((c) => c.getAttribute('aria-label') === label);
+  return [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data];
+}"""
+MOVE = "(e, value) => { e.value = value; e.dispatchEvent(new Event('input', { bubbles: true })); }"
+BACKGROUND = "getComputedStyle(document.body).backgroundColor"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+def open_report(browser: Browser, path: Path, heard: list[str], **options: Any) -> Page:
+    page = browser.new_page(**options)
+    page.on("console", lambda message: heard.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda error: heard.append(str(error)))
+    page.on("request", lambda request: heard.append(request.url) if is_foreign(request.url) else None)
+    page.goto(path.as_uri())
+    page.wait_for_selector("body[data-ready=true]")
+    return page
+
+
+def is_foreign(url: str) -> bool:
+    return not url.startswith(("file:", "data:"))
+
+
+def test_report_in_a_browser(browser: Browser, tiny_run: Path) -> None:
+    heard: list[str] = []
+    page = open_report(browser, write_report(tiny_run), heard)
+    truth = gc.open_truth(tiny_run / "dataset/dark/tiny-0000/truth")
+    view = next(v for v in truth.views if v.split == "test")
+    light = truth.layers(view)["radiance"] * truth.exposure
+
+    for name in ("Dark", "Tabletop", "Multilight", "retinex", "<script>window.broken = 1</script>"):
+        assert page.get_by_text(name, exact=True).first.is_visible()
+    assert page.evaluate("window.broken") is None
+
+    slider = page.locator(".exposure").first
+    for stops, text in ((0, "0.00 stops"), (2.5, "+2.50 stops"), (-3, "−3.00 stops")):
+        slider.evaluate(MOVE, stops)
+        assert page.locator("output").first.text_content() == text
+        data = np.array(page.evaluate(READ_CANVAS, f"Radiance, {view.name}: truth"))
+        shown = data.reshape(view.camera.height, view.camera.width, 4)
+        assert (shown[..., 3] == 255).all()
+        expected = 255 * gc.srgb_encode(np.maximum(light, 0) * 2.0**stops)
+        assert np.abs(shown[..., :3] - expected).max() <= 1
+    page.locator(".reset").first.click()
+    assert page.locator("output").first.text_content() == "0.00 stops"
+
+    scene = page.locator(".scene").first
+    first, second = scene.locator(".view").all()
+    assert (first.is_visible(), second.is_visible()) == (True, False)
+    scene.locator(".views input").nth(1).check()
+    assert (first.is_visible(), second.is_visible()) == (False, True)
+
+    page.locator(".metric button").first.focus()
+    page.keyboard.press("Tab")
+    tip = page.locator(".tip").nth(1)
+    assert tip.is_visible()
+    page.keyboard.press("Escape")
+    assert not tip.is_visible()
+    page.close()
+    assert heard == []
+
+
+def test_dark_scheme_and_narrow_window(browser: Browser, tiny_run: Path) -> None:
+    heard: list[str] = []
+    path = write_report(tiny_run)
+    backgrounds = []
+    for scheme in ("light", "dark"):
+        size = {"width": 420, "height": 900}
+        page = open_report(browser, path, heard, color_scheme=scheme, viewport=size)
+        assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+        backgrounds.append(page.evaluate(BACKGROUND))
+        page.close()
+    assert backgrounds == ["rgb(246, 246, 244)", "rgb(21, 22, 21)"]
+    assert heard == []
+
+
+def test_without_script_pictures_and_both_views_are_there(browser: Browser, tiny_run: Path) -> None:
+    page = browser.new_page(java_script_enabled=False)
+    page.goto(write_report(tiny_run).as_uri())
+    assert all(view.is_visible() for view in page.locator(".view").all())
+    assert page.locator("img[data-linear]").first.is_visible()
+    assert not page.locator(".controls").first.is_visible()
+    page.close()

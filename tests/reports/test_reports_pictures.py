@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+import base64
+import io
+import math
+
+import numpy as np
+import pytest
+from PIL import Image
+from skimage.color import rgb2lab
+
+import graycard as gc
+from graycard.reports._colour_maps import STEPS, ColourMap, colour_map, to_index
+from graycard.reports._error_images import angle_degrees, error_image, error_unit, shared_scale
+from graycard.reports._pictures import (
+    KNEE,
+    LEVELS,
+    PEAK,
+    STEP,
+    colour_bar,
+    display_picture,
+    linear_codes,
+    linear_picture,
+    mapped_picture,
+    shrink,
+    split_codes,
+)
+
+RNG = np.random.default_rng(3)
+
+
+def open_png(uri: str) -> Image.Image:
+    head, _, data = uri.partition(",")
+    assert head == "data:image/png;base64"
+    return Image.open(io.BytesIO(base64.b64decode(data)))
+
+
+def decode_linear(pixels: np.ndarray) -> np.ndarray:
+    """The inverse of the codes, written anew from their definition."""
+    high, low = np.split(pixels.astype(np.float64), 2)
+    return KNEE * np.expm1((256 * high + low) * STEP)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 0.1, 1.0, 100.0])
+def test_linear_light_survives_the_png(scale: float) -> None:
+    light = scale * RNG.random((9, 7, 3))
+    image = open_png(linear_picture(light, "x").linear)
+    assert (image.mode, image.size) == ("RGB", (7, 18))
+    back = decode_linear(np.asarray(image))
+    np.testing.assert_allclose(back, light, rtol=0.502 * STEP, atol=0.51 * STEP * KNEE)
+
+
+def test_linear_light_is_exact_to_less_than_half_a_display_step() -> None:
+    light = np.linspace(0, 1, 5001)[:, None, None].repeat(3, axis=2)
+    back = decode_linear(split_codes(linear_codes(light)))
+    assert 255 * np.abs(gc.srgb_encode(back) - gc.srgb_encode(light)).max() < 0.5
+
+
+def test_codes_of_the_ends() -> None:
+    codes = linear_codes(np.array([-1.0, 0.0, PEAK, 10 * PEAK]))
+    assert codes.tolist() == [0, 0, LEVELS - 1, LEVELS - 1]
+    assert LEVELS <= 2**16
+
+
+def test_still_picture_is_what_a_display_shows() -> None:
+    light = np.array([[[0.0, 0.5, 2.0], [0.2, 0.2, 0.2]]])
+    picture = linear_picture(light, "two pixels")
+    shown = np.asarray(open_png(picture.source).convert("RGB"))
+    np.testing.assert_array_equal(shown, np.rint(255 * gc.srgb_encode(light)))
+    assert (picture.width, picture.height, picture.alt) == (2, 1, "two pixels")
+
+
+def test_display_picture_clips() -> None:
+    shown = np.asarray(open_png(display_picture(np.array([[[-1.0, 0.5, 3.0]]]), "").source))
+    assert shown.tolist() == [[[0, 128, 255]]]
+
+
+def test_mapped_picture_is_transparent_where_there_is_nothing() -> None:
+    values = np.array([[0.0, 5.0, 10.0, math.nan, math.inf]])
+    shown = np.asarray(open_png(mapped_picture(values, 0, 10, "error", "").source).convert("RGBA"))[0]
+    table = colour_map("error")
+    assert shown[:, 3].tolist() == [255, 255, 255, 0, 255]
+    np.testing.assert_array_equal(shown[[0, 1, 2, 4], :3], table[[0, 127, 254, 254]])
+    assert colour_bar("depth", "bar").width == STEPS
+
+
+@pytest.mark.parametrize("name", ["error", "depth"])
+def test_colour_map_is_perceptually_uniform(name: ColourMap) -> None:
+    table = colour_map(name)
+    lab = rgb2lab(table[None] / 255)[0]
+    steps = np.linalg.norm(lab[8:] - lab[:-8], axis=-1)  # eight at once: single ones drown in rounding
+    assert table.shape == (STEPS, 3)
+    assert (lab[8:, 0] > lab[:-8, 0]).all()
+    assert np.median(steps) * 0.75 < steps.min()
+    assert steps.max() < np.median(steps) * 1.25
+
+
+def test_a_flat_range_does_not_divide_by_zero() -> None:
+    assert to_index(np.array([3.0, 3.0]), 3.0, 3.0).tolist() == [0, 0]
+
+
+def test_shrink_is_the_mean_of_whole_blocks() -> None:
+    image = RNG.random((10, 7, 3))
+    small = shrink(image, 5)
+    assert small.shape == (5, 3, 3)
+    np.testing.assert_allclose(small[1, 2], image[2:4, 4:6].mean(axis=(0, 1)))
+    assert shrink(image, 10) is image
+    assert shrink(np.ones((40, 2)), 10).tolist() == np.ones((10, 1)).tolist()
+
+
+def test_angles_are_exact_where_the_arc_cosine_is_not() -> None:
+    tilt = 1e-6
+    a = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    b = np.array([[np.sin(tilt), 0.0, np.cos(tilt)], [0.0, 3.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(angle_degrees(a, b), [np.degrees(tilt), 90, 180, 90], rtol=1e-9)
+
+
+def test_errors_by_layer() -> None:
+    mask = np.array([[True, False]])
+    p, t = np.full((1, 2, 3), 0.5), np.full((1, 2, 3), 0.25)
+    base = error_image("base_color", p, t, mask, 8.0)
+    assert base[0, 0] == 0.25
+    assert np.isnan(base[0, 1])
+    light = error_image("radiance", p, t, mask, 2.0)
+    assert light[0, 0] == pytest.approx(1 - float(gc.srgb_encode(np.array(0.5))))
+    depth = error_image("depth", np.array([[3.0, 1.0]]), np.array([[2.5, 1.0]]), mask, 1.0)
+    assert depth[0, 0] == 0.5
+    units = [error_unit(n) for n in ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")]
+    assert units == ["display difference", "display difference", "linear difference", "degrees", "m"]
+
+
+def test_two_infinite_depths_agree_and_one_does_not() -> None:
+    here = np.ones((1, 3), bool)
+    p, t = np.array([[np.inf, np.inf, 1.0]]), np.array([[np.inf, 1.0, np.inf]])
+    assert error_image("depth", p, t, here, 1.0).tolist() == [[0.0, np.inf, np.inf]]
+
+
+@pytest.mark.parametrize(("top", "scale"), [(0.03, 0.05), (1.0, 1.0), (1.7, 2.0), (60.0, 100.0), (0.0, 1.0)])
+def test_scale_is_the_next_round_number(top: float, scale: float) -> None:
+    assert shared_scale([np.array([[0.0, np.nan, top]])]) == scale
+    assert shared_scale([]) == 1.0

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.reports._comparison import build_gallery, usable_layer
+from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene
+from graycard.reports._plan import SIZE, build_plan
+
+
+@pytest.fixture(scope="module")
+def scene(tiny_scenes: dict[str, Path]) -> SceneEvidence:
+    return open_scene(tiny_scenes["multilight"])
+
+
+def at(x: float, y: float, name: str = "here") -> gc.PointLight:
+    return gc.PointLight(name, (x, y, 0.5), (1.0, 1.0, 1.0))
+
+
+def test_plan_keeps_proportions_and_looks_from_above(scene: SceneEvidence) -> None:
+    world = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
+    found = build_plan(replace(scene, lights=tuple(at(*p) for p in world)), [])
+    (x0, y0), (x1, y1), (x2, y2) = [(m.x, m.y) for m in found.lights]
+    assert x1 > x0
+    assert y1 == y0
+    assert y2 < y0  # world y points up, that of an SVG down
+    assert x2 == x0
+    assert x1 - x0 == pytest.approx(y0 - y2, abs=0.2)
+    metres = float(found.metre_text.split()[0])
+    assert found.metre_bar / metres == pytest.approx(x1 - x0, rel=0.01)
+    assert max(found.width, found.height) <= SIZE + 1
+
+
+def test_light_on_the_camera_stands_at_every_test_camera(scene: SceneEvidence) -> None:
+    lamp = gc.PointLight("lamp", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
+    found = build_plan(replace(scene, lights=(lamp,)), [])
+    tips = {
+        tuple(float(v) for v in c.points.split()[0].split(",")) for c in found.cameras if c.split == "test"
+    }
+    assert {(m.x, m.y) for m in found.lights} == tips
+    assert found.rows[0].position.endswith("from the camera")
+
+
+def test_predicted_light_far_away_stays_inside_and_says_so(scene: SceneEvidence) -> None:
+    lights = (at(1e6, 0.0), at(np.inf, 0.0, "nowhere"))
+    found = build_plan(scene, [MethodEvidence("wild", lights=lights)])
+    wild = [m for m in found.lights if m.label.startswith("wild")]
+    assert [(m.outside, m.label) for m in wild] == [(True, "wild: here")]
+    assert 0 < wild[0].x < found.width
+    assert [r.name for r in found.rows if r.owner == "wild"] == ["here", "nowhere"]
+
+
+def test_lights_of_all_kinds(scene: SceneEvidence) -> None:
+    lights = (
+        gc.RectangleLight("window", (0, 0, 2), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1)),
+        gc.SphereLight("bulb", (0.5, 0, 1), 0.1, (1, 1, 1)),
+        gc.EnvironmentLight("sky", "environment.exr"),
+    )
+    found = build_plan(replace(scene, lights=lights), [])
+    corners = np.array([[float(v) for v in p.split(",")] for p in found.outlines[0].split()])
+    spans = np.ptp(corners, axis=0)
+    assert spans[0] == pytest.approx(2 * spans[1], abs=0.3)
+    assert [r.kind for r in found.rows] == ["rectangle", "sphere", "environment"]
+    assert found.rows[2].position == "infinitely far away"
+    assert len(found.lights) == 2
+
+
+def test_methods_without_lights_say_why(scene: SceneEvidence) -> None:
+    silent = [
+        MethodEvidence("a"),
+        MethodEvidence("b", fault="boom"),
+        MethodEvidence("c", lights_fault="torn"),
+    ]
+    assert build_plan(scene, silent).silent == (
+        ("a", "not provided"), ("b", "the job failed"), ("c", "failed: torn"),
+    )  # fmt: skip
+
+
+def test_camera_that_looks_straight_down(scene: SceneEvidence) -> None:
+    pose = gc.look_at(np.array([0.0, 0.0, 3.0]), np.zeros(3), up=(0, 1, 0))
+    down = gc.View("down", "train", gc.Camera.from_fov(8, 8, 50, pose))
+    found = build_plan(replace(scene, truth=replace(scene.truth, views=(*scene.truth.views, down))), [])
+    assert "nan" not in found.cameras[-1].points
+
+
+def test_gauge_is_applied_to_base_colour_only(scene: SceneEvidence) -> None:
+    view = scene.shown[0]
+    layers = {view.name: {k: scene.layers[view.name][k] for k in ("base_color", "radiance")}}
+    method = MethodEvidence("m", layers=layers, gauge=(2.0, 1.0, 0.5))
+    values, note = usable_layer(method, view, "base_color")
+    assert values is not None
+    np.testing.assert_allclose(values, layers[view.name]["base_color"] * np.array([2.0, 1.0, 0.5]))
+    assert note == "× 2 1 0.5"
+    assert usable_layer(method, view, "radiance")[1] == ""
+    assert usable_layer(method, view, "normal") == (None, "not provided")
+    assert usable_layer(replace(method, fault="boom"), view, "radiance") == (None, "failed")
+
+
+def test_scene_without_test_views_has_no_pictures_but_a_plan(scene: SceneEvidence) -> None:
+    bare = replace(scene, shown=(), layers={})
+    assert build_gallery(bare, []).views == ()
+    assert build_plan(bare, []).dots == ()
+
+
+def test_layers_that_the_truth_lacks_are_left_out(scene: SceneEvidence) -> None:
+    layers = {name: {"radiance": found["radiance"]} for name, found in scene.layers.items()}
+    bare = replace(scene, layers=layers)
+    gallery = build_gallery(bare, [])
+    assert [row.title for row in gallery.views[0].rows] == ["Radiance"]
+    assert bare.mask("radiance", bare.shown[0]).all()
+    assert build_plan(bare, []).dots == ()
+
+
+def test_only_some_views_and_photographs_are_embedded(make_scene: Callable[..., Path]) -> None:
+    found = open_scene(make_scene(train=9, test=4))
+    test = [v.name for v in found.test]
+    assert [v.name for v in found.shown] == [test[0], test[-1]]
+    thumbnails = build_gallery(found, []).thumbnails
+    assert len(thumbnails) == 6
+    train = [v.name for v in found.capture.train]
+    assert thumbnails[0].alt.endswith(train[0])
+    assert thumbnails[-1].alt.endswith(train[-1])
+
+
+def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
+    record = gc.SceneRecord("tabletop", "tiny-0000", "tiny", 4, "", "", "")
+    text = describe_scene(record, open_scene(tiny_scenes["tabletop"]))
+    assert text == (
+        "family tiny, seed 4; 3 training photographs and 2 test views of 28 × 24 pixels; 1 light; "
+        "object to remove: target"
+    )
+    assert "1 light on the camera" in describe_scene(record, open_scene(tiny_scenes["dark"]))

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+import graycard as gc
+from graycard.reports._cells import Reading, pool, read_metric
+from graycard.reports._tables import (
+    Leaderboard,
+    failures,
+    leaderboard,
+    metric_rows,
+    metrics_of,
+    view_rows,
+    warnings,
+)
+
+UP = gc.MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
+DOWN = gc.MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
+SIDE = gc.MetricRecord("b.side", "Side", "b", "1", False, 0.0, "h", False, 0.1)
+
+
+def make_score(metric: gc.MetricRecord, value: float | str, **more: Any) -> gc.Score:
+    scored = not isinstance(value, str)
+    status: Any = "scored" if scored else value
+    given = value if scored else None
+    return gc.Score(
+        metric.id, "p-0", status, given, metric.unit, metric.higher_is_better, metric.optimum, **more
+    )
+
+
+def make_result(method: str, scene: str, *scores: gc.Score, seed: int = 0, failed: str = "") -> gc.JobResult:
+    job = gc.Job("dark", scene, method, seed, {})
+    if failed:
+        return gc.JobResult(job, "h", "f", "failed", failed)
+    return gc.JobResult(job, "h", "f", "done", sheet=gc.ScoreSheet("dark", scene, method, "", "", scores))
+
+
+def make_board(results: list[gc.JobResult], sees: dict[str, tuple[str, ...]] | None = None) -> Leaderboard:
+    names = dict.fromkeys(r.job.method for r in results)
+    methods = tuple(gc.MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
+    record = gc.RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
+    return leaderboard(record, results, metrics_of(record, results))
+
+
+def test_mean_is_over_scenes_not_over_jobs() -> None:
+    readings = [Reading("one", "scored", 0.0), Reading("one", "scored", 0.0), Reading("two", "scored", 6.0)]
+    assert pool(readings, "dB").value == 3.0
+    assert pool(readings, "dB").complete
+
+
+def test_failure_is_counted_and_never_a_number() -> None:
+    readings = [Reading("a", "scored", 4.0), Reading("b", "scored", 8.0), Reading("c", "failed", reason="x")]
+    cell = pool(readings, "dB")
+    assert (cell.value, cell.notes, cell.complete) == (6.0, ("2 of 3 scored",), False)
+    broken = pool(readings[2:], "dB")
+    assert (broken.status, broken.text, broken.value, broken.reason) == ("failed", "failed", None, "x")
+
+
+def test_nothing_is_a_dash_and_says_why() -> None:
+    assert pool([Reading("a", "not provided")], "dB").status == "not provided"
+    assert pool([], "dB").status == "not run"
+    mixed = pool([Reading("a", "failed"), Reading("b", "not provided")], "dB")
+    assert (mixed.status, mixed.notes) == ("failed", ("1 of 2",))
+
+
+def test_infinite_mean_and_noise_ceiling() -> None:
+    cell = pool([Reading("a", "scored", math.inf, 40.0), Reading("b", "scored", 30.0, 50.0)], "dB")
+    assert (cell.text, cell.notes) == ("∞", ("ceiling 45.00",))
+    half = pool([Reading("a", "scored", 1.0, 40.0), Reading("b", "scored", 3.0)], "dB")
+    assert half.notes == ()
+
+
+def test_gauge_and_interval_stand_in_detail_only() -> None:
+    reading = Reading("a", "scored", 1.0, gauge=(2.0, 1.0, 0.5), interval=(0.5, 1.5))
+    assert pool([reading], "1").notes == ()
+    assert pool([reading], "1", detailed=True).notes == ("95 %: 0.500 to 1.500", "gauge 2 1 0.5")
+    assert pool([reading, reading], "1", detailed=True).notes == ()
+
+
+@pytest.mark.parametrize("value", [None, math.nan])
+def test_scored_without_a_number_is_a_failure(value: float | None) -> None:
+    score = replace(make_score(UP, 1.0), value=value)
+    reading = read_metric(make_result("m", "a", score), UP.id)
+    assert reading.status == "failed"
+    assert "expected a value of a.up" in reading.reason
+
+
+def test_order_follows_the_direction_of_each_metric() -> None:
+    board = make_board(
+        [
+            make_result("worst", "a", make_score(UP, 1), make_score(DOWN, 9)),
+            make_result("best", "a", make_score(UP, 3), make_score(DOWN, 1)),
+            make_result("middle", "a", make_score(UP, 2), make_score(DOWN, 5)),
+        ]
+    )
+    assert [(s.place, s.method.name) for s in board.competing] == [(1, "best"), (2, "middle"), (3, "worst")]
+    assert [m.arrow for m in board.metrics] == ["↑", "↓"]
+    assert [[c.best for c in s.cells] for s in board.competing] == [[True] * 2, [False] * 2, [False] * 2]
+
+
+def test_reference_is_neither_ranked_nor_best() -> None:
+    board = make_board(
+        [
+            make_result("oracle", "a", make_score(UP, math.inf), make_score(DOWN, 0)),
+            make_result("honest", "a", make_score(UP, 3), make_score(DOWN, 1)),
+        ],
+        sees={"oracle": ("normal",)},
+    )
+    assert [(s.place, s.method.name) for s in board.competing] == [(1, "honest")]
+    assert all(c.best for c in board.competing[0].cells)
+    assert board.references[0].place is None
+    assert not any(c.best for c in board.references[0].cells)
+
+
+def test_failing_the_hard_scene_does_not_pay() -> None:
+    easy_only = [make_result("quitter", "a", make_score(UP, 40)), make_result("quitter", "b", failed="boom")]
+    both = [make_result("steady", s, make_score(UP, v)) for s, v in (("a", 40), ("b", 20))]
+    board = make_board(easy_only + both)
+    assert [s.method.name for s in board.competing] == ["steady", "quitter"]
+    quitter = board.competing[1].cells[0]
+    assert (quitter.text, quitter.notes, quitter.best) == ("40.00", ("1 of 2 scored",), False)
+
+
+def test_equal_values_share_their_place() -> None:
+    board = make_board([make_result(n, "a", make_score(UP, 5)) for n in ("x", "y")])
+    assert [(s.place, s.cells[0].best) for s in board.competing] == [(1, True), (1, True)]
+
+
+def test_best_needs_a_value() -> None:
+    board = make_board([make_result("x", "a", make_score(UP, "failed", reason="r"))])
+    assert not board.competing[0].cells[0].best
+
+
+def test_columns_are_the_metrics_that_the_track_has() -> None:
+    with_one = make_board([make_result("x", "a", make_score(DOWN, 5))])
+    assert [m.id for m in with_one.metrics] == ["b.down"]
+    with_none = make_board([make_result("x", "a", failed="boom")])
+    assert [m.id for m in with_none.metrics] == ["a.up", "b.down"]
+
+
+def test_full_table_has_every_metric_and_single_views() -> None:
+    results = [
+        make_result("x", "a", make_score(SIDE, 0.25, per_view={"v1": 0.2, "v0": 0.3}), seed=0),
+        make_result("x", "a", make_score(SIDE, 0.75, per_view={"v1": 0.6}), seed=1),
+        make_result("y", "a", make_score(SIDE, 0.9)),
+    ]
+    heads = make_board(results).methods
+    (row,) = metric_rows(results, heads, [SIDE])
+    assert [(c.text, c.best) for c in row.cells] == [("0.500", True), ("0.900", False)]
+    rows = view_rows(results, heads, [SIDE])
+    assert [(r.view, r.values) for r in rows] == [("v0", ("0.300", "–")), ("v1", ("0.400", "–"))]
+
+
+def test_failures_with_one_reason_stand_in_one_line() -> None:
+    scores = (
+        make_score(UP, "failed", reason="no file"), make_score(DOWN, "failed", reason="no file"),
+        make_score(SIDE, "failed", reason=""),
+    )  # fmt: skip
+    results = [make_result("x", "a", *scores), make_result("y", "b", failed="boom", seed=3)]
+    found = failures(results, (UP, DOWN, SIDE))
+    assert [(f.method, f.where, f.what, f.reason) for f in found] == [
+        ("x", "a, seed 0", "Up, Down", "no file"),
+        ("x", "a, seed 0", "Side", "no reason given"),
+        ("y", "b, seed 3", "the whole job", "boom"),
+    ]
+
+
+def test_job_without_scores_is_a_failure() -> None:
+    silent = replace(make_result("x", "a"), sheet=None)
+    (found,) = failures([silent], (UP,))
+    assert found.reason.startswith("expected scores of this job")
+    assert read_metric(silent, UP.id).status == "failed"
+
+
+def test_warnings_are_told_once() -> None:
+    warned = make_score(UP, 1.0, warnings=("careful", "careful"))
+    assert [w.reason for w in warnings([make_result("x", "a", warned)])] == ["careful"]
+
+
+def test_scene_without_this_metric_is_no_failure() -> None:
+    reading = read_metric(make_result("x", "a", make_score(UP, 1.0)), DOWN.id)
+    assert (reading.status, reading.reason) == ("not provided", "this scene has no such score")
