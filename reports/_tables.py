@@ -57,7 +57,7 @@ class ViewRow:
 
     metric: MetricHead
     view: str
-    values: tuple[str, ...]
+    cells: tuple[Cell, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,13 +116,18 @@ def metric_rows(
 def view_rows(
     results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metrics: Sequence[gc.MetricRecord]
 ) -> tuple[ViewRow, ...]:
-    """Every metric in every test view; of several seeds the mean."""
+    """Every metric in every test view; of several seeds the mean.
+
+    Where a view has no value, the cell says what the method did in the whole scene: it failed, or it
+    does not provide this.
+    """
     rows = []
     for metric in metrics:
         found = {h: _values_by_view(results, h.name, metric.id) for h in methods}
+        whole = {h: _cell(results, h.name, metric) for h in methods}
         for view in sorted({view for values in found.values() for view in values}):
-            texts = tuple(_mean_text(found[h].get(view, []), metric.unit) for h in methods)
-            rows.append(ViewRow(metric_head(metric), view, texts))
+            cells = tuple(_view_cell(found[h].get(view, []), whole[h], metric.unit) for h in methods)
+            rows.append(ViewRow(metric_head(metric), view, cells))
     return tuple(rows)
 
 
@@ -203,5 +208,10 @@ def _values_by_view(results: Sequence[gc.JobResult], method: str, metric: str) -
     return found
 
 
-def _mean_text(values: Sequence[float], unit: str) -> str:
-    return format_value(sum(values) / len(values), unit) if values else "–"
+def _view_cell(values: Sequence[float], whole: Cell, unit: str) -> Cell:
+    if values:
+        value = sum(values) / len(values)
+        return Cell("scored", format_value(value, unit), value)
+    if whole.status == "scored":
+        return Cell("not provided", "–", reason="no value for this view")
+    return Cell(whole.status, whole.text, reason=whole.reason)

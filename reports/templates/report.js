@@ -82,7 +82,6 @@
   /** Put the help of a metric beside its name; without this script it stands at the foot of the window. */
   function placeTip(button) {
     const tip = document.getElementById(button.getAttribute("aria-describedby"));
-    document.body.classList.remove("dismissed");
     const place = button.getBoundingClientRect();
     tip.style.bottom = "auto";
     tip.style.left = `${Math.max(8, Math.min(place.left, document.documentElement.clientWidth - tip.offsetWidth - 8))}px`;
@@ -91,13 +90,21 @@
     tip.style.top = `${fits ? below : Math.max(8, place.top - tip.offsetHeight - 8)}px`;
   }
 
-  const dismiss = () => document.body.classList.add("dismissed");
+  let explained = null;
+  const explain = (button) => {
+    explained = button;
+    document.body.classList.remove("dismissed");
+    placeTip(button);
+  };
 
   document.querySelectorAll(".metric button").forEach((button) => {
-    for (const event of ["mouseenter", "focus"]) button.addEventListener(event, () => placeTip(button));
+    for (const event of ["mouseenter", "focus"]) button.addEventListener(event, () => explain(button));
   });
-  document.addEventListener("keydown", (event) => { if (event.key === "Escape") dismiss(); });
-  document.addEventListener("scroll", dismiss, { capture: true, passive: true });
+  document.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") document.body.classList.add("dismissed");
+  });
+  // A focus that scrolls the page moves the name away from its help after the help was placed.
+  document.addEventListener("scroll", () => { if (explained) placeTip(explained); }, { capture: true, passive: true });
 
   const scenes = [...document.querySelectorAll(".scene")].filter((scene) => scene.querySelector(".controls"));
   scenes.forEach(switchViews);

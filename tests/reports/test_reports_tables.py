@@ -151,7 +151,9 @@ def test_full_table_has_every_metric_and_single_views() -> None:
     (row,) = metric_rows(results, heads, [SIDE])
     assert [(c.text, c.best) for c in row.cells] == [("0.500", True), ("0.900", False)]
     rows = view_rows(results, heads, [SIDE])
-    assert [(r.view, r.values) for r in rows] == [("v0", ("0.300", "–")), ("v1", ("0.400", "–"))]
+    assert [(r.view, [c.text for c in r.cells]) for r in rows] == [
+        ("v0", ["0.300", "–"]), ("v1", ["0.400", "–"]),
+    ]  # fmt: skip
 
 
 def test_failures_with_one_reason_stand_in_one_line() -> None:
@@ -183,3 +185,14 @@ def test_warnings_are_told_once() -> None:
 def test_scene_without_this_metric_is_no_failure() -> None:
     reading = read_metric(make_result("x", "a", make_score(UP, 1.0)), DOWN.id)
     assert (reading.status, reading.reason) == ("not provided", "this scene has no such score")
+
+
+def test_single_views_of_a_failed_job_are_failed_not_missing() -> None:
+    results = [
+        make_result("x", "a", make_score(UP, 1.0, per_view={"v": 1.0})), make_result("y", "a", failed="boom"),
+        make_result("z", "a", make_score(UP, "not provided")),
+    ]  # fmt: skip
+    (row,) = view_rows(results, make_board(results).methods, [UP])
+    assert sorted((c.status, c.text) for c in row.cells) == [
+        ("failed", "failed"), ("not provided", "–"), ("scored", "1.00"),
+    ]  # fmt: skip
