@@ -33,7 +33,7 @@ from graycard import (
 from graycard.benchmarks._fit import DONE, FitSpec, finish_job, fit_scene
 from graycard.benchmarks._sources import eval_fingerprint
 from graycard.eval import score_predictions
-from graycard.synth import RenderSettings, SceneSpec, render_scene
+from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
 SCORES = "scores.json"
 
@@ -102,6 +102,15 @@ def run_score(job: FitJob) -> Outcome:
         return Outcome(value=sheet)
 
     return _guarded(work, job.folder / "error.txt")
+
+
+def scene_at_hand(job: RenderJob) -> Outcome | None:
+    """The folder of a scene that is rendered and intact; None if there is work to do."""
+    try:
+        folder = find_scene(job.spec, job.settings, job.dataset)
+    except GraycardError as error:
+        return Outcome(reason=str(error))
+    return None if folder is None else Outcome(reused=True, value=folder)
 
 
 def fit_at_hand(job: FitJob) -> Outcome | None:
