@@ -10,6 +10,7 @@ import numpy as np
 
 import graycard as gc
 
+_ROUND = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)
 _UNITS = {"base_color": "linear difference", "normal": "degrees", "depth": "m"}
 
 
@@ -60,7 +61,7 @@ def angle_degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def shared_scale(errors: Sequence[np.ndarray]) -> float:
     """The upper end of one colour bar for several error images.
 
-    The first of 1, 2, 5 times a power of ten that is no less than the 98th percentile of all errors
+    The first of some round numbers that is no less than the 98th percentile of all errors
     above zero: a few wild pixels must not darken the rest.
     """
     values = np.concatenate([e[np.isfinite(e) & (e > 0)] for e in errors]) if errors else np.array([])
@@ -68,7 +69,7 @@ def shared_scale(errors: Sequence[np.ndarray]) -> float:
         return 1.0
     high = float(np.percentile(values, 98))
     power = 10.0 ** np.floor(np.log10(high))
-    return next(float(f"{step * power:.6g}") for step in (1, 2, 5, 10) if step * power >= high * (1 - 1e-9))
+    return next(float(f"{step * power:.6g}") for step in _ROUND if step * power >= high * (1 - 1e-9))
 
 
 def _absolute_difference(p: np.ndarray, t: np.ndarray) -> np.ndarray:

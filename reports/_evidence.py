@@ -107,10 +107,15 @@ def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:
         f"family {scene.family}, seed {scene.seed}",
         f"{count(train, 'training photograph')} and {count(len(evidence.test), 'test view')} "
         f"of {camera.width} × {camera.height} pixels",
-        count(len(evidence.lights), "light") + (" on the camera" if evidence.capture.light_on_camera else ""),
+        _count_lights(evidence.lights),
     ]
     names = [o.name for o in evidence.truth.objects if o.id == evidence.truth.target]
     return "; ".join(parts + [f"object to remove: {name}" for name in names])
+
+
+def _count_lights(lights: Sequence[gc.Light]) -> str:
+    mounted = sum(not isinstance(o, gc.EnvironmentLight) and o.frame == "camera" for o in lights)
+    return count(len(lights), "light") + (f" ({mounted} on the camera)" if mounted else "")
 
 
 def _read_views(

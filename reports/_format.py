@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable
 from datetime import datetime
 
-_DECIMALS = {"dB": 2, "1": 3, "°": 2, "stops": 2, "count": 1, "m": 3}
+_DECIMALS = {"dB": 2, "1": 3, "°": 2, "stops": 2, "m": 3}
 _DEFAULT_DECIMALS = 2
 
 
@@ -20,6 +20,8 @@ def format_value(value: float, unit: str) -> str:
         return "nan"
     if math.isinf(value):
         return "∞" if value > 0 else "−∞"
+    if unit == "count":
+        return f"{value:.0f}" if value.is_integer() else f"{value:.1f}"
     return f"{value:.{_DECIMALS.get(unit, _DEFAULT_DECIMALS)}f}".replace("-", "−")
 
 
@@ -45,6 +47,8 @@ def format_seconds(seconds: float) -> str:
         >>> format_seconds(4.2), format_seconds(75), format_seconds(3700)
         ('4.2 s', '1 min 15 s', '1 h 1 min')
     """
+    if seconds < 1:
+        return f"{seconds:.2f} s"
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

@@ -33,7 +33,7 @@ from graycard.reports._tables import (
 )
 
 _TRACKS = {
-    "dark": "the only light is mounted on the camera and moves with it",
+    "dark": "the main light is mounted on the camera and moves with it",
     "tabletop": "objects on a glossy surface, one of which is to be removed",
     "multilight": "several local lights and an environment",
 }

@@ -94,7 +94,8 @@ def build_plan(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Plan:
     dots = np.concatenate([np.empty((0, 3)), *(_surface_points(v, scene) for v in scene.shown)])
     eyes = [v.camera.position for v in scene.truth.views]
     true = [p for light in _local(scene.lights) for p in _positions(light, scene.test)]
-    frame = _fit_frame(np.concatenate([dots, np.array(eyes + true)]))
+    edges = [c for light in scene.lights if isinstance(light, gc.RectangleLight) for c in _corners(light)]
+    frame = _fit_frame(np.concatenate([dots, np.array(eyes + true + edges)]))
     metres = _round_length(0.25 * (frame.width - 2 * MARGIN) / frame.scale)
     owners = [("ground truth", 0, scene.lights)]
     owners += [(m.method, 1 + i % SHAPES, m.lights) for i, m in enumerate(methods) if m.lights is not None]
@@ -184,8 +185,12 @@ def _light_row(owner: str, shape: int, light: gc.Light) -> LightRow:
 
 
 def _outline(light: gc.RectangleLight, frame: _Frame) -> str:
+    return _points(frame.place(corner) for corner in _corners(light))
+
+
+def _corners(light: gc.RectangleLight) -> list[np.ndarray]:
     centre, u, v = np.array(light.position), np.array(light.half_u), np.array(light.half_v)
-    return _points([frame.place(centre + a * u + b * v) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))])
+    return [centre + a * u + b * v for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
 
 
 def _points(points: Iterable[Sequence[float] | np.ndarray]) -> str:

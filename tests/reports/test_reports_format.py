@@ -20,7 +20,8 @@ from graycard.reports._format import (
         (31.456, "dB", "31.46"),
         (0.98765, "1", "0.988"),
         (-0.5, "1", "−0.500"),
-        (2.0, "count", "2.0"),
+        (2.0, "count", "2"),
+        (2.5, "count", "2.5"),
         (7.123, "% of the scene's diameter", "7.12"),
         (math.inf, "dB", "∞"),
         (-math.inf, "dB", "−∞"),
@@ -32,7 +33,8 @@ def test_value_has_the_digits_of_its_unit(value: float, unit: str, text: str) ->
 
 
 @pytest.mark.parametrize(
-    ("seconds", "text"), [(4.21, "4.2 s"), (60, "1 min 0 s"), (75, "1 min 15 s"), (3700, "1 h 1 min")]
+    ("seconds", "text"),
+    [(0.034, "0.03 s"), (4.21, "4.2 s"), (60, "1 min 0 s"), (75, "1 min 15 s"), (3700, "1 h 1 min")],
 )
 def test_duration_in_the_unit_that_fits(seconds: float, text: str) -> None:
     assert format_seconds(seconds) == text

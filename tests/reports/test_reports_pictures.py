@@ -134,7 +134,7 @@ def test_two_infinite_depths_agree_and_one_does_not() -> None:
     assert error_image("depth", p, t, here, 1.0).tolist() == [[0.0, np.inf, np.inf]]
 
 
-@pytest.mark.parametrize(("top", "scale"), [(0.03, 0.05), (1.0, 1.0), (1.7, 2.0), (60.0, 100.0), (0.0, 1.0)])
+@pytest.mark.parametrize(("top", "scale"), [(0.027, 0.03), (1.0, 1.0), (1.2, 1.5), (91.0, 100.0), (0.0, 1.0)])
 def test_scale_is_the_next_round_number(top: float, scale: float) -> None:
     assert shared_scale([np.array([[0.0, np.nan, top]])]) == scale
     assert shared_scale([]) == 1.0

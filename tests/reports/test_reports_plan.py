@@ -64,6 +64,9 @@ def test_lights_of_all_kinds(scene: SceneEvidence) -> None:
     corners = np.array([[float(v) for v in p.split(",")] for p in found.outlines[0].split()])
     spans = np.ptp(corners, axis=0)
     assert spans[0] == pytest.approx(2 * spans[1], abs=0.3)
+    wide = replace(lights[0], half_u=(20.0, 0.0, 0.0))
+    found_wide = build_plan(replace(scene, lights=(wide,)), [])
+    assert all(0 < float(p.split(",")[0]) < found_wide.width for p in found_wide.outlines[0].split())
     assert [r.kind for r in found.rows] == ["rectangle", "sphere", "environment"]
     assert found.rows[2].position == "infinitely far away"
     assert len(found.lights) == 2
@@ -130,7 +133,10 @@ def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
     record = gc.SceneRecord("tabletop", "tiny-0000", "tiny", 4, "", "", "")
     text = describe_scene(record, open_scene(tiny_scenes["tabletop"]))
     assert text == (
-        "family tiny, seed 4; 3 training photographs and 2 test views of 28 × 24 pixels; 1 light; "
-        "object to remove: target"
+        "family tiny, seed 4; 3 training photographs and 2 test views of 28 × 24 pixels; "
+        "1 light (1 on the camera); object to remove: target"
     )
-    assert "1 light on the camera" in describe_scene(record, open_scene(tiny_scenes["dark"]))
+    dark = open_scene(tiny_scenes["dark"])
+    fixed = replace(dark, lights=(at(0.0, 0.0), gc.EnvironmentLight("sky", "environment.exr")))
+    assert "; 2 lights" in describe_scene(record, fixed)
+    assert "on the camera" not in describe_scene(record, fixed)
