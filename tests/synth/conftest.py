@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Renderer variants, and a small scene made by hand."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.synth import Ball, Matte, Quad, Scene, Thing, use_renderer
+from graycard.synth._variant import LLVM_RGB, SCALAR
+
+LLVM_PATH = "DRJIT_LIBLLVM_PATH"
+
+
+@pytest.fixture(scope="session")
+def run_python() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """``run_python(code, *arguments, **environment)`` in a process of its own.
+
+    It is not traced: under ``--cov=graycard.synth`` coverage would import numpy twice there.
+    """
+
+    def run(code: str, *arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        kept = {name: value for name, value in os.environ.items() if not name.startswith("COV")}
+        command = [sys.executable, "-c", code, *arguments]
+        return subprocess.run(command, env=kept | environment, capture_output=True, text=True, check=False)
+
+    return run
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loaded() -> None:
+    """Dr.Jit looks for LLVM once a process: let it, before a test hides the library."""
+    use_renderer()
+
+
+@pytest.fixture(params=[SCALAR, LLVM_RGB])
+def variant(request: pytest.FixtureRequest) -> str:
+    """Each variant of the renderer that this machine can run, in use."""
+    try:
+        return use_renderer(variant=request.param).variant
+    except gc.RenderError as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def scalar() -> str:
+    """The variant that every machine has, in use: nothing to compile."""
+    return use_renderer(variant=SCALAR).variant
+
+
+@pytest.fixture
+def no_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine without LLVM."""
+    monkeypatch.setenv(LLVM_PATH, "/nowhere/libLLVM.so.19.1")
+
+
+@pytest.fixture
+def make_plane() -> Callable[..., Scene]:
+    """A Lambertian floor of albedo (0.5, 0.4, 0.3) and perhaps a ball, seen obliquely from above."""
+
+    def make(
+        lights: tuple[gc.Light, ...] = (), ball: Ball | None = None, sky: np.ndarray | None = None
+    ) -> Scene:
+        floor = Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte((0.5, 0.4, 0.3)))
+        balls = (Thing("ball", ball, Matte((0.6, 0.5, 0.2))),) if ball else ()
+        pose = gc.look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.0]))
+        camera = gc.Camera.from_fov(24, 20, 50.0, pose)
+        return Scene((floor, *balls), lights, (gc.View("train_000", "train", camera),), sky)
+
+    return make

@@ -1,0 +1,447 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene folders: what they hold, and that they are whole or not there, whatever happens in between."""
+
+import json
+import shutil
+import signal
+import subprocess
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.synth import RenderSettings, SceneSpec, families, find_scene, render_scene, scene_name
+from graycard.synth._lock import alone
+from graycard.synth._store import Place
+
+TINY = RenderSettings(20, 16, 3, 1, 16, 3)
+TABLE = SceneSpec("tabletop", "glossy-table", 0)
+HIDDEN = {"DRJIT_LIBLLVM_PATH": "/nowhere/libLLVM.so"}
+
+RunPython = Callable[..., subprocess.CompletedProcess[str]]
+
+RENDER = """
+import os, signal, sys, json
+import graycard as gc, graycard.synth as synth
+spec, settings, out, threads, kill_at = json.loads(sys.argv[1])
+def progress(done, doing):
+    if kill_at and kill_at in doing:
+        os.kill(os.getpid(), signal.SIGKILL)
+spec, settings = gc.decode(synth.SceneSpec, spec), gc.decode(synth.RenderSettings, settings)
+print(synth.render_scene(spec, settings, out, progress, threads))
+print("mitsuba" in sys.modules, "colour" in sys.modules)
+"""
+
+
+@pytest.fixture(scope="session")
+def in_process(run_python: RunPython) -> RunPython:
+    """``in_process(out, spec, threads, kill_at, hide)`` renders in a process of its own."""
+
+    def run(
+        out: Path, spec: SceneSpec = TABLE, threads: int | None = None, kill_at: str = "", hide: bool = True
+    ) -> subprocess.CompletedProcess[str]:
+        request = json.dumps([gc.encode(spec), gc.encode(TINY), str(out), threads, kill_at])
+        return run_python(RENDER, request, **(HIDDEN if hide else {}))
+
+    return run
+
+
+def bits(folder: Path) -> dict[str, str]:
+    """Hash of each file, hidden ones as well."""
+    return {str(p.relative_to(folder)): gc.sha256(p) for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+@pytest.fixture(scope="session")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """One tiny scene a track, not to be changed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DRJIT_LIBLLVM_PATH", HIDDEN["DRJIT_LIBLLVM_PATH"])
+        out = tmp_path_factory.mktemp("rendered")
+        specs = [SceneSpec(f.track, name, 0) for name, f in families().items()]
+        return {spec.track: render_scene(spec, TINY, out, threads=2) for spec in specs}
+
+
+@pytest.fixture
+def table(rendered: dict[str, Path], tmp_path: Path, no_llvm: None) -> Path:
+    """A copy of the tabletop scene in a dataset of its own."""
+    target = tmp_path / "dataset" / "tabletop" / rendered["tabletop"].name
+    shutil.copytree(rendered["tabletop"], target)
+    return target
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str) -> None:
+    folder = rendered[track]
+    capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
+    assert capture.views == truth.views
+    assert capture.light_on_camera == (track == "dark")
+    names = {"radiance", "radiance.var", "base_color", "normal", "depth", "object_id"}
+    if track == "tabletop":
+        names |= {"counterfactual.radiance", "counterfactual.radiance.var"}
+    for view in truth.views:
+        layers = truth.layers(view)
+        assert layers.keys() == names
+        for name, values in layers.items():
+            assert gc.find_fault(name, values, 16, 20) is None
+        assert layers["radiance"].min() >= 0
+        assert layers["radiance.var"].min() >= 0
+        assert layers["radiance.var"].max() > 0
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_normals_are_unit_and_face_the_camera(rendered: dict[str, Path], track: str) -> None:
+    truth = gc.open_truth(rendered[track] / "truth")
+    for view in truth.views:
+        layers = truth.layers(view)
+        seen = layers["object_id"] > 0
+        np.testing.assert_allclose(np.linalg.norm(layers["normal"][seen], axis=-1), 1, atol=1e-5)
+        assert (layers["normal"][~seen] == 0).all()
+        assert ((layers["normal"] * view.camera.rays()).sum(-1)[seen] <= 1e-6).all()
+        assert (np.isfinite(layers["depth"]) == seen).all()
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_photographs_are_of_training_views_only(rendered: dict[str, Path], track: str) -> None:
+    capture = gc.open_capture(rendered[track] / "capture")
+    truth = gc.open_truth(rendered[track] / "truth")
+    for view in capture.train:
+        assert np.array_equal(capture.photograph(view), truth.layers(view)["radiance"])
+    files = {p.stem for p in (rendered[track] / "capture").rglob("*.exr")}
+    assert files == {v.name for v in capture.train}
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_exposure_brings_the_99th_percentile_to_white(rendered: dict[str, Path], track: str) -> None:
+    capture = gc.open_capture(rendered[track] / "capture")
+    photographs = [capture.photograph(v) for v in capture.train]
+    assert capture.exposure * np.percentile(photographs, 99) == pytest.approx(1)
+
+
+def test_the_capture_tells_nothing_of_the_scene(rendered: dict[str, Path]) -> None:
+    for folder in rendered.values():
+        manifest = gc.read_manifest(folder / "capture", "graycard-capture")
+        assert not manifest.seeds
+        assert not manifest.settings
+        assert manifest.generator.keys() == {"name", "version"}
+
+
+def test_the_truth_tells_how_it_was_made(rendered: dict[str, Path]) -> None:
+    manifest = gc.read_manifest(rendered["dark"] / "truth", "graycard-truth")
+    assert manifest.seeds == {"scene": 0}
+    assert manifest.settings["family"] == "corridor"
+    assert manifest.settings["render"] == gc.encode(TINY)
+    assert manifest.settings["knobs"]["light_offset"] == 0.25
+    assert manifest.generator["variant"] == "scalar_rgb"
+
+
+def test_target_masks_hold_the_target_where_it_is_seen(rendered: dict[str, Path]) -> None:
+    folder = rendered["tabletop"]
+    capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
+    assert capture.target == truth.target
+    seen = 0
+    for view in capture.train:
+        mask = gc.read_layers(folder / "capture" / "masks" / "target" / f"{view.name}.exr")["object_id"]
+        ids = truth.layers(view)["object_id"]
+        assert np.array_equal(mask, np.where(ids == capture.target, ids, 0))
+        seen += int((mask > 0).sum())
+    assert seen > 10
+
+
+def test_the_counterfactual_differs_only_where_the_target_plays_a_part(rendered: dict[str, Path]) -> None:
+    truth = gc.open_truth(rendered["tabletop"] / "truth")
+    for view in truth.views:
+        layers = truth.layers(view)
+        same = (layers["radiance"] == layers["counterfactual.radiance"]).all(-1)
+        background = layers["object_id"] == 0
+        assert same.mean() > 0.05
+        assert not same[layers["object_id"] == truth.target].any()
+        assert background.sum() == 0 or same[background].mean() > 0.7
+
+
+def test_lights_are_those_of_the_scene(rendered: dict[str, Path]) -> None:
+    for track, folder in rendered.items():
+        truth = gc.open_truth(folder / "truth")
+        family = families()[truth.scene.rpartition("-")[0]]
+        scene = family().build(0, TINY)
+        assert truth.lights() == scene.lights, track
+        assert (folder / "truth" / "environment.exr").is_file() == (scene.sky is not None)
+        emitters = {o.name for o in truth.objects if o.emits}
+        assert emitters == {x.name for x in truth.lights() if hasattr(x, "radiance")}
+
+
+def test_the_diameter_spans_cameras_and_what_they_see(rendered: dict[str, Path]) -> None:
+    truth = gc.open_truth(rendered["dark"] / "truth")
+    assert 5 < truth.diameter < np.linalg.norm((7.0, 2.6, 3.4))
+
+
+def test_every_base_color_of_an_emitter_is_black(rendered: dict[str, Path]) -> None:
+    for folder in rendered.values():
+        truth = gc.open_truth(folder / "truth")
+        for view in truth.views:
+            layers = truth.layers(view)
+            lamp = np.isin(layers["object_id"], list(truth.emitter_ids()))
+            assert (layers["base_color"][lamp] == 0).all()
+
+
+def test_the_chart_shows_its_measured_colors() -> None:
+    """Of the patches that a camera in front of the studio's chart sees, each is the right one."""
+    from graycard.synth import Quad, Scene, use_renderer
+    from graycard.synth._mitsuba import load_scene
+    from graycard.synth._spectra import chart_patches
+    from graycard.synth._studio import _chart
+    from graycard.synth._views import surface_layers
+
+    use_renderer(variant="scalar_rgb")
+    chart = _chart()
+    assert isinstance(chart.geometry, Quad)
+    centre = np.array(chart.geometry.center)
+    camera = gc.Camera.from_fov(96, 64, 36, gc.look_at(centre + np.array([1.0, 0, 0]), centre))
+    scene = Scene((chart,), (), (gc.View("train_000", "train", camera),))
+    color = surface_layers(load_scene(scene, camera), scene, camera)["base_color"]
+    for number, reflectance in enumerate(chart_patches().values()):
+        row, column = divmod(number, 6)
+        across, up = (column + 0.5) / 3 - 1, 1 - (row + 0.5) / 2
+        point = centre + across * np.array(chart.geometry.half_u) + up * np.array(chart.geometry.half_v)
+        x, y = camera.project(point)[0]
+        np.testing.assert_allclose(color[int(y), int(x)], reflectance, atol=1e-6)
+
+
+def test_a_second_call_finds_the_scene_and_imports_no_renderer(table: Path, in_process: RunPython) -> None:
+    before = bits(table)
+    stamps = {p: p.stat().st_mtime_ns for p in table.rglob("*")}
+    done = in_process(table.parent.parent)
+    assert done.stdout.split() == [str(table), "False", "False"]
+    assert bits(table) == before
+    assert {p: p.stat().st_mtime_ns for p in table.rglob("*")} == stamps
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_another_process_gives_the_same_bits(
+    rendered: dict[str, Path], tmp_path: Path, threads: int, in_process: RunPython
+) -> None:
+    done = in_process(tmp_path, threads=threads)
+    assert done.returncode == 0, done.stderr
+    assert bits(tmp_path / "tabletop") == bits(rendered["tabletop"].parent)
+
+
+def test_llvm_gives_the_same_bits_with_one_and_two_threads(tmp_path: Path, in_process: RunPython) -> None:
+    if not find_llvm().usable:
+        pytest.skip("no LLVM library here")
+    spec = SceneSpec("multilight", "studio", 3)
+    for threads in (1, 2):
+        done = in_process(tmp_path / str(threads), spec, threads, hide=False)
+        assert done.returncode == 0, done.stderr
+    assert bits(tmp_path / "1") == bits(tmp_path / "2")
+
+
+@pytest.mark.parametrize("kill_at", ["train_000", "test_002", "train_003"])
+def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
+    rendered: dict[str, Path], tmp_path: Path, kill_at: str, no_llvm: None, in_process: RunPython
+) -> None:
+    killed = in_process(tmp_path, kill_at=kill_at)
+    assert killed.returncode == -signal.SIGKILL
+    assert gc.scene_folders(tmp_path) == []
+    assert find_scene(TABLE, TINY, tmp_path) is None
+    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "views"
+    kept = {p.name: p.stat().st_mtime_ns for p in views.glob("*.exr")}
+    assert len(kept) == {"train_000": 0, "test_002": 2, "train_003": 3}[kill_at]
+    heard: list[str] = []
+    folder = render_scene(TABLE, TINY, tmp_path, lambda done, doing: heard.append(doing))
+    assert len([h for h in heard if "_00" in h]) == 4 - len(kept)
+    assert bits(folder.parent) == bits(rendered["tabletop"].parent)
+
+
+def test_a_broken_view_of_a_killed_run_is_made_anew(
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: None, in_process: RunPython
+) -> None:
+    in_process(tmp_path, kill_at="train_003")
+    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "views"
+    broken = views / "train_000.exr"
+    broken.write_bytes(broken.read_bytes()[:500])
+    folder = render_scene(TABLE, TINY, tmp_path)
+    assert bits(folder.parent) == bits(rendered["tabletop"].parent)
+
+
+def test_leftovers_of_another_spec_are_not_used(
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: None
+) -> None:
+    place = Place(tmp_path, "tabletop", scene_name(TABLE))
+    views = place.partial / "truth" / "views"
+    gc.write_json(place.partial / "stamp.json", {"generator": 0, "variant": "scalar_rgb"})
+    shutil.copy(rendered["dark"] / "truth" / "views" / "train_000.exr", gc.writable_folder(views))
+    folder = render_scene(TABLE, TINY, tmp_path)
+    assert bits(folder.parent) == bits(rendered["tabletop"].parent)
+
+
+DAMAGE = [
+    "truth/views/test_002.exr",
+    "truth/views/train_000.exr",
+    "truth/lights.json",
+    "truth/environment.exr",
+    "truth/truth.json",
+    "truth/manifest.json",
+    "capture/capture.json",
+    "capture/manifest.json",
+    "capture/photographs/train_000.exr",
+    "capture/masks/target/train_003.exr",
+]
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+@pytest.mark.parametrize("how", ["missing", "cut", "changed"])
+def test_damage_is_mended_to_the_same_bits(
+    rendered: dict[str, Path], table: Path, name: str, how: str
+) -> None:
+    path = table / name
+    data = path.read_bytes()
+    match how:
+        case "missing":
+            path.unlink()
+        case "cut":
+            path.write_bytes(data[: len(data) // 2])
+        case "changed":
+            # in a manifest, a digit of a hash: it stays JSON
+            at = data.rindex(b'"') - 5 if path.name == "manifest.json" else len(data) // 2
+            path.write_bytes(data[:at] + (b"0" if data[at : at + 1] != b"0" else b"1") + data[at + 1 :])
+    assert find_scene(TABLE, TINY, table.parent.parent) is None
+    heard: list[str] = []
+    render_scene(TABLE, TINY, table.parent.parent, lambda done, doing: heard.append(doing))
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+    views = sum("_00" in h for h in heard)
+    if name == "truth/manifest.json":
+        assert views == 4 if how != "changed" else views <= 1
+    else:
+        assert views == int("truth/views" in name)
+
+
+def test_a_scene_that_lost_its_capture_gets_it_back(rendered: dict[str, Path], table: Path) -> None:
+    shutil.rmtree(table / "capture")
+    render_scene(TABLE, TINY, table.parent.parent)
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
+def test_a_mend_that_is_killed_goes_on(rendered: dict[str, Path], table: Path, in_process: RunPython) -> None:
+    (table / "truth/views/test_002.exr").unlink()
+    killed = in_process(table.parent.parent, kill_at="test_002")
+    assert killed.returncode == -signal.SIGKILL
+    assert not table.exists()
+    render_scene(TABLE, TINY, table.parent.parent)
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
+@pytest.mark.parametrize(
+    ("settings", "difference"),
+    [
+        (RenderSettings(24, 16, 3, 1, 16, 3), r"render.width: expected 24, got 20"),
+        (RenderSettings(20, 16, 3, 1, 64, 3), r"render.samples: expected 64, got 16"),
+        (RenderSettings(20, 16, 4, 1, 16, 3), r"render.train_views: expected 4, got 3"),
+    ],
+)
+def test_a_scene_of_other_settings_is_left_alone(
+    table: Path, settings: RenderSettings, difference: str
+) -> None:
+    before = bits(table)
+    with pytest.raises(gc.DatasetError, match=f"{difference}.*Choose another output folder"):
+        render_scene(TABLE, settings, table.parent.parent)
+    assert bits(table) == before
+
+
+@pytest.mark.parametrize(
+    ("part", "change", "difference"),
+    [
+        ("seeds", {"scene": 7}, "seed: expected 0, got 7"),
+        ("generator", {"generator": 0}, "generator: expected 1, got 0"),
+        ("settings", {"knobs": {"roughness": 0.5}}, "knobs.roughness: expected 0.1, got 0.5"),
+    ],
+)
+def test_a_scene_of_another_spec_is_left_alone(
+    table: Path, part: str, change: dict[str, Any], difference: str
+) -> None:
+    path = table / "truth" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest[part] |= change
+    path.write_text(json.dumps(manifest))
+    with pytest.raises(gc.DatasetError, match=difference):
+        render_scene(TABLE, TINY, table.parent.parent)
+
+
+def test_a_newer_format_is_left_alone(table: Path) -> None:
+    path = table / "truth" / "manifest.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"format_version": 99}))
+    with pytest.raises(gc.DatasetError, match="got version 99"):
+        render_scene(TABLE, TINY, table.parent.parent)
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    thesis = tmp_path / "tabletop" / "glossy-table-0000" / "thesis.tex"
+    thesis.parent.mkdir(parents=True)
+    thesis.write_text("years of work")
+    with pytest.raises(gc.DatasetError, match=r"got thesis.tex in it. Choose another"):
+        render_scene(TABLE, TINY, tmp_path)
+    assert thesis.read_text() == "years of work"
+
+
+def test_a_file_in_the_place_of_the_scene_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "tabletop" / "glossy-table-0000"
+    path.parent.mkdir()
+    path.write_text("x")
+    with pytest.raises(gc.DatasetError, match="Choose another"):
+        render_scene(TABLE, TINY, tmp_path)
+
+
+def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("x")
+    with pytest.raises(gc.OutputError, match="expected an output folder that can be written to"):
+        render_scene(TABLE, TINY, tmp_path / "out")
+
+
+def test_a_black_scene_is_refused(tmp_path: Path, no_llvm: None) -> None:
+    spec = SceneSpec("tabletop", "glossy-table", 0, {"lamp": 0.0, "daylight": 0.0})
+    with pytest.raises(gc.RenderError, match="expected a scene with light in it"):
+        render_scene(spec, TINY, tmp_path)
+    assert gc.scene_folders(tmp_path) == []
+
+
+def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: None) -> None:
+    heard: list[tuple[float, str]] = []
+    render_scene(TABLE, TINY, tmp_path, lambda done, doing: heard.append((done, doing)))
+    shares = [share for share, _ in heard]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1
+    assert "glossy-table-0000 test_002" in [doing for _, doing in heard]
+
+
+def test_two_processes_make_a_scene_once(tmp_path: Path, in_process: RunPython) -> None:
+    """The second waits for the lock, then finds the scene whole: its files are not written again."""
+    results: list[subprocess.CompletedProcess[str]] = []
+    workers = [threading.Thread(target=lambda: results.append(in_process(tmp_path))) for _ in range(2)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert [r.returncode for r in results] == [0, 0], results
+    assert sorted(p.name for p in (tmp_path / "tabletop").iterdir()) == ["glossy-table-0000"]
+
+
+def test_the_lock_is_held_by_one_and_leaves_nothing(tmp_path: Path) -> None:
+    order: list[str] = []
+    inside, waiting = threading.Event(), threading.Event()
+
+    def second() -> None:
+        inside.wait(10)
+        with alone(tmp_path / "lock", waiting.set):
+            order.append("second")
+
+    thread = threading.Thread(target=second)
+    thread.start()
+    with alone(tmp_path / "lock", lambda: order.append("waited for nothing")):
+        inside.set()
+        assert waiting.wait(10)
+        order.append("first")
+    thread.join()
+    assert order == ["first", "second"]
+    assert list(tmp_path.iterdir()) == []
