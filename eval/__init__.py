@@ -2,8 +2,6 @@
 """Predictions against truth: metrics, gauges, scores."""
 
 from graycard.eval._angles import angles as angles
-from graycard.eval._error_map import error_map as error_map
-from graycard.eval._error_map import error_map_unit as error_map_unit
 from graycard.eval._flip import flip as flip
 from graycard.eval._flip import flip_map as flip_map
 from graycard.eval._gauge import Moments as Moments

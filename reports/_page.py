@@ -166,6 +166,7 @@ def _scene(
 ) -> SceneSection:
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
+    competing = {m.name for m in here if not m.sees}  # that the truth is too good is no news
     pictures, reason, faults = _pictures(run, scene, results, here)
     return SceneSection(
         anchor=anchor,
@@ -177,7 +178,7 @@ def _scene(
         faults=faults,
         rows=metric_rows(results, here, metrics),
         view_rows=view_rows(results, here, metrics),
-        warnings=warnings(results),
+        warnings=warnings([r for r in results if r.job.method in competing]),
     )
 
 
