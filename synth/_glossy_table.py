@@ -102,7 +102,7 @@ def _lime_on_ring(seed: int, at: tuple[float, float, float]) -> Iterator[Thing]:
 
 def _floor(seed: int) -> Iterator[Thing]:
     pixels = textures.tiles(stream(seed, "floor"), [(0.34, 0.34, 0.32), (0.22, 0.25, 0.25)])
-    yield Thing("floor", Quad((0, 0, 0), (5, 0, 0), (0, 5, 0)), Matte(Texture(pixels, (6, 6))))
+    yield Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte(Texture(pixels, (4.8, 4.8))))
     trestle = box((1.1, 0.7, TOP - 0.05), 0.02).moved((0, 0, (TOP - 0.05) / 2))
     yield Thing("trestle", trestle, Matte((0.12, 0.11, 0.11)))
 
@@ -140,12 +140,12 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
     start, phase = rng.uniform(0, 2 * np.pi, size=2)
     cameras = []
     for t in np.linspace(0, 1, settings.views):
-        angle, lift = start + 2.6 * t, np.radians(29 + 7 * np.sin(7 * t + phase))
+        angle, lift = start + 2.6 * t, np.radians(34 + 6 * np.sin(7 * t + phase))
         radius = 1.35 + 0.08 * np.cos(9 * t + phase)
         out = np.array([np.cos(angle) * np.cos(lift), np.sin(angle) * np.cos(lift), np.sin(lift)])
         aim = np.array([0, 0, TOP + 0.06])
         pose = gc.look_at(aim + radius * out, aim)
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 46.0, pose))
+        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 42.0, pose))
     return cameras
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mesh import Mesh
-from graycard.synth._scene import Ball, Color, Geometry, Glossy, Material, Matte, Quad, Scene, Texture, Thing
+from graycard.synth._scene import Ball, Color, Glossy, Material, Matte, Quad, Scene, Texture, Thing
 
 _SKY_TO_WORLD = [[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Mitsuba's environment has its pole at +y and its seam at -z; in the world these are +z and +x."""
@@ -84,38 +84,29 @@ def _pinhole(camera: gc.Camera) -> dict[str, Any]:
 
 def _shape(thing: Thing, emitter: dict[str, Any] | None) -> Any:
     material = _bsdf(thing.material)
-    if isinstance(thing.geometry, Mesh):
-        return _mesh(thing, material)
-    shape = {**_primitive(thing.geometry), "bsdf": material}
-    return {**shape, "emitter": emitter} if emitter else shape
-
-
-def _primitive(geometry: Geometry) -> dict[str, Any]:
-    match geometry:
+    match thing.geometry:
+        case Mesh() as mesh:
+            return _mesh(thing.name, mesh, material)
         case Ball(center, radius):
-            return {"type": "sphere", "center": list(center), "radius": radius}
+            shape = {"type": "sphere", "center": list(center), "radius": radius}
         case Quad(center, half_u, half_v):
-            normal = np.cross(half_u, half_v)
-            to_world = np.eye(4)
-            to_world[:3] = np.stack([half_u, half_v, normal / np.linalg.norm(normal), center], axis=1)
-            return {"type": "rectangle", "to_world": mi.ScalarTransform4f(to_world.tolist())}
-        case _:
-            raise ValueError(f"expected a Ball or a Quad, got {type(geometry).__name__}")
+            shape = {"type": "rectangle", "to_world": _quad_to_world(center, half_u, half_v)}
+    return {**shape, "bsdf": material} | ({"emitter": emitter} if emitter else {})
 
 
-def _mesh(thing: Thing, material: dict[str, Any]) -> mi.Mesh:
-    mesh = thing.geometry
-    assert isinstance(mesh, Mesh)
+def _quad_to_world(center: Any, half_u: Any, half_v: Any) -> mi.ScalarTransform4f:
+    """From Mitsuba's rectangle, [-1, 1]² at z = 0 that faces +z."""
+    normal = np.cross(half_u, half_v)
+    to_world = np.eye(4)
+    to_world[:3] = np.stack([half_u, half_v, normal / np.linalg.norm(normal), center], axis=1)
+    return mi.ScalarTransform4f(to_world.tolist())
+
+
+def _mesh(name: str, mesh: Mesh, material: dict[str, Any]) -> mi.Mesh:
     properties = mi.Properties()
     properties["mesh_bsdf"] = load(material)
-    shape = mi.Mesh(
-        thing.name,
-        len(mesh.vertices),
-        len(mesh.faces),
-        has_vertex_normals=True,
-        has_vertex_texcoords=True,
-        props=properties,
-    )
+    smooth = {"has_vertex_normals": True, "has_vertex_texcoords": True}
+    shape = mi.Mesh(name, len(mesh.vertices), len(mesh.faces), **smooth, props=properties)
     buffers = mi.traverse(shape)
     buffers["vertex_positions"] = mesh.vertices.astype(np.float32).ravel()
     buffers["vertex_normals"] = mesh.normals.astype(np.float32).ravel()

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
 
-Views are rendered into ``.<scene>.partial`` beside the scene's final folder; a stamp there says for
-which spec. When all views are there, the capture is derived from the truth, both are sealed, and the
-folder gets its final name in one step. A damaged scene goes back to being a partial one.
+Views are rendered into ``.<scene>.partial/scene``, and a stamp in ``.<scene>.partial`` says for which spec.
+When all views are there, the capture is derived from the truth, both are sealed, and the folder is moved
+to its final place in one step. A damaged scene goes back to being a partial one.
 """
 
 import os
@@ -15,13 +15,12 @@ from typing import Any
 
 import graycard as gc
 
-STAMP = "stamp.json"
 _PARTS = ("capture", "truth")
 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """The two places of a scene in a dataset."""
+    """Where the parts of a scene lie in a dataset."""
 
     dataset: Path
     track: str
@@ -33,9 +32,19 @@ class Place:
         return self.dataset / self.track / self.scene
 
     @property
-    def partial(self) -> Path:
-        """The hidden folder of the scene in the making."""
+    def work(self) -> Path:
+        """The hidden folder of all that is not whole; a listing of scenes does not look so deep."""
         return self.dataset / self.track / f".{self.scene}.partial"
+
+    @property
+    def partial(self) -> Path:
+        """The scene in the making."""
+        return self.work / "scene"
+
+    @property
+    def stamp(self) -> Path:
+        """The file that says which spec the scene in the making is of."""
+        return self.work / "stamp.json"
 
     @property
     def lock(self) -> Path:
@@ -45,7 +54,7 @@ class Place:
     @property
     def replaced(self) -> Path:
         """Where a broken scene waits until the new one is whole."""
-        return self.dataset / self.track / f".{self.scene}.replaced"
+        return self.work / "replaced"
 
 
 def view_file(root: Path, view: str) -> Path:
@@ -72,27 +81,32 @@ def reopen(place: Place, stamp: Mapping[str, Any], faults: Mapping[str, str]) ->
 
     Killed between any two of its steps it leaves a folder that is still seen to be damaged, or a partial one.
     """
-    discard(place.partial)
+    discard(place.work)
+    gc.write_json(place.stamp, stamp)
     for name in faults:
         (place.final / name).unlink(missing_ok=True)
-    gc.write_json(place.final / STAMP, stamp)
     _move(place.final, place.partial)
 
 
 def resume(place: Place, stamp: Mapping[str, Any]) -> None:
     """Get the partial folder ready: keep views that were made for this stamp, and nothing else."""
-    path = place.partial / STAMP
-    if not (path.is_file() and _json_or_none(path) == gc.encode(stamp)):
-        discard(place.partial)
-        gc.writable_folder(place.partial)
-        gc.write_json(path, stamp)
+    if stamped(place) != gc.encode(stamp):
+        discard(place.work)
+        gc.write_json(place.stamp, stamp)
     for part in _PARTS:
         (place.partial / part / "manifest.json").unlink(missing_ok=True)
+    for unfinished in list(
+        place.partial.rglob(".*.partial")
+    ):  # a file in whose writing the process was killed
+        unfinished.unlink()
 
 
 def stamped(place: Place) -> Mapping[str, Any] | None:
     """The stamp of the partial folder; None where there is none that can be read."""
-    found = _json_or_none(place.partial / STAMP)
+    try:
+        found = gc.read_json(place.stamp)
+    except gc.RecordError:
+        return None
     return found if isinstance(found, dict) else None
 
 
@@ -107,13 +121,12 @@ def is_whole_view(path: Path) -> bool:
 
 
 def promote(place: Place) -> None:
-    """Give the finished partial folder its final name; a broken folder of that name goes first."""
+    """Move the finished scene to its final place; a broken one that lies there goes first."""
     discard(place.replaced)
     if place.final.exists():
         _move(place.final, place.replaced)
     _move(place.partial, place.final)
-    (place.final / STAMP).unlink(missing_ok=True)
-    discard(place.replaced)
+    discard(place.work)
 
 
 def discard(folder: Path) -> None:
@@ -137,7 +150,7 @@ def foreign_content(place: Place) -> list[str]:
         return []
     if not place.final.is_dir():
         return [place.final.name]
-    return sorted(p.name for p in place.final.iterdir() if p.name not in (*_PARTS, STAMP))
+    return sorted(p.name for p in place.final.iterdir() if p.name not in _PARTS)
 
 
 def _move(source: Path, target: Path) -> None:
@@ -148,10 +161,3 @@ def _move(source: Path, target: Path) -> None:
             f"expected to rename {source} to {target}, got {cause.strerror or cause}. Is another graycard "
             "at work on this scene? Run the same command again"
         ) from cause
-
-
-def _json_or_none(path: Path) -> Any:
-    try:
-        return gc.read_json(path)
-    except gc.RecordError:
-        return None

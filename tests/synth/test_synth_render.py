@@ -2,6 +2,7 @@
 """Scene folders: what they hold, and that they are whole or not there, whatever happens in between."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -14,7 +15,15 @@ import numpy as np
 import pytest
 
 import graycard as gc
-from graycard.synth import RenderSettings, SceneSpec, families, find_scene, render_scene, scene_name
+from graycard.synth import (
+    RenderSettings,
+    SceneSpec,
+    families,
+    find_llvm,
+    find_scene,
+    render_scene,
+    scene_name,
+)
 from graycard.synth._lock import alone
 from graycard.synth._store import Place
 
@@ -246,7 +255,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
     assert killed.returncode == -signal.SIGKILL
     assert gc.scene_folders(tmp_path) == []
     assert find_scene(TABLE, TINY, tmp_path) is None
-    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "views"
+    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth" / "views"
     kept = {p.name: p.stat().st_mtime_ns for p in views.glob("*.exr")}
     assert len(kept) == {"train_000": 0, "test_002": 2, "train_003": 3}[kill_at]
     heard: list[str] = []
@@ -259,9 +268,10 @@ def test_a_broken_view_of_a_killed_run_is_made_anew(
     rendered: dict[str, Path], tmp_path: Path, no_llvm: None, in_process: RunPython
 ) -> None:
     in_process(tmp_path, kill_at="train_003")
-    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "views"
+    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth" / "views"
     broken = views / "train_000.exr"
     broken.write_bytes(broken.read_bytes()[:500])
+    (views / ".train_003.exr.x7f3.partial").write_bytes(b"half an im")
     folder = render_scene(TABLE, TINY, tmp_path)
     assert bits(folder.parent) == bits(rendered["tabletop"].parent)
 
@@ -271,7 +281,7 @@ def test_leftovers_of_another_spec_are_not_used(
 ) -> None:
     place = Place(tmp_path, "tabletop", scene_name(TABLE))
     views = place.partial / "truth" / "views"
-    gc.write_json(place.partial / "stamp.json", {"generator": 0, "variant": "scalar_rgb"})
+    gc.write_json(place.stamp, {"generator": 0, "variant": "scalar_rgb"})
     shutil.copy(rendered["dark"] / "truth" / "views" / "train_000.exr", gc.writable_folder(views))
     folder = render_scene(TABLE, TINY, tmp_path)
     assert bits(folder.parent) == bits(rendered["tabletop"].parent)
@@ -316,6 +326,43 @@ def test_damage_is_mended_to_the_same_bits(
         assert views == 4 if how != "changed" else views <= 1
     else:
         assert views == int("truth/views" in name)
+
+
+def test_a_run_cut_off_between_seal_and_name_goes_on(
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(place: Place) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("graycard.synth._render.promote", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            render_scene(TABLE, TINY, tmp_path)
+    assert gc.scene_folders(tmp_path) == []
+    folder = render_scene(TABLE, TINY, tmp_path)
+    assert bits(folder.parent) == bits(rendered["tabletop"].parent)
+
+
+@pytest.mark.parametrize(
+    ("call", "complaint"),
+    [("os.replace", "expected to rename .* to"), ("shutil.rmtree", "expected to remove")],
+)
+def test_a_disk_that_refuses_is_named(
+    table: Path, monkeypatch: pytest.MonkeyPatch, call: str, complaint: str
+) -> None:
+    (table / "capture" / "capture.json").unlink()
+    Place(table.parent.parent, "tabletop", table.name).work.mkdir()
+
+    real = {"os.replace": os.replace, "shutil.rmtree": shutil.rmtree}[call]
+
+    def refuse(path: Path, *others: Path) -> None:
+        if Path(path).is_dir():
+            raise PermissionError(13, "Permission denied")
+        real(path, *others)
+
+    monkeypatch.setattr(f"graycard.synth._store.{call}", refuse)
+    with pytest.raises(gc.OutputError, match=complaint):
+        render_scene(TABLE, TINY, table.parent.parent)
 
 
 def test_a_scene_that_lost_its_capture_gets_it_back(rendered: dict[str, Path], table: Path) -> None:
