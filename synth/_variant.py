@@ -28,7 +28,7 @@ _PLACES = (
     "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
     "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
 )
-_MEND = "Renders are the same but 2 to 4 times faster with it: {install}"
+_MEND = "With LLVM they render 2 to 4 times faster: {install}"
 
 
 @dataclass(frozen=True, slots=True)

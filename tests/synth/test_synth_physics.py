@@ -221,6 +221,17 @@ def test_a_texture_stands_upright_and_repeats(variant: str) -> None:
     np.testing.assert_allclose(layers["base_color"][3, :, 0], (0.3, 0.4, 0.3, 0.4), atol=1e-6)
 
 
+def test_normals_face_the_camera_where_interpolation_or_the_side_does_not(scalar: str) -> None:
+    from graycard.synth._views import _facing
+
+    camera = gc.Camera.from_fov(3, 1, 1.0, gc.look_at(np.array([0, -4.0, 0]), np.zeros(3)))
+    toward, away = np.array([0.6, -0.8, 0]), np.array([0.8, 0.6, 0])
+    shading = np.stack([toward, away, -toward])[None]
+    geometric = np.stack([toward, np.array([0.995, -0.0998749, 0]), -toward])[None]
+    expected = np.stack([toward, geometric[0, 1], toward])[None]
+    np.testing.assert_allclose(_facing(shading, geometric, camera), expected, atol=1e-6)
+
+
 def test_ids_do_not_depend_on_what_else_is_loaded(variant: str, make_plane: MakePlane) -> None:
     from graycard.synth._mitsuba import load_scene
 

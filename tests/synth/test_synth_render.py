@@ -365,6 +365,26 @@ def test_a_disk_that_refuses_is_named(
         render_scene(TABLE, TINY, table.parent.parent)
 
 
+def test_a_mend_uses_the_renderer_of_the_other_views(
+    rendered: dict[str, Path], table: Path, in_process: RunPython
+) -> None:
+    (table / "truth/views/test_002.exr").unlink()
+    done = in_process(table.parent.parent, hide=False)
+    assert done.returncode == 0, done.stderr
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
+def test_views_of_a_renderer_that_is_not_here_are_made_anew(rendered: dict[str, Path], table: Path) -> None:
+    manifest = json.loads((table / "truth/manifest.json").read_text())
+    manifest["generator"]["variant"] = "llvm_ad_rgb"
+    (table / "truth/manifest.json").write_text(json.dumps(manifest))
+    (table / "truth/views/test_002.exr").unlink()
+    heard: list[str] = []
+    render_scene(TABLE, TINY, table.parent.parent, lambda done, doing: heard.append(doing))
+    assert sum("_00" in h for h in heard) == 4
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
 def test_a_scene_that_lost_its_capture_gets_it_back(rendered: dict[str, Path], table: Path) -> None:
     shutil.rmtree(table / "capture")
     render_scene(TABLE, TINY, table.parent.parent)
