@@ -366,8 +366,11 @@ def test_a_disk_that_refuses_is_named(
 
 
 def test_a_mend_uses_the_renderer_of_the_other_views(
-    rendered: dict[str, Path], table: Path, in_process: RunPython
+    rendered: dict[str, Path], table: Path, in_process: RunPython, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH")
+    if not find_llvm().usable:
+        pytest.skip("no LLVM library here")
     (table / "truth/views/test_002.exr").unlink()
     done = in_process(table.parent.parent, hide=False)
     assert done.returncode == 0, done.stderr
