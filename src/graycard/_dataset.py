@@ -199,10 +199,10 @@ def write_lights(path: Path, lights: tuple[Light, ...]) -> None:
 def scene_folders(dataset: Path, track: str | None = None) -> list[Path]:
     """The folders ``<track>/<scene>`` in a dataset, sorted; half-written ones are left out."""
     tracks = TRACKS if track is None else (track,)
-    found = [
-        p.parent.parent for t in tracks for p in sorted(Path(dataset).glob(f"{t}/*/truth/manifest.json"))
+    folders = [p for t in tracks for p in sorted((Path(dataset) / t).glob("[!.]*"))]
+    return [
+        p for p in folders if all((p / part / "manifest.json").is_file() for part in ("capture", "truth"))
     ]
-    return [p for p in found if (p / "capture" / "manifest.json").is_file()]
 
 
 def manifest_of(content: Capture | Truth) -> Manifest:
