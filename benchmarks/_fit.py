@@ -3,22 +3,33 @@
 
 import random
 import resource
-import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from graycard import Capture, Cost, Progress, Truth, open_capture, open_truth, write_json
-from graycard.methods import Method, Priors, load_method, settings_of, write_predictions
+from graycard import (
+    Capture,
+    Cost,
+    DatasetError,
+    GraycardError,
+    MethodError,
+    Progress,
+    Truth,
+    clear_predictions,
+    open_capture,
+    open_truth,
+    writable_folder,
+)
+from graycard.methods import LIGHTS, Method, Priors, load_method, settings_of, write_predictions
 
-LIGHTS = "lights"
-DONE = "job.json"
-"""Written last: a job folder without it is half-done and is begun anew."""
+OPTIONAL = frozenset({"counterfactual.radiance"})
+"""Truth that only scenes with a target have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +43,8 @@ class FitSpec:
     seed: int
     scene: Path
     """``DATASET/<track>/<scene>``."""
+    label: str = ""
+    """Name in tables; that of the method if empty."""
 
 
 def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path | None = None) -> Cost:
@@ -39,7 +52,7 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
 
     Args:
         spec: What to fit.
-        predictions: Where to; what is there is replaced.
+        predictions: Where to; older predictions are replaced, anything else is left alone.
         progress: Called now and then.
         save: Also write the decomposition itself, to this folder.
 
@@ -52,11 +65,14 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
     settings = settings_of(method, spec.settings)
     capture = open_capture(spec.scene / "capture")
     priors = oracle_priors(method, capture, spec.scene)
-    shutil.rmtree(predictions, ignore_errors=True)
+    clear_predictions(predictions)
+    if save is not None:
+        writable_folder(save)
     seed_everything(spec.seed)
     start = time.perf_counter()
-    decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-    write_predictions(decomposition, capture, spec.method, predictions, progress)
+    with _blame(spec.method):
+        decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+        write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
     cost = Cost(time.perf_counter() - start, peak_memory_mib())
     if save is not None:
         decomposition.save(save)
@@ -74,6 +90,9 @@ def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
     truth = open_truth(scene / "truth")
     wanted = set(method.needs)
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
+    absent = wanted - {LIGHTS, *OPTIONAL}.union(*layers.values())
+    if absent:
+        raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return Priors("oracle", layers, truth.lights() if LIGHTS in wanted else None)
 
 
@@ -86,14 +105,37 @@ def seed_everything(seed: int) -> None:
 
 
 def peak_memory_mib() -> float:
-    """The most memory that this process has held, MiB."""
+    """The most memory that this process has held, MiB.
+
+    On Linux from the kernel's high-water mark: what ``getrusage`` says is inherited from the parent.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+        return int(lines["VmHWM"].split()[0]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
-def finish_job(folder: Path, facts: Mapping[str, Any], cost: Cost) -> None:
-    """Mark a job folder as whole."""
-    write_json(folder / DONE, {**facts, "cost": cost})
+@contextmanager
+def _blame(method: str) -> Iterator[None]:
+    """Whatever a method raises is an error of the method; a full disk and the like are not."""
+    try:
+        yield
+    except (GraycardError, KeyboardInterrupt):
+        raise
+    except BaseException as cause:  # SystemExit too: a method must not end the run of the others
+        raise MethodError(
+            f"expected method {method!r} to fit, got {type(cause).__name__}: {_words(cause)}"
+        ) from cause
+
+
+def _words(error: BaseException) -> str:
+    """What an exception says, even if saying it fails."""
+    try:
+        return str(error)
+    except Exception:  # a method's own exception may be broken too
+        return "(it cannot say what)"
 
 
 def _pick(truth: Truth, view: str, wanted: set[str]) -> dict[str, np.ndarray]:

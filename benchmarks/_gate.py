@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from graycard import RecordError, RunRecord, Score, decode, read_json, write_json
+from graycard import RecordError, RunRecord, Score, check_version, decode, read_json, write_json
 
 BASELINE_VERSION = 1
 
@@ -37,6 +37,7 @@ class Baseline:
     """The scores that a run must reach."""
 
     suite: str
+    suite_version: int
     scores: tuple[Expected, ...]
     format: Literal["graycard-baseline"] = "graycard-baseline"
     format_version: int = BASELINE_VERSION
@@ -51,6 +52,15 @@ class Change:
     """None if the run has no such score."""
     unit: str = ""
     reason: str = ""
+    higher_is_better: bool = True
+
+    @property
+    def loss(self) -> float:
+        """By how much the score is worse than expected; negative if it is better."""
+        expected, found = self.expected.value, self.found
+        if found is None or found == expected:  # equal infinities have no difference
+            return 0.0
+        return expected - found if self.higher_is_better else found - expected
 
     def __str__(self) -> str:
         """One line: which score, both values, the tolerance."""
@@ -92,7 +102,7 @@ def make_baseline(run: RunRecord) -> Baseline:
     )
     if not expected:
         raise RecordError("expected a run with scores to make a baseline of, got one without any")
-    return Baseline(run.suite, expected)
+    return Baseline(run.suite, run.suite_version, expected)
 
 
 def write_baseline(path: Path, baseline: Baseline) -> None:
@@ -108,27 +118,38 @@ def read_baseline(path: Path) -> Baseline:
     """A baseline from JSON.
 
     Raises:
-        RecordError: It is missing, damaged, misspelt, of a newer version, or expects nothing.
+        RecordError: It is missing, damaged, misspelt, of a newer version, or has a value that is none.
     """
-    baseline = decode(Baseline, read_json(path), RecordError, str(path))
-    if baseline.format_version > BASELINE_VERSION:
-        raise RecordError(
-            f"expected a baseline of version {BASELINE_VERSION} in {path}, got {baseline.format_version}. "
-            "Install a newer graycard"
-        )
+    data = read_json(path)
+    check_version(data, BASELINE_VERSION, path)
+    baseline = decode(Baseline, data, RecordError, str(path))
+    for e in baseline.scores:
+        if math.isnan(e.value) or not 0 <= e.tolerance < math.inf:
+            raise RecordError(
+                f"expected a value and a tolerance of 0 or more for {e.method} {e.metric} in {path}, got "
+                f"{e.value} and {e.tolerance}"
+            )
     return baseline
 
 
 def judge(run: RunRecord, baseline: Baseline) -> Verdict:
-    """Compare each score that the baseline expects; scores that it does not name do not count."""
+    """Compare each score that the baseline expects; scores that it does not name do not count.
+
+    Raises:
+        RecordError: The baseline is of another suite, whose scenes may bear the same names.
+    """
+    if (run.suite, run.suite_version) != (baseline.suite, baseline.suite_version):
+        raise RecordError(
+            f"expected a run of suite {baseline.suite!r} version {baseline.suite_version}, as the baseline "
+            f"is, got one of {run.suite!r} version {run.suite_version}"
+        )
     found = {(*key, score.metric, score.protocol): score for key, score in _scores(run)}
     changes = [_change(expected, found.get(expected.key)) for expected in baseline.scores]
-    directions = {metric.id: metric.higher_is_better for metric in run.metrics}
     measured = [c for c in changes if c.found is not None]
     return Verdict(
-        worse=tuple(c for c in measured if _loss(c, directions) > c.expected.tolerance),
+        worse=tuple(c for c in measured if c.loss > c.expected.tolerance),
         missing=tuple(c for c in changes if c.found is None),
-        better=tuple(c for c in measured if _loss(c, directions) < -c.expected.tolerance),
+        better=tuple(c for c in measured if c.loss < -c.expected.tolerance),
         compared=len(measured),
     )
 
@@ -138,15 +159,7 @@ def _change(expected: Expected, score: Score | None) -> Change:
         return Change(expected, None, reason="not in the run")
     if score.value is None or math.isnan(score.value):
         return Change(expected, None, score.unit, score.reason or score.status)
-    return Change(expected, score.value, score.unit)
-
-
-def _loss(change: Change, higher_is_better: dict[str, bool]) -> float:
-    """By how much a score is worse than expected; negative if it is better."""
-    expected, found = change.expected.value, change.found
-    if found is None or found == expected:  # equal infinities have no difference
-        return 0.0
-    return expected - found if higher_is_better[change.expected.metric] else found - expected
+    return Change(expected, score.value, score.unit, higher_is_better=score.higher_is_better)
 
 
 def _scores(run: RunRecord) -> Iterable[tuple[tuple[str, str, str, int], Score]]:

@@ -5,12 +5,13 @@ A job leaves its result on disk and gives back an :class:`Outcome`, never an exc
 method fails its own jobs and no others.
 """
 
-import json
+import os
 import traceback
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -19,23 +20,26 @@ from graycard import (
     GraycardError,
     Job,
     OutputError,
-    PredictionError,
     ScoreSheet,
+    alone,
     decode,
     open_predictions,
     predictions_hash,
     read_json,
     sha256,
     silent,
+    writable_folder,
     write_bytes,
     write_json,
 )
-from graycard.benchmarks._fit import DONE, FitSpec, finish_job, fit_scene
-from graycard.benchmarks._sources import eval_fingerprint
+from graycard.benchmarks._fit import FitSpec, fit_scene
+from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
 from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
-SCORES = "scores.json"
+R = TypeVar("R")
+
+DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,8 @@ class Outcome:
 
     reason: str = ""
     """Why it failed; empty if it did not."""
+    fatal: bool = False
+    """Whether the run cannot go on: there is no room for results."""
     reused: bool = False
     """Whether all was there already."""
     value: Any = None
@@ -70,6 +76,23 @@ class FitJob:
     threads: int
 
 
+@dataclass(frozen=True, slots=True)
+class Done:
+    """``job.json``, written last: a job folder without it is half-done and is begun anew."""
+
+    job: Job
+    job_hash: str
+    cost: Cost
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """``scores.json``: the scores, and what they depend on."""
+
+    key: tuple[str, ...]
+    sheet: ScoreSheet
+
+
 def run_render(job: RenderJob) -> Outcome:
     """Render a scene; the renderer keeps what is there and intact."""
     return _guarded(
@@ -78,30 +101,35 @@ def run_render(job: RenderJob) -> Outcome:
 
 
 def run_fit(job: FitJob) -> Outcome:
-    """Fit a method and write its predictions."""
+    """Fit a method and write its predictions; two processes at one job do it once."""
 
     def work() -> Outcome:
-        (job.folder / DONE).unlink(missing_ok=True)
-        spec = FitSpec(job.job.method, job.job.settings, job.job.seed, job.scene)
-        with threadpool_limits(job.threads):
-            cost = fit_scene(spec, job.folder / "predictions", silent)
-        finish_job(job.folder, {"job": job.job, "job_hash": job.job_hash}, cost)
-        return Outcome(value=cost)
+        with _lock(job):
+            found = fit_at_hand(job)
+            if found is not None:
+                return found
+            (job.folder / DONE).unlink(missing_ok=True)
+            made = job.job
+            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method)
+            with _threads(job.threads):
+                cost = fit_scene(spec, job.folder / "predictions", silent)
+            write_json(job.folder / DONE, Done(made, job.job_hash, cost))
+            return Outcome(value=cost)
 
-    return _guarded(work, job.folder / "error.txt")
+    return _guarded(work, job.folder / ERROR)
 
 
 def run_score(job: FitJob) -> Outcome:
     """Score the predictions of a job and keep the scores."""
 
     def work() -> Outcome:
-        key = _score_key(job)
-        with threadpool_limits(job.threads):
+        with _lock(job), _threads(job.threads):
+            key = _score_key(job)
             sheet = score_predictions(job.folder / "predictions", job.scene)
-        write_json(job.folder / SCORES, {"key": key, "sheet": sheet})
-        return Outcome(value=sheet)
+            write_json(job.folder / SCORES, Scored(key, sheet))
+            return Outcome(value=sheet)
 
-    return _guarded(work, job.folder / "error.txt")
+    return _guarded(work, job.folder / ERROR)
 
 
 def scene_at_hand(job: RenderJob) -> Outcome | None:
@@ -115,58 +143,65 @@ def scene_at_hand(job: RenderJob) -> Outcome | None:
 
 def fit_at_hand(job: FitJob) -> Outcome | None:
     """The outcome of a fit that has been done and whose predictions are intact; else None."""
-    cost = finished_cost(job)
-    return None if cost is None else Outcome(reused=True, value=cost)
+    done = _read_or_none(Done, job.folder / DONE)
+    if done is None or done.job_hash != job.job_hash:
+        return None
+    try:
+        whole = open_predictions(job.folder / "predictions").is_whole()
+    except GraycardError:
+        return None
+    return Outcome(reused=True, value=done.cost) if whole else None
 
 
 def score_at_hand(job: FitJob) -> Outcome | None:
     """The scores of exactly these predictions, this truth and these metrics; None if there are none."""
-    sheet = _stored_sheet(job.folder / SCORES, _score_key(job))
-    return None if sheet is None else Outcome(reused=True, value=sheet)
-
-
-def finished_cost(job: FitJob) -> Cost | None:
-    """What a job took that has been done and whose predictions are intact; else None."""
-    path = job.folder / DONE
-    if not path.is_file():
+    scored = _read_or_none(Scored, job.folder / SCORES)
+    if scored is None or scored.key != _score_key(job):
         return None
-    done = read_json(path)
-    if not isinstance(done, dict) or done.get("job_hash") != job.job_hash:
-        return None
-    try:
-        predictions = open_predictions(job.folder / "predictions")
-        for view in predictions.view_names():
-            predictions.layers(view)
-    except PredictionError:
-        return None
-    return decode(Cost, done["cost"])
+    return Outcome(reused=True, value=scored.sheet)
 
 
-def _score_key(job: FitJob) -> list[str]:
-    """What scores depend on: the code of the metrics, the predictions, the truth."""
+def _score_key(job: FitJob) -> tuple[str, ...]:
+    """What scores depend on: the code that makes them, the predictions, the truth."""
     truth = sha256(job.scene / "truth" / "manifest.json")
-    return [eval_fingerprint(), predictions_hash(job.folder / "predictions"), truth]
+    return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth
 
 
-def _stored_sheet(path: Path, key: list[str]) -> ScoreSheet | None:
-    if not path.is_file():
-        return None
+def _read_or_none(cls: type[R], path: Path) -> R | None:
+    """A record, or None where there is none that can be used: then the work is done again."""
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
-        return decode(ScoreSheet, stored["sheet"]) if stored["key"] == key else None
-    except (ValueError, KeyError, GraycardError):
+        return decode(cls, read_json(path))
+    except GraycardError:
         return None
+
+
+def _lock(job: FitJob) -> AbstractContextManager[None]:
+    """One process at a time in a job folder; also waits for a worker whose bench was killed."""
+    return alone(writable_folder(job.folder) / ".lock", lambda: None)
+
+
+def _threads(count: int) -> AbstractContextManager[Any]:
+    """Limit the threads of libraries that are loaded, and by the environment of those to come (torch)."""
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        os.environ[name] = str(count)
+    return threadpool_limits(count)
 
 
 def _guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
     try:
         return work()
-    except OutputError:
-        raise  # a full disk is no fault of the method: it ends the run
+    except OutputError as error:
+        return Outcome(reason=str(error), fatal=True)  # a full disk is no fault of the method
     except GraycardError as error:
-        return Outcome(reason=str(error))
-    except Exception as error:  # a method may raise anything at all
-        if log is not None:
-            write_bytes(log, traceback.format_exc().encode())
-        where = f" (traceback in {log.name})" if log is not None else ""
-        return Outcome(reason=f"{type(error).__name__}: {error}{where}")
+        return Outcome(reason=f"{error or type(error).__name__}{_logged(log, error)}")
+    except Exception as error:
+        return Outcome(reason=f"{type(error).__name__}: {error}{_logged(log, error)}")
+
+
+def _logged(log: Path | None, error: Exception) -> str:
+    """Keep the traceback of what is not ours, and say where."""
+    ours = isinstance(error, GraycardError) and isinstance(error.__cause__, GraycardError | None)
+    if log is None or ours:
+        return ""
+    write_bytes(log, "".join(traceback.format_exception(error)).encode(errors="replace"))
+    return f" (traceback in {log.name})"

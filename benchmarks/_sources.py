@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where numbers come from: versions, commit, hardware, and the hash of the code that scores."""
 
-import hashlib
 import os
 import platform
 import shutil
@@ -21,12 +20,10 @@ PACKAGES += ("colour-science", "flip-evaluator")
 
 
 @cache
-def eval_fingerprint() -> str:
-    """SHA-256 over the source of ``graycard.eval``: when a metric changes, everything is scored anew."""
-    digest = hashlib.sha256()
-    for path in sorted(Path(graycard.eval.__path__[0]).glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+def scoring_fingerprint() -> str:
+    """SHA-256 over the code that makes scores: when a metric changes, everything is scored anew."""
+    vocabulary = sorted(Path(graycard.__file__).parent.glob("*.py"))
+    return graycard.sources_hash(Path(graycard.eval.__path__[0]), *vocabulary)
 
 
 def environment() -> dict[str, Any]:
@@ -83,5 +80,9 @@ def gpu_name() -> str | None:
 
 
 def _output(command: list[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
+    """What a command prints; empty if it fails, hangs or cannot be run."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
+    except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
+        return ""
     return done.stdout.strip() if done.returncode == 0 else ""

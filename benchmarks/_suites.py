@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError, decode
-from graycard.synth import RenderSettings, SceneSpec
+from graycard.synth import RenderSettings, SceneSpec, scene_name
 
 FOLDER = Path(__file__).parent / "suites"
 
@@ -21,6 +21,13 @@ class SuiteMethod:
     """A registered name or ``module:attribute``."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Those that differ from the method's defaults."""
+    label: str = ""
+    """The row of a table; the name if empty. Variants of one method need labels of their own."""
+
+    @property
+    def row(self) -> str:
+        """The row of a table."""
+        return self.label or self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +41,16 @@ class Suite:
     scenes: tuple[SceneSpec, ...]
     methods: tuple[SuiteMethod, ...]
     seeds: tuple[int, ...] = (0,)
+
+    def __post_init__(self) -> None:
+        rows = [method.row for method in self.methods]
+        places = [(scene.track, scene_name(scene)) for scene in self.scenes]
+        for what, values in (("scenes", places), ("methods", rows), ("seeds", self.seeds)):
+            if not values or len(set(values)) < len(values):
+                raise RecordError(
+                    f"expected {what} in suite {self.name!r}, each once (a second variant of a method needs "
+                    f"a label of its own), got {list(values)}"
+                )
 
 
 def suite_names() -> list[str]:
@@ -50,16 +67,15 @@ def load_suite(name: str) -> Suite:
     """
     own_file = name.endswith(".toml")
     path = Path(name) if own_file else FOLDER / f"{name}.toml"
-    if not path.is_file():
+    if len(path.name) > 200 or not path.is_file():
         raise UnknownNameError("suite", name, suite_names(), "A suite of your own: a path that ends in .toml")
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as cause:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
         raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
-    suite = decode(Suite, data, RecordError, str(path))
-    for scene in suite.scenes:
-        check_track(scene.track)
-    return suite
+    for scene in data.get("scenes", []):
+        check_track(str(scene.get("track") if isinstance(scene, dict) else scene))
+    return decode(Suite, data, RecordError, str(path))
 
 
 def check_track(name: str) -> str:
@@ -84,6 +100,10 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
     scenes = tuple(scene for scene in suite.scenes if scene.track in wanted)
     if not scenes:
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
-    known = {method.name: method for method in suite.methods}
-    chosen = tuple(known.get(name, SuiteMethod(name)) for name in methods) or suite.methods
-    return replace(suite, scenes=scenes, methods=chosen)
+    chosen = [m for name in methods for m in _named(suite, name)] or suite.methods
+    return replace(suite, scenes=scenes, methods=tuple(chosen))
+
+
+def _named(suite: Suite, name: str) -> list[SuiteMethod]:
+    """The variants of a suite that bear a name or label; if none does, that method with its defaults."""
+    return [m for m in suite.methods if name in (m.name, m.label)] or [SuiteMethod(name)]

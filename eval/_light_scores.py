@@ -67,7 +67,7 @@ def _judge(
     true: Sequence[gc.LocalLight],
     diameter: float,
 ) -> gc.Score:
-    if record.id in _NEEDS_PAIRS and not match.pairs:
+    if record.id == "light.intensity" and not match.pairs:
         reason = f"expected local lights to match with {len(true)} true ones, got none in {_INDEX}"
         return _score(record, len(true), "failed", reason=reason)
     try:
@@ -75,7 +75,7 @@ def _judge(
     except gc.PredictionError as cause:
         return _score(record, len(true), "failed", reason=str(cause))
     unmatched = ()
-    if record.id in _NEEDS_PAIRS and match.missing:
+    if record.id == "light.intensity" and match.missing:
         unmatched = (f"{match.missing} of {len(true)} lights have no partner and are not in the mean",)
     return _score(record, len(true), "scored", value=value, scored=len(match.pairs), warnings=unmatched)
 
@@ -89,7 +89,9 @@ def _value(
 ) -> float:
     match record.id:
         case "light.position":
-            return 100 * float(np.mean(match.distances)) / diameter
+            near = [min(distance / diameter, 1.0) for distance in match.distances]
+            unmatched = match.missing + match.extra
+            return 100 * (sum(near) + unmatched) / (len(near) + unmatched)
         case "light.intensity":
             return float(np.mean([intensity_error(predicted[i], true[j]) for i, j in match.pairs]))
         case "light.missing":

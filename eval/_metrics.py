@@ -143,8 +143,8 @@ IMAGE_METRICS: tuple[ImageMetric, ...] = (
 LIGHT_METRICS: tuple[gc.MetricRecord, ...] = (
     _light_metric(
         "position", "Light position error", "% of the scene's diameter",
-        "100·mean over matched lights of |p - t| / diameter, in the world, mean over test cameras; "
-        "matched by least sum of distances", 1.0, headline=True,
+        "100·(Σ over matched lights of min(|p - t| / diameter, 1) + missing + extra) / max(true, predicted); "
+        "in the world, mean over test cameras; matched by least sum of distances", 1.0, headline=True,
     ),
     _light_metric(
         "intensity", "Light intensity error", "stops",

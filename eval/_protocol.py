@@ -16,7 +16,9 @@ as displayed: ``srgb_encode(radiance * exposure)`` with the one exposure of the 
 
 *Pooling.* PSNR: mean square error per view, mean over views, PSNR of that mean (the mean of PSNRs
 would be higher, by Jensen). All else: value per view, mean over views. Lights: mean over matched
-pairs; what is not matched is counted as missing or extra.
+pairs; in the position each light without a partner counts as one that is a whole scene away (as in the
+OSPA metric of Schuhmacher, Vo and Vo 2008, order 1, cut off at the diameter), so that neither few
+good guesses nor very many pay.
 
 *Faults.* A metric whose layer is missing in a view, of wrong size, not finite or unreadable has
 failed, with the reason; a view is never left out and nothing is put in its place. A layer that no

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods that take photographs apart, behind one contract; nothing here is imported to list them."""
 
+from graycard.methods._contract import LIGHTS as LIGHTS
 from graycard.methods._contract import Decomposition as Decomposition
 from graycard.methods._contract import Method as Method
 from graycard.methods._contract import NoSettings as NoSettings

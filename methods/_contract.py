@@ -14,6 +14,9 @@ import numpy as np
 
 from graycard import Camera, Capture, Light, MethodError, Progress
 
+LIGHTS = "lights"
+"""What ``needs`` calls the true lights; everything else in it is the name of a layer."""
+
 PriorSource = Literal["none", "oracle", "classical", "pretrained"]
 
 

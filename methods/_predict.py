@@ -1,11 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a decomposition to the predictions folder that is scored."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from graycard import Capture, Predictions, Progress, View, finish_predictions, write_view
+from graycard import (
+    Capture,
+    Light,
+    MethodError,
+    Predictions,
+    Progress,
+    View,
+    finish_predictions,
+    layer,
+    shape_of,
+    write_view,
+)
 from graycard.methods._contract import Decomposition, Removable
 
 
@@ -18,15 +30,17 @@ def write_predictions(
     decomposition can remove objects, the radiance without the target is rendered as well.
 
     Raises:
-        MethodError: The decomposition does not give a layer that it claims.
+        UnknownNameError: The decomposition provides a layer that is not in the vocabulary.
+        MethodError: It is none, or does not give what it claims.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _check(method, decomposition)
     without = _without_target(decomposition, capture)
     for done, view in enumerate(capture.views):
         progress(done / len(capture.views), f"rendering {view.name}")
         write_view(folder, view.name, _layers(decomposition, without, view))
     index = Predictions(method, capture.track, capture.scene)
-    finish_predictions(folder, index, decomposition.lights())
+    finish_predictions(folder, index, _lights(decomposition))
 
 
 def _without_target(decomposition: Decomposition, capture: Capture) -> Decomposition | None:
@@ -36,7 +50,46 @@ def _without_target(decomposition: Decomposition, capture: Capture) -> Decomposi
 
 
 def _layers(decomposition: Decomposition, without: Decomposition | None, view: View) -> dict[str, np.ndarray]:
-    layers = decomposition.render(view.camera, sorted(decomposition.provides))
+    layers = _render(decomposition, view, sorted(decomposition.provides))
     if without is not None:
-        layers["counterfactual.radiance"] = without.render(view.camera, ["radiance"])["radiance"]
+        layers["counterfactual.radiance"] = _render(without, view, ["radiance"])["radiance"]
     return layers
+
+
+def _render(decomposition: Decomposition, view: View, names: list[str]) -> dict[str, np.ndarray]:
+    """Exactly the layers that were asked for, of the right shape; whether they are finite, the score says."""
+    rendered = decomposition.render(view.camera, names)
+    if not isinstance(rendered, Mapping) or set(rendered) != set(names):
+        got = sorted(rendered) if isinstance(rendered, Mapping) else rendered
+        raise MethodError(f"expected the layers {names} of view {view.name}, got {got!r}")
+    layers = {name: np.asarray(rendered[name]) for name in names}
+    for name, values in layers.items():
+        shape = shape_of(name, view.camera.height, view.camera.width)
+        if values.shape != shape or values.dtype.kind not in "fiub":
+            raise MethodError(
+                f"expected {name} of view {view.name} as real numbers of shape {shape}, "
+                f"got {values.dtype} of shape {values.shape}"
+            )
+    return layers
+
+
+def _check(method: str, decomposition: Decomposition) -> None:
+    missing = [m for m in ("provides", "render", "lights", "save") if not hasattr(decomposition, m)]
+    if missing:
+        raise MethodError(
+            f"expected fit of {method!r} to give a decomposition, got {decomposition!r} without "
+            f"{', '.join(missing)}"
+        )
+    if not decomposition.provides:
+        raise MethodError(f"expected the decomposition of {method!r} to provide a layer, got none")
+    for name in decomposition.provides:
+        layer(name)
+
+
+def _lights(decomposition: Decomposition) -> tuple[Light, ...] | None:
+    lights = decomposition.lights()
+    if lights is None:
+        return None
+    if not isinstance(lights, Sequence) or not all(isinstance(item, Light) for item in lights):
+        raise MethodError(f"expected lights as a sequence of graycard lights or None, got {lights!r}")
+    return tuple(lights)

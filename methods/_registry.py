@@ -6,18 +6,20 @@ install is run again. Others offer theirs as entry points of the group ``graycar
 imported to list names, and a plug-in that fails to import hurts nobody but itself.
 """
 
-import hashlib
-import importlib
 import inspect
+import os
+import sys
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from graycard import MethodError, UnknownNameError, __version__, decode, encode
-from graycard.methods._contract import Method
+import graycard
+from graycard import MethodError, UnknownNameError, __version__, decode, encode, layer, sources_hash
+from graycard.methods._contract import LIGHTS, Method
 
 GROUP = "graycard.methods"
 
@@ -27,6 +29,11 @@ BUILT_IN = {
     "input": "graycard.methods._input:InputMethod",
     "retinex": "graycard.methods._retinex:RetinexMethod",
 }
+
+RESERVED = ("seed", "out", "save")
+"""Options of ``graycard fit`` itself; a setting of such a name could not be reached."""
+
+_MEMBERS = ("summary", "needs", "settings_type", "fit", "load")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +62,8 @@ def offers() -> dict[str, list[EntryPoint]]:
 def load_method(name: str) -> Method:
     """The method of a registered name or of ``module:attribute``.
 
+    A module that is named outright is also looked for in the working directory.
+
     Raises:
         UnknownNameError: No method has this name.
         MethodError: It fails to import, is offered twice, or does not follow the contract.
@@ -66,13 +75,9 @@ def load_method(name: str) -> Method:
     except (Exception, SystemExit) as cause:  # a plug-in may raise anything at all
         raise MethodError(
             f"expected method {name!r} ({point.value}, {origin(point)}) to import, got "
-            f"{type(cause).__name__}: {cause}. Mend or uninstall it; other methods are not affected"
+            f"{type(cause).__name__}: {cause}. Mend it; other methods are not affected"
         ) from cause
-    if not isinstance(method, Method):
-        missing = [
-            verb for verb in ("summary", "needs", "settings_type", "fit", "load") if not hasattr(method, verb)
-        ]
-        raise MethodError(f"expected {name!r} to be a method, got {method!r} without {', '.join(missing)}")
+    _check_contract(name, method)
     return method
 
 
@@ -85,7 +90,8 @@ def settings_of(method: Method, changes: Mapping[str, Any]) -> Any:
     """The method's settings with some changed.
 
     Raises:
-        MethodError: A name is no setting, or a value is of the wrong type or out of range.
+        UnknownNameError: A name is no setting.
+        MethodError: A value is of the wrong type or out of range.
     """
     known = [f.name for f in fields(method.settings_type)]
     unknown = sorted(set(changes) - set(known))
@@ -97,19 +103,23 @@ def settings_of(method: Method, changes: Mapping[str, Any]) -> Any:
 
 
 def fingerprint(name: str) -> str:
-    """What a method's predictions depend on besides its job: its origin and version.
+    """What a method's predictions depend on besides its job: its version and the hash of its code.
 
-    A ``module:attribute`` has no version, so the hash of its source stands in.
+    The code is that of the package that the method lives in, or of its one module, and that of the
+    vocabulary: after an edit, everything that the method made is made anew.
 
     Raises:
         UnknownNameError: No method has this name.
-        MethodError: It is offered twice, or its module does not import.
+        MethodError: It is offered twice.
     """
-    if ":" not in name:
-        return origin(_find(name))
-    method = load_method(name)
-    source = inspect.getsourcefile(type(method))
-    return hashlib.sha256(Path(source).read_bytes()).hexdigest() if source else name
+    point = _find(name)
+    spec = find_spec(point.module)
+    if spec is None or spec.origin is None:
+        return origin(point)
+    source = Path(spec.origin)
+    in_package = "." in point.module or spec.submodule_search_locations is not None
+    vocabulary = sorted(Path(graycard.__file__).parent.glob("*.py"))
+    return f"{origin(point)} {sources_hash(source.parent if in_package else source, *vocabulary)}"
 
 
 def origin(point: EntryPoint) -> str:
@@ -121,7 +131,8 @@ def origin(point: EntryPoint) -> str:
 
 def _find(name: str) -> EntryPoint:
     if ":" in name:
-        importlib.invalidate_caches()
+        if os.getcwd() not in sys.path:
+            sys.path.append(os.getcwd())  # a console script, unlike `python -m`, does not look there
         return EntryPoint(name, name, GROUP)
     match offers().get(name, []):
         case [point]:
@@ -136,9 +147,47 @@ def _find(name: str) -> EntryPoint:
             )
 
 
+def _check_contract(name: str, method: Any) -> None:
+    """Meet what is no method before any time is spent on it."""
+    missing = [member for member in _MEMBERS if not hasattr(method, member)]
+    if missing:
+        raise MethodError(f"expected {name!r} to be a method, got {method!r} without {', '.join(missing)}")
+    faults = [
+        ("a summary that is a string", method.summary, isinstance(method.summary, str)),
+        ("needs that is a tuple of names", method.needs, _is_tuple_of_names(method.needs)),
+        (
+            "a settings_type that is a dataclass",
+            method.settings_type,
+            _is_dataclass_type(method.settings_type),
+        ),
+        ("fit and load that can be called", method.fit, callable(method.fit) and callable(method.load)),
+    ]
+    for expected, got, fine in faults:
+        if not fine:
+            raise MethodError(f"expected {name!r} to have {expected}, got {got!r}")
+    for needed in method.needs:
+        if needed != LIGHTS:
+            layer(needed)
+    for setting in fields(method.settings_type):
+        if setting.name in RESERVED:
+            raise MethodError(
+                f"expected settings of {name!r} other than {', '.join(RESERVED)}, got {setting.name}"
+            )
+        if setting.default is MISSING and setting.default_factory is MISSING:
+            raise MethodError(f"expected a default for each setting of {name!r}, got none for {setting.name}")
+
+
+def _is_tuple_of_names(value: Any) -> bool:
+    return isinstance(value, tuple) and all(isinstance(item, str) for item in value)
+
+
+def _is_dataclass_type(value: Any) -> bool:
+    return isinstance(value, type) and is_dataclass(value)
+
+
 def _listing(name: str, points: list[EntryPoint]) -> Listing:
     where = ", ".join(origin(p) for p in points)
     try:
         return Listing(name, where, load_method(name).summary)
-    except MethodError as error:
+    except (MethodError, UnknownNameError) as error:
         return Listing(name, where, None, str(error))

@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A decomposition on disk: ``decomposition.json`` says what it is, ``arrays.safetensors`` holds numbers."""
 
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save
+from safetensors.numpy import load, save
 
 from graycard import MethodError, read_json, write_bytes, write_json
 
@@ -26,9 +27,10 @@ def store(folder: Path, method: str, facts: Mapping[str, Any], arrays: Mapping[s
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
-    write_bytes(Path(folder) / ARRAYS, save(contiguous))
-    write_json(Path(folder) / INDEX, {"method": method, "facts": dict(facts)})
+    data = save({name: np.ascontiguousarray(values) for name, values in arrays.items()})
+    write_bytes(Path(folder) / ARRAYS, data)
+    digest = hashlib.sha256(data).hexdigest()
+    write_json(Path(folder) / INDEX, {"method": method, "facts": dict(facts), "sha256": digest})
 
 
 def restore(folder: Path, method: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -42,8 +44,11 @@ def restore(folder: Path, method: str) -> tuple[dict[str, Any], dict[str, np.nda
         came = index.get("method") if isinstance(index, dict) else index
         raise MethodError(f"expected a decomposition by {method!r} in {folder}, got one by {came!r}")
     try:
-        return dict(index["facts"]), load_file(Path(folder) / ARRAYS)
-    except (OSError, KeyError, SafetensorError) as cause:
+        data = (Path(folder) / ARRAYS).read_bytes()
+        if hashlib.sha256(data).hexdigest() != index["sha256"]:
+            raise ValueError(f"{ARRAYS} is not the one that {INDEX} was written for")
+        return dict(index["facts"]), load(data)
+    except (OSError, KeyError, ValueError, TypeError, SafetensorError) as cause:
         raise MethodError(
             f"expected a whole decomposition in {folder}, got a damaged one: {cause}"
         ) from cause

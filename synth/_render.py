@@ -8,7 +8,6 @@ from typing import Any
 import graycard as gc
 from graycard.synth._families import family_of, resolved_knobs, scene_name
 from graycard.synth._finish import finish
-from graycard.synth._lock import alone
 from graycard.synth._scene import Scene
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
 from graycard.synth._store import (
@@ -56,7 +55,7 @@ def render_scene(
     place = Place(Path(dataset), spec.track, scene_name(spec))
     if find_scene(spec, settings, dataset) is None:
         gc.writable_folder(place.final.parent)
-        with alone(place.lock, lambda: progress(0.0, f"another graycard is at work on {place.scene}")):
+        with gc.alone(place.lock, lambda: progress(0.0, f"another graycard is at work on {place.scene}")):
             if find_scene(spec, settings, dataset) is None:
                 _make(place, spec, settings, progress, threads)
     progress(1.0, f"{place.scene} is there")

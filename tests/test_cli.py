@@ -82,6 +82,25 @@ def test_methods_settings_are_checked(tiny_scenes: dict[str, Path], tmp_path: Pa
     assert not (tmp_path / "p").exists()
 
 
+def test_fit_never_removes_what_is_not_its_own(
+    make_scene: Callable[..., Path], tmp_path: Path, capsys: Capture
+):
+    scene = make_scene()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.txt").write_text("three years")
+    for out in (tmp_path / "mine", scene, tmp_path):
+        assert main(["fit", "gray", str(scene), "--out", str(out)]) == 2
+        assert "to be free or to hold predictions, got" in capsys.readouterr().err
+    assert (tmp_path / "mine" / "thesis.txt").read_text() == "three years"
+    gc.open_truth(scene / "truth")
+
+
+def test_scores_are_not_cut_off_in_a_pipe(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    assert main(["fit", "gray", str(tiny_scenes["dark"]), "--out", str(tmp_path / "p")]) == 0
+    assert main(["score", str(tmp_path / "p"), str(tiny_scenes["dark"])]) == 0
+    assert "albedo.psnr.channel" in capsys.readouterr().out
+
+
 def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
     scene = tiny_scenes["dark"]
     assert main(["fit", "input", str(scene), "--out", str(tmp_path)]) == 0
@@ -98,6 +117,8 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["doctor", "--jsn", "x"], "expected options of `graycard doctor`, got --jsn"),
         (["methods", "retinx"], "did you mean 'retinex'"),
         (["render", "drak", "--out", "x"], "did you mean 'dark'"),
+        (["render", "dark", "--seed", "-3", "--out", "x"], "expected a seed of 0 or more, got -3"),
+        (["render", "dark", "--family", "studio", "--out", "{tmp}"], "expected a scene family that exists"),
         (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
         (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),
         (["fit", "gray", "neverwhere", "--out", "{tmp}/x"], "got nothing. Run `graycard render`"),
@@ -160,19 +181,13 @@ def test_the_pages_name_commands_that_exist(page: str):
         assert rest == []
 
 
-def test_the_method_of_the_docs_works(
-    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_the_method_of_the_docs_works(make_scene: Callable[..., Path], tmp_path: Path):
     code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/methods.md").read_text(), re.DOTALL)[0]
     (tmp_path / "median.py").write_text(code)
-    monkeypatch.syspath_prepend(tmp_path)
     scene = make_scene()
-    assert (
-        main(
-            ["fit", "median:Median", str(scene), "--out", str(tmp_path / "p"), "--save", str(tmp_path / "d")]
-        )
-        == 0
-    )
+    graycard = Path(sys.executable).with_name("graycard")  # the console script, from the working directory
+    fit = [str(graycard), "fit", "median:Median", str(scene), "--out", "p", "--save", "d"]
+    subprocess.run(fit, cwd=tmp_path, check=True, capture_output=True)
     assert main(["score", str(tmp_path / "p"), str(scene)]) == 0
 
 

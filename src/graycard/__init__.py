@@ -38,8 +38,10 @@ from graycard._files import atomic_path as atomic_path
 from graycard._files import free_mib as free_mib
 from graycard._files import sha256 as sha256
 from graycard._files import sha256_of_files as sha256_of_files
+from graycard._files import sources_hash as sources_hash
 from graycard._files import writable_folder as writable_folder
 from graycard._files import write_bytes as write_bytes
+from graycard._json import check_version as check_version
 from graycard._json import decode as decode
 from graycard._json import dumps as dumps
 from graycard._json import encode as encode
@@ -61,6 +63,7 @@ from graycard._lights import is_local as is_local
 from graycard._lights import light_from_json as light_from_json
 from graycard._lights import light_to_json as light_to_json
 from graycard._lights import world_position as world_position
+from graycard._lock import alone as alone
 from graycard._manifest import FORMAT_VERSION as FORMAT_VERSION
 from graycard._manifest import Manifest as Manifest
 from graycard._manifest import check_files as check_files
@@ -68,6 +71,7 @@ from graycard._manifest import damaged_files as damaged_files
 from graycard._manifest import read_manifest as read_manifest
 from graycard._manifest import seal as seal
 from graycard._predictions import Predictions as Predictions
+from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions
 from graycard._predictions import open_predictions as open_predictions
 from graycard._predictions import predictions_hash as predictions_hash

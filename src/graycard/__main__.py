@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: ``graycard VERB ...``, or ``python -m graycard VERB ...``."""
 
+import io
 import sys
+import traceback
 from collections.abc import Sequence
 from typing import Annotated, Any, Union
 
 import tyro
 
 from graycard._commands import COMMANDS, Fit, Render, Screen, refuse
-from graycard._errors import GraycardError, UnknownNameError
+from graycard._errors import GraycardError, MethodError, UnknownNameError
 
 ERROR = 2
 
@@ -22,12 +24,17 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 done, 1 a job, a score or the gate failed, 2 something for the user to mend.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without Unicode shows "?" instead of failing
     screen = Screen()
     given = list(sys.argv[1:] if args is None else args)
     try:
         command, rest = _parse(given)
         return command.run(screen, rest)
     except GraycardError as error:
+        if error.__cause__ is not None and isinstance(error, MethodError):
+            screen.err.print("".join(traceback.format_exception(error.__cause__)))  # for whoever writes it
         screen.err.print(f"graycard: {error}")
         return ERROR
     except KeyboardInterrupt:

@@ -25,19 +25,26 @@ from graycard._progress import Progress
 from graycard._records import RunRecord, ScoreSheet, read_run
 
 Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
-Words = tyro.conf.UseAppendAction[tuple[str, ...]]
 
 OK, FAILED = 0, 1
+WIDE = 1000
+"""Columns of what is no terminal."""
+
+
+def _console(stderr: bool) -> Console:
+    """A console that cuts nothing off: in a file or a pipe its lines are as long as they need to be."""
+    console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = WIDE
+    return console
 
 
 @dataclass(frozen=True)
 class Screen:
     """Where a verb writes: results on stdout, progress and advice on stderr."""
 
-    out: Console = field(default_factory=lambda: Console(soft_wrap=True, highlight=False, markup=False))
-    err: Console = field(
-        default_factory=lambda: Console(stderr=True, soft_wrap=True, highlight=False, markup=False)
-    )
+    out: Console = field(default_factory=lambda: _console(stderr=False))
+    err: Console = field(default_factory=lambda: _console(stderr=True))
 
     def advise(self, advice: str) -> None:
         """Say how to get more out of this machine; an empty advice says nothing."""
@@ -69,13 +76,13 @@ class Doctor:
         from graycard.benchmarks import findings
 
         found = findings(Path.cwd())
-        table = Table("", "found", "what to do", box=None, pad_edge=False)
+        table = _table("", "found", "what to do")
         for item in found:
             table.add_row(item.name, item.found, item.advice)
         screen.out.print(table)
         _write_json(self.json, found)
         advised = sum(bool(item.advice) for item in found)
-        screen.out.print(f"doctor: graycard works here; {advised} of {len(found)} things could be better")
+        screen.out.print(f"doctor: {len(found)} things looked at, {advised} could be better")
         return OK
 
 
@@ -92,7 +99,7 @@ class Scenes:
         from graycard.synth import describe, families, scene_name
 
         suites = [load_suite(name) for name in suite_names()]
-        table = Table("suite", "track", "scene", "what is to be seen", box=None, pad_edge=False)
+        table = _table("suite", "track", "scene", "what is to be seen")
         for suite in suites:
             for spec in suite.scenes:
                 table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
@@ -120,7 +127,7 @@ class Methods:
         from graycard.methods import listings
 
         found = listings()
-        table = Table("method", "from", "what it does", box=None, pad_edge=False)
+        table = _table("method", "from", "what it does")
         for row in found:
             table.add_row(row.name, row.origin, row.summary or f"cannot be loaded: {row.reason}")
         screen.out.print(table)
@@ -157,6 +164,8 @@ class Render:
     """Where to: DATASET/<track>/<scene>/{capture,truth}. What is there and intact is kept."""
     seed: int = 0
     """Seed of the scene (for a track)."""
+    family: str | None = None
+    """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Render, view by view."""
@@ -177,8 +186,10 @@ class Render:
 
         if self.what in TRACKS:
             settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
-            family = next(name for name, f in families().items() if f.track == self.what)
-            return [(SceneSpec(self.what, family, self.seed), settings)]
+            first = next(name for name, f in families().items() if f.track == self.what)
+            if self.seed < 0:
+                raise GraycardError(f"expected a seed of 0 or more, got {self.seed}. Mend --seed")
+            return [(SceneSpec(self.what, self.family or first, self.seed), settings)]
         refuse(rest, "render")
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
@@ -258,6 +269,8 @@ class Bench:
     """Only these methods; names or module:attribute, also such as are not in the suite."""
     jobs: int | None = None
     """Fits at a time; as many as there are cores by default."""
+    timeout: float | None = None
+    """Seconds after which a fit has failed; no limit by default."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
     """The run folder; runs/<suite> by default."""
     dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
@@ -270,10 +283,12 @@ class Bench:
         from graycard.synth import find_llvm
 
         suite = narrow(load_suite(self.suite), self.tracks, self.methods)
-        run = self.out or Path("runs") / Path(self.suite).stem
+        run = self.out or Path("runs") / suite.name
         screen.advise(find_llvm().advice)
+        jobs = usable_cores() if self.jobs is None else self.jobs
+        part = bool(self.tracks or self.methods)
         with screen.progress() as progress:
-            record = run_bench(suite, run, self.jobs or usable_cores(), progress, self.dataset)
+            record = run_bench(suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, part=part)
         report = write_report(run)
         failures = _failures(record)
         for line in failures:
@@ -347,8 +362,16 @@ def refuse(rest: list[str], verb: str) -> None:
         )
 
 
+def _table(*heads: str) -> Table:
+    """A table without lines whose cells wrap rather than lose their ends."""
+    table = Table(box=None, pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    return table
+
+
 def _score_table(sheet: ScoreSheet) -> Table:
-    table = Table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge", box=None, pad_edge=False)
+    table = _table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
     for score in sheet.scores:
         value = f"{score.value:.4g}" if score.value is not None else score.status
         ceiling = f"{score.noise_ceiling:.1f}" if score.noise_ceiling is not None else ""

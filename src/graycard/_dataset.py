@@ -216,7 +216,15 @@ def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
     if check:
         check_files(folder, manifest)
     path = folder / f"{name}.json"
-    return replace(decode(cls, read_json(path, DatasetError), DatasetError, str(path)), root=folder)
+    found = decode(cls, read_json(path, DatasetError), DatasetError, str(path))
+    if (found.track, found.scene) != (manifest.track, manifest.scene):
+        raise DatasetError(
+            f"expected {path} to be of {manifest.track}/{manifest.scene}, as its manifest says, "
+            f"got {found.track}/{found.scene}"
+        )
+    if {view.split for view in found.views} != {"train", "test"}:
+        raise DatasetError(f"expected training and test views in {path}, got {len(found.views)} views")
+    return replace(found, root=folder)
 
 
 def _find_view(views: tuple[View, ...], name: str) -> View:

@@ -136,5 +136,8 @@ def _assemble(
         wanted = ", ".join(f"{name}.{c}" for c in kind.channels)
         came = ", ".join(f"{name}.{c}" for c in found)
         raise error(f"expected channels {wanted} in {path}, got {came}. Rename them")
+    stored = {str(planes[f"{name}.{c}"].dtype.kind) for c in kind.channels}
+    if (kind.dtype == "uint32") != (stored == {"u"}):
+        raise error(f"expected {kind.dtype} channels for {name} in {path}, got other ones. Convert them")
     stacked = np.stack([planes[f"{name}.{c}"].astype(kind.dtype) for c in kind.channels], axis=-1)
     return stacked[..., 0] if len(kind.channels) == 1 else stacked

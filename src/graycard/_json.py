@@ -53,10 +53,10 @@ def decode(cls: type[T], data: Any, error: type[GraycardError] = RecordError, so
     Raises:
         RecordError: (or ``error``) A key is unknown or missing, or a value has another type.
     """
-    hooks = {float: decode_float, np.ndarray: _array}
-    config = dacite.Config(strict=True, strict_unions_match=True, cast=[tuple], type_hooks=hooks)
+    hooks = {float: decode_float, int: _integer, np.ndarray: _array, Path: Path}
+    config = dacite.Config(strict=True, strict_unions_match=True, type_hooks=hooks)
     try:
-        return dacite.from_dict(cls, data, config)  # pyright: ignore[reportArgumentType]
+        return dacite.from_dict(cls, _tuples(data), config)  # pyright: ignore[reportArgumentType]
     except (dacite.DaciteError, ValueError, TypeError, AttributeError) as cause:
         where = f" in {source}" if source else ""
         fields = ", ".join(f.name for f in dataclasses.fields(cls))  # pyright: ignore[reportArgumentType]
@@ -86,6 +86,22 @@ def write_json(path: Path, value: Any) -> None:
     write_bytes(Path(path), dumps(value).encode())
 
 
+def check_version(data: Any, newest: int, path: Path, error: type[GraycardError] = RecordError) -> None:
+    """Meet a newer format before its unknown keys are called misspelt.
+
+    Raises:
+        RecordError: (or ``error``) ``format_version`` is newer than ``newest``, or no version at all.
+    """
+    version = data.get("format_version", newest) if isinstance(data, dict) else newest
+    if not isinstance(version, int) or version < 1:
+        raise error(f"expected a format_version of 1 or more in {path}, got {version!r}")
+    if version > newest:
+        raise error(
+            f"expected format version {newest} or older in {path}, got version {version}. "
+            "Install a newer graycard"
+        )
+
+
 def read_json(path: Path, error: type[GraycardError] = RecordError) -> Any:
     """The data in a JSON file.
 
@@ -100,5 +116,23 @@ def read_json(path: Path, error: type[GraycardError] = RecordError) -> Any:
         raise error(f"expected JSON in {path}, got text that breaks off or is none: {cause}") from cause
 
 
+def _tuples(value: Any) -> Any:
+    """JSON data with tuples for its lists, as frozen dataclasses have them; a string stays a string."""
+    match value:
+        case dict():
+            return {key: _tuples(item) for key, item in value.items()}
+        case list():
+            return tuple(_tuples(item) for item in value)
+        case _:
+            return value
+
+
 def _array(value: Any) -> np.ndarray:
     return np.asarray(value, dtype=np.float64)
+
+
+def _integer(value: Any) -> int:
+    """An int from a JSON number; ``true`` is an int to Python only."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError(f"expected a whole number, got {value!r}")
+    return value

@@ -54,6 +54,12 @@ class SpotLight:
     cutoff_angle: float
     frame: Frame = "world"
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.beam_width <= self.cutoff_angle <= 180:
+            raise ValueError(
+                f"expected 0 <= beam_width <= cutoff_angle <= 180, got {self.beam_width}, {self.cutoff_angle}"
+            )
+
     @property
     def axial_intensity(self) -> np.ndarray:
         """Radiant intensity along the brightest direction, shape ``(3,)``, W/sr."""
@@ -92,6 +98,10 @@ class SphereLight:
     radiance: Vector
     """W/m²/sr per channel."""
     frame: Frame = "world"
+
+    def __post_init__(self) -> None:
+        if not self.radius > 0:
+            raise ValueError(f"expected a radius above 0, got {self.radius}")
 
     @property
     def axial_intensity(self) -> np.ndarray:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import DatasetError
-from graycard._files import sha256, sha256_of_files
-from graycard._json import decode, read_json, write_json
+from graycard._files import sha256_of_files
+from graycard._json import check_version, decode, read_json, write_json
 
 MANIFEST = "manifest.json"
 FORMAT_VERSION = 1
@@ -57,12 +57,7 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
             "Run `graycard render` (again)"
         )
     data = read_json(path, DatasetError)
-    version = data.get("format_version") if isinstance(data, dict) else None
-    if isinstance(version, int) and version > FORMAT_VERSION:
-        raise DatasetError(
-            f"expected a dataset of format version {FORMAT_VERSION} or older at {folder}, got version "
-            f"{version}. Install a newer graycard"
-        )
+    check_version(data, FORMAT_VERSION, path, DatasetError)
     manifest = decode(Manifest, data, DatasetError, str(path))
     if manifest.format != kind:
         raise DatasetError(f"expected a {kind} folder at {folder}, got a {manifest.format} folder")
@@ -70,14 +65,15 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
 
 
 def damaged_files(folder: Path, manifest: Manifest) -> dict[str, str]:
-    """Files that are missing or differ from the manifest, each with what is wrong."""
-    faults: dict[str, str] = {}
-    for name, expected in manifest.files.items():
-        path = Path(folder) / name
-        if not path.is_file():
-            faults[name] = "missing"
-        elif (found := sha256(path)) != expected:
-            faults[name] = f"expected SHA-256 {expected[:12]}…, got {found[:12]}…"
+    """Files that are missing, differ from the manifest, or are not in it, each with what is wrong."""
+    found = sha256_of_files(Path(folder), skip=lambda name: name == MANIFEST)
+    faults = {name: "missing" for name in manifest.files if name not in found}
+    for name, digest in found.items():
+        expected = manifest.files.get(name)
+        if expected is None:
+            faults[name] = f"not in {MANIFEST}"
+        elif digest != expected:
+            faults[name] = f"expected SHA-256 {expected[:12]}…, got {digest[:12]}…"
     return faults
 
 

@@ -7,6 +7,7 @@ PREDICTIONS/lights.json         optional: the lights that were found
 """
 
 import hashlib
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from graycard._dataset import read_lights, write_lights
-from graycard._errors import GraycardError, PredictionError
+from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard._exr import read_layers, write_layers
-from graycard._files import sha256, sha256_of_files
-from graycard._json import IN_MEMORY, decode, read_json, write_json
+from graycard._files import sha256, sha256_of_files, writable_folder
+from graycard._json import IN_MEMORY, check_version, decode, read_json, write_json
 from graycard._lights import Light
 
-INDEX = "predictions.json"
+INDEX, LIGHTS, VIEWS = "predictions.json", "lights.json", "views"
 PREDICTIONS_VERSION = 1
 
 
@@ -39,7 +40,7 @@ class Predictions:
 
     def view_names(self) -> list[str]:
         """Names of the views that have a file."""
-        return sorted(p.stem for p in (self._root / "views").glob("*.exr"))
+        return sorted(p.stem for p in (self._root / VIEWS).glob("*.exr"))
 
     def layers(self, view: str) -> dict[str, np.ndarray]:
         """All predicted layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
@@ -48,7 +49,7 @@ class Predictions:
             PredictionError: The file is missing or broken, has channels of no layer, or was changed
                 after its hash was taken.
         """
-        path = self._root / "views" / f"{view}.exr"
+        path = self._root / VIEWS / f"{view}.exr"
         if not path.is_file():
             have = ", ".join(self.view_names()) or "none"
             raise PredictionError(
@@ -64,14 +65,18 @@ class Predictions:
             PredictionError: The file is broken or was changed after its hash was taken, or a light has an
                 unknown key or type.
         """
-        path = self._root / "lights.json"
-        if not path.is_file() and "lights.json" not in self.files:
+        path = self._root / LIGHTS
+        if not path.is_file() and LIGHTS not in self.files:
             return None
         self._check_hash(path)
         try:
             return read_lights(path)
         except GraycardError as cause:
             raise PredictionError(str(cause)) from cause
+
+    def is_whole(self) -> bool:
+        """Whether the files are exactly those that the index lists, as they were written."""
+        return sha256_of_files(self._root, skip=lambda name: name == INDEX) == dict(self.files)
 
     def _check_hash(self, path: Path) -> None:
         """Prove that a file is the one that the index lists, if it lists it."""
@@ -102,13 +107,33 @@ def open_predictions(folder: Path) -> Predictions:
             f"expected a predictions folder with {INDEX} at {folder}, got "
             f"{'a folder without it' if Path(folder).is_dir() else 'nothing'}. See docs/formats.md"
         )
-    found = decode(Predictions, read_json(path, PredictionError), PredictionError, str(path))
-    if found.format != "graycard-predictions" or found.format_version > PREDICTIONS_VERSION:
-        raise PredictionError(
-            f"expected graycard-predictions of version {PREDICTIONS_VERSION} or older in {path}, "
-            f"got {found.format} version {found.format_version}"
-        )
+    data = read_json(path, PredictionError)
+    check_version(data, PREDICTIONS_VERSION, path, PredictionError)
+    found = decode(Predictions, data, PredictionError, str(path))
+    if found.format != "graycard-predictions":
+        raise PredictionError(f"expected graycard-predictions in {path}, got {found.format}")
     return replace(found, root=Path(folder))
+
+
+def clear_predictions(folder: Path) -> Path:
+    """Make room for predictions: older ones go, index first; anything else in the folder is not ours.
+
+    Raises:
+        OutputError: The folder holds something else, or cannot be written to.
+    """
+    folder = Path(folder)
+    names = [p.name for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
+    foreign = sorted(set(names) - {INDEX, LIGHTS, VIEWS})
+    if foreign:
+        raise OutputError(
+            f"expected {folder} to be free or to hold predictions, got {', '.join(foreign[:3])} in it. "
+            "Choose another output folder"
+        )
+    writable_folder(folder)
+    for name in (INDEX, LIGHTS):
+        (folder / name).unlink(missing_ok=True)
+    shutil.rmtree(folder / VIEWS, ignore_errors=True)
+    return folder
 
 
 def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> None:
@@ -124,7 +149,7 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
         ValueError: An array has a shape that its layer has not.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    write_layers(Path(folder) / "views" / f"{view}.exr", layers)
+    write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
 
 
 def finish_predictions(
@@ -132,7 +157,7 @@ def finish_predictions(
 ) -> None:
     """Write the lights and, last, the index with the hash of each file: now the folder is whole."""
     if lights is not None:
-        write_lights(Path(folder) / "lights.json", lights)
+        write_lights(Path(folder) / LIGHTS, lights)
     files = sha256_of_files(Path(folder), skip=lambda name: name == INDEX)
     write_json(Path(folder) / INDEX, replace(predictions, files=files))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
-from graycard._json import decode, read_json
+from graycard._json import check_version, decode, read_json
 
 RECORD_VERSION = 1
 
@@ -81,10 +81,12 @@ class Job:
     track: str
     scene: str
     method: str
-    """Name in the registry, or ``module:attribute``."""
+    """Its name in this run: the row of a table."""
     seed: int
     settings: Mapping[str, Any]
     """The method's settings, resolved."""
+    entry: str = ""
+    """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,10 +132,13 @@ class MethodRecord:
     """A method of a run."""
 
     name: str
+    """The row of a table."""
     summary: str
     """One sentence."""
     sees: tuple[str, ...]
     """What it is handed beyond the capture; empty for a method that competes."""
+    entry: str = ""
+    """What is loaded: a name in the registry, or ``module:attribute``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,12 +204,7 @@ def read_run(run: Path) -> RunRecord:
 
 def _read(cls: type[Any], path: Path, kind: str) -> Any:
     data = read_json(path)
-    version = data.get("format_version") if isinstance(data, dict) else None
-    if isinstance(version, int) and version > RECORD_VERSION:
-        raise RecordError(
-            f"expected {kind} of version {RECORD_VERSION} or older in {path}, got version {version}. "
-            "Install a newer graycard"
-        )
+    check_version(data, RECORD_VERSION, path)
     record = decode(cls, data, RecordError, str(path))
     if record.format != kind:
         raise RecordError(f"expected {kind} in {path}, got {record.format}")

@@ -13,6 +13,7 @@ import pytest
 
 import graycard as gc
 from graycard.__main__ import main
+from graycard.benchmarks._runner import job_hash
 
 TRACKS = ("dark", "tabletop", "multilight")
 
@@ -106,9 +107,77 @@ def test_a_damaged_prediction_is_made_again(tiny_run: Path, tmp_path: Path, suit
     scores = sheets(run)
     for path in run.glob("jobs/dark/*/gray*/predictions/views/test*.exr"):
         path.write_bytes(b"damaged")
-    (next(run.glob("jobs/dark/*/input*")) / "scores.json").write_text("{}")
+    for path in run.glob("jobs/dark/*/retinex*/predictions/views/test*.exr"):
+        path.unlink()
+    (next(run.glob("jobs/dark/*/input*")) / "scores.json").write_text("[]")
+    (next(run.glob("jobs/dark/*/truth*")) / "job.json").write_text("{")
     assert main(command) == 0
     assert sheets(run) == scores
+
+
+def test_an_oracle_is_made_again_when_the_truth_changes(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene()
+    job = gc.Job("dark", scene.name, "truth", 0, {}, "truth")
+    before = job_hash(job, [gc.sha256(scene / p / "manifest.json") for p in ("capture", "truth")], "code")
+    assert job_hash(job, [gc.sha256(scene / "capture" / "manifest.json"), "other"], "code") != before
+    assert job_hash(job, ["other"], "other code") != before
+
+
+def test_two_benches_at_once_do_the_work_once(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
+    run = tmp_path / "run"
+    options = [str(suite_of(tracks=("dark",))), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    command = [sys.executable, "-m", "graycard", "bench", *options]
+    both = [subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL) for _ in range(2)]
+    assert [process.wait(120) for process in both] == [0, 0]
+    expected = {key: sheet for key, sheet in sheets(tiny_run).items() if key[0] == "dark"}
+    assert sheets(run) == expected
+
+
+def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]):
+    run = tmp_path / "run"
+    command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    assert main([*command, "--tracks", "dark", "--methods", "truth", "gray"]) == 0
+    assert main([*command, "--tracks", "dark", "tabletop", "--methods", "input"]) == 0
+    assert set(sheets(run)) == {("dark", "truth"), ("dark", "gray"), ("dark", "input"), ("tabletop", "input")}
+    assert [s.track for s in gc.read_run(run).scenes] == ["dark", "tabletop"]
+    assert (run / "report" / "index.html").is_file()
+
+
+def test_a_run_of_another_suite_is_left_alone(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    other = suite_of()
+    other.write_text(other.read_text().replace('name = "tiny"', 'name = "other"'))
+    assert main(["bench", str(other), "--out", str(tiny_run)]) == 2
+    assert "to hold a run of 'other' version 1, got one of 'tiny' version 1" in capsys.readouterr().err
+
+
+def test_variants_of_a_method_have_rows_of_their_own(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path]
+):
+    suite, run = suite_of(tracks=("dark",)), tmp_path / "run"
+    suite.write_text(
+        suite.read_text()
+        + '[[methods]]\nname = "gray"\nlabel = "gray-light"\nsettings = {reflectance = 0.6}\n'
+    )
+    command = [
+        "bench",
+        str(suite),
+        "--out",
+        str(run),
+        "--dataset",
+        str(tiny_run / "dataset"),
+        "--methods",
+        "gray",
+    ]
+    assert main(command) == 0
+    values = {
+        r.job.method: r.sheet.score("albedo.psnr.raw").value for r in gc.read_run(run).results if r.sheet
+    }
+    assert set(values) == {"gray", "gray-light"}
+    assert values["gray"] != values["gray-light"]
+    assert main(["gate", str(run), "--baseline", str(tmp_path / "b.json"), "--write"]) == 0
+    assert main(["gate", str(run), "--baseline", str(tmp_path / "b.json")]) == 0
 
 
 def test_gate_passes_the_run_that_made_the_baseline(
@@ -154,6 +223,13 @@ class Raises:
     summary, needs, settings_type = "Raises in fit", (), NoSettings
     def fit(self, capture, priors, settings, seed, progress): raise RuntimeError("no convergence")
     def load(self, folder): ...
+class Exits(Raises):
+    summary = "Ends the program"
+    def fit(self, capture, priors, settings, seed, progress): raise SystemExit(0)
+class Hangs(Raises):
+    summary = "Never ends"
+    def fit(self, capture, priors, settings, seed, progress):
+        while True: pass
 class Dies(Raises):
     summary = "Takes its process down"
     def fit(self, capture, priors, settings, seed, progress): os._exit(9)
@@ -185,11 +261,14 @@ def test_a_method_that_breaks_fails_alone(
         "--dataset",
         str(tiny_run / "dataset"),
     ]
-    methods = [f"{broken_module}:Raises", f"{broken_module}:Dies", "gray"]
-    assert main([*command, "--methods", *methods]) == 1
-    raised, died, gray = gc.read_run(run).results
-    assert (raised.status, died.status, gray.status) == ("failed", "failed", "done")
-    assert raised.reason.startswith("RuntimeError: no convergence (traceback in error.txt)")
+    methods = [f"{broken_module}:{name}" for name in ("Raises", "Dies", "Exits", "Hangs")]
+    assert main([*command, "--methods", *methods, "gray", "--timeout", "12"]) == 1
+    raised, died, exited, hung, gray = gc.read_run(run).results
+    assert {r.status for r in (raised, died, exited, hung)} == {"failed"}
+    assert gray.status == "done"
+    assert "RuntimeError: no convergence (traceback in error.txt)" in raised.reason
+    assert "got SystemExit: 0" in exited.reason
+    assert "expected an end within 12 s, got none" in hung.reason
     assert "no convergence" in (run / raised.folder / "error.txt").read_text()
     assert "expected the worker to come back, got its death (exit code 9)" in died.reason
     assert "no convergence" in capsys.readouterr().err
@@ -200,6 +279,7 @@ def test_a_method_that_breaks_fails_alone(
     ("options", "message"),
     [
         (["demoo"], "expected a suite that exists, got 'demoo' (did you mean 'demo'?)"),
+        (["demo", "--jobs", "0"], "expected 1 or more jobs at a time, got 0"),
         (["demo", "--tracks", "darkk"], "expected a track that exists, got 'darkk' (did you mean 'dark'?)"),
         (
             ["demo", "--methods", "trutth"],
@@ -233,6 +313,8 @@ def test_bad_options_are_met_before_any_work(
         ('family = "corridor"', 'family = "coridor"', "did you mean 'dark/corridor'"),
         ("reflectance", "reflektance", "did you mean 'reflectance'"),
         ("[render]", "[render", "expected TOML"),
+        ('name = "input"', 'name = "gray"', "each once"),
+        ("version = 1", "version = 1\nseeds = []", "expected seeds in suite 'tiny'"),
     ],
 )
 def test_bad_suites(

@@ -68,6 +68,12 @@ def test_a_run_without_results_measured_nothing():
         make_baseline(empty)
 
 
+def test_a_baseline_of_another_suite_is_refused():
+    for other in (replace(make_run(), suite="smoke"), replace(make_run(), suite_version=2)):
+        with pytest.raises(gc.RecordError, match="expected a run of suite 'demo' version 1"):
+            judge(other, make_baseline(make_run()))
+
+
 def test_both_values_are_named():
     verdict = judge(make_run(20.0, 10.0), make_baseline(make_run()))
     assert str(verdict.worse[0]) == "dark/s m psnr: expected 30 dB (tolerance 0.5), got 20"
@@ -80,7 +86,12 @@ def test_round_trip_and_bad_baselines(tmp_path: Path):
     gc.write_json(tmp_path / "b.json", replace(baseline, format_version=9))
     with pytest.raises(gc.RecordError, match="Install a newer graycard"):
         read_baseline(tmp_path / "b.json")
-    gc.write_json(tmp_path / "b.json", {"suite": "demo", "scors": []})
+    for change in ({"value": math.nan}, {"tolerance": math.nan}, {"tolerance": -1.0}):
+        spoilt = replace(baseline, scores=(replace(baseline.scores[0], **change),))
+        gc.write_json(tmp_path / "b.json", spoilt)
+        with pytest.raises(gc.RecordError, match="expected a value and a tolerance of 0 or more for m psnr"):
+            read_baseline(tmp_path / "b.json")
+    gc.write_json(tmp_path / "b.json", {"suite": "demo", "suite_version": 1, "scors": []})
     with pytest.raises(gc.RecordError, match="scors"):
         read_baseline(tmp_path / "b.json")
     with pytest.raises(gc.RecordError, match="expected a JSON file at"):

@@ -281,12 +281,23 @@ def test_missing_extra_and_swapped_lights(make_scene: Callable[..., Path], predi
 
     assert scores(*pair) == [0, 0, 0, 0], "an environment is not counted"
     assert scores(pair[1], sky, pair[0]) == [0, 0, 0, 0]
-    assert scores(pair[0]) == [0, 0, 1, 0]
-    assert scores(*pair, LAMP) == [0, 0, 0, 1]
+    assert scores(pair[0]) == [50, 0, 1, 0], "one of two found: the other counts as a whole scene away"
+    assert scores(*pair, LAMP) == [pytest.approx(100 / 3), 0, 0, 1]
     sheet = ge.score_predictions(predict(scene, lights=(pair[0],)), scene)
     position = sheet.score("light.position")
     assert (position.expected, position.scored) == (2, 1)
-    assert position.warnings == ("1 of 2 lights have no partner and are not in the mean",)
+    assert sheet.score("light.intensity").warnings == (
+        "1 of 2 lights have no partner and are not in the mean",
+    )
+
+
+def test_very_many_lights_do_not_pay(make_scene: Callable[..., Path], predict: Predict) -> None:
+    """A grid that is dense enough to have a light next to any true one."""
+    scene = make_scene()
+    places = np.stack(np.meshgrid(*[np.linspace(-2, 2, 6)] * 3), -1).reshape(-1, 3).tolist()
+    grid = tuple(gc.PointLight(f"g{i}", (x, y, z), (1, 1, 1)) for i, (x, y, z) in enumerate(places))
+    sheet = ge.score_predictions(predict(scene, lights=grid), scene)
+    assert (sheet.score("light.position").value or 0) > 99
 
 
 def test_a_scene_without_local_lights_has_counts_only(

@@ -47,7 +47,7 @@ def test_an_entry_point_is_found_and_named(plug_in: Callable[..., None]):
     assert methods.load_method("mine").summary == "Mine"
     row = next(row for row in methods.listings() if row.name == "mine")
     assert row.origin == "graycard-mine 0.3"
-    assert methods.fingerprint("mine") == "graycard-mine 0.3"
+    assert methods.fingerprint("mine").startswith("graycard-mine 0.3 ")
 
 
 def test_a_module_attribute_needs_no_packaging(plug_in: Callable[..., None], tmp_path: Path):
@@ -66,7 +66,7 @@ def test_a_plug_in_that_raises_on_import_hurts_only_itself(plug_in: Callable[...
     assert "RuntimeError: no CUDA here" in rows["broken"].reason
     assert "graycard-broken 0.3" in rows["broken"].reason
     assert rows["gray"].summary
-    with pytest.raises(gc.MethodError, match="Mend or uninstall it; other methods are not affected"):
+    with pytest.raises(gc.MethodError, match="Mend it; other methods are not affected"):
         methods.load_method("broken")
 
 

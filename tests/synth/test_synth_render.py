@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import graycard as gc
+from graycard._lock import alone
 from graycard.synth import (
     RenderSettings,
     SceneSpec,
@@ -24,7 +25,6 @@ from graycard.synth import (
     render_scene,
     scene_name,
 )
-from graycard.synth._lock import alone
 from graycard.synth._store import Place
 
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)

@@ -29,7 +29,9 @@ def test_hashes_are_those_of_sha256(tmp_path: Path):
 
 def test_a_folder_that_is_a_file(tmp_path: Path):
     (tmp_path / "file").write_text("x")
-    with pytest.raises(gc.OutputError, match=r"expected an output folder that can be written to.*--out"):
+    with pytest.raises(
+        gc.OutputError, match=r"expected an output folder that can be written to.*another output folder"
+    ):
         gc.writable_folder(tmp_path / "file" / "run")
 
 

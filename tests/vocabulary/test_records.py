@@ -107,7 +107,7 @@ def test_predictions_need_an_index_of_their_format(tmp_path: Path):
     gc.write_json(
         tmp_path / "predictions.json", {"method": "m", "track": "dark", "scene": "s", "format_version": 9}
     )
-    with pytest.raises(gc.PredictionError, match="got graycard-predictions version 9"):
+    with pytest.raises(gc.PredictionError, match="got version 9. Install a newer graycard"):
         gc.open_predictions(tmp_path)
     gc.write_json(tmp_path / "predictions.json", {"method": "m", "track": "dark"})
     with pytest.raises(gc.PredictionError, match="scene"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One process at a time makes a scene; the others wait and then find it made."""
+"""One process at a time makes a scene or a fit; the others wait and then find it made."""
 
 import os
 import sys
