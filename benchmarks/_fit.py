@@ -80,7 +80,7 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
 
 
 def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
-    """The truth that a method asks for, read here so that the method never sees the truth folder.
+    """The truth that a method asks for, handed in as a prior; a method is not to open the truth folder.
 
     Raises:
         DatasetError: The method asks for truth, and the scene has none or a damaged one.

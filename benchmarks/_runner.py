@@ -116,6 +116,9 @@ def run_bench(
         started=started,
         wall_s=round(time.perf_counter() - clock, 2),
     )
+    if before is not None and all(outcome.reused for outcome in (*fitted, *scored)):
+        same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
+        record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
     if part and before is not None:
         record = _joined(record, before)
     write_json(run / "run.json", record)

@@ -47,6 +47,8 @@ class ScenePictures:
     settings: tuple[tuple[str, str], ...]
     views: int
     """Number of test views, of which some are embedded."""
+    photographs: int
+    """Number of training photographs, of which some are embedded."""
     gallery: Gallery
     plan: Plan
 
@@ -202,6 +204,7 @@ def _scene_pictures(
         describe_scene(scene, evidence),
         flatten(evidence.settings) if evidence.settings else (),
         len(evidence.test),
+        len(evidence.capture.train),
         build_gallery(evidence, shown),
         build_plan(evidence, shown),
     )

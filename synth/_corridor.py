@@ -56,7 +56,9 @@ class Corridor:
 
     track: ClassVar[str] = "dark"
     name: ClassVar[str] = "corridor"
-    title: ClassVar[str] = "a dark storage corridor, lit only by a lamp beside the camera"
+    title: ClassVar[str] = (
+        "a dark storage corridor, lit by a lamp beside the camera and a faintly glowing ceiling"
+    )
 
     def __post_init__(self) -> None:
         check_knobs(self)

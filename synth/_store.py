@@ -63,12 +63,18 @@ def view_file(root: Path, view: str) -> Path:
 
 
 def damage(place: Place) -> dict[str, str]:
-    """What is wrong with the files of a final folder, by path relative to it; empty if it is whole."""
+    """What is wrong with the files of a final folder, by path relative to it; empty if it is whole.
+
+    Raises:
+        NewerFormatError: It is of a newer format.
+    """
     faults: dict[str, str] = {}
     for part in _PARTS:
         folder = place.final / part
         try:
             manifest = gc.read_manifest(folder, f"graycard-{part}")
+        except gc.NewerFormatError:
+            raise  # not damaged, and not ours to replace
         except gc.DatasetError as cause:
             faults[f"{part}/manifest.json"] = str(cause)
             continue

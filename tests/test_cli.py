@@ -118,6 +118,7 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["methods", "retinx"], "did you mean 'retinex'"),
         (["render", "drak", "--out", "x"], "did you mean 'dark'"),
         (["render", "dark", "--seed", "-3", "--out", "x"], "expected a seed of 0 or more, got -3"),
+        (["render", "demo", "--seed", "3", "--out", "x"], "expected --seed and --family with a track only"),
         (["render", "dark", "--family", "studio", "--out", "{tmp}"], "expected a scene family that exists"),
         (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
         (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),
@@ -136,6 +137,26 @@ def test_what_the_user_can_mend(
     given = [a.format(scene=tiny_scenes["dark"], tmp=tmp_path) for a in args]
     assert main(given) == 2
     assert message in capsys.readouterr().err
+
+
+def test_layers_that_nobody_scores_are_no_success(
+    tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
+):
+    for view in gc.open_capture(tiny_scenes["dark"] / "capture").views:
+        gc.write_view(tmp_path, view.name, {"albedo": np.full((24, 28, 3), 0.5)})
+    gc.finish_predictions(tmp_path, gc.Predictions("mine", "dark", "tiny-0000"))
+    assert main(["score", str(tmp_path), str(tiny_scenes["dark"])]) == 1
+    assert "nothing was scored" in capsys.readouterr().err
+
+
+def test_names_are_not_turned_into_pictures(capsys: Capture):
+    assert main(["methods", "smile:smile:"]) == 2
+    assert "smile:smile:" in capsys.readouterr().err
+
+
+def test_the_version(capsys: Capture):
+    assert main(["--version"]) == 0
+    assert last_line(capsys) == f"graycard {gc.__version__}"
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: Capture):

@@ -5,6 +5,7 @@ import io
 import sys
 import traceback
 from collections.abc import Sequence
+from importlib.metadata import version
 from typing import Annotated, Any, Union
 
 import tyro
@@ -29,6 +30,9 @@ def main(args: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")  # a terminal without Unicode shows "?" instead of failing
     screen = Screen()
     given = list(sys.argv[1:] if args is None else args)
+    if given == ["--version"]:
+        screen.out.print(f"graycard {version('graycard')}")
+        return 0
     try:
         command, rest = _parse(given)
         return command.run(screen, rest)

@@ -33,7 +33,7 @@ WIDE = 1000
 
 def _console(stderr: bool) -> Console:
     """A console that cuts nothing off: in a file or a pipe its lines are as long as they need to be."""
-    console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False)
+    console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDE
     return console
@@ -162,8 +162,8 @@ class Render:
     """A suite, or one of the tracks. For a track, size and samples may follow: --width, --height, …"""
     out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
     """Where to: DATASET/<track>/<scene>/{capture,truth}. What is there and intact is kept."""
-    seed: int = 0
-    """Seed of the scene (for a track)."""
+    seed: int | None = None
+    """Seed of the scene (for a track); 0 by default."""
     family: str | None = None
     """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
 
@@ -187,13 +187,18 @@ class Render:
         if self.what in TRACKS:
             settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
             first = next(name for name, f in families().items() if f.track == self.what)
-            if self.seed < 0:
-                raise GraycardError(f"expected a seed of 0 or more, got {self.seed}. Mend --seed")
-            return [(SceneSpec(self.what, self.family or first, self.seed), settings)]
+            seed = self.seed or 0
+            if seed < 0:
+                raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
+            return [(SceneSpec(self.what, self.family or first, seed), settings)]
         refuse(rest, "render")
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
             raise UnknownNameError("suite or track", self.what, known)
+        if self.seed is not None or self.family is not None:
+            raise GraycardError(
+                "expected --seed and --family with a track only: a suite names its own scenes"
+            )
         suite = load_suite(self.what)
         return [(spec, suite.render) for spec in suite.scenes]
 
@@ -250,11 +255,13 @@ class ScoreCommand:
         for reason in dict.fromkeys(score.reason for score in failed):
             screen.err.print(f"failed: {reason}")
         scored = sum(score.status == "scored" for score in sheet.scores)
+        if not scored:
+            screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
         screen.out.print(
             f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
             f"{len(sheet.scores) - scored - len(failed)} not provided"
         )
-        return FAILED if failed else OK
+        return OK if scored and not failed else FAILED
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,10 @@ class DatasetError(GraycardError):
     """A dataset folder is missing, damaged, half-written, or of another format version."""
 
 
+class NewerFormatError(DatasetError):
+    """A dataset of a format that only a newer graycard reads."""
+
+
 class PredictionError(GraycardError):
     """A predictions folder does not follow the documented format."""
 

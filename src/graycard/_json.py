@@ -5,6 +5,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -59,8 +60,16 @@ def decode(cls: type[T], data: Any, error: type[GraycardError] = RecordError, so
         return dacite.from_dict(cls, _tuples(data), config)  # pyright: ignore[reportArgumentType]
     except (dacite.DaciteError, ValueError, TypeError, AttributeError) as cause:
         where = f" in {source}" if source else ""
-        fields = ", ".join(f.name for f in dataclasses.fields(cls))  # pyright: ignore[reportArgumentType]
-        raise error(f"expected a {cls.__name__} with {fields}{where}, got: {cause}") from cause
+        fields = [f.name for f in dataclasses.fields(cls)]  # pyright: ignore[reportArgumentType]
+        words = f"expected a {cls.__name__} with {', '.join(fields)}{where}, got: {cause}"
+        raise error(words + _nearest(cause, fields)) from cause
+
+
+def _nearest(cause: Exception, fields: list[str]) -> str:
+    """What a misspelt key was probably meant to be."""
+    unknown = sorted(cause.keys) if isinstance(cause, dacite.UnexpectedDataError) else []
+    near = [match for key in unknown for match in get_close_matches(str(key), fields, n=1)]
+    return f" (did you mean {near[0]!r}?)" if near else ""
 
 
 def decode_float(value: Any) -> float:
@@ -90,12 +99,10 @@ def check_version(data: Any, newest: int, path: Path, error: type[GraycardError]
     """Meet a newer format before its unknown keys are called misspelt.
 
     Raises:
-        RecordError: (or ``error``) ``format_version`` is newer than ``newest``, or no version at all.
+        RecordError: (or ``error``) ``format_version`` is newer than ``newest``.
     """
     version = data.get("format_version", newest) if isinstance(data, dict) else newest
-    if not isinstance(version, int) or version < 1:
-        raise error(f"expected a format_version of 1 or more in {path}, got {version!r}")
-    if version > newest:
+    if isinstance(version, int) and version > newest:
         raise error(
             f"expected format version {newest} or older in {path}, got version {version}. "
             "Install a newer graycard"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from graycard._errors import DatasetError
+from graycard._errors import DatasetError, NewerFormatError
 from graycard._files import sha256_of_files
 from graycard._json import check_version, decode, read_json, write_json
 
@@ -57,7 +57,7 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
             "Run `graycard render` (again)"
         )
     data = read_json(path, DatasetError)
-    check_version(data, FORMAT_VERSION, path, DatasetError)
+    check_version(data, FORMAT_VERSION, path, NewerFormatError)
     manifest = decode(Manifest, data, DatasetError, str(path))
     if manifest.format != kind:
         raise DatasetError(f"expected a {kind} folder at {folder}, got a {manifest.format} folder")

@@ -65,10 +65,11 @@ def test_the_others_are_finite_and_worse(tiny_run: Path, track: str, method: str
 
 
 def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixture[str]):
-    before, scores = stamps(tiny_run), sheets(tiny_run)
+    before, scores, record = stamps(tiny_run), sheets(tiny_run), gc.read_run(tiny_run)
     assert main(["bench", str(tiny_run.parent / "tiny.toml"), "--out", str(tiny_run)]) == 0
     assert stamps(tiny_run) == before
     assert sheets(tiny_run) == scores
+    assert gc.read_run(tiny_run) == record, "nothing was measured anew, so nothing is said anew"
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("bench: 12 jobs, 0 failures")
     assert last.endswith(str(tiny_run / "report" / "index.html"))

@@ -113,7 +113,9 @@ def test_resolved_knobs_hold_the_defaults() -> None:
 
 
 def test_the_description_is_one_line_with_seed_and_knobs() -> None:
-    assert describe(CORRIDOR) == ("A dark storage corridor, lit only by a lamp beside the camera (seed 0)")
+    assert describe(CORRIDOR) == (
+        "A dark storage corridor, lit by a lamp beside the camera and a faintly glowing ceiling (seed 0)"
+    )
     assert describe(SceneSpec("dark", "corridor", 2, {"light_offset": 0.4})).endswith(
         "(seed 2; light offset 0.4)"
     )

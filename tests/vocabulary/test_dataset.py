@@ -97,7 +97,7 @@ def test_a_capture_is_no_truth(tiny_scenes: dict[str, Path]):
 def test_a_misspelt_key_is_an_error(make_scene: Callable[..., Path]):
     scene = make_scene()
     edit(scene / "capture" / "capture.json", lambda c: c.update(exposur=c.pop("exposure")))
-    with pytest.raises(gc.DatasetError, match=r"expected a Capture with .*exposur"):
+    with pytest.raises(gc.DatasetError, match=r"expected a Capture with .*exposur.*did you mean 'exposure'"):
         gc.open_capture(scene / "capture", check=False)
 
 
