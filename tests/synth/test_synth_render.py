@@ -439,8 +439,9 @@ def test_a_scene_of_another_spec_is_left_alone(
         render_scene(TABLE, TINY, table.parent.parent)
 
 
-def test_a_newer_format_is_left_alone(table: Path) -> None:
-    path = table / "truth" / "manifest.json"
+@pytest.mark.parametrize("part", ["capture", "truth"])
+def test_a_newer_format_is_left_alone(table: Path, part: str) -> None:
+    path = table / part / "manifest.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format_version": 99}))
     with pytest.raises(gc.DatasetError, match="got version 99"):
         render_scene(TABLE, TINY, table.parent.parent)
