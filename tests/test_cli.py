@@ -158,6 +158,16 @@ def test_export_import_fit_then_no_score(
     assert "got an imported capture, which has no truth" in capsys.readouterr().err
 
 
+def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Capture):
+    dataset = make_scene(track="tabletop").parents[1]
+    assert main(["look", str(dataset)]) == 0
+    assert last_line(capsys) == f"look: 1 contact sheet in {dataset / 'look'}"
+    assert (dataset / "look" / "tabletop-tiny-0000.png").is_file()
+    assert gc.scene_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
+    assert main(["look", str(dataset / "nowhere")]) == 2
+    assert "got no whole scene there" in capsys.readouterr().err
+
+
 def test_it_runs_as_a_module():
     done = subprocess.run(
         [sys.executable, "-m", "graycard", "--help"], capture_output=True, text=True, check=True

@@ -337,6 +337,28 @@ class Report:
 
 
 @dataclass(frozen=True)
+class Look:
+    """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """The dataset; what is half-written in it is left out."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Where the PNGs go, one a scene; DATASET/look by default."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Draw them."""
+        from graycard.reports import write_contact_sheets
+
+        out = self.out or self.dataset / "look"
+        with screen.progress() as progress:
+            sheets = write_contact_sheets(self.dataset, out, progress)
+        for sheet in sheets:
+            screen.out.print(sheet.as_posix())
+        screen.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
+        return OK
+
+
+@dataclass(frozen=True)
 class Export:
     """Write a capture for another program; photographs of held-out views are in no capture."""
 
@@ -453,6 +475,7 @@ COMMANDS: dict[str, type[Any]] = {
     "bench": Bench,
     "gate": Gate,
     "report": Report,
+    "look": Look,
     "export": Export,
     "import": Import,
 }
