@@ -54,7 +54,10 @@ def read_nerfstudio(folder: Path) -> list[Shot]:
     frames = index.get("frames") if isinstance(index, dict) else None
     if not isinstance(frames, list) or not all(isinstance(f, dict) for f in frames):
         raise DatasetError(f"expected a list 'frames' of objects in {path}, got {type(frames).__name__}")
-    held_out = _names_listed(index, "test_filenames", path) - _names_listed(index, "train_filenames", path)
+    train, val, test = (
+        _names_listed(index, f"{split}_filenames", path) for split in ("train", "val", "test")
+    )
+    held_out = (val | test) - train
     return [_shot(frame, index, held_out, folder, f"{path}, frame {i}") for i, frame in enumerate(frames)]
 
 

@@ -101,6 +101,11 @@ def _pixels(path: Path) -> np.ndarray:
     """8-bit sRGB, shape ``(H, W, 3)``."""
     try:
         with Image.open(path) as image:
+            if image.mode[0] in "IF":
+                raise DatasetError(
+                    f"expected 8 bits a channel in {path}, got mode {image.mode}. Save it as 8-bit sRGB, or "
+                    "as linear EXR"
+                )
             *colours, alpha = np.moveaxis(np.asarray(image.convert("RGBA")), -1, 0)
     except _BROKEN as cause:
         raise _broken(path, cause) from cause

@@ -208,7 +208,9 @@ def test_a_broken_nerfstudio_folder_is_named(fault: str, folder: Path, tmp_path:
 
 
 def test_a_list_may_name_frames_with_or_without_files(folder: Path, tmp_path: Path):
-    change(folder, lambda index: index.update(test_filenames=["./images/01.png", "./images/02.png"]))
+    names = [f"./images/{i:02d}.png" for i in range(4)]
+    lists = {"test_filenames": names[1:2], "val_filenames": names[2:4], "train_filenames": names[3:]}
+    change(folder, lambda index: index.update(lists))
     (folder / "images" / "02.png").unlink()
     capture = take_in(folder, tmp_path / "data")
     assert [v.name for v in capture.test] == ["01", "02"]
@@ -295,9 +297,14 @@ def make_transparent(path: Path) -> None:
     Image.fromarray(np.full((6, 8, 4), 100, np.uint8)).save(path)
 
 
+def make_deep(path: Path) -> None:
+    Image.fromarray(np.full((6, 8), 40000, np.uint16)).save(path)
+
+
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
+        (make_deep, "expected 8 bits a channel"),
         (break_pixels, "expected a whole image at"),
         (make_transparent, "expected an opaque photograph"),
         (lambda path: path.write_text("no image"), "expected a whole image at"),
