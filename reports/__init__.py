@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as one HTML file that opens offline: leaderboards, pictures, lights and the facts of the run.
+"""A run as one HTML file that opens offline: leaderboards, pictures, lights and the facts of the run; a
+scene as one contact sheet.
 
 The report reads run records and the folders that they name; how a score was made it does not know.
 """
 
+from graycard.reports._contact_sheet import write_contact_sheets as write_contact_sheets
 from graycard.reports._write import write_report as write_report

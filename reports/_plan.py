@@ -18,6 +18,10 @@ SHAPES = 6
 """Number of marker shapes, in the style sheet and templates; more methods take the same ones again."""
 
 
+Owner = tuple[str, int, Sequence[gc.Light]]
+"""Whose lights: a name, the shape of its marks, the lights."""
+
+
 @dataclass(frozen=True, slots=True)
 class LightMark:
     """A light in the plan."""
@@ -91,25 +95,42 @@ class _Frame:
 
 def build_plan(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Plan:
     """The plan of a scene. A light on the camera is drawn once for each test camera."""
-    dots = np.concatenate([np.empty((0, 3)), *(_surface_points(v, scene) for v in scene.shown)])
-    eyes = [v.camera.position for v in scene.truth.views]
-    true = [p for light in _local(scene.lights) for p in _positions(light, scene.test)]
-    edges = [c for light in scene.lights if isinstance(light, gc.RectangleLight) for c in _corners(light)]
+    dots = [surface_points(v, scene.layers[v.name].get("depth")) for v in scene.shown]
+    owners: list[Owner] = [("ground truth", 0, scene.lights)]
+    owners += [(m.method, 1 + i % SHAPES, m.lights) for i, m in enumerate(methods) if m.lights is not None]
+    silent = tuple((m.method, _why_silent(m)) for m in methods if m.lights is None)
+    return lay_out(scene.truth.views, dots, owners, silent)
+
+
+def lay_out(
+    views: Sequence[gc.View],
+    surfaces: Sequence[np.ndarray],
+    owners: Sequence[Owner],
+    silent: tuple[tuple[str, str], ...] = (),
+) -> Plan:
+    """A plan of cameras, of surface points, each of shape ``(N, 3)``, and of lights by owner.
+
+    The frame holds the lights of the first owner; those of the others may lie outside.
+    """
+    dots, first = np.concatenate([np.empty((0, 3)), *surfaces]), owners[0][2]
+    test = [v for v in views if v.split == "test"]
+    eyes = [v.camera.position for v in views]
+    true = [p for light in _local(first) for p in _positions(light, test)]
+    shining = [light for light in first if isinstance(light, gc.RectangleLight)]
+    edges = [corner for light in shining for corner in _corners(light)]
     frame = _fit_frame(np.concatenate([dots, np.array(eyes + true + edges)]))
     metres = _round_length(0.25 * (frame.width - 2 * MARGIN) / frame.scale)
-    owners = [("ground truth", 0, scene.lights)]
-    owners += [(m.method, 1 + i % SHAPES, m.lights) for i, m in enumerate(methods) if m.lights is not None]
     return Plan(
         width=frame.width,
         height=frame.height,
         dots=tuple(dict.fromkeys(frame.place(p) for p in dots)),
-        outlines=tuple(_outline(o, frame) for o in scene.lights if isinstance(o, gc.RectangleLight)),
-        cameras=tuple(_camera_mark(view, frame) for view in scene.truth.views),
-        lights=tuple(mark for owner in owners for mark in _light_marks(*owner, scene.test, frame)),
+        outlines=tuple(_outline(light, frame) for light in shining),
+        cameras=tuple(_camera_mark(view, frame) for view in views),
+        lights=tuple(mark for owner in owners for mark in _light_marks(*owner, test, frame)),
         metre_bar=round(metres * frame.scale, 1),
         metre_text=f"{format_number(metres)} m",
         rows=tuple(_light_row(name, shape, light) for name, shape, found in owners for light in found),
-        silent=tuple((m.method, _why_silent(m)) for m in methods if m.lights is None),
+        silent=silent,
     )
 
 
@@ -129,9 +150,8 @@ def _positions(light: gc.LocalLight, test: Sequence[gc.View]) -> list[np.ndarray
     return [gc.world_position(light, view.camera) for view in test]
 
 
-def _surface_points(view: gc.View, scene: SceneEvidence) -> np.ndarray:
+def surface_points(view: gc.View, depth: np.ndarray | None) -> np.ndarray:
     """World points that a view sees, shape ``(N, 3)``, on a coarse grid of its pixels."""
-    depth = scene.layers[view.name].get("depth")
     if depth is None:
         return np.empty((0, 3))
     step = max(1, round(np.sqrt(depth.size / DOTS_PER_VIEW)))

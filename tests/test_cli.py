@@ -127,6 +127,10 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
             ["fit", "gray", "{scene}", "--out", "/proc/graycard"],
             "expected an output folder that can be written to",
         ),
+        (
+            ["import", "nowhere", "--track", "dark", "--scene", "x", "--out", "{tmp}/x"],
+            "at nowhere, got nothing",
+        ),
         (["report", "nowhere"], "expected a run folder with run.json at nowhere"),
         (["gate", "nowhere", "--baseline", "x"], "expected a run folder with run.json at nowhere"),
     ],
@@ -175,6 +179,35 @@ def test_render_takes_size_and_samples(tmp_path: Path, capsys: Capture):
     assert last_line(capsys) == f"render: 1 scene in {tmp_path}"
     capture = gc.open_capture(tmp_path / "multilight" / "studio-1234" / "capture")
     assert [(v.camera.width, v.camera.height) for v in capture.views] == [(12, 10)] * 3
+
+
+@pytest.mark.parametrize("kind", ["nerfstudio", "colmap"])
+def test_export_import_fit_then_no_score(
+    kind: str, tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
+):
+    away, data = str(tmp_path / "away"), tmp_path / "data"
+    assert main(["export", str(tiny_scenes["dark"]), "--format", kind, "--out", away]) == 0
+    assert last_line(capsys) == (
+        f"export: {away} as {kind}, 3 photographs and, without one, 2 held-out cameras"
+    )
+    assert main(["import", away, "--track", "dark", "--scene", "mine", "--out", str(data)]) == 0
+    scene = data / "dark" / "mine"
+    assert last_line(capsys) == f"import: {scene}, 3 photographs, 2 views held out, no truth"
+    assert not (scene / "truth").exists()
+    assert main(["fit", "gray", str(scene), "--out", str(tmp_path / "p")]) == 0
+    assert len(gc.open_predictions(tmp_path / "p").view_names()) == 5
+    assert main(["score", str(tmp_path / "p"), str(scene)]) == 2
+    assert "got an imported capture, which has no truth" in capsys.readouterr().err
+
+
+def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Capture):
+    dataset = make_scene(track="tabletop").parents[1]
+    assert main(["look", str(dataset)]) == 0
+    assert last_line(capsys) == f"look: 1 contact sheet in {dataset / 'look'}"
+    assert (dataset / "look" / "tabletop-tiny-0000.png").is_file()
+    assert gc.scene_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
+    assert main(["look", str(dataset / "nowhere")]) == 2
+    assert "got no whole scene there" in capsys.readouterr().err
 
 
 def test_it_runs_as_a_module():

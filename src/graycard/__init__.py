@@ -8,6 +8,7 @@ imported here: :mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.ev
 
 from graycard._camera import Camera as Camera
 from graycard._camera import look_at as look_at
+from graycard._colour import srgb_decode as srgb_decode
 from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope
 from graycard._dataset import TRACKS as TRACKS
@@ -15,6 +16,7 @@ from graycard._dataset import Capture as Capture
 from graycard._dataset import SceneObject as SceneObject
 from graycard._dataset import Truth as Truth
 from graycard._dataset import View as View
+from graycard._dataset import capture_folders as capture_folders
 from graycard._dataset import manifest_of as manifest_of
 from graycard._dataset import open_capture as open_capture
 from graycard._dataset import open_truth as open_truth
@@ -35,6 +37,7 @@ from graycard._exr import read_layers as read_layers
 from graycard._exr import read_rgb as read_rgb
 from graycard._exr import write_layers as write_layers
 from graycard._exr import write_rgb as write_rgb
+from graycard._files import atomic_folder as atomic_folder
 from graycard._files import atomic_path as atomic_path
 from graycard._files import free_mib as free_mib
 from graycard._files import sha256 as sha256
@@ -71,6 +74,7 @@ from graycard._manifest import check_files as check_files
 from graycard._manifest import damaged_files as damaged_files
 from graycard._manifest import read_manifest as read_manifest
 from graycard._manifest import seal as seal
+from graycard._photographs import write_png as write_png
 from graycard._predictions import Predictions as Predictions
 from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions
@@ -91,5 +95,8 @@ from graycard._records import ScoreSheet as ScoreSheet
 from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
+from graycard._transfer import ExchangeFormat as ExchangeFormat
+from graycard._transfer import export_capture as export_capture
+from graycard._transfer import import_capture as import_capture
 
 __version__ = "0.1.0"

@@ -24,3 +24,13 @@ def srgb_slope(linear: np.ndarray) -> np.ndarray:
     x = np.asarray(linear, dtype=np.float64)
     slope = np.where(x <= _KNEE, 12.92, 1.055 / 2.4 * np.maximum(x, _KNEE) ** (1 / 2.4 - 1))
     return np.where((x < 0) | (x > 1), 0.0, slope)
+
+
+def srgb_decode(display: np.ndarray) -> np.ndarray:
+    """Linear Rec.709 values of display ones, any shape; float64. The inverse of :func:`srgb_encode`.
+
+    Domain: [0, 1]; what lies outside is clipped. Range: [0, 1].
+    Formula: IEC 61966-2-1:1999, piecewise (not a 2.2 power).
+    """
+    y = np.clip(np.asarray(display, dtype=np.float64), 0, 1)
+    return np.where(y <= 12.92 * _KNEE, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)

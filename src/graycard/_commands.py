@@ -23,6 +23,7 @@ from graycard._errors import GraycardError, UnknownNameError
 from graycard._json import write_json
 from graycard._progress import Progress
 from graycard._records import RunRecord, ScoreSheet, read_run
+from graycard._transfer import ExchangeFormat
 
 Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
@@ -357,6 +358,89 @@ class Report:
         return OK
 
 
+@dataclass(frozen=True)
+class Look:
+    """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """The dataset; what is half-written in it is left out."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Where the PNGs go, one a scene; DATASET/look by default."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Draw them."""
+        from graycard.reports import write_contact_sheets
+
+        out = self.out or self.dataset / "look"
+        with screen.progress() as progress:
+            sheets = write_contact_sheets(self.dataset, out, progress)
+        for sheet in sheets:
+            screen.out.print(sheet.as_posix())
+        screen.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
+        return OK
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a capture for another program; photographs of held-out views are in no capture."""
+
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    format: ExchangeFormat
+    """transforms.json of nerfstudio, or the text model of COLMAP."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Where to: a new or an empty folder."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Write it."""
+        from graycard._transfer import export_capture
+
+        capture = export_capture(self.scene, self.format, self.out)
+        screen.out.print(
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, without one, "
+            f"{len(capture.test)} held-out cameras"
+        )
+        return OK
+
+
+@dataclass(frozen=True)
+class Import:
+    """Make a capture of your own photographs and cameras; it has no truth."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """With transforms.json (nerfstudio), or sparse/0/*.txt and images/ (COLMAP)."""
+    track: str
+    """What kind of scene it is: dark, tabletop or multilight."""
+    scene: str
+    """A name for it."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Where to: DATASET/<track>/<scene>/capture."""
+    hold_out_every: int = 8
+    """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Read, check, then write."""
+        from graycard import __version__
+        from graycard._dataset import open_capture
+        from graycard._transfer import import_capture
+
+        with screen.progress() as progress:
+            made = import_capture(
+                self.folder,
+                self.out,
+                self.track,
+                self.scene,
+                hold_out_every=self.hold_out_every,
+                version=__version__,
+                progress=progress,
+            )
+        capture = open_capture(made / "capture", check=False)
+        screen.out.print(
+            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
+        )
+        return OK
+
+
 def refuse(rest: list[str], verb: str) -> None:
     """Say that options were not understood.
 
@@ -421,5 +505,8 @@ COMMANDS: dict[str, type[Any]] = {
     "bench": Bench,
     "gate": Gate,
     "report": Report,
+    "look": Look,
+    "export": Export,
+    "import": Import,
 }
 """Verb by verb, in the order of ``--help``."""

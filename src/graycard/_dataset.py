@@ -16,9 +16,12 @@ from graycard._errors import DatasetError, UnknownNameError
 from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
 from graycard._lights import Light, light_from_json, light_to_json
-from graycard._manifest import Manifest, check_files, read_manifest
+from graycard._manifest import MANIFEST, Manifest, check_files, read_manifest
 
 TRACKS = ("dark", "tabletop", "multilight")
+
+IMPORTER = "graycard.import"
+"""Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
 
 Split = Literal["train", "test"]
 
@@ -164,8 +167,10 @@ def open_truth(folder: Path, *, check: bool = True) -> Truth:
         check: Compare every file with its SHA-256 first.
 
     Raises:
-        DatasetError: It is missing, half-written, damaged, or of a newer format.
+        DatasetError: It is missing (an imported capture has none), half-written, damaged, or of a newer
+            format.
     """
+    _refuse_imported(Path(folder))
     return _open(Truth, Path(folder), "truth", check)
 
 
@@ -205,6 +210,13 @@ def scene_folders(dataset: Path, track: str | None = None) -> list[Path]:
     ]
 
 
+def capture_folders(dataset: Path) -> list[Path]:
+    """The folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted."""
+    folders = [p for track in TRACKS for p in sorted((Path(dataset) / track).glob("[!.]*"))]
+    parts = [(p, p / "capture" / MANIFEST, p / "truth") for p in folders]
+    return [p for p, capture, truth in parts if capture.is_file() and _is_whole_or_absent(truth)]
+
+
 def manifest_of(content: Capture | Truth) -> Manifest:
     """The manifest of an opened capture or truth."""
     kind = "graycard-capture" if isinstance(content, Capture) else "graycard-truth"
@@ -225,6 +237,27 @@ def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
     if {view.split for view in found.views} != {"train", "test"}:
         raise DatasetError(f"expected training and test views in {path}, got {len(found.views)} views")
     return replace(found, root=folder)
+
+
+def _is_whole_or_absent(folder: Path) -> bool:
+    return not folder.exists() or (folder / MANIFEST).is_file()
+
+
+def _refuse_imported(folder: Path) -> None:
+    """Say that a capture of a user's own photographs has no truth.
+
+    Raises:
+        DatasetError: ``folder`` would be the truth beside such a capture.
+    """
+    capture = folder.parent / "capture"
+    if folder.exists() or not (capture / MANIFEST).is_file():
+        return
+    if read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER:
+        raise DatasetError(
+            f"expected the truth of a rendered scene at {folder}, got an imported capture, which has no "
+            "truth: it can be fitted by methods that need none and looked at, not scored. For scores, take a "
+            "scene of `graycard render`"
+        )
 
 
 def _find_view(views: tuple[View, ...], name: str) -> View:

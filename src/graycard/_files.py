@@ -44,6 +44,36 @@ def atomic_path(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+@contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Yield a hidden folder to fill; it becomes ``path`` in one step when the block ends well.
+
+    Nothing stays behind when the block fails, not even folders that were made on the way to ``path``.
+
+    Raises:
+        OutputError: There is something at ``path`` already, or it cannot be written to.
+    """
+    path = Path(path)
+    if path.is_file() or (path.is_dir() and any(path.iterdir())):
+        raise OutputError(f"expected a new or an empty folder at {path}, got one in use. Choose another")
+    made = [p for p in path.parents if not p.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL))
+    except OSError as error:
+        raise output_error(path, error) from error
+    try:
+        yield partial
+        partial.chmod(0o777 & ~_umask())  # mkdtemp makes folders that only the owner can read
+        os.replace(partial, path)
+    except OSError as error:
+        raise output_error(path, error) from error
+    finally:
+        if partial.exists():
+            shutil.rmtree(partial, ignore_errors=True)
+            _remove_empty(made)
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a file whole or not at all.
 
@@ -112,6 +142,15 @@ def _flush(path: Path) -> None:
     """Hand the bytes to the disk before the name points at them: a power cut leaves no empty file."""
     with open(path, "rb+") as file:
         os.fsync(file.fileno())
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders, the deepest first, up to one that holds something."""
+    for folder in folders:
+        try:
+            folder.rmdir()
+        except OSError:
+            return
 
 
 def _umask() -> int:

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact sheets: a fault planted in a scene is to be seen in its sheet."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import graycard as gc
+from graycard.reports import write_contact_sheets
+from graycard.reports._colour_maps import colour_map
+from graycard.reports._contact_sheet import CELL, COLUMNS, GAP, TEXT, contact_sheet
+from graycard.reports._layer_pictures import NO_NUMBER, NOTHING, layer_picture, outline
+from graycard.reports._plan import lay_out
+from graycard.reports._plan_picture import FINE, LAMP, TEST, TRAIN, plan_picture
+
+RNG = np.random.default_rng(3)
+
+
+def share_of(pixels: np.ndarray, colour: tuple[int, int, int]) -> float:
+    return float((pixels == np.array(colour)).all(axis=-1).mean())
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_a_sheet_shows_photographs_layers_and_plan(track: str, tiny_scenes: dict[str, Path]):
+    sheet = contact_sheet(tiny_scenes[track])
+    capture = gc.open_capture(tiny_scenes[track] / "capture")
+    first = gc.srgb_encode(capture.photograph(capture.train[0]) * capture.exposure)
+    scale = CELL // first.shape[1]
+    top, left = 2 * GAP + 22 + 12 + GAP + TEXT + 8, 2 * GAP
+    shown = sheet[top : top + first.shape[0] * scale : scale, left : left + first.shape[1] * scale : scale]
+    expected = np.rint(255 * first).astype(np.uint8)
+    outlined = (shown == np.array(NO_NUMBER)).all(axis=-1)
+    assert outlined.any() == (capture.target is not None)
+    np.testing.assert_array_equal(shown[~outlined], expected[~outlined])
+    assert sheet.shape[1] == COLUMNS * (CELL + GAP) + 3 * GAP
+    assert share_of(sheet, TRAIN) > 0
+    assert share_of(sheet, TEST) > 0
+    assert share_of(sheet, LAMP) > 0
+
+
+def test_a_capture_without_truth_has_a_sheet_too(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene()
+    gc.export_capture(scene, "colmap", tmp_path / "away")
+    gc.import_capture(tmp_path / "away", tmp_path / "dataset", "dark", "mine")
+    (scene / "truth" / "manifest.json").unlink()  # half-written
+    (scene.parent / ".hidden").mkdir()
+    sheets = write_contact_sheets(tmp_path / "dataset", tmp_path / "look")
+    assert sheets == [tmp_path / "look" / "dark-mine.png"]
+    pixels = np.asarray(Image.open(sheets[0]))
+    assert share_of(pixels, TRAIN) > 0
+    assert share_of(pixels, LAMP) == 0
+
+
+def test_a_wrong_scene_is_seen(make_scene: Callable[..., Path]):
+    """NaN albedo turns magenta; nothing of a whole scene is."""
+    scene = make_scene()
+    assert share_of(contact_sheet(scene), NO_NUMBER) == 0
+    truth = gc.open_truth(scene / "truth")
+    view = next(v for v in truth.views if v.split == "test")
+    layers = truth.layers(view)
+    layers["base_color"][4:9, 3:8] = np.nan
+    gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    spoilt = contact_sheet(scene)
+    scale = CELL // view.camera.width
+    assert round(share_of(spoilt, NO_NUMBER) * spoilt[..., 0].size) == 25 * scale**2
+
+
+def test_a_layer_of_another_size_is_named(make_scene: Callable[..., Path]):
+    scene = make_scene()
+    truth = gc.open_truth(scene / "truth")
+    gc.write_layers(scene / "truth" / "views" / "test_003.exr", {"depth": np.ones((3, 4))})
+    assert truth.view("test_003").split == "test"
+    with pytest.raises(
+        gc.DatasetError, match=r"expected depth of dark/tiny-0000 test_003 of shape \(24, 28\)"
+    ):
+        contact_sheet(scene)
+
+
+def test_no_scene_is_an_error(tmp_path: Path):
+    with pytest.raises(gc.DatasetError, match="got no whole scene there"):
+        write_contact_sheets(tmp_path, tmp_path / "look")
+    assert not (tmp_path / "look").exists()
+
+
+def test_light_and_reflectance_are_encoded_once():
+    """18 % is 118 on a display; only radiance takes the exposure."""
+    gray = np.full((2, 3, 3), 0.09)
+    assert (layer_picture("radiance", gray, 2.0)[0] == 118).all()
+    assert (layer_picture("irradiance.lamp", gray, 2.0)[0] == 118).all()
+    pixels, caption = layer_picture("albedo", 2 * gray, 2.0)
+    assert (pixels == 118).all()
+    assert caption == "albedo  0.18 to 0.18"
+
+
+def test_normals_and_positions_are_colours():
+    normal = np.zeros((1, 3, 3))
+    normal[0, 0], normal[0, 1] = (0, 0, 1), (-1, 0, 0)
+    pixels = layer_picture("normal", normal, 1.0)[0]
+    assert pixels[0].tolist() == [[128, 128, 255], [0, 128, 128], list(NOTHING)]
+    position = np.array([[[0.0, 1, 5], [4, 3, 5]]])
+    assert layer_picture("position", position, 1.0)[0][0].tolist() == [[0, 0, 0], [255, 255, 0]]
+
+
+def test_depth_has_a_range_and_nothing_is_gray():
+    pixels, caption = layer_picture("depth", np.array([[1.0, 3.0, np.inf]]), 1.0)
+    assert caption == "depth  1 to 3"
+    assert pixels[0, 2].tolist() == list(NOTHING)
+    assert pixels[0, 0].tolist() == colour_map("depth")[0].tolist()
+    assert pixels[0, 1].tolist() == colour_map("depth")[-1].tolist()
+    assert layer_picture("depth", np.array([[np.nan]]), 1.0)[0][0, 0].tolist() == list(NO_NUMBER)
+    assert layer_picture("roughness", np.array([[np.inf]]), 1.0)[0][0, 0].tolist() == list(NO_NUMBER)
+
+
+def test_variance_is_shown_as_deviation():
+    variance = np.full((4, 4, 3), 0.01**2)
+    assert layer_picture("radiance.var", variance, 5.0)[1] == "radiance.var  sd to 5.0% of white"
+    assert layer_picture("albedo.var", variance, 5.0)[1] == "albedo.var  sd to 0.01"
+    assert layer_picture("roughness.var", variance[..., 0], 5.0)[1] == "roughness.var  sd to 0.01"
+
+
+def test_ids_keep_their_colours_between_views():
+    one = layer_picture("object_id", np.array([[0, 3, 7]], np.uint32), 1.0)[0][0]
+    other, caption = layer_picture("object_id", np.array([[7, 0, 12]], np.uint32), 1.0)
+    assert (one[2] == other[0, 0]).all()
+    assert (one[0] == NOTHING).all()
+    assert len({tuple(c) for c in (*one, *other[0])}) == 4
+    assert caption == "object_id  3 ids up to 12"
+
+
+def test_the_outline_is_inside_the_mask():
+    mask = np.zeros((7, 7), bool)
+    mask[2:5, 2:5] = True
+    changed = np.asarray(outline(np.zeros((7, 7, 3), np.uint8), mask)[..., 0] > 0)
+    assert changed.sum() == 8
+    assert not changed[3, 3]
+    assert not (changed & ~mask).any()
+
+
+def test_the_plan_is_drawn_where_it_says(tiny_scenes: dict[str, Path]):
+    views = gc.open_capture(tiny_scenes["dark"] / "capture").views
+    lights = (
+        gc.PointLight("bulb", (1.0, 0.5, 2.0), (1.0, 1.0, 1.0)),
+        gc.RectangleLight("window", (-1, 0, 2), (0.5, 0, 0), (0, 0.5, 0), (1, 1, 1)),
+    )
+    plan = lay_out(views, [RNG.normal(size=(50, 3))], [("", 0, lights)])
+    pixels = np.asarray(plan_picture(plan))
+    bulb = next(m for m in plan.lights if m.label.endswith("bulb"))
+    assert pixels.shape[:2] == (round(plan.height), round(plan.width))
+    assert pixels[round(bulb.y), round(bulb.x)].tolist() == list(LAMP)
+    for camera in plan.cameras:
+        corners = [tuple(map(float, p.split(","))) for p in camera.points.split()]
+        x, y = np.mean(corners, axis=0)
+        assert pixels[round(y), round(x)].tolist() == list(TRAIN if camera.split == "train" else TEST)
+    assert FINE > 1
+
+
+def test_large_photographs_are_averaged_down(make_scene: Callable[..., Path]):
+    scene = make_scene()
+    capture = gc.open_capture(scene / "capture")
+    views = tuple(
+        replace(v, camera=gc.Camera.from_fov(450, 300, 50, v.camera.camera_to_world)) for v in capture.views
+    )
+    for view in capture.train:
+        gc.write_rgb(scene / "capture" / "photographs" / f"{view.name}.exr", np.full((300, 450, 3), 0.05))
+    gc.write_index(scene / "capture", replace(capture, views=views, exposure=1.0))
+    shutil.rmtree(scene / "truth")
+    level = round(255 * float(gc.srgb_encode(np.array(0.05))))
+    sheet = contact_sheet(scene)
+    assert share_of(sheet, (level, level, level)) * sheet[..., 0].size >= 3 * CELL * round(300 * CELL / 450)

@@ -1,0 +1,387 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Captures to nerfstudio and COLMAP and back, and folders of other programs with faults planted in them."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import graycard as gc
+
+FORMATS: tuple[gc.ExchangeFormat, ...] = ("nerfstudio", "colmap")
+KEPT, TURNED = np.array([0.1, -0.2, 1.5]), np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@pytest.fixture(params=FORMATS)
+def exported(request: pytest.FixtureRequest, tiny_scenes: dict[str, Path], tmp_path: Path) -> Path:
+    gc.export_capture(tiny_scenes["dark"], request.param, tmp_path / "out")
+    return tmp_path / "out"
+
+
+def take_in(folder: Path, dataset: Path, track: str = "dark", **options: Any) -> gc.Capture:
+    return gc.open_capture(gc.import_capture(folder, dataset, track, "mine", **options) / "capture")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Ten photographs and a transforms.json with global intrinsics, as another program writes it."""
+    frames = []
+    for i in range(10):
+        pose = gc.look_at(np.array([2.0, i / 4, 1.0]), np.zeros(3)) @ TURNED
+        frames.append({"file_path": f"./images/{i:02d}.png", "transform_matrix": pose.tolist()})
+        path = tmp_path / "source" / "images" / f"{i:02d}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(np.full((6, 8, 3), 20 * i + 10, np.uint8)).save(path)
+    index = {"w": 8, "h": 6, "fl_x": 7.0, "fl_y": 7.5, "cx": 4.25, "cy": 3, "k1": 0.0, "frames": frames}
+    (tmp_path / "source" / "transforms.json").write_text(json.dumps(index))
+    return tmp_path / "source"
+
+
+def change(folder: Path, edit: Callable[[dict[str, Any]], Any]) -> None:
+    path = folder / "transforms.json"
+    index = json.loads(path.read_text())
+    edit(index)
+    path.write_text(json.dumps(index))
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_capture_comes_back(
+    kind: gc.ExchangeFormat, track: str, tiny_scenes: dict[str, Path], tmp_path: Path
+):
+    before = gc.export_capture(tiny_scenes[track], kind, tmp_path / "out")
+    after = take_in(tmp_path / "out", tmp_path / "data", track)
+    assert {(v.name, v.split) for v in after.views} == {(v.name, v.split) for v in before.views}
+    for view in before.views:
+        camera = after.view(view.name).camera
+        assert np.abs(camera.camera_to_world - view.camera.camera_to_world).max() < 1e-6
+        assert np.abs(camera.K - view.camera.K).max() < 1e-6
+        assert (camera.width, camera.height) == (view.camera.width, view.camera.height)
+    assert after.light_on_camera == before.light_on_camera
+    assert (after.target is None) == (before.target is None)
+    for view in before.train:
+        shown = gc.srgb_encode(before.photograph(view) * before.exposure)
+        again = gc.srgb_encode(after.photograph(after.view(view.name)))
+        assert np.abs(again - shown).max() <= 0.5 / 255 + 1e-6
+        if before.target is not None:
+            same = after.target_mask(after.view(view.name)) == before.target_mask(view)
+            assert same.all()
+            assert before.target_mask(view).any()
+
+
+def test_held_out_photographs_are_not_exported(exported: Path):
+    names = {p.stem for p in (exported / "images").iterdir()}
+    assert names == {"train_000", "train_002", "train_004"}
+
+
+def test_nerfstudio_axes_and_lists(tiny_scenes: dict[str, Path], tmp_path: Path):
+    capture = gc.export_capture(tiny_scenes["tabletop"], "nerfstudio", tmp_path / "out")
+    index = json.loads((tmp_path / "out" / "transforms.json").read_text())
+    assert "applied_transform" not in index
+    view, frame = capture.train[0], index["frames"][0]
+    matrix = np.array(frame["transform_matrix"])
+    np.testing.assert_allclose(matrix[:3, 2], -view.camera.forward, atol=1e-15)  # OpenGL looks along -z
+    assert matrix[2, 1] > 0  # its y is up, as the world's z is
+    assert index["train_filenames"] == [f"images/{v.name}.png" for v in capture.train]
+    assert index["test_filenames"] == [f"images/{v.name}.png" for v in capture.test]
+    assert (tmp_path / "out" / frame["file_path"]).is_file()  # nerfstudio opens the first to learn its size
+    mask = np.asarray(Image.open(tmp_path / "out" / frame["mask_path"]))
+    assert ((mask == 0) == capture.target_mask(view)).all()  # what is black is ignored
+    assert all("mask_path" in f for f in index["frames"])  # nerfstudio wants one for all frames or none
+
+
+def test_colmap_projects_like_the_camera(tiny_scenes: dict[str, Path], tmp_path: Path):
+    """By COLMAP's own formula for a unit quaternion, not by the library that wrote it."""
+    capture = gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    lines = (tmp_path / "out" / "sparse" / "0" / "images.txt").read_text().splitlines()
+    assert lines[2] == ""  # the keypoints
+    fields = lines[1].split()
+    w, x, y, z, *t = map(float, fields[1:8])
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    camera = (tmp_path / "out" / "sparse" / "0" / "cameras.txt").read_text().splitlines()[1].split()
+    fx, fy, cx, cy = map(float, camera[4:])
+    local = rotation @ KEPT + t
+    expected, depth = capture.train[0].camera.project(KEPT)
+    np.testing.assert_allclose([fx * local[0] / local[2] + cx, fy * local[1] / local[2] + cy], expected)
+    assert local[2] == pytest.approx(float(depth))
+    assert fields[9] == "train_000.png"
+    assert camera[1] == "PINHOLE"
+
+
+def test_every_nth_photograph_is_held_out_and_that_is_recorded(folder: Path, tmp_path: Path):
+    capture = take_in(folder, tmp_path / "data")
+    assert [v.name for v in capture.test] == ["07"]
+    assert gc.manifest_of(capture).settings == {"format": "nerfstudio", "hold_out_every": 8}
+    thirds = gc.import_capture(folder, tmp_path / "data", "dark", "thirds", hold_out_every=3)
+    assert [v.name for v in gc.open_capture(thirds / "capture").test] == ["02", "05", "08"]
+    none = gc.import_capture(folder, tmp_path / "data", "dark", "none", hold_out_every=0)
+    assert gc.open_capture(none / "capture").test == ()
+
+
+def test_photographs_become_linear(folder: Path, tmp_path: Path):
+    """IEC 61966-2-1 by hand: 128/255 is 0.21586, 10/255 is on the straight piece."""
+    Image.fromarray(np.full((6, 8, 3), 128, np.uint8)).save(folder / "images" / "03.png")
+    light = np.full((6, 8, 3), 5.5, np.float32)
+    gc.write_rgb(folder / "images" / "04.exr", light)
+    change(folder, lambda index: index["frames"][4].update(file_path="images/04.exr"))
+    Image.fromarray(np.full((6, 8), 128, np.uint8)).save(folder / "images" / "05.jpg", quality=100)
+    change(folder, lambda index: index["frames"][5].update(file_path="images/05.jpg"))
+    capture = take_in(folder, tmp_path / "data")
+    assert capture.photograph(capture.view("03")) == pytest.approx(0.21586, abs=1e-5)
+    assert capture.photograph(capture.view("00")) == pytest.approx(10 / 255 / 12.92, rel=1e-6)
+    assert capture.photograph(capture.view("05")) == pytest.approx(0.21586, abs=2e-3)
+    assert (capture.photograph(capture.view("04")) == light).all()
+    pixels = np.concatenate([capture.photograph(v).ravel() for v in capture.train])
+    assert capture.exposure == pytest.approx(1 / np.percentile(pixels, 99))
+
+
+def test_a_rounded_pose_is_made_a_rotation(folder: Path, tmp_path: Path):
+    change(
+        folder,
+        lambda index: index["frames"][0].update(
+            transform_matrix=np.round(index["frames"][0]["transform_matrix"], 4).tolist()[:3]
+        ),
+    )
+    camera = take_in(folder, tmp_path / "data").view("00").camera
+    expected = gc.look_at(np.array([2.0, 0, 1.0]), np.zeros(3))
+    assert np.abs(camera.camera_to_world - expected).max() < 1e-4
+
+
+def test_masks_elsewhere_than_on_tabletop_are_left_out(tiny_scenes: dict[str, Path], tmp_path: Path):
+    gc.export_capture(tiny_scenes["tabletop"], "colmap", tmp_path / "out")
+    assert take_in(tmp_path / "out", tmp_path / "data", "multilight").target is None
+
+
+def edit_frame(**new: Any) -> Callable[[dict[str, Any]], Any]:
+    return lambda index: index["frames"][2].update(new)
+
+
+NAN_POSE = [[1, 0, 0, float("nan")], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
+    "no frames": (lambda i: i.update(frames=[]), "expected one or more photographs"),
+    "frames no list": (lambda i: i.update(frames={}), "expected a list 'frames'"),
+    "missing image": (
+        edit_frame(file_path="images/nope.png"),
+        r"expected a photograph at .*nope\.png, got none",
+    ),
+    "no image kind": (edit_frame(file_path="images/02.tif"), "expected a photograph as .png, .jpg"),
+    "no file path": (edit_frame(file_path=None), "expected file_path"),
+    "wrong size": (lambda i: i.update(w=9), "expected .* to be 9x6 pixels, as its camera is, got 8x6"),
+    "half a pixel": (lambda i: i.update(w=8.5), "expected w as a whole number"),
+    "no width": (lambda i: i.pop("w"), "expected w as a whole number .* got None"),
+    "negative focal": (lambda i: i.update(fl_x=-7), "fx, fy > 0"),
+    "distorted": (lambda i: i.update(k1=0.02), "expected a pinhole camera without distortion"),
+    "fisheye": (lambda i: i.update(camera_model="OPENCV_FISHEYE"), "got OPENCV_FISHEYE"),
+    "NaN pose": (edit_frame(transform_matrix=NAN_POSE), "expected finite intrinsics and a finite pose"),
+    "scaled pose": (edit_frame(transform_matrix=(2 * np.eye(4)).tolist()), "expected camera_to_world"),
+    "mirrored pose": (edit_frame(transform_matrix=np.diag([1, 1, -1, 1]).tolist()), "right-handed"),
+    "short pose": (edit_frame(transform_matrix=[[1, 0], [0, 1]]), "expected transform_matrix as 4x4"),
+    "ragged pose": (edit_frame(transform_matrix=[[1], [0, 1]]), "expected transform_matrix as 4x4"),
+    "double name": (edit_frame(file_path="./images/03.png"), "photographs of different names.* 2 named '03'"),
+    "unknown test": (lambda i: i.update(test_filenames=["x.png"]), "to name frames, got 'x.png'"),
+    "list no list": (lambda i: i.update(test_filenames="x"), "expected test_filenames as a list"),
+    "mask for one": (edit_frame(mask_path="images/02.png"), "expected a mask for each"),
+    "all held out": (
+        lambda i: i.update(test_filenames=[f["file_path"] for f in i["frames"]]),
+        "expected a photograph that is not held out",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_broken_nerfstudio_folder_is_named(fault: str, folder: Path, tmp_path: Path):
+    edit, message = FAULTS[fault]
+    change(folder, edit)
+    with pytest.raises(gc.DatasetError, match=message):
+        take_in(folder, tmp_path / "data", "tabletop")
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_list_may_name_frames_with_or_without_files(folder: Path, tmp_path: Path):
+    names = [f"./images/{i:02d}.png" for i in range(4)]
+    lists = {"test_filenames": names[1:2], "val_filenames": names[2:4], "train_filenames": names[3:]}
+    change(folder, lambda index: index.update(lists))
+    (folder / "images" / "02.png").unlink()
+    capture = take_in(folder, tmp_path / "data")
+    assert [v.name for v in capture.test] == ["01", "02"]
+    assert gc.manifest_of(capture).settings["split"] == "as listed"
+
+
+COLMAP_FAULTS: dict[str, tuple[str, str, str, str]] = {
+    "distorted": ("cameras.txt", "1 PINHOLE", "1 SIMPLE_RADIAL", "expected a PINHOLE .* got SIMPLE_RADIAL"),
+    "parameters": ("cameras.txt", " 14.0 12.0", " 14.0", "expected 4 parameters of PINHOLE"),
+    "size": ("cameras.txt", "PINHOLE 28", "PINHOLE 27", "to be 27x24 pixels, as its camera is, got 28x24"),
+    "no number": ("cameras.txt", " 14.0", " fourteen", "expected numbers in .*cameras.txt, line 2"),
+    "short camera": (
+        "cameras.txt",
+        "1 PINHOLE 28 24",
+        "1 PINHOLE\n2 PINHOLE 28 24",
+        "expected CAMERA_ID MODEL",
+    ),
+    "camera twice": ("cameras.txt", "1 PINHOLE", "1 PINHOLE 28 24 9 9 9 9\n1 PINHOLE", "got 1 again"),
+    "no camera": ("cameras.txt", "1 PINHOLE", "7 PINHOLE", "expected a camera of cameras.txt .* Known: 7"),
+    "missing image": (
+        "images.txt",
+        "train_002.png",
+        "nope.png",
+        "expected a photograph at .*nope.png, got none",
+    ),
+    "double name": ("images.txt", "train_002.png", "train_000.png", "2 named 'train_000'"),
+    "short line": ("images.txt", " 1 train_002.png", "", "expected IMAGE_ID QW"),
+    "one line each": ("images.txt", "000.png\n\n", "000.png\n", "expected keypoints"),
+    "NaN pose": ("images.txt", "1 0.", "1 nan0.", "expected numbers"),
+}
+
+
+@pytest.mark.parametrize("fault", COLMAP_FAULTS)
+def test_a_broken_colmap_folder_is_named(fault: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    name, old, new, message = COLMAP_FAULTS[fault]
+    path = tmp_path / "out" / "sparse" / "0" / name
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(gc.DatasetError, match=message):
+        take_in(tmp_path / "out", tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("numbers", ["nan 0 0 0 0 0 0", "0 0 0 0 0 0 0", "1 0 0 0 0 inf 0"])
+def test_a_colmap_pose_that_is_none(numbers: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    path = tmp_path / "out" / "sparse" / "0" / "images.txt"
+    path.write_text(f"1 {numbers} 1 train_000.png\n\n")
+    with pytest.raises(gc.DatasetError, match="expected a unit quaternion and a finite translation"):
+        take_in(tmp_path / "out", tmp_path / "data")
+
+
+def test_simple_pinholes_and_keypoints_are_read(tiny_scenes: dict[str, Path], tmp_path: Path):
+    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    model = tmp_path / "out" / "sparse" / "0"
+    (model / "cameras.txt").write_text("\n9 SIMPLE_PINHOLE 28 24 30.5 14 12\n")
+    (model / "images.txt").write_text("# a\n4 1 0 0 0 0.5 0 2 9 train_000.png\n1.5 2.5 -1 3 4 17\n")
+    capture = take_in(tmp_path / "out", tmp_path / "data")
+    camera = capture.train[0].camera
+    np.testing.assert_array_equal(camera.K, [[30.5, 0, 14], [0, 30.5, 12], [0, 0, 1]])
+    np.testing.assert_array_equal(camera.position, [-0.5, 0, -2])
+
+
+def test_binary_colmap_is_told_how_to_become_text(tmp_path: Path):
+    (tmp_path / "sparse").mkdir()
+    (tmp_path / "sparse" / "cameras.bin").write_bytes(b"x")
+    with pytest.raises(gc.DatasetError, match="model_converter"):
+        take_in(tmp_path, tmp_path / "data")
+
+
+def test_a_model_without_its_images(tmp_path: Path):
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 8 6 7 7 4 3\n")
+    with pytest.raises(gc.DatasetError, match=r"expected a COLMAP text file at .*images\.txt"):
+        take_in(tmp_path, tmp_path / "data")
+
+
+def break_pixels(path: Path) -> None:
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (6, 8, 3), np.uint8)).save(path)
+    path.write_bytes(path.read_bytes()[:-60])
+
+
+def make_transparent(path: Path) -> None:
+    Image.fromarray(np.full((6, 8, 4), 100, np.uint8)).save(path)
+
+
+def make_deep(path: Path) -> None:
+    Image.fromarray(np.full((6, 8), 40000, np.uint16)).save(path)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (make_deep, "expected 8 bits a channel"),
+        (break_pixels, "expected a whole image at"),
+        (make_transparent, "expected an opaque photograph"),
+        (lambda path: path.write_text("no image"), "expected a whole image at"),
+    ],
+)
+def test_a_broken_photograph_leaves_nothing(
+    spoil: Callable[[Path], None], message: str, folder: Path, tmp_path: Path
+):
+    spoil(folder / "images" / "06.png")
+    with pytest.raises(gc.DatasetError, match=message):
+        take_in(folder, tmp_path / "data")
+    assert not (tmp_path / "data").exists()
+
+
+def test_light_that_is_not_finite(folder: Path, tmp_path: Path):
+    gc.write_rgb(folder / "images" / "04.exr", np.full((6, 8, 3), np.nan))
+    change(folder, lambda index: index["frames"][4].update(file_path="images/04.exr"))
+    with pytest.raises(gc.DatasetError, match="expected finite light"):
+        take_in(folder, tmp_path / "data")
+
+
+def test_black_photographs(folder: Path, tmp_path: Path):
+    for path in (folder / "images").iterdir():
+        Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(path)
+    with pytest.raises(gc.DatasetError, match="expected photographs with some light"):
+        take_in(folder, tmp_path / "data")
+
+
+@pytest.mark.parametrize(
+    ("track", "scene", "every", "message"),
+    [
+        ("drak", "x", 8, "did you mean 'dark'"),
+        ("dark", "../x", 8, "expected a scene name"),
+        ("dark", ".x", 8, "expected a scene name"),
+        ("dark", "x", 1, "expected to hold out every 2nd photograph or fewer"),
+        ("dark", "x", -3, "expected to hold out"),
+    ],
+)
+def test_wrong_options(track: str, scene: str, every: int, message: str, folder: Path, tmp_path: Path):
+    with pytest.raises(gc.GraycardError, match=message):
+        gc.import_capture(folder, tmp_path / "data", track, scene, hold_out_every=every)
+    assert not (tmp_path / "data").exists()
+
+
+def test_what_is_there_is_never_replaced(folder: Path, tiny_scenes: dict[str, Path], tmp_path: Path):
+    take_in(folder, tmp_path / "data")
+    before = gc.sha256_of_files(tmp_path / "data")
+    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
+        take_in(folder, tmp_path / "data")
+    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
+        gc.export_capture(tiny_scenes["dark"], "colmap", folder)
+    assert gc.sha256_of_files(tmp_path / "data") == before
+    with pytest.raises(gc.OutputError, match="expected an output folder that can be written to"):
+        gc.export_capture(tiny_scenes["dark"], "colmap", Path("/proc/graycard"))
+
+
+def test_an_unknown_format(tiny_scenes: dict[str, Path], tmp_path: Path):
+    with pytest.raises(gc.UnknownNameError, match="did you mean 'colmap'"):
+        gc.export_capture(tiny_scenes["dark"], "colmp", tmp_path)  # pyright: ignore[reportArgumentType]
+
+
+def test_an_imported_capture_has_no_truth_and_says_so(folder: Path, tmp_path: Path):
+    take_in(folder, tmp_path / "data")
+    with pytest.raises(gc.DatasetError, match="got an imported capture, which has no truth"):
+        gc.open_truth(tmp_path / "data" / "dark" / "mine" / "truth")
+    assert gc.scene_folders(tmp_path / "data") == []
+    assert [p.name for p in gc.capture_folders(tmp_path / "data")] == ["mine"]
+
+
+def test_a_half_written_truth_hides_its_scene(make_scene: Callable[..., Path]):
+    scene = make_scene()
+    assert gc.capture_folders(scene.parents[1]) == [scene]
+    (scene / "truth" / "manifest.json").unlink()
+    assert gc.capture_folders(scene.parents[1]) == []
+
+
+def test_srgb_decode_undoes_encode():
+    linear = np.linspace(0, 1, 1001)
+    np.testing.assert_allclose(gc.srgb_decode(gc.srgb_encode(linear)), linear, atol=1e-12)
+    assert gc.srgb_decode(np.array([-1.0, 2.0])).tolist() == [0, 1]
