@@ -234,8 +234,13 @@ def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
             f"expected {path} to be of {manifest.track}/{manifest.scene}, as its manifest says, "
             f"got {found.track}/{found.scene}"
         )
-    if {view.split for view in found.views} != {"train", "test"}:
-        raise DatasetError(f"expected training and test views in {path}, got {len(found.views)} views")
+    wanted = (
+        {"train"} if cls is Capture else {"train", "test"}
+    )  # photographs of a user may all be for training
+    if not wanted <= {view.split for view in found.views}:
+        raise DatasetError(
+            f"expected {' and '.join(sorted(wanted))} views in {path}, got {len(found.views)} views"
+        )
     return replace(found, root=folder)
 
 

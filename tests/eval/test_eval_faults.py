@@ -284,9 +284,7 @@ def test_a_truth_that_cannot_judge(
 
 def test_a_scene_without_test_views(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = make_scene(train=3, test=0)
-    with pytest.raises(
-        gc.DatasetError, match="expected training and test views in .*truth.json, got 3 views"
-    ):
+    with pytest.raises(gc.DatasetError, match="expected test and train views in .*truth.json, got 3 views"):
         ge.score_predictions(predict(scene), scene)
 
 
