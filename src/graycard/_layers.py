@@ -57,6 +57,11 @@ _TABLE = (
     _rgb("direct.specular", RADIANCE, "one bounce, specular lobe"),
     _rgb("indirect.diffuse", RADIANCE, "more bounces, diffuse lobe at the camera's hit"),
     _rgb("indirect.specular", RADIANCE, "more bounces, specular lobe at the camera's hit"),
+    _rgb("emitted", RADIANCE, "light of sources that the camera sees itself, averaged over the pixel"),
+    _rgb("direct.diffuse.<light>", RADIANCE, "share of one source in direct.diffuse"),
+    _rgb("direct.specular.<light>", RADIANCE, "share of one source in direct.specular"),
+    _rgb("indirect.diffuse.<light>", RADIANCE, "share of one source in indirect.diffuse"),
+    _rgb("indirect.specular.<light>", RADIANCE, "share of one source in indirect.specular"),
     _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
 )
 _BY_NAME = {layer.name: layer for layer in _TABLE}
