@@ -236,8 +236,7 @@ def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any)
     """What the material does, split by lobes where ``first``."""
     value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
     first = first & active
-    towards_light = _diffuse_value(bsdf, si, wo, first)
-    onwards = _diffuse_value(bsdf, si, sample.wo, first)
+    towards_light, onwards = _diffuse_values(bsdf, si, (wo, sample.wo), first)
     return Scattering(
         value,
         _share(towards_light, value),
@@ -272,33 +271,44 @@ def _share(part: Any, whole: Any) -> Any:
     return dr.select(whole > 0, dr.clip(part / dr.select(whole > 0, whole, 1), 0, 1), 0)
 
 
-def _diffuse_value(bsdf: Any, si: Any, wo: Any, active: Any) -> Any:
-    """The diffuse lobe of any material, times the cosine.
+def _diffuse_values(bsdf: Any, si: Any, directions: tuple[Any, ...], active: Any) -> list[Any]:
+    """The diffuse lobe of any material towards each direction, times the cosine.
 
     Mitsuba's ``principled`` ignores which lobes a context asks for; it alone has an attribute ``specular``.
     """
     principled = active & bsdf.has_attribute("specular", active)
+    others = active & ~principled
     context = mi.BSDFContext()
     context.type_mask = mi.BSDFFlags.DiffuseReflection
-    return dr.select(
-        principled,
-        _disney_diffuse(bsdf, si, wo, principled),
-        bsdf.eval(context, si, wo, active & ~principled),
-    )
+    disney = _disney(bsdf, si, principled)
+    return [
+        dr.select(principled, _disney_diffuse(disney, si.wi, wo), bsdf.eval(context, si, wo, others))
+        for wo in directions
+    ]
 
 
-def _disney_diffuse(bsdf: Any, si: Any, wo: Any, active: Any) -> Any:
-    """Diffuse lobe with retro-reflection, times the cosine (Burley 2015, section 3, without sheen)."""
-    color = bsdf.eval_attribute("base_color", si, active)
+class _Disney(NamedTuple):
+    """What the diffuse lobe of the principled material depends on."""
+
+    reflectance: Any
+    roughness: Any
+
+
+def _disney(bsdf: Any, si: Any, active: Any) -> _Disney:
     metallic = bsdf.eval_attribute_1("metallic", si, active)
-    roughness = bsdf.eval_attribute_1("roughness", si, active)
-    cos_i, cos_o = mi.Frame3f.cos_theta(si.wi), mi.Frame3f.cos_theta(wo)
+    color = bsdf.eval_attribute("base_color", si, active)
+    return _Disney((1 - metallic) * color, bsdf.eval_attribute_1("roughness", si, active))
+
+
+def _disney_diffuse(material: _Disney, wi: Any, wo: Any) -> Any:
+    """Diffuse lobe with retro-reflection, times the cosine (Burley 2015, section 3, without sheen)."""
+    cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
     grazing_i, grazing_o = _grazing(cos_i), _grazing(cos_o)
-    retro = 2 * roughness * dr.square(dr.dot(dr.normalize(si.wi + wo), wo))
+    retro = 2 * material.roughness * dr.square(dr.dot(dr.normalize(wi + wo), wo))
     lambert = (1 - 0.5 * grazing_i) * (1 - 0.5 * grazing_o)
     back = retro * (grazing_o + grazing_i + grazing_o * grazing_i * (retro - 1))
-    value = (1 - metallic) * color * dr.inv_pi * cos_o * (lambert + back)
-    return dr.select(active & (cos_i > 0) & (cos_o > 0), value, 0)
+    value = material.reflectance * dr.inv_pi * cos_o * (lambert + back)
+    return dr.select((cos_i > 0) & (cos_o > 0), value, 0)
 
 
 def _grazing(cosine: Any) -> Any:

@@ -223,3 +223,28 @@ def test_shading_of_a_floor_is_the_closed_form() -> None:
     inside = np.abs(points).max(axis=-1) < 8.5
     np.testing.assert_allclose(mean[met][inside], (expected[:, None] * POINT.intensity)[inside], rtol=2e-5)
     assert variance.max() < 1e-10
+
+
+@pytest.mark.parametrize(("roughness", "metallic"), [(0.15, 0.0), (0.5, 0.4), (0.9, 0.0)])
+def test_the_diffuse_lobe_of_the_principled_material_is_mitsubas(roughness: float, metallic: float) -> None:
+    """Against Mitsuba's value of a material whose specular lobe is dark, for a share of ``1 - metallic``."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from graycard.synth._mitsuba import _bsdf, load
+    from graycard.synth._separation import _diffuse_values
+
+    rng = np.random.default_rng(3)
+    wi, wo = rng.normal(size=(2, 3, 4000))
+    wi, wo = (np.abs(w) / np.linalg.norm(w, axis=0) for w in (wi, wo))
+    si: Any = dr.zeros(mi.SurfaceInteraction3f, 4000)
+    si.wi = mi.Vector3f(wi.astype(np.float32))
+    out = mi.Vector3f(wo.astype(np.float32))
+    color = (0.6, 0.5, 0.2)
+    dull = load(_bsdf(Glossy(color, roughness, 0.0, specular=0.0)))
+    expected = (1 - metallic) * np.array(dull.eval(mi.BSDFContext(), si, out))
+    made = load(_bsdf(Glossy(color, roughness, metallic)))
+    pointer = mi.BSDFPtr(made)
+    found = np.array(_diffuse_values(pointer, si, (out,), mi.Bool(True))[0])
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-5)
+    assert found.min() > 0
