@@ -25,7 +25,7 @@ def visibility_layers(
     """Share of the irradiance from each light that nothing blocks, at the pixel centres.
 
     The quotient of two irradiances from the same samples, with and without the shadow test; so it is exactly
-    0 or 1 for a point or spot light. It is 0 where the light cannot shine on the side that is seen at all.
+    0 or 1 for a point or spot light. It is 0 on a side that faces away from the light and outside its cone.
 
     Args:
         loaded: Mitsuba's scene of ``scene``.
