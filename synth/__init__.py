@@ -14,6 +14,7 @@ from graycard.synth._render import find_scene as find_scene
 from graycard.synth._render import render_scene as render_scene
 from graycard.synth._scene import Ball as Ball
 from graycard.synth._scene import Glossy as Glossy
+from graycard.synth._scene import LambertGGX as LambertGGX
 from graycard.synth._scene import Matte as Matte
 from graycard.synth._scene import Quad as Quad
 from graycard.synth._scene import Scene as Scene

@@ -7,8 +7,20 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._lambert_ggx import register
 from graycard.synth._mesh import Mesh
-from graycard.synth._scene import Ball, Color, Glossy, Material, Matte, Quad, Scene, Texture, Thing
+from graycard.synth._scene import (
+    Ball,
+    Color,
+    Glossy,
+    LambertGGX,
+    Material,
+    Matte,
+    Quad,
+    Scene,
+    Texture,
+    Thing,
+)
 
 _SKY_TO_WORLD = [[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Mitsuba's environment has its pole at +y and its seam at -z; in the world these are +z and +x."""
@@ -128,6 +140,9 @@ def _bsdf(material: Material) -> dict[str, Any]:
                 "metallic": metallic,
                 "specular": specular,
             }
+        case LambertGGX(color, roughness, metallic):
+            content = {"base_color": _color(color), "roughness": roughness, "metallic": metallic}
+            return {"type": register(), **content}
 
 
 def _color(color: Color) -> dict[str, Any]:

@@ -45,7 +45,19 @@ class Glossy:
     """Reflectance at normal incidence of the dielectric part is 0.08 times this."""
 
 
-Material = Matte | Glossy
+@dataclass(frozen=True, slots=True, eq=False)
+class LambertGGX:
+    """A Lambertian and a GGX lobe with Schlick's Fresnel: the material that inverse renderers assume.
+
+    f0 = 0.04 (1 - metallic) + metallic color; GGX alpha = roughness squared.
+    """
+
+    color: Color
+    roughness: float
+    metallic: float = 0.0
+
+
+Material = Matte | Glossy | LambertGGX
 
 BLACK = Matte((0.0, 0.0, 0.0))
 """The surface of a light: it emits and reflects nothing, so its base colour is exactly 0."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-GENERATOR_VERSION = 1
-"""Raised whenever the same spec gives other pictures."""
+GENERATOR_VERSION = 2
+"""Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
 SUB_BUFFERS = 4
 """A radiance is the mean of this many independent images, and its variance is found from their spread."""

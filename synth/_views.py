@@ -8,10 +8,14 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, sensor, shape_key
+from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
+from graycard.synth._separation import separated_radiance
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
+from graycard.synth._visibility import visibility_layers
 
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
@@ -21,7 +25,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
-    is equal in both, to the bit.
+    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance and no visibility.
 
     Args:
         scene: What is there.
@@ -35,21 +39,34 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    mean, variance = radiance(whole, camera, seeds, settings)
-    layers = {"radiance": mean, "radiance.var": variance, **surface_layers(whole, scene, camera)}
+    layers = {**_light_layers(whole, scene, camera, seeds, settings), **surface_layers(whole, scene, camera)}
+    layers["pure"] = pure_pixels(whole, camera)
+    if mi.variant() != SCALAR:
+        layers |= visibility_layers(whole, scene, camera, _seed_of(seed, number, SUB_BUFFERS))
     if scene.target:
         emptied = load_scene(scene, camera, without=scene.target)
-        mean, variance = radiance(emptied, camera, seeds, settings)
-        layers |= {"counterfactual.radiance": mean, "counterfactual.radiance.var": variance}
+        found = _light_layers(emptied, scene, camera, seeds, settings)
+        layers |= {f"counterfactual.{name}": found[name] for name in ("radiance", "radiance.var")}
     return layers
+
+
+def _light_layers(
+    loaded: mi.Scene, scene: Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> dict[str, np.ndarray]:
+    """The radiance and its variance, with its parts where the variant can tell them apart."""
+    if mi.variant() != SCALAR:
+        return separated_radiance(loaded, scene, camera, seeds, settings)
+    mean, variance = radiance(loaded, camera, seeds, settings)
+    return {"radiance": mean, "radiance.var": variance}
 
 
 def sub_buffer_seeds(seed: int, view: int) -> list[int]:
     """One 32-bit seed for each independent image of a view."""
-    return [
-        int(np.random.SeedSequence([seed, view, number]).generate_state(1)[0])
-        for number in range(SUB_BUFFERS)
-    ]
+    return [_seed_of(seed, view, number) for number in range(SUB_BUFFERS)]
+
+
+def _seed_of(seed: int, view: int, number: int) -> int:
+    return int(np.random.SeedSequence([seed, view, number]).generate_state(1)[0])
 
 
 def radiance(
@@ -69,20 +86,31 @@ def radiance(
 
 
 def surface_layers(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:
-    """Base colour, normal, depth and object id at the pixel centres, from one ray each."""
+    """Material, normal, depth, distance, position and object id at the pixel centres, from one ray each."""
     aovs = "p:position,n:sh_normal,g:geo_normal,c:albedo,s:shape_index"
     caster = load({"type": "aov", "aovs": aovs, "block_size": _BLOCK})
     values = _image(loaded, centre_sensor(camera), caster, spp=1)
     position, shading, geometric, color = (values[..., 3 * k : 3 * k + 3] for k in range(4))
     ids = object_ids(values[..., 12], loaded, scene)
     seen = ids > 0
-    depth = (position - camera.position) @ camera.forward
+    from_camera = position - camera.position
+    surface = {
+        "base_color": color,
+        "normal": _facing(shading, geometric, camera),
+        "position": position,
+        **material_layers(scene, ids, color),
+    }
+    distances = {"depth": from_camera @ camera.forward, "distance": np.linalg.norm(from_camera, axis=-1)}
     return {
-        "base_color": np.where(seen[..., None], color, 0).astype(np.float32),
-        "normal": np.where(seen[..., None], _facing(shading, geometric, camera), 0).astype(np.float32),
-        "depth": np.where(seen, depth, np.inf).astype(np.float32),
+        **{name: _where_seen(seen, values, 0.0) for name, values in surface.items()},
+        **{name: _where_seen(seen, values, np.inf) for name, values in distances.items()},
         "object_id": ids,
     }
+
+
+def _where_seen(seen: np.ndarray, values: np.ndarray, otherwise: float) -> np.ndarray:
+    seen = seen if values.ndim == 2 else seen[..., None]
+    return np.where(seen, values, otherwise).astype(np.float32)
 
 
 def _image(loaded: mi.Scene, eye: mi.Sensor, integrator: mi.Integrator, **options: Any) -> np.ndarray:

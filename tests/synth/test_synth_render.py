@@ -88,7 +88,8 @@ def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str
     capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
     assert capture.views == truth.views
     assert capture.light_on_camera == (track == "dark")
-    names = {"radiance", "radiance.var", "base_color", "normal", "depth", "object_id"}
+    names = {"radiance", "radiance.var", "base_color", "normal", "depth", "object_id", "pure", "position"}
+    names |= {"distance", "roughness", "alpha", "metallic", "diffuse_reflectance", "f0"}
     if track == "tabletop":
         names |= {"counterfactual.radiance", "counterfactual.radiance.var"}
     for view in truth.views:
@@ -424,7 +425,7 @@ def test_a_scene_of_other_settings_is_left_alone(
     ("part", "change", "difference"),
     [
         ("seeds", {"scene": 7}, "seed: expected 0, got 7"),
-        ("generator", {"generator": 0}, "generator: expected 1, got 0"),
+        ("generator", {"generator": 0}, "generator: expected 2, got 0"),
         ("settings", {"knobs": {"roughness": 0.5}}, "knobs.roughness: expected 0.1, got 0.5"),
     ],
 )

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The path tracer that splits light: against Mitsuba's own, against single lights, against itself."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.synth import Ball, Glossy, LambertGGX, Matte, Quad, RenderSettings, Scene, Thing, use_renderer
+from graycard.synth._scene import Material, surface_of
+
+SETTINGS = RenderSettings(24, 20, samples=64, max_depth=5)
+SEEDS = [1, 2, 3, 4]
+
+PANEL = gc.RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
+BULB = gc.SphereLight("bulb", (0.9, 0.9, 0.5), 0.12, (8, 8, 9))
+POINT = gc.PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
+SPOT = gc.SpotLight("spot", (-0.5, -0.9, 1.8), (0.3, 0.5, -1.0), (6, 6, 5), 12.0, 35.0)
+SKY = gc.EnvironmentLight("sky", "environment.exr")
+LIGHTS: tuple[gc.Light, ...] = (PANEL, POINT, BULB, SKY, SPOT)
+
+MATERIALS: dict[str, Material] = {
+    "matte": Matte((0.6, 0.5, 0.2)),
+    "principled": Glossy((0.6, 0.5, 0.2), 0.35),
+    "papers": LambertGGX((0.6, 0.5, 0.2), 0.35),
+    "metal": LambertGGX((0.6, 0.5, 0.2), 0.35, 1.0),
+}
+
+
+@pytest.fixture(autouse=True)
+def llvm() -> None:
+    try:
+        use_renderer(variant="llvm_ad_rgb")
+    except gc.RenderError as reason:
+        pytest.skip(str(reason))
+
+
+def room(material: Material, lights: tuple[gc.Light, ...] = LIGHTS) -> Scene:
+    """A floor and a ball of the material under all kinds of lights; the bulb is in the picture."""
+    floor = Thing("floor", Quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), material)
+    ball = Thing("ball", Ball((0.1, 0.1, 0.5), 0.5), material)
+    surfaces = [
+        surface_of(light) for light in LIGHTS if isinstance(light, gc.RectangleLight | gc.SphereLight)
+    ]
+    lit = {light.name for light in lights}
+    surfaces = [thing if thing.name in lit else replace(thing, light="") for thing in surfaces]
+    pose = gc.look_at(np.array([1.2, -2.4, 2.2]), np.array([0.2, 0.2, 0.4]))
+    camera = gc.Camera.from_fov(SETTINGS.width, SETTINGS.height, 55.0, pose)
+    sky = np.linspace(0.05, 0.3, 8 * 16 * 3).reshape(8, 16, 3)
+    return Scene((floor, ball, *surfaces), lights, (gc.View("train_000", "train", camera),), sky)
+
+
+def loaded(scene: Scene) -> tuple[Any, gc.Camera]:
+    from graycard.synth._mitsuba import load_scene
+
+    camera = scene.views[0].camera
+    return load_scene(scene, camera), camera
+
+
+def separated(
+    scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
+) -> dict[str, np.ndarray]:
+    from graycard.synth._separation import separated_radiance
+
+    made, camera = loaded(scene)
+    return separated_radiance(made, scene, camera, seeds, settings)
+
+
+def by_path(
+    scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
+) -> tuple[np.ndarray, np.ndarray]:
+    from graycard.synth._views import radiance
+
+    return radiance(*loaded(scene), seeds, settings)
+
+
+def total_of(layers: dict[str, np.ndarray], *stems: str) -> np.ndarray:
+    return sum((layers[k].astype(np.float64) for k in layers if k.startswith(stems)), np.zeros(()))
+
+
+PART_STEMS = ("emitted", "direct.", "indirect.")
+
+
+@pytest.mark.parametrize("material", MATERIALS.values(), ids=MATERIALS.keys())
+def test_parts_add_up_and_none_is_negative(material: Material) -> None:
+    layers = separated(room(material))
+    assert len(layers) == 2 + 1 + 4 * len(LIGHTS)
+    whole = layers["radiance"].astype(np.float64)
+    assert (np.abs(total_of(layers, *PART_STEMS) - whole) / np.maximum(whole, 1e-3)).max() < 5e-7
+    for name, values in layers.items():
+        assert gc.find_fault(name, values, SETTINGS.height, SETTINGS.width) is None
+        assert values.dtype == np.float32
+        assert values.min() >= -1e-6 * whole.max()
+
+
+@pytest.mark.parametrize(
+    ("name", "depth"), [("matte", 5), ("principled", 5), ("papers", 1), ("papers", 2), ("metal", 9)]
+)
+def test_the_same_seeds_give_the_picture_of_mitsubas_path(name: str, depth: int) -> None:
+    """The same estimator fed the same random numbers: equal but where rounding sends a path elsewhere."""
+    scene, settings = room(MATERIALS[name]), replace(SETTINGS, max_depth=depth)
+    expected, variance = by_path(scene, settings)
+    found = separated(scene, settings)
+    off = np.abs(found["radiance"] - expected) / np.maximum(expected, 1e-3)
+    assert np.quantile(off, 0.95) < 1e-5
+    assert found["radiance"].mean() == pytest.approx(expected.mean(), rel=1e-3)
+    np.testing.assert_allclose(found["radiance.var"].mean(), variance.mean(), rtol=0.05, atol=1e-12)
+
+
+def test_other_seeds_agree_with_mitsubas_path_within_the_noise() -> None:
+    scene, settings = room(MATERIALS["papers"]), replace(SETTINGS, samples=576)
+    expected, variance = by_path(scene, settings, [5, 6, 7, 8])
+    found = separated(scene, settings)
+    error = np.sqrt((variance + found["radiance.var"]).mean() / expected.size)
+    # the three channels of a pixel share their paths, so the mean of all varies up to sqrt(3) times more
+    assert abs(found["radiance"].mean() - expected.mean()) < 4 * np.sqrt(3) * error
+    assert error < 2e-3 * expected.mean()
+
+
+def test_direct_parts_and_emission_are_a_path_of_two_segments() -> None:
+    scene = room(MATERIALS["principled"])
+    layers = separated(scene)
+    expected, _ = by_path(scene, replace(SETTINGS, max_depth=2))
+    off = np.abs(total_of(layers, "emitted", "direct.") - expected) / np.maximum(expected, 1e-3)
+    assert np.quantile(off, 0.95) < 1e-5
+    emitted, _ = by_path(scene, replace(SETTINGS, max_depth=1))
+    np.testing.assert_allclose(layers["emitted"], emitted, rtol=1e-5)
+    assert 0 < (layers["emitted"] > 0).mean() < 0.5
+
+
+@pytest.mark.parametrize("light", LIGHTS, ids=[light.name for light in LIGHTS])
+def test_the_parts_of_a_light_are_the_picture_under_it_alone(light: gc.Light) -> None:
+    settings = replace(SETTINGS, samples=576)
+    layers = separated(room(MATERIALS["papers"]), settings)
+    parts = sum(layers[f"{part}.{light.name}"].astype(np.float64).mean() for part in parts_of_a_light())
+    alone = separated(room(MATERIALS["papers"], (light,)), settings, [5, 6, 7, 8])
+    expected = (alone["radiance"] - alone["emitted"]).astype(np.float64).mean()
+    assert parts == pytest.approx(expected, rel=0.03)
+    assert expected > 1e-3
+
+
+def parts_of_a_light() -> tuple[str, ...]:
+    from graycard.synth._separation import PARTS
+
+    return PARTS
+
+
+def test_lobes_of_materials_that_have_but_one() -> None:
+    matte, metal = separated(room(MATERIALS["matte"])), separated(room(MATERIALS["metal"]))
+    whole = matte["radiance"].max()
+    assert total_of(matte, "direct.specular", "indirect.specular").max() < 1e-6 * whole
+    assert total_of(metal, "direct.diffuse", "indirect.diffuse").max() == 0
+    # without a specular reflectance the principled material is its diffuse lobe alone
+    dull = separated(room(Glossy((0.6, 0.5, 0.2), 0.6, 0.0, specular=0.0)))
+    assert total_of(dull, "direct.specular", "indirect.specular").mean() < 2e-3 * dull["radiance"].mean()
+
+
+def test_the_diffuse_lobe_of_the_papers_material_is_a_matte_one() -> None:
+    """Direct light: the diffuse parts of a dielectric are those of a matte surface of its base colour."""
+    glossy = separated(room(MATERIALS["papers"]), replace(SETTINGS, samples=576))
+    matte = separated(room(MATERIALS["matte"]), replace(SETTINGS, samples=576))
+    for light in LIGHTS:
+        found, expected = (x[f"direct.diffuse.{light.name}"].mean() for x in (glossy, matte))
+        assert found == pytest.approx(expected, rel=0.01)
+
+
+def test_lights_keep_their_names() -> None:
+    """Only what a light reaches is booked under it."""
+    from graycard.synth._separation import light_names
+
+    scene = room(MATERIALS["matte"])
+    made, _ = loaded(scene)
+    assert sorted(light_names(made, scene)) == sorted(light.name for light in LIGHTS)
+    dark = room(MATERIALS["matte"], (replace(PANEL, radiance=(0.0, 0.0, 0.0)), POINT))
+    layers = separated(dark)
+    assert total_of(layers, *(f"{part}.panel" for part in parts_of_a_light())).max() == 0
+    assert total_of(layers, *(f"{part}.point" for part in parts_of_a_light())).mean() > 0.01
+
+
+def test_the_same_seeds_give_the_same_bits_with_any_number_of_threads() -> None:
+    scene = room(MATERIALS["papers"])
+    use_renderer(threads=1, variant="llvm_ad_rgb")
+    one = separated(scene)
+    use_renderer(threads=2, variant="llvm_ad_rgb")
+    two = separated(scene)
+    assert all(np.array_equal(one[name], two[name]) for name in one)
+    other = separated(scene, seeds=[5, 6, 7, 8])
+    assert not np.array_equal(one["radiance"], other["radiance"])
+
+
+def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
+    """The identity L = albedo S, with the same random numbers."""
+    from graycard.synth._separation import centre_rays, separated_images, shading
+    from graycard.synth._views import surface_layers
+
+    scene = room(MATERIALS["matte"])
+    made, camera = loaded(scene)
+    images = separated_images(made, camera, SEEDS, SETTINGS, centre_rays)
+    reflected = (images[:, 0] - images[:, 1]).mean(axis=0)
+    color = surface_layers(made, scene, camera)["base_color"]
+    mean, variance = shading(made, camera, SEEDS, SETTINGS)
+    assert np.abs(reflected - color * mean).max() < 1e-6 * max(1.0, reflected.max())
+    assert reflected.mean() > 0.05
+    assert (variance > 0).mean() > 0.3
+
+
+def test_shading_of_a_floor_is_the_closed_form() -> None:
+    """A point light over a plane: S = I cos / (pi d²), whatever the floor is made of."""
+    from graycard.synth._separation import shading
+
+    floor = Thing("floor", Quad((0, 0, 0), (9, 0, 0), (0, 9, 0)), LambertGGX((0.2, 0.3, 0.4), 0.3, 0.7))
+    camera = room(MATERIALS["matte"]).views[0].camera
+    scene = Scene((floor,), (POINT,), (gc.View("train_000", "train", camera),))
+    made, _ = loaded(scene)
+    mean, variance = shading(made, camera, SEEDS, replace(SETTINGS, max_depth=2, samples=4))
+    rays = camera.rays()
+    met = rays[..., 2] < -0.05
+    points = camera.position - (camera.position[2] / rays[met][:, 2])[:, None] * rays[met]
+    to_light = np.array(POINT.position) - points
+    expected = to_light[:, 2] / np.linalg.norm(to_light, axis=-1) ** 3 / np.pi
+    inside = np.abs(points).max(axis=-1) < 8.5
+    np.testing.assert_allclose(mean[met][inside], (expected[:, None] * POINT.intensity)[inside], rtol=2e-5)
+    assert variance.max() < 1e-10
+
+
+@pytest.mark.parametrize(("roughness", "metallic"), [(0.15, 0.0), (0.5, 0.4), (0.9, 0.0)])
+def test_the_diffuse_lobe_of_the_principled_material_is_mitsubas(roughness: float, metallic: float) -> None:
+    """Against Mitsuba's value of a material whose specular lobe is dark, for a share of ``1 - metallic``."""
+    import drjit as dr
+    import mitsuba as mi
+
+    from graycard.synth._mitsuba import _bsdf, load
+    from graycard.synth._separation import _diffuse_values
+
+    rng = np.random.default_rng(3)
+    wi, wo = rng.normal(size=(2, 3, 4000))
+    wi, wo = (np.abs(w) / np.linalg.norm(w, axis=0) for w in (wi, wo))
+    si: Any = dr.zeros(mi.SurfaceInteraction3f, 4000)
+    si.wi = mi.Vector3f(wi.astype(np.float32))
+    out = mi.Vector3f(wo.astype(np.float32))
+    color = (0.6, 0.5, 0.2)
+    dull = load(_bsdf(Glossy(color, roughness, 0.0, specular=0.0)))
+    expected = (1 - metallic) * np.array(dull.eval(mi.BSDFContext(), si, out))
+    made = load(_bsdf(Glossy(color, roughness, metallic)))
+    pointer = mi.BSDFPtr(made)
+    found = np.array(_diffuse_values(pointer, si, (out,), mi.Bool(True))[0])
+    np.testing.assert_allclose(found, expected, rtol=2e-3, atol=1e-5)
+    assert found.min() > 0

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layers beside the radiance: materials, positions, pure pixels, visibility of the lights."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import graycard as gc
+from graycard.synth import (
+    Ball,
+    Glossy,
+    LambertGGX,
+    Matte,
+    Quad,
+    RenderSettings,
+    Scene,
+    Texture,
+    Thing,
+    families,
+    use_renderer,
+)
+from graycard.synth._material_layers import material_layers
+from graycard.synth._scene import surface_of
+
+MakePlane = Callable[..., Scene]
+TINY = RenderSettings(20, 16, 3, 1, 16, 3)
+
+
+@pytest.fixture
+def llvm() -> None:
+    try:
+        use_renderer(variant="llvm_ad_rgb")
+    except gc.RenderError as reason:
+        pytest.skip(str(reason))
+
+
+def loaded(scene: Scene, without: str = "") -> tuple[Any, gc.Camera]:
+    from graycard.synth._mitsuba import load_scene
+
+    camera = scene.views[0].camera
+    return load_scene(scene, camera, without), camera
+
+
+def surfaces(scene: Scene) -> dict[str, np.ndarray]:
+    from graycard.synth._views import surface_layers
+
+    made, camera = loaded(scene)
+    return surface_layers(made, scene, camera)
+
+
+def pure(scene: Scene) -> np.ndarray:
+    from graycard.synth._purity import pure_pixels
+
+    return pure_pixels(*loaded(scene))
+
+
+def visibility(scene: Scene, **options: int) -> dict[str, np.ndarray]:
+    from graycard.synth._visibility import visibility_layers
+
+    made, camera = loaded(scene)
+    return visibility_layers(made, scene, camera, seed=5, **options)
+
+
+def test_material_layers_of_each_material() -> None:
+    """Columns: nothing, matte, glossy dielectric, papers' half metal, papers' metal."""
+    quad = Quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    color = (0.5, 0.4, 0.2)
+    materials = (
+        Matte(color),
+        Glossy(color, 0.3, 0.0, specular=1.0),
+        LambertGGX(color, 0.6, 0.5),
+        LambertGGX(color, 0.2, 1.0),
+    )
+    scene = Scene(tuple(Thing(str(k), quad, m) for k, m in enumerate(materials)), (), ())
+    ids = np.arange(5, dtype=np.uint32)[None]
+    base = np.where(ids[..., None] > 0, np.array(color), 0.0)
+    layers = material_layers(scene, ids, base)
+    np.testing.assert_allclose(layers["roughness"][0], (0, 1, 0.3, 0.6, 0.2), rtol=1e-6)
+    np.testing.assert_allclose(layers["alpha"][0], (0, 1, 0.09, 0.36, 0.04), rtol=1e-6)
+    np.testing.assert_allclose(layers["metallic"][0], (0, 0, 0, 0.5, 1), rtol=1e-6)
+    np.testing.assert_allclose(layers["f0"][0, :, 0], (0, 0, 0.08, 0.27, 0.5), rtol=1e-6)
+    np.testing.assert_allclose(layers["f0"][0, :, 2], (0, 0, 0.08, 0.12, 0.2), rtol=1e-6)
+    np.testing.assert_allclose(layers["diffuse_reflectance"][0, :, 0], (0, 0.5, 0.5, 0.25, 0), rtol=1e-6)
+    for name, values in layers.items():
+        assert gc.find_fault(name, values, 1, 5) is None
+        assert values.dtype == np.float32
+
+
+@pytest.mark.parametrize("family", families().values(), ids=families().keys())
+def test_material_layers_are_what_the_renderer_shades_with(llvm: None, family: Any) -> None:
+    """Against the attributes of Mitsuba's own materials at the same points."""
+    import drjit as dr
+
+    from graycard.synth._mitsuba import sensor
+    from graycard.synth._separation import centre_rays
+
+    scene = family().build(0, TINY)
+    made, camera = loaded(scene)
+    layers = surfaces(scene)
+    eye = sensor(camera, 1)
+    si = made.ray_intersect(centre_rays(eye, eye.sampler(), 1))
+    bsdf: Any = si.bsdf()
+    for name in ("roughness", "metallic"):
+        has = bsdf.has_attribute(name, si.is_valid()) & si.is_valid()
+        expected = np.array(dr.select(has, bsdf.eval_attribute_1(name, si, has), 0)).reshape(16, 20)
+        known = np.array(has).reshape(16, 20)
+        np.testing.assert_allclose(layers[name][known], expected[known], rtol=1e-6)
+    matte = (layers["object_id"] > 0) & ~known
+    assert (layers["roughness"][matte] == 1).all()
+    np.testing.assert_array_equal(
+        layers["diffuse_reflectance"], layers["base_color"] * (1 - layers["metallic"][..., None])
+    )
+    position = np.array(dr.select(si.is_valid(), si.p, 0)).T.reshape(16, 20, 3)
+    np.testing.assert_allclose(layers["position"], position, atol=2e-5)
+
+
+def test_position_and_distance_of_a_plane(variant: str, make_plane: MakePlane) -> None:
+    scene = make_plane()
+    layers, camera = surfaces(scene), scene.views[0].camera
+    rays = camera.rays()
+    distance = -camera.position[2] / rays[..., 2]
+    np.testing.assert_allclose(layers["distance"], distance, rtol=1e-5)
+    np.testing.assert_allclose(layers["position"], camera.position + distance[..., None] * rays, atol=2e-5)
+    assert (layers["distance"] > layers["depth"]).all()
+
+
+def test_where_nothing_is_seen(variant: str) -> None:
+    camera = gc.Camera.from_fov(8, 6, 60, gc.look_at(np.zeros(3), np.array([1.0, 0, 0])))
+    ball = Thing("ball", Ball((3, 0, 0), 0.4), LambertGGX((0.5, 0.5, 0.5), 0.4))
+    layers = surfaces(Scene((ball,), (), (gc.View("train_000", "train", camera),)))
+    empty = layers["object_id"] == 0
+    assert 0 < empty.sum() < empty.size
+    assert np.isposinf(layers["distance"][empty]).all()
+    for name in ("position", "roughness", "alpha", "metallic", "diffuse_reflectance", "f0", "base_color"):
+        assert (layers[name][empty] == 0).all()
+    for name, values in layers.items():
+        assert gc.find_fault(name, values, 6, 8) is None
+
+
+def test_pixels_at_an_outline_are_not_pure(variant: str, make_plane: MakePlane) -> None:
+    scene = make_plane(ball=Ball((0.2, 0.1, 0.6), 0.6))
+    found, ids = pure(scene), surfaces(scene)["object_id"]
+    assert set(np.unique(found)) == {0.0, 1.0}
+    assert gc.find_fault("pure", found, 20, 24) is None
+    among_equals = ndimage.minimum_filter(ids, 3) == ndimage.maximum_filter(ids, 3)
+    assert (found[1:-1, 1:-1][among_equals[1:-1, 1:-1]] == 1).all()
+    differ = ids[:, 1:] != ids[:, :-1]
+    # an edge that runs just between two pixels leaves both of them pure
+    assert (np.minimum(found[:, 1:], found[:, :-1])[differ] == 0).mean() > 0.7
+    assert differ.sum() > 10
+
+
+def test_pixels_that_mix_colors_are_not_pure(variant: str) -> None:
+    """A board of 2 x 1 cells that fills 5 x 5 pixels: the cells meet within the middle column."""
+    for step, expected in ((0.2, 0.0), (0.02, 1.0)):
+        pixels = np.full((1, 2, 3), 0.3)
+        pixels[0, 1] += step
+        board = Thing("board", Quad((0, 0, 0), (1, 0, 0), (0, 0, 1)), Matte(Texture(pixels, smooth=False)))
+        pose = gc.look_at(np.array([0, -4.0, 0]), np.zeros(3))
+        camera = gc.Camera.from_fov(5, 5, 2 * np.degrees(np.arctan(0.25)), pose)
+        found = pure(Scene((board,), (), (gc.View("train_000", "train", camera),)))
+        assert (found[:, 2] == expected).all()
+        assert (found[:, [0, 1, 3, 4]] == 1).all()
+
+
+def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: None, make_plane: MakePlane) -> None:
+    centre, radius, light = np.array((0.2, 0.1, 0.6)), 0.6, gc.PointLight("lamp", (1.6, 0.4, 2.0), (9, 9, 9))
+    scene = make_plane((light,), ball=Ball((0.2, 0.1, 0.6), radius))
+    layers = surfaces(scene)
+    found = visibility(scene)["visibility.lamp"]
+    assert set(np.unique(found)) == {0.0, 1.0}
+    points, towards = layers["position"].astype(np.float64), np.array(light.position) - layers["position"]
+    length = np.linalg.norm(towards, axis=-1, keepdims=True)
+    along = ((centre - points) * towards / length).sum(-1)
+    nearest = np.linalg.norm(points + along[..., None] * towards / length - centre, axis=-1)
+    floor, ball = layers["object_id"] == 1, layers["object_id"] == 2
+    sure = np.abs(nearest - radius) > 1e-3
+    np.testing.assert_array_equal(found[floor & sure], (nearest >= radius)[floor & sure])
+    facing = (layers["normal"] * towards).sum(-1)
+    sure = np.abs(facing) > 1e-2
+    np.testing.assert_array_equal(found[ball & sure], (facing > 0)[ball & sure])
+    assert 10 < (found[floor] == 0).sum() < floor.sum() / 2
+
+
+def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: None, make_plane: MakePlane) -> None:
+    """Against the path tracer: direct shading of the floor with the ball over that without it."""
+    from graycard.synth._separation import shading
+
+    lamp = gc.RectangleLight("lamp", (1.2, 0.3, 2.0), (0, 0.5, 0), (0.5, 0, 0), (5, 5, 5))
+    bare = make_plane((lamp,), ball=Ball((0.2, 0.1, 0.5), 0.5))
+    scene = Scene((*bare.things, surface_of(lamp)), bare.lights, bare.views)
+    settings = RenderSettings(24, 20, samples=1024, max_depth=2)
+    lit, open_ = (
+        shading(*loaded(scene, without), [1, 2, 3, 4], settings)[0][..., 0] for without in ("", "ball")
+    )
+    floor = surfaces(scene)["object_id"] == 1
+    found = visibility(scene, samples=1024)["visibility.lamp"]
+    np.testing.assert_allclose((found * open_)[floor], lit[floor], atol=0.02 * open_[floor].max())
+    assert 0.02 < ((found > 0) & (found < 1))[floor].mean() < 0.5
+
+
+def test_a_light_behind_a_surface_is_not_seen_and_an_open_sky_is(llvm: None, make_plane: MakePlane) -> None:
+    below = gc.PointLight("below", (0.0, 0.0, -1.0), (9, 9, 9))
+    sky = gc.EnvironmentLight("sky", "environment.exr")
+    found = visibility(make_plane((below, sky), sky=np.ones((8, 16, 3))))
+    assert (found["visibility.below"] == 0).all()
+    assert (found["visibility.sky"] == 1).all()
+
+
+def render(track_family: str) -> tuple[Scene, dict[str, np.ndarray]]:
+    from graycard.synth._views import render_view
+
+    scene = families()[track_family]().build(0, TINY)
+    return scene, render_view(scene, 0, 0, TINY)
+
+
+def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: None) -> None:
+    scene, layers = render("studio")
+    for light in scene.lights:
+        for stem in ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular"):
+            assert f"{stem}.{light.name}" in layers
+        assert 0 <= layers[f"visibility.{light.name}"].min() < layers[f"visibility.{light.name}"].max() <= 1
+    for name, values in layers.items():
+        assert gc.find_fault(name, values, 16, 20) is None
+    parts = [v for k, v in layers.items() if k.startswith(("emitted", "direct.", "indirect."))]
+    np.testing.assert_allclose(np.sum(parts, axis=0), layers["radiance"], rtol=1e-6, atol=1e-7)
+
+
+def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: None) -> None:
+    scene, layers = render("glossy-table")
+    same = (layers["radiance"] == layers["counterfactual.radiance"]).all(axis=-1)
+    on_target = layers["object_id"] == scene.target_id
+    assert same.mean() > 0.1
+    assert not same[on_target].any()
+    assert "counterfactual.emitted" not in layers
+
+
+def test_without_llvm_views_hold_no_parts(scalar: str) -> None:
+    _, layers = render("glossy-table")
+    assert not [name for name in layers if name.startswith(("direct.", "emitted", "visibility"))]
+    assert {"radiance", "radiance.var", "f0", "position", "pure", "counterfactual.radiance"} <= layers.keys()
