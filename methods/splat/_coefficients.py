@@ -69,7 +69,7 @@ def _coefficients(
 
 
 def _on_pixels(forms: torch.Tensor, boxes: torch.Tensor, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-    """Linear forms on rays, ``(n, 3, 3)``, as slopes ``(n, 3, 2)`` in x and y and values at the box centres."""
+    """Linear forms on rays, ``(n, 3, 3)``, as slopes ``(n, 3, 2)`` in x, y and values at the box centres."""
     to_rays = torch.linalg.inv(torch.tensor(camera.K, dtype=boxes.dtype))
     on_image = forms @ to_rays
     constants = on_image @ torch.nn.functional.pad(boxes, (0, 1), value=1.0)[:, :, None]

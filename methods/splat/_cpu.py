@@ -1,12 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The CPU engine: projection in PyTorch, pixels in Numba on all cores, bit-identical when repeated."""
 
+from typing import Any, NamedTuple, cast
+
 import numpy as np
 import torch
+from torch.autograd.function import once_differentiable
 
 from graycard import Camera
-from graycard.methods.splat._coefficients import CENTRE_Z, HEIGHT, LOG2_E, PLANE, Footprints, footprints
-from graycard.methods.splat._forward import MOMENTS, forward
+from graycard.methods.splat._backward import GEOMETRY, backward
+from graycard.methods.splat._coefficients import (
+    CENTRE_Z,
+    COLUMNS,
+    HEIGHT,
+    LOG2_E,
+    PLANE,
+    Footprints,
+    footprints,
+)
+from graycard.methods.splat._forward import LANES, MOMENTS, forward
 from graycard.methods.splat._geometry import CameraSurfels, see
 from graycard.methods.splat._maps import NDC_FAR, NDC_NEAR, NEAR, Maps
 from graycard.methods.splat._reference import checked_features
@@ -26,7 +38,8 @@ def rasterize_cpu(surfels: Surfels, camera: Camera, features: torch.Tensor | Non
         features: shape ``(N, C)``, instead of the surfels' own.
 
     Returns:
-        The maps, in the dtype of the surfels.
+        The maps, in the dtype of the surfels, differentiable once in every tensor of the surfels and in the
+        features.
 
     Raises:
         ValueError: Features of another shape, or surfels that are not on the CPU.
@@ -39,7 +52,8 @@ def rasterize_cpu(surfels: Surfels, camera: Camera, features: torch.Tensor | Non
     lists = tile_lists(drawn.bounds, _numbers(seen.centres[drawn.kept, 2]), camera.width, camera.height)
     channels = _channels(features, seen, camera)[drawn.kept]
     size = (camera.height, camera.width)
-    image, medians = draw(drawn.coefficients, drawn.centres, channels, drawn.bounds, lists, size)
+    inputs = (drawn.coefficients, drawn.centres, channels, _Plan(drawn.bounds, lists, size))
+    image, medians = cast(tuple[torch.Tensor, torch.Tensor], _Draw.apply(*inputs))
     maps = _maps(image.double(), features.shape[1], _median_depth(drawn, medians))
     return Maps(**{name: value.to(features.dtype) for name, value in maps.items()})
 
@@ -94,24 +108,83 @@ def _median_depth(drawn: Footprints, medians: torch.Tensor) -> torch.Tensor:
     return torch.zeros(medians.shape, dtype=depth.dtype).index_put((row, column), depth)
 
 
-def draw(
-    coefficients: torch.Tensor,
-    centres: torch.Tensor,
-    channels: torch.Tensor,
-    bounds: np.ndarray,
-    lists: TileLists,
-    size: tuple[int, int],
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Run the forward kernel.
+class _Plan(NamedTuple):
+    """What the kernels need and no gradient passes."""
 
-    Returns:
-        The sums, float32 ``(H, W, C + MOMENTS)``, and the surfels of the median depth, int64 ``(H, W)``.
-    """
-    image = np.empty((*size, channels.shape[1] + MOMENTS), np.float32)
-    medians = np.empty(size, np.int64)
-    drawn = np.empty(lists.start.size - 1, np.int64)
-    forward(
-        _numbers(coefficients).astype(np.float32).ravel(), _numbers(centres), _numbers(channels).ravel(),
-        channels.shape[1], bounds, lists.start, lists.surfels, image, medians, drawn,
-    )  # fmt: skip
-    return torch.from_numpy(image), torch.from_numpy(medians)
+    bounds: np.ndarray
+    """As in :class:`Footprints`."""
+    lists: TileLists
+    size: tuple[int, int]
+    """Height and width of the image, pixels."""
+
+
+class _Scene(NamedTuple):
+    """The first arguments of both kernels, see there."""
+
+    coefficients: np.ndarray
+    centres: np.ndarray
+    features: np.ndarray
+    channels: int
+    bounds: np.ndarray
+    start: np.ndarray
+    listed: np.ndarray
+
+
+class _Draw(torch.autograd.Function):
+    """The kernels as one differentiable step."""
+
+    @staticmethod
+    def forward(
+        ctx: Any,
+        coefficients: torch.Tensor,
+        centres: torch.Tensor,
+        channels: torch.Tensor,
+        plan: _Plan,
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        """The sums, float32 ``(H, W, C + MOMENTS)``, and the surfels of the median depth, ``(H, W)``."""
+        bounds, lists, size = plan
+        image = np.empty((*size, channels.shape[1] + MOMENTS), np.float32)
+        medians, drawn = np.empty(size, np.int64), np.empty(lists.start.size - 1, np.int64)
+        scene = _Scene(
+            _numbers(coefficients).astype(np.float32).ravel(),
+            np.ascontiguousarray(_numbers(centres)),
+            _numbers(channels).ravel(),
+            channels.shape[1],
+            bounds,
+            lists.start,
+            lists.surfels,
+        )
+        forward(*scene, image, medians, drawn)
+        ctx.scene, ctx.slots, ctx.drawn, ctx.image = scene, lists.slots, drawn, image
+        ctx.shape = channels.shape
+        named = torch.from_numpy(medians)
+        ctx.mark_non_differentiable(named)
+        return torch.from_numpy(image), named
+
+    @staticmethod
+    @once_differentiable
+    def backward(  # type: ignore[override]  # the decorator hides the name of ctx from type checkers
+        ctx: Any, *grad_outputs: torch.Tensor
+    ) -> tuple[torch.Tensor | None, ...]:
+        """Gradients of the first three arguments of the forward pass."""
+        pairs, (count, channels) = int(ctx.slots[-1]), ctx.shape
+        geometry = np.zeros((pairs, LANES), np.float32)
+        colours = np.zeros((pairs, -(-channels // LANES) * LANES), np.float32)
+        gradient = np.ascontiguousarray(grad_outputs[0].numpy())
+        scene = cast(_Scene, ctx.scene)
+        backward(*scene, ctx.slots, ctx.drawn, ctx.image, gradient, geometry.ravel(), colours.ravel())
+        total = _sum_pairs(geometry, ctx.slots).astype(np.float64)
+        to_coefficients = total[:, :COLUMNS]
+        planes = scene.coefficients.reshape(count, COLUMNS)[:, :PLANE].reshape(count, 3, 3)
+        moved = (planes[:, :, :2] * to_coefficients[:, 2:PLANE:3, None]).sum(axis=1)
+        to_centres = -moved - total[:, COLUMNS:GEOMETRY]  # offsets are pixel minus centre
+        to_channels = _sum_pairs(colours, ctx.slots)[:, :channels]
+        results = (torch.from_numpy(values) for values in (to_coefficients, to_centres, to_channels))
+        return *results, None
+
+
+def _sum_pairs(values: np.ndarray, slots: np.ndarray) -> np.ndarray:
+    """Sum the rows of each surfel, in their order; every surfel has at least one."""
+    if len(slots) == 1:
+        return values
+    return np.add.reduceat(values, slots[:-1], axis=0)

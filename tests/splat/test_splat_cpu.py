@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from typing import cast
 
 import numba
 import numpy as np
@@ -139,6 +140,57 @@ def test_one_thread_and_two_draw_the_same_bits():
         numba.set_num_threads(before)
     for field in fields(drawn[0]):
         assert all(torch.equal(getattr(drawn[0], field.name), getattr(d, field.name)) for d in drawn[1:])
+
+
+def gradients(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend) -> dict[str, torch.Tensor]:
+    """Of a random weighting of all maps, by each tensor of the surfels."""
+    leaves = {f.name: getattr(surfels, f.name).detach().clone().requires_grad_() for f in fields(surfels)}
+    maps = splat.rasterize(splat.Surfels(**leaves), camera, backend=backend)
+    random, loss = torch.Generator().manual_seed(1), torch.zeros(())
+    for field in fields(maps):
+        values = getattr(maps, field.name)
+        weights = torch.rand(values.shape, generator=random, dtype=torch.float64) - 0.5
+        loss = loss + (weights.to(values.dtype) * values).sum()
+    loss.backward()
+    return {name: cast(torch.Tensor, leaf.grad) for name, leaf in leaves.items()}
+
+
+def assert_same_gradients(surfels: splat.Surfels, camera: gc.Camera) -> None:
+    """Within 1e-4 of the length of the gradient as a whole, and of its largest number one by one."""
+    truth = gradients(surfels, camera, "reference")
+    for name, got in gradients(surfels, camera, "cpu").items():
+        expected, error = truth[name], got - truth[name]
+        assert error.norm() <= 1e-4 * expected.norm(), name
+        assert error.numel() == 0 or error.abs().max() <= 1e-4 * expected.abs().max(), name
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_are_those_of_the_specification(name: str):
+    assert_same_gradients(SCENES[name](), camera_of())
+
+
+@pytest.mark.parametrize("channels", [0, 1, 12, 13, 40])
+def test_gradients_of_any_number_of_channels(channels: int):
+    assert_same_gradients(random_surfels(40, 1, channels), camera_of(21, 18, 20))
+
+
+@pytest.mark.parametrize("name", ["sparse", "dense", "large", "around the camera", "on the border"])
+def test_scenes_are_not_empty(name: str):
+    """Else the comparisons above would compare nothing with nothing."""
+    assert all(g.abs().max() > 0 for g in gradients(SCENES[name](), camera_of(), "cpu").values())
+
+
+def test_one_thread_and_two_give_the_same_gradients():
+    surfels, camera = random_surfels(500, 12), camera_of(70, 50, 60)
+    before, found = numba.get_num_threads(), []
+    try:
+        for threads in (1, min(2, before), min(2, before)):
+            numba.set_num_threads(threads)
+            found.append(gradients(surfels, camera, "cpu"))
+    finally:
+        numba.set_num_threads(before)
+    for name, first in found[0].items():
+        assert all(torch.equal(first, other[name]) for other in found[1:]), name
 
 
 def test_an_unknown_back_end_is_named():
