@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from graycard import Camera
-from graycard.methods.splat._geometry import CameraSurfels, box_centres
+from graycard.methods.splat._geometry import CameraSurfels, box_centres, disc_to_image
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR
 
 LOG2_E = 1.4426950408889634
@@ -72,8 +72,8 @@ def _on_pixels(forms: torch.Tensor, boxes: torch.Tensor, camera: Camera) -> tupl
     """Linear forms on rays, ``(n, 3, 3)``, as slopes ``(n, 3, 2)`` in x, y and values at the box centres."""
     to_rays = torch.linalg.inv(torch.tensor(camera.K, dtype=boxes.dtype))
     on_image = forms @ to_rays
-    constants = on_image @ torch.nn.functional.pad(boxes, (0, 1), value=1.0)[:, :, None]
-    return on_image[:, :, :2], constants[:, :, 0]
+    middle = torch.nn.functional.pad(boxes, (0, 1), value=1.0)
+    return on_image[:, :, :2], (on_image * middle[:, None]).sum(dim=2)
 
 
 @torch.no_grad()
@@ -84,14 +84,14 @@ def _bounds(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> np.
     of :func:`box_centres` with f = (r^2, r^2, -1) and half the width ``sqrt(c^2 - f m1 m1 / f m3 m3)``.
     """
     square = 2 * torch.log(opacities / ALPHA_MIN).clamp(min=0)
-    columns = torch.cat([seen.axes * seen.scales[:, :, None], seen.centres[:, None]], dim=1)
-    M = torch.tensor(camera.K, dtype=square.dtype) @ columns.mT
-    f = torch.stack([square, square, -torch.ones_like(square)], dim=1)
-    norm = (f * M[:, 2] * M[:, 2]).sum(dim=1)[:, None]
+    M = disc_to_image(seen, camera)
+    depth = M[:, :, 2:]
+    f = torch.stack([square, square, -torch.ones_like(square)], dim=1)[:, :, None]
+    norm = (f * depth**2).sum(dim=1)
     whole = norm < 0  # else the disc reaches the camera's plane: it may be anywhere
     norm = torch.where(whole, norm, -1.0)
-    middle = (f[:, None] * M[:, :2] * M[:, 2:]).sum(dim=2) / norm
-    half = (middle**2 - (f[:, None] * M[:, :2] ** 2).sum(dim=2) / norm).clamp(min=0).sqrt()
+    middle = (f * M[:, :, :2] * depth).sum(dim=1) / norm
+    half = (middle**2 - (f * M[:, :, :2] ** 2).sum(dim=1) / norm).clamp(min=0).sqrt()
     boxes, radius = box_centres(seen, camera), (square / 2).sqrt()[:, None]
     low = torch.where(whole, torch.minimum(middle - half, boxes - radius), -torch.inf)
     high = torch.where(whole, torch.maximum(middle + half, boxes + radius), torch.inf)

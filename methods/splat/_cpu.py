@@ -54,7 +54,7 @@ def rasterize_cpu(surfels: Surfels, camera: Camera, features: torch.Tensor | Non
     size = (camera.height, camera.width)
     inputs = (drawn.coefficients, drawn.centres, channels, _Plan(drawn.bounds, lists, size))
     image, medians = cast(tuple[torch.Tensor, torch.Tensor], _Draw.apply(*inputs))
-    maps = _maps(image.double(), features.shape[1], _median_depth(drawn, medians))
+    maps = _maps(image, features.shape[1], _median_depth(drawn, medians))
     return Maps(**{name: value.to(features.dtype) for name, value in maps.items()})
 
 
@@ -82,13 +82,14 @@ def _channels(features: torch.Tensor, seen: CameraSurfels, camera: Camera) -> to
 
 def _maps(image: torch.Tensor, features: int, median: torch.Tensor) -> dict[str, torch.Tensor]:
     """The fields of :class:`Maps` from the kernel's sums."""
-    alpha, depth, inverse, square = image[..., features + 3 :].unbind(dim=-1)
+    drawn, normal, moments = image.split([features, 3, 1 + MOMENTS], dim=-1)
+    alpha, depth, inverse, square = moments.double().unbind(dim=-1)  # differences of sums follow
     return {
-        "features": image[..., :features],
+        "features": drawn,
         "alpha": alpha,
         "depth": depth / torch.where(alpha > 0, alpha, 1.0),
         "median_depth": median,
-        "normal": image[..., features : features + 3],
+        "normal": normal,
         "distortion": (KAPPA**2 * (alpha * square - inverse**2)).clamp(min=0),
     }
 
@@ -100,7 +101,7 @@ def _median_depth(drawn: Footprints, medians: torch.Tensor) -> torch.Tensor:
     offset = torch.stack([column, row], dim=1) + 0.5 - drawn.centres[surfel]
     chosen = drawn.coefficients[surfel]
     forms = chosen[:, :PLANE].reshape(-1, 3, 3)
-    u, v, below = (forms @ torch.nn.functional.pad(offset, (0, 1), value=1.0)[:, :, None])[:, :, 0].unbind(1)
+    u, v, below = (forms * torch.nn.functional.pad(offset, (0, 1), value=1.0)[:, None]).sum(dim=2).unbind(1)
     z = chosen[:, HEIGHT] / below
     disc = (u / below) ** 2 + (v / below) ** 2
     plane = (z >= NEAR) & (disc <= LOG2_E * (offset**2).sum(dim=1))

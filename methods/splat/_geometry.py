@@ -27,10 +27,10 @@ def see(surfels: Surfels, camera: Camera) -> CameraSurfels:
     """Take surfels to the camera's frame, in their dtype."""
     pose = torch.tensor(camera.world_to_camera, dtype=surfels.centres.dtype)
     centres = surfels.centres @ pose[:3, :3].T + pose[:3, 3]
-    axes = pose[:3, :3] @ rotation_matrices(surfels.rotations)  # as columns
-    away = (axes[:, :, 2] * centres).sum(dim=1, keepdim=True) > 0
-    normals = torch.where(away, -axes[:, :, 2], axes[:, :, 2])
-    return CameraSurfels(centres, axes[:, :, :2].mT, normals, surfels.scales)
+    axes = rotation_matrices(surfels.rotations).mT @ pose[:3, :3].T  # as rows
+    away = (axes[:, 2] * centres).sum(dim=1, keepdim=True) > 0
+    normals = torch.where(away, -axes[:, 2], axes[:, 2])
+    return CameraSurfels(centres, axes[:, :2], normals, surfels.scales)
 
 
 def rotation_matrices(quaternions: torch.Tensor) -> torch.Tensor:
@@ -55,11 +55,15 @@ def box_centres(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
     direction with respect to the dual conic M diag(f) M^T (Huang et al. 2024, supplement; gsplat's
     ``means2d``). A disc that reaches the camera's plane has no box: there it is the projected centre.
     """
-    K = torch.tensor(camera.K, dtype=seen.centres.dtype)
+    M = disc_to_image(seen, camera)
+    depth = M[:, :, 2:]
+    signs = M.new_tensor([1.0, 1.0, -1.0])[:, None]
+    whole = (signs * depth**2).sum(dim=1, keepdim=True) < 0
+    f = torch.where(whole, signs, signs * M.new_tensor([0.0, 0.0, 1.0])[:, None])
+    return (f * M[:, :, :2] * depth).sum(dim=1) / (f * depth**2).sum(dim=1)
+
+
+def disc_to_image(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
+    """The transposed M = K [s_u t_u, s_v t_v, mu], shape ``(N, 3, 3)``: from ``(u, v, 1)`` to the image."""
     columns = torch.cat([seen.axes * seen.scales[:, :, None], seen.centres[:, None]], dim=1)
-    M = K @ columns.mT
-    signs = M.new_tensor([1.0, 1.0, -1.0])
-    whole = (signs * M[:, 2] * M[:, 2]).sum(dim=1) < 0
-    f = torch.where(whole[:, None], signs, signs * M.new_tensor([0.0, 0.0, 1.0]))
-    conic = (f[:, None] * M[:, :2] * M[:, 2:]).sum(dim=2)
-    return conic / (f * M[:, 2] * M[:, 2]).sum(dim=1)[:, None]
+    return columns @ torch.tensor(camera.K, dtype=columns.dtype).T

@@ -182,12 +182,14 @@ def test_scenes_are_not_empty(name: str):
 
 def test_one_thread_and_two_give_the_same_gradients():
     surfels, camera = random_surfels(500, 12), camera_of(70, 50, 60)
-    before, found = numba.get_num_threads(), []
+    before, torch_before, found = numba.get_num_threads(), torch.get_num_threads(), []
     try:
         for threads in (1, min(2, before), min(2, before)):
             numba.set_num_threads(threads)
+            torch.set_num_threads(threads)
             found.append(gradients(surfels, camera, "cpu"))
     finally:
+        torch.set_num_threads(torch_before)
         numba.set_num_threads(before)
     for name, first in found[0].items():
         assert all(torch.equal(first, other[name]) for other in found[1:]), name
