@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every operation of the vector type against NumPy; run as a script, on the processor that Numba is told."""
+
+import re
+import sys
+from typing import Any, cast
+
+import numba
+import numpy as np
+
+from graycard.methods.splat import _simd as simd
+
+FLOATS = np.finfo(np.float32)
+
+
+@numba.njit
+def arithmetic(a: Any, b: Any, c: Any, out: Any) -> None:
+    x, y, z = simd.load(a, 0), simd.load(b, 0), simd.load(c, 0)
+    simd.store(out, 0, x + y)
+    simd.store(out, 16, x - y)
+    simd.store(out, 32, x * y)
+    simd.store(out, 48, x / y)
+    simd.store(out, 64, simd.fma(x, y, z))
+    simd.store(out, 80, simd.fnma(x, y, z))
+
+
+@numba.njit
+def choices(a: Any, b: Any, out: Any) -> None:
+    x, y = simd.load(a, 0), simd.load(b, 0)
+    one, two = simd.broadcast(1.0), simd.broadcast(np.float32(2))
+    simd.store(out, 0, simd.minimum(x, y))
+    simd.store(out, 16, simd.maximum(x, y))
+    simd.store(out, 32, simd.where_less(x, y, one, two))
+    simd.store(out, 48, simd.where_at_least(x, y, one, two))
+
+
+@numba.njit
+def memory(a: Any, out: Any) -> float:
+    simd.store(out, 3, simd.load(a, 5))
+    simd.store(out, 19, simd.load_scalar(a, 7))
+    return simd.largest_lane(simd.load(a, 5))
+
+
+@numba.njit
+def powers(x: Any, out: Any) -> None:
+    for offset in range(0, x.size, 16):
+        simd.store(out, offset, simd.exp2(simd.load(x, offset)))
+
+
+@numba.njit
+def sums(a: Any, out: Any) -> None:
+    v = simd.load(a, 0)
+    w = simd.load(a, 16)
+    x = simd.load(a, 240)
+    simd.store(out, 0, simd.lane_sums((v, w, v, v, v, v, v, v, v, w, v, v, v, v, w, x)))
+
+
+def random(count: int, seed: int = 0) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=count).astype(np.float32)
+
+
+def check_arithmetic() -> None:
+    a, b, c, out = random(16), random(16, 1), random(16, 2), np.zeros(96, np.float32)
+    arithmetic(a, b, c, out)
+    np.testing.assert_array_equal(out[:64], np.concatenate([a + b, a - b, a * b, a / b]))
+    exact = a.astype(np.float64) * b
+    scale = np.abs(exact) + np.abs(c)
+    assert (np.abs(out[64:80] - (exact + c)) <= FLOATS.eps * scale).all()
+    assert (np.abs(out[80:] - (c - exact)) <= FLOATS.eps * scale).all()
+
+
+def check_choices() -> None:
+    a, b, out = random(16), random(16, 1), np.zeros(64, np.float32)
+    a[3] = b[3]
+    a[4], b[5] = np.nan, np.nan
+    a[6], b[7] = np.inf, -np.inf
+    choices(a, b, out)
+    with np.errstate(invalid="ignore"):
+        expected = [
+            np.where(a < b, a, b),
+            np.where(a > b, a, b),
+            np.where(a < b, 1, 2),
+            np.where(a >= b, 1, 2),
+        ]
+    np.testing.assert_array_equal(out, np.concatenate(expected))
+
+
+def check_memory() -> None:
+    a, out = random(40), np.zeros(40, np.float32)
+    assert memory(a, out) == a[5:21].max()
+    np.testing.assert_array_equal(out, np.concatenate([[0] * 3, a[5:21], [a[7]] * 16, [0] * 5]))
+
+
+def check_powers() -> None:
+    x = np.concatenate([np.linspace(-126, 126, 1 << 20), np.linspace(-12, 0, 1 << 20)]).astype(np.float32)
+    out = np.empty_like(x)
+    powers(x, out)
+    error = np.abs(out / np.exp2(x.astype(np.float64)) - 1).max()
+    assert error < simd.EXP2_ERROR, error
+    edges = np.array([-np.inf, -1e30, -127, 127, 1e30, np.inf, 0, 1] * 2, np.float32)
+    powers(edges, out)
+    np.testing.assert_allclose(
+        out[:8], np.exp2(np.clip(edges[:8].astype(float), -126, 126)), rtol=simd.EXP2_ERROR
+    )
+
+
+def check_sums() -> None:
+    a, out = random(256), np.zeros(16, np.float32)
+    sums(a, out)
+    v, w, x = (a[i : i + 16].sum(dtype=np.float64) for i in (0, 16, 240))
+    np.testing.assert_allclose(out, [v, w, *[v] * 7, w, *[v] * 4, w, x], rtol=1e-5, atol=1e-6)
+
+
+CHECKS = (check_arithmetic, check_choices, check_memory, check_powers, check_sums)
+
+if __name__ == "__main__":
+    for check in CHECKS:
+        check()
+    code = "".join(cast(Any, arithmetic).inspect_asm().values())
+    widest = next(name for name in ("zmm", "ymm", "xmm") if name in code)
+    sys.stdout.write(f"{widest} {'fma' if re.search('vfn?m(add|sub)', code) else 'no-fma'}")

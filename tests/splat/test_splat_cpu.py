@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The CPU engine against the specification, on random and on nasty scenes."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from typing import cast
+
+import numba
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from graycard.methods import splat
+
+FLIP = 4e-3
+"""What a surfel whose alpha is 1/255 but for rounding may change in one pixel."""
+
+
+def camera_of(width: int = 37, height: int = 29, focal: float = 30) -> gc.Camera:
+    K = np.array([[focal, 0, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.2], [0, 0, 1]])
+    pose = gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3))
+    return gc.Camera(width, height, K, pose)
+
+
+def random_surfels(count: int, seed: int = 0, channels: int = 3, scale: float = 0.15) -> splat.Surfels:
+    r = np.random.default_rng(seed)
+    turn = r.normal(size=(count, 4))
+    values = [
+        r.uniform(-1, 1, (count, 3)),
+        turn / np.linalg.norm(turn, axis=1, keepdims=True),
+        scale * np.exp(r.normal(0, 0.5, (count, 2))),
+        r.uniform(0.02, 1, count),
+        r.uniform(0, 1, (count, channels)),
+    ]
+    return splat.Surfels(*(torch.from_numpy(v) for v in values))
+
+
+def moved(surfels: splat.Surfels, direction: tuple[float, float, float]) -> splat.Surfels:
+    return replace(surfels, centres=surfels.centres + torch.tensor(direction, dtype=torch.float64))
+
+
+def with_opacity(surfels: splat.Surfels, low: float, high: float) -> splat.Surfels:
+    return replace(surfels, opacities=torch.linspace(low, high, len(surfels), dtype=torch.float64))
+
+
+def edge_on(count: int) -> splat.Surfels:
+    """Discs whose plane all but holds the camera's centre."""
+    surfels = random_surfels(count, 3)
+    half = torch.linspace(-2e-3, 2e-3, count, dtype=torch.float64) + torch.pi / 4
+    turns = torch.stack([half.cos(), 0 * half, half.sin(), 0 * half], dim=1)
+    line = torch.stack([torch.full_like(half, 0.2), surfels.centres[:, 1], surfels.centres[:, 2]], dim=1)
+    return replace(surfels, rotations=turns, centres=line)
+
+
+def in_one_pixel(count: int) -> splat.Surfels:
+    surfels = random_surfels(count, 4, scale=1e-3)
+    return with_opacity(replace(surfels, centres=surfels.centres * 0.01), 0.005, 0.05)
+
+
+SCENES: dict[str, Callable[[], splat.Surfels]] = {
+    "sparse": lambda: random_surfels(5, 1),
+    "dense": lambda: random_surfels(400, 2),
+    "large": lambda: random_surfels(40, 5, scale=1.0),
+    "none": lambda: random_surfels(0),
+    "edge-on": lambda: edge_on(40),
+    "behind": lambda: moved(random_surfels(40, 6), (0, -4, 0)),
+    "around the camera": lambda: moved(random_surfels(60, 7, scale=0.4), (0, -2.2, 0)),
+    "on the border": lambda: moved(random_surfels(80, 8), (1.4, 0, 0.9)),
+    "outside": lambda: moved(random_surfels(30, 9), (30, 0, 0)),
+    "opaque": lambda: with_opacity(random_surfels(80, 10), 0.98, 1),
+    "faint": lambda: with_opacity(random_surfels(80, 11), 0.9 / 255, 1.2 / 255),
+    "a thousand in a pixel": lambda: in_one_pixel(1000),
+}
+
+
+def assert_same(ours: splat.Maps, truth: splat.Maps) -> None:
+    """Within 1e-5 but for flips at the threshold, in at most one pixel or 0.02 % of them."""
+    wrong = torch.zeros_like(truth.alpha, dtype=torch.bool)
+    for field in fields(truth):
+        got, expected = getattr(ours, field.name), getattr(truth, field.name)
+        assert got.shape == expected.shape, field.name
+        assert got.dtype == expected.dtype, field.name
+        off = (got - expected).abs() > 1e-5 * expected.abs().clamp(min=1)
+        wrong |= off if off.ndim == 2 else off.any(dim=2)
+    assert wrong.sum() <= max(1, 2e-4 * wrong.numel())
+    assert (ours.alpha - truth.alpha).abs().max() < FLIP
+    assert ((ours.features - truth.features).abs() < FLIP).all()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_values_are_those_of_the_specification(name: str):
+    surfels, camera = SCENES[name](), camera_of()
+    assert_same(splat.rasterize(surfels, camera), splat.rasterize(surfels, camera, backend="reference"))
+
+
+@pytest.mark.parametrize("channels", [0, 1, 2, 7, 16, 40])
+def test_any_number_of_channels(channels: int):
+    surfels, camera = random_surfels(60, 1), camera_of()
+    features = torch.rand(60, channels, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    truth = splat.rasterize(surfels, camera, features, backend="reference")
+    assert_same(splat.rasterize(surfels, camera, features), truth)
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 16), (17, 15), (1, 40), (33, 3)])
+def test_any_size(width: int, height: int):
+    surfels, camera = random_surfels(60, 2), camera_of(width, height, 20)
+    assert_same(splat.rasterize(surfels, camera), splat.rasterize(surfels, camera, backend="reference"))
+
+
+def test_far_from_the_corner_no_digits_are_lost():
+    """Pixel coordinates beyond a thousand, on a strip that the reference can hold."""
+    surfels = replace(random_surfels(60, 3, scale=0.003), centres=torch.from_numpy(
+        np.random.default_rng(0).uniform(-1, 1, (60, 3)) * [1, 0.5, 0.001]))  # fmt: skip
+    K = np.array([[2000, 0, 1000.0], [0, 2000, 2], [0, 0, 1]])
+    camera = gc.Camera(2000, 4, K, gc.look_at(np.array([0, -2.5, 0.0]), np.zeros(3)))
+    truth = splat.rasterize(surfels, camera, backend="reference")
+    assert (truth.alpha[:, 1000:] > 0.1).sum() > 20
+    assert_same(splat.rasterize(surfels, camera), truth)
+
+
+def test_float32_comes_back_as_float32():
+    surfels = random_surfels(20)
+    single = splat.Surfels(*(getattr(surfels, f.name).float() for f in fields(surfels)))
+    exact = splat.Surfels(*(getattr(single, f.name).double() for f in fields(surfels)))
+    maps = splat.rasterize(single, camera_of())
+    assert maps.alpha.dtype == torch.float32
+    truth = splat.rasterize(exact, camera_of(), backend="reference")
+    np.testing.assert_allclose(maps.features, truth.features, atol=1e-5)
+
+
+def test_one_thread_and_two_draw_the_same_bits():
+    surfels, camera = random_surfels(500, 12), camera_of(70, 50, 60)
+    before, drawn = numba.get_num_threads(), []
+    try:
+        for threads in (1, min(2, before), min(2, before)):
+            numba.set_num_threads(threads)
+            drawn.append(splat.rasterize(surfels, camera))
+    finally:
+        numba.set_num_threads(before)
+    for field in fields(drawn[0]):
+        assert all(torch.equal(getattr(drawn[0], field.name), getattr(d, field.name)) for d in drawn[1:])
+
+
+def gradients(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend) -> dict[str, torch.Tensor]:
+    """Of a random weighting of all maps, by each tensor of the surfels."""
+    leaves = {f.name: getattr(surfels, f.name).detach().clone().requires_grad_() for f in fields(surfels)}
+    maps = splat.rasterize(splat.Surfels(**leaves), camera, backend=backend)
+    random, loss = torch.Generator().manual_seed(1), torch.zeros(())
+    for field in fields(maps):
+        values = getattr(maps, field.name)
+        weights = torch.rand(values.shape, generator=random, dtype=torch.float64) - 0.5
+        loss = loss + (weights.to(values.dtype) * values).sum()
+    loss.backward()
+    return {name: cast(torch.Tensor, leaf.grad) for name, leaf in leaves.items()}
+
+
+def assert_same_gradients(surfels: splat.Surfels, camera: gc.Camera) -> None:
+    """Within 1e-4 of the length of the gradient as a whole, and of its largest number one by one."""
+    truth = gradients(surfels, camera, "reference")
+    for name, got in gradients(surfels, camera, "cpu").items():
+        expected, error = truth[name], got - truth[name]
+        assert error.norm() <= 1e-4 * expected.norm(), name
+        assert error.numel() == 0 or error.abs().max() <= 1e-4 * expected.abs().max(), name
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_are_those_of_the_specification(name: str):
+    assert_same_gradients(SCENES[name](), camera_of())
+
+
+@pytest.mark.parametrize("channels", [0, 1, 12, 13, 40])
+def test_gradients_of_any_number_of_channels(channels: int):
+    assert_same_gradients(random_surfels(40, 1, channels), camera_of(21, 18, 20))
+
+
+@pytest.mark.parametrize("name", ["sparse", "dense", "large", "around the camera", "on the border"])
+def test_scenes_are_not_empty(name: str):
+    """Else the comparisons above would compare nothing with nothing."""
+    assert all(g.abs().max() > 0 for g in gradients(SCENES[name](), camera_of(), "cpu").values())
+
+
+def test_one_thread_and_two_give_the_same_gradients():
+    surfels, camera = random_surfels(500, 12), camera_of(70, 50, 60)
+    before, torch_before, found = numba.get_num_threads(), torch.get_num_threads(), []
+    try:
+        for threads in (1, min(2, before), min(2, before)):
+            numba.set_num_threads(threads)
+            torch.set_num_threads(threads)
+            found.append(gradients(surfels, camera, "cpu"))
+    finally:
+        torch.set_num_threads(torch_before)
+        numba.set_num_threads(before)
+    for name, first in found[0].items():
+        assert all(torch.equal(first, other[name]) for other in found[1:]), name
+
+
+def test_an_unknown_back_end_is_named():
+    with pytest.raises(gc.UnknownNameError, match="did you mean 'reference'"):
+        splat.rasterize(random_surfels(1), camera_of(), backend="referense")  # type: ignore[arg-type]  # on purpose
+
+
+def test_surfels_elsewhere_are_refused():
+    surfels = random_surfels(2)
+    # A device without data stands for one that is not here; its values cannot be looked at.
+    elsewhere = object.__new__(splat.Surfels)
+    for field in fields(surfels):
+        object.__setattr__(elsewhere, field.name, getattr(surfels, field.name).to("meta"))
+    with pytest.raises(ValueError, match="surfels on the CPU, got them on meta"):
+        splat.rasterize(elsewhere, camera_of())

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vector type on this processor, and on lesser ones that Numba is told to compile for."""
+
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+import pytest
+from llvmlite import binding
+
+from graycard.methods.splat import _simd as simd
+
+SCRIPT = Path(__file__).with_name("simd_checks.py")
+
+
+def load_checks() -> tuple[Callable[[], None], ...]:
+    spec = importlib.util.spec_from_file_location("simd_checks", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.CHECKS
+
+
+@pytest.mark.parametrize("check", load_checks(), ids=lambda check: check.__name__)
+def test_here(check: Callable[[], None]):
+    check()
+
+
+@pytest.mark.parametrize(
+    ("processor", "needs", "answer"),
+    [
+        ("x86-64-v4", "avx512f", None),  # LLVM prefers ymm on some; the values are what counts
+        ("x86-64-v3", "avx2", "ymm fma"),
+        ("ivybridge", "avx", "ymm no-fma"),
+        ("x86-64", "sse2", "xmm no-fma"),
+    ],
+)
+def test_on_lesser_processors(processor: str, needs: str, answer: str | None):
+    if platform.machine() not in ("x86_64", "AMD64") or not binding.get_host_cpu_features().get(needs):
+        pytest.skip(f"this processor has no {needs}")
+    told = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
+    run = subprocess.run(
+        [sys.executable, SCRIPT], env=os.environ | told, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    assert answer is None or run.stdout.strip() == answer
+
+
+def test_other_types_are_refused():
+    @numba.njit
+    def wrong(x: float) -> None:
+        simd.minimum(x, x)
+
+    with pytest.raises(numba.TypingError, match="expected float32x16 in every place"):
+        wrong(1.0)
+
+
+def test_a_tuple_of_other_length_is_refused():
+    @numba.njit
+    def wrong() -> None:
+        v = simd.broadcast(1.0)
+        simd.lane_sums((v, v))
+
+    with pytest.raises(numba.TypingError, match="expected a tuple of 16 float32x16"):
+        wrong()
