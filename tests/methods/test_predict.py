@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a method gives is checked where it is written, before it is taken for a prediction."""
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard import methods
+
+LIGHT = gc.PointLight("lamp", (0, 0, 0), (1, 1, 1))
+
+
+def make(**changes: object) -> SimpleNamespace:
+    """A decomposition that provides a flat base colour, with some members changed."""
+    members: dict[str, object] = {
+        "provides": frozenset({"base_color"}),
+        "render": lambda camera, layers: {"base_color": np.full((camera.height, camera.width, 3), 0.5)},
+        "lights": lambda: None,
+        "save": lambda folder: None,
+    }
+    return SimpleNamespace(**(members | changes))
+
+
+def write(scene: Path, folder: Path, decomposition: object) -> gc.Predictions:
+    capture = gc.open_capture(scene / "capture")
+    methods.write_predictions(decomposition, capture, "mine", folder, gc.silent)  # pyright: ignore
+    return gc.open_predictions(folder)
+
+
+def test_what_follows_the_contract_is_written(make_scene: Callable[..., Path], tmp_path: Path):
+    found = write(make_scene(), tmp_path / "p", make(lights=lambda: [LIGHT]))
+    assert found.is_whole()
+    assert found.lights() == (LIGHT,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"provides": frozenset()}, "to provide a layer, got none"),
+        ({"provides": frozenset({"albdo"})}, "did you mean 'albedo'"),
+        ({"render": lambda camera, layers: {}}, r"expected the layers \['base_color'\] of view .*, got \[\]"),
+        ({"render": lambda camera, layers: 42}, r"expected the layers \['base_color'\] of view .*, got 42"),
+        ({"render": lambda camera, layers: {"base_color": np.zeros((3, 3))}}, "as real numbers of shape"),
+        (
+            {"render": lambda camera, layers: {"base_color": np.zeros((24, 28, 3), complex)}},
+            "got complex128 of shape",
+        ),
+        ({"lights": lambda: LIGHT}, "expected lights as a sequence of graycard lights or None"),
+        ({"lights": lambda: [{"type": "point"}]}, "expected lights as a sequence of graycard lights or None"),
+    ],
+)
+def test_what_does_not_is_named(
+    make_scene: Callable[..., Path], tmp_path: Path, changes: dict[str, object], message: str
+):
+    with pytest.raises(gc.GraycardError, match=message):
+        write(make_scene(), tmp_path / "p", make(**changes))
+    assert not (tmp_path / "p" / "predictions.json").exists()
+
+
+def test_a_fit_must_give_a_decomposition(make_scene: Callable[..., Path], tmp_path: Path):
+    with pytest.raises(gc.MethodError, match="expected fit of 'mine' to give a decomposition, got None"):
+        write(make_scene(), tmp_path / "p", None)
