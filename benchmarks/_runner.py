@@ -62,7 +62,7 @@ J = TypeVar("J")
 
 
 class RunError(GraycardError):
-    """A bench cannot go on: a scene could not be rendered."""
+    """A bench cannot go on: a scene was not rendered, or the run folder is of another suite."""
 
 
 def run_bench(
@@ -89,7 +89,7 @@ def run_bench(
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: A method does not load, or does not take its settings.
-        RunError: A scene could not be rendered, or the folder holds a run of another suite.
+        RunError: A scene could not be rendered, the folder holds a run of another suite, or ``jobs`` < 1.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     if jobs < 1:

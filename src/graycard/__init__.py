@@ -63,7 +63,6 @@ from graycard._lights import PointLight as PointLight
 from graycard._lights import RectangleLight as RectangleLight
 from graycard._lights import SphereLight as SphereLight
 from graycard._lights import SpotLight as SpotLight
-from graycard._lights import is_local as is_local
 from graycard._lights import light_from_json as light_from_json
 from graycard._lights import light_to_json as light_to_json
 from graycard._lights import world_position as world_position

@@ -70,7 +70,7 @@ def _union() -> Any:
     members = tuple(
         Annotated[cls, tyro.conf.subcommand(name, prefix_name=False)] for name, cls in COMMANDS.items()
     )
-    return Union[members]  # pyright: ignore  # noqa: UP007
+    return Union[members]  # pyright: ignore[reportInvalidTypeArguments]  # noqa: UP007 -- built at run time
 
 
 if __name__ == "__main__":

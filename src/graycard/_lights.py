@@ -134,11 +134,6 @@ _TYPES: dict[str, type[Light]] = {
 }
 
 
-def is_local(light: Light) -> bool:
-    """Whether a light has a place in the scene (an environment has none)."""
-    return not isinstance(light, EnvironmentLight)
-
-
 def world_position(light: LocalLight, camera: Camera) -> np.ndarray:
     """Where a light is in the world while ``camera`` looks, shape ``(3,)``, metres."""
     local = np.array(light.position, dtype=np.float64)
