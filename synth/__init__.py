@@ -13,6 +13,7 @@ from graycard.synth._family import Family as Family
 from graycard.synth._render import find_scene as find_scene
 from graycard.synth._render import render_scene as render_scene
 from graycard.synth._scene import Ball as Ball
+from graycard.synth._scene import Conductor as Conductor
 from graycard.synth._scene import Glossy as Glossy
 from graycard.synth._scene import LambertGGX as LambertGGX
 from graycard.synth._scene import Matte as Matte

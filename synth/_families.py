@@ -67,6 +67,12 @@ def describe(spec: SceneSpec) -> str:
         RecordError: A knob is unknown, of another type, or out of its range.
     """
     title = family_of(spec).title
-    changed = ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in sorted(spec.knobs.items()))
+    changed = ", ".join(
+        f"{name.replace('_', ' ')} {_said(value)}" for name, value in sorted(spec.knobs.items())
+    )
     tail = f"; {changed}" if changed else ""
     return f"{title[0].upper()}{title[1:]} (seed {spec.seed}{tail})"
+
+
+def _said(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}"

@@ -31,6 +31,16 @@ def knob(default: float, low: float, high: float) -> Any:
     return dataclasses.field(default=default, metadata={"range": (low, high)})
 
 
+def count(default: int, low: int, high: int) -> Any:
+    """A dataclass field for a whole number in ``[low, high]``."""
+    return dataclasses.field(default=default, metadata={"range": (low, high)})
+
+
+def choice(default: str, *others: str) -> Any:
+    """A dataclass field for one of several words."""
+    return dataclasses.field(default=default, metadata={"words": (default, *others)})
+
+
 def check_knobs(family: Any) -> None:
     """Hold each knob against its range.
 
@@ -38,8 +48,13 @@ def check_knobs(family: Any) -> None:
         ValueError: One lies outside.
     """
     for field in dataclasses.fields(family):
-        low, high = field.metadata["range"]
         value = getattr(family, field.name)
+        if "words" in field.metadata:
+            words = field.metadata["words"]
+            if value not in words:
+                raise ValueError(f"expected {field.name} to be one of {', '.join(words)}, got {value!r}")
+            continue
+        low, high = field.metadata["range"]
         if not low <= value <= high:
             raise ValueError(f"expected {field.name} in [{low}, {high}], got {value}")
 

@@ -3,15 +3,17 @@
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 import graycard as gc
-from graycard.synth._lambert_ggx import register
+from graycard.synth._lambert_ggx import MIN_ALPHA, register
 from graycard.synth._mesh import Mesh
 from graycard.synth._scene import (
     Ball,
     Color,
+    Conductor,
     Glossy,
     LambertGGX,
     Material,
@@ -21,6 +23,7 @@ from graycard.synth._scene import (
     Texture,
     Thing,
 )
+from graycard.synth._variant import SCALAR
 
 _SKY_TO_WORLD = [[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Mitsuba's environment has its pole at +y and its seam at -z; in the world these are +z and +x."""
@@ -58,6 +61,22 @@ def load(content: dict[str, Any]) -> Any:
 def shape_key(number: int) -> str:
     """The id that a thing's shape has in Mitsuba."""
     return f"thing-{number}"
+
+
+def object_ids(shape_index: np.ndarray, loaded: mi.Scene, scene: Scene) -> np.ndarray:
+    """Our ids, uint32, from Mitsuba's indices of shapes, which depend on what else was loaded before."""
+    numbers = {shape_key(n): n for n in range(1, len(scene.things) + 1)}
+    ids = np.zeros(shape_index.shape, dtype=np.uint32)
+    for order, shape in enumerate(loaded.shapes(), start=1):
+        ids[shape_index == _registered(shape, order)] = numbers[shape.id()]
+    return ids
+
+
+def _registered(shape: Any, order: int) -> int:
+    if mi.variant() == SCALAR:
+        return order
+    index: Any = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))
+    return int(index[0])
 
 
 def sensor(camera: gc.Camera, samples: int) -> mi.Sensor:
@@ -143,6 +162,15 @@ def _bsdf(material: Material) -> dict[str, Any]:
         case LambertGGX(color, roughness, metallic):
             content = {"base_color": _color(color), "roughness": roughness, "metallic": metallic}
             return {"type": register(), **content}
+        case Conductor(eta, k, roughness):
+            alpha = max(roughness**2, MIN_ALPHA)
+            return {
+                "type": "roughconductor",
+                "distribution": "ggx",
+                "alpha": alpha,
+                "eta": _rgb(eta),
+                "k": _rgb(k),
+            }
 
 
 def _color(color: Color) -> dict[str, Any]:

@@ -5,7 +5,8 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
-from graycard.synth._mitsuba import centre_sensor, load
+from graycard.synth._mitsuba import centre_sensor, load, object_ids
+from graycard.synth._scene import Conductor, Scene
 
 GRID = 4
 """Points along the side of a pixel that are looked at."""
@@ -14,7 +15,7 @@ COLOR_RANGE = 0.05
 """Most that the base colour may vary within a pure pixel, in any channel."""
 
 
-def pure_pixels(loaded: mi.Scene, camera: gc.Camera) -> np.ndarray:
+def pure_pixels(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> np.ndarray:
     """Where a regular grid of points in the pixel sees one object and nearly one base colour.
 
     There a mean over the pixel and a value at its centre may be compared, and the mean of albedo times
@@ -24,10 +25,21 @@ def pure_pixels(loaded: mi.Scene, camera: gc.Camera) -> np.ndarray:
         Shape ``(H, W)``, float32, 1 where it is so, else 0.
     """
     values = _fine(loaded, camera)
+    ids = object_ids(values[..., 3], loaded, scene)
+    color = np.where(_one_colored(scene)[ids][..., None], 0, values[..., :3])
+    values = np.concatenate([color, ids[..., None]], axis=-1)
     low, high = values.min(axis=(1, 3)), values.max(axis=(1, 3))
     one_object = low[..., 3] == high[..., 3]
     one_color = (high - low)[..., :3].max(axis=-1) <= COLOR_RANGE
     return (one_object & one_color).astype(np.float32)
+
+
+def _one_colored(scene: Scene) -> np.ndarray:
+    """For each object id, whether it has one colour, whatever the renderer says of it: bool.
+
+    Of a conductor Mitsuba gives a value of its lobe towards the camera in the place of a colour.
+    """
+    return np.array([False, *(isinstance(thing.material, Conductor) for thing in scene.things)])
 
 
 def _fine(loaded: mi.Scene, camera: gc.Camera) -> np.ndarray:

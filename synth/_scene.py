@@ -57,7 +57,38 @@ class LambertGGX:
     metallic: float = 0.0
 
 
-Material = Matte | Glossy | LambertGGX
+@dataclass(frozen=True, slots=True)
+class Conductor:
+    """A rough metal with the measured, complex refractive index ``eta + i k`` of each channel.
+
+    Outside the material that inverse renderers assume: its reflectance follows Fresnel's equations for
+    conductors. GGX alpha = roughness squared.
+    """
+
+    eta: Vector
+    k: Vector
+    roughness: float
+
+    @property
+    def f0(self) -> Vector:
+        """Reflectance at normal incidence (Fresnel): ``((eta - 1)² + k²) / ((eta + 1)² + k²)``."""
+        pairs = zip(self.eta, self.k, strict=True)
+        r, g, b = (((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2) for n, k in pairs)
+        return r, g, b
+
+
+Material = Matte | Glossy | LambertGGX | Conductor
+
+MATERIALS = ("lambert-ggx", "principled")
+"""What surfaces that shine are made of: the papers' own material, or Disney's, which is none of theirs."""
+
+
+def polished(kind: str, color: Color, roughness: float, metallic: float = 0.0) -> Material:
+    """A surface that shines, of one of the :data:`MATERIALS`."""
+    if kind == "principled":
+        return Glossy(color, roughness, metallic)
+    return LambertGGX(color, roughness, metallic)
+
 
 BLACK = Matte((0.0, 0.0, 0.0))
 """The surface of a light: it emits and reflects nothing, so its base colour is exactly 0."""

@@ -3,13 +3,12 @@
 
 from typing import Any
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 import graycard as gc
 from graycard.synth._material_layers import material_layers
-from graycard.synth._mitsuba import centre_sensor, load, load_scene, sensor, shape_key
+from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
 from graycard.synth._separation import separated_radiance
@@ -40,7 +39,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
     layers = {**_light_layers(whole, scene, camera, seeds, settings), **surface_layers(whole, scene, camera)}
-    layers["pure"] = pure_pixels(whole, camera)
+    layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= visibility_layers(whole, scene, camera, _seed_of(seed, number, SUB_BUFFERS))
     if scene.target:
@@ -95,7 +94,6 @@ def surface_layers(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> dict[st
     seen = ids > 0
     from_camera = position - camera.position
     surface = {
-        "base_color": color,
         "normal": _facing(shading, geometric, camera),
         "position": position,
         **material_layers(scene, ids, color),
@@ -116,22 +114,6 @@ def _where_seen(seen: np.ndarray, values: np.ndarray, otherwise: float) -> np.nd
 def _image(loaded: mi.Scene, eye: mi.Sensor, integrator: mi.Integrator, **options: Any) -> np.ndarray:
     """One rendered image of shape ``(H, W, channels)``, float64."""
     return np.array(mi.render(loaded, sensor=eye, integrator=integrator, **options), dtype=np.float64)
-
-
-def object_ids(shape_index: np.ndarray, loaded: mi.Scene, scene: Scene) -> np.ndarray:
-    """Our ids, uint32, from Mitsuba's indices of shapes, which depend on what else was loaded before."""
-    numbers = {shape_key(n): n for n in range(1, len(scene.things) + 1)}
-    ids = np.zeros(shape_index.shape, dtype=np.uint32)
-    for order, shape in enumerate(loaded.shapes(), start=1):
-        ids[shape_index == _registered(shape, order)] = numbers[shape.id()]
-    return ids
-
-
-def _registered(shape: Any, order: int) -> int:
-    if mi.variant() == SCALAR:
-        return order
-    index: Any = dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))
-    return int(index[0])
 
 
 def _facing(shading: np.ndarray, geometric: np.ndarray, camera: gc.Camera) -> np.ndarray:

@@ -33,6 +33,17 @@ def _rgb(name: str, unit: str, meaning: str) -> Layer:
     return Layer(name, RGB, unit, meaning)
 
 
+def _mask(name: str, meaning: str) -> Layer:
+    return Layer(name, ("Y",), "1", f"1 where {meaning}, else 0")
+
+
+_ESTIMATES = {
+    "var": ("({unit})²", "variance of the mean of {stem}"),
+    "half_a": ("{unit}", "{stem} from one half of its samples"),
+    "half_b": ("{unit}", "{stem} from the other half of its samples"),
+}
+"""What a last part of a name adds to any layer: its unit and its meaning."""
+
 _TABLE = (
     _rgb("radiance", RADIANCE, "light that arrives at the camera, averaged over the pixel (box filter)"),
     _rgb("base_color", "1", "colour parameter of the material, whatever its metallic share"),
@@ -51,7 +62,14 @@ _TABLE = (
     Layer("object_id", ("ID",), "index", "which object is seen; 0 where there is none", "uint32"),
     Layer("pure", ("Y",), "1", "1 where the pixel shows one object of nearly one base colour, else 0"),
     _rgb("shading", RADIANCE, "radiance divided by albedo for a Lambertian surface: irradiance / pi"),
-    _rgb("irradiance.<light>", "W/m²", "light of one source that arrives at the surface"),
+    _rgb(
+        "irradiance.<light>",
+        "W/m²",
+        "light of one source that arrives at the surface, bounced light included",
+    ),
+    _rgb(
+        "direct.irradiance.<light>", "W/m²", "share of irradiance.<light> that comes straight from the source"
+    ),
     _rgb("radiance.<light>", RADIANCE, "share of one source in the radiance"),
     Layer("visibility.<light>", ("Y",), "1", "share of the irradiance from one source that nothing blocks"),
     _rgb("direct.diffuse", RADIANCE, "one bounce, diffuse lobe"),
@@ -64,6 +82,17 @@ _TABLE = (
     _rgb("indirect.diffuse.<light>", RADIANCE, "share of one source in indirect.diffuse"),
     _rgb("indirect.specular.<light>", RADIANCE, "share of one source in indirect.specular"),
     _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
+    _mask(
+        "effect.untouched",
+        "no light path that was traced meets the target: both pictures are equal to the bit",
+    ),
+    _mask("effect.footprint", "the target itself is seen, in the whole pixel or in a part of it"),
+    _mask("effect.shadow", "the target takes direct light away from what is seen"),
+    _mask("effect.mirror", "the target is seen by reflection in what is seen"),
+    _mask(
+        "effect.bleeding",
+        "light that the target scatters reaches what is seen and is scattered diffusely there",
+    ),
 )
 _BY_NAME = {layer.name: layer for layer in _TABLE}
 
@@ -76,7 +105,9 @@ def layers() -> tuple[Layer, ...]:
 def layer(name: str) -> Layer:
     """The layer of a name, as in ``"base_color"``, ``"visibility.lamp"`` or ``"radiance.var"``.
 
-    ``<layer>.var`` is the variance of the mean, in the unit of the layer squared.
+    ``<layer>.var`` is the variance of the mean, in the unit of the layer squared; ``<layer>.half_a`` and
+    ``<layer>.half_b`` are the means of two independent halves of its samples, whose product with a
+    prediction's error is free of the truth's own noise.
 
     Raises:
         UnknownNameError: There is no such layer.
@@ -84,9 +115,9 @@ def layer(name: str) -> Layer:
     if name in _BY_NAME:
         return _BY_NAME[name]
     stem, _, tail = name.rpartition(".")
-    if tail == "var":
-        of = layer(stem)
-        return Layer(name, of.channels, f"({of.unit})²", f"variance of the mean of {stem}")
+    if tail in _ESTIMATES:
+        of, (unit, meaning) = layer(stem), _ESTIMATES[tail]
+        return Layer(name, of.channels, unit.format(unit=of.unit), meaning.format(stem=stem))
     if tail and f"{stem}.<light>" in _BY_NAME:
         per_light = _BY_NAME[f"{stem}.<light>"]
         return Layer(name, per_light.channels, per_light.unit, f"{per_light.meaning} ({tail})")

@@ -54,7 +54,8 @@ def surfaces(scene: Scene) -> dict[str, np.ndarray]:
 def pure(scene: Scene) -> np.ndarray:
     from graycard.synth._purity import pure_pixels
 
-    return pure_pixels(*loaded(scene))
+    made, camera = loaded(scene)
+    return pure_pixels(made, scene, camera)
 
 
 def visibility(scene: Scene, **options: int) -> dict[str, np.ndarray]:
