@@ -54,7 +54,7 @@ def _register(variant: str) -> Any:
     return made
 
 
-def _initialise(self: Any, properties: mi.Properties) -> None:
+def _initialise(self: Any, properties: Any) -> None:
     mi.Emitter.__init__(self, properties)
     self.position = mi.ScalarPoint3f(properties["position"])
     self.lobes = [

@@ -41,8 +41,9 @@ def leaf(length: float, width: float, rise: float, droop: float) -> Mesh:
         droop: What the slope has lost at the tip.
     """
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 17), np.linspace(0, 1, 17), indexing="ij")
-    broad = 0.5 * width * np.sin(np.pi * along**0.8) ** 0.9 + 0.012 * width * (1 - along)
-    thick = 0.05 * width * np.sin(np.pi * np.clip(along, 0.02, 0.98)) ** 0.5
+    end = along < 1  # where sin(pi) is not quite 0
+    broad = 0.5 * width * (np.sin(np.pi * along**0.8) * end) ** 0.9
+    thick = 0.05 * width * (np.sin(np.pi * along) * end) ** 0.5
     across = broad * np.cos(around)
     fold = 0.9 * across**2 / width
     height = length * (rise * along - 0.5 * droop * along**2) + fold + thick * np.sin(around)
@@ -90,7 +91,7 @@ def _comb(radius: float) -> Mesh:
     """A ridge over the dome from the brow to the neck."""
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, 17), np.linspace(0, 1, 33), indexing="ij")
     angle = np.pi * (0.12 + 0.76 * along)
-    taper = np.sin(np.pi * along) ** 0.6 + 1e-3
+    taper = (np.sin(np.pi * along) * (along < 1)) ** 0.6
     reach = radius * (0.95 + 0.12 * taper * (1 + np.sin(around)))
     x = 0.06 * radius * taper * np.cos(around)
     y, z = -1.12 * reach * np.cos(angle), 0.16 * radius + reach * np.sin(angle)
