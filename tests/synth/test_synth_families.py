@@ -170,14 +170,3 @@ def test_the_target_is_the_vase() -> None:
     assert build("studio").target_id is None
     with pytest.raises(ValueError, match="expected a thing of the scene, got 'cup'"):
         scene.id_of("cup")
-
-
-@pytest.mark.parametrize("light", ["softbox", "bulb", "spot", "point"])
-def test_studio_knobs_scale_their_lights(light: str) -> None:
-    def strength(scene: Scene) -> np.ndarray:
-        found = next(x for x in scene.lights if x.name == light)
-        assert not isinstance(found, gc.EnvironmentLight)
-        return found.axial_intensity
-
-    brighter = family_of(SceneSpec("multilight", "studio", 0, {light: 2.0})).build(0, SETTINGS)
-    np.testing.assert_allclose(strength(brighter), 2 * strength(build("studio")))
