@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tables: objects that stand and do not touch, knobs that do what they say, metals as measured."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ POLISHED = tuple(name for name in TABLES if name != "matte-table")
 SHINING = Glossy | LambertGGX
 
 
+@cache
 def build(name: str, seed: int = 1000, **knobs: Any) -> Scene:
     return family_of(SceneSpec("tabletop", name, seed, knobs)).build(seed, SETTINGS)
 
@@ -60,7 +62,7 @@ def table_of(scene: Scene) -> Thing:
 
 
 @pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize("seed", [1000, 1001, 1002, 1003])
+@pytest.mark.parametrize("seed", [1000, 1001])
 @pytest.mark.parametrize("knobs", [{}, {"objects": 5, "occlusion": 1.0, "target_size": 1.6}])
 def test_objects_stand_on_the_surface_and_do_not_touch(name: str, seed: int, knobs: dict[str, Any]) -> None:
     family = family_of(SceneSpec("tabletop", name, seed, knobs))
@@ -104,7 +106,7 @@ def test_more_objects_leave_those_that_were_there() -> None:
 
 
 def test_seeds_vary_target_and_company() -> None:
-    found = [pieces(build("glossy-table", seed)) for seed in range(1000, 1012)]
+    found = [pieces(build("glossy-table", seed)) for seed in range(1000, 1008)]
     assert len({things[0].name for things in found}) == 4
     assert len({thing.name for things in found for thing in things[1:]}) == 8
 
@@ -118,7 +120,7 @@ def test_the_size_of_the_target_is_its_own(name: str) -> None:
 
 @pytest.mark.parametrize(("occlusion", "before"), [(0.0, 0), (0.5, 2), (1.0, 4)])
 def test_occlusion_puts_objects_between_the_cameras_and_the_target(occlusion: float, before: int) -> None:
-    for seed in range(1000, 1006):
+    for seed in range(1000, 1004):
         scene = build("glossy-table", seed, objects=5, occlusion=occlusion)
         target, *others = pieces(scene)
         towards = np.mean([view.camera.position[:2] for view in scene.views], axis=0)
@@ -145,7 +147,7 @@ def test_the_surface_is_as_glossy_as_its_knobs_say(name: str) -> None:
 
 
 def test_nothing_on_a_matte_table_shines() -> None:
-    for seed in range(1000, 1006):
+    for seed in range(1000, 1004):
         assert all(isinstance(thing.material, Matte) for thing in build("matte-table", seed).things)
         scene = build("glossy-table", seed)
         shining = [thing.name for thing in pieces(scene) if isinstance(thing.material, SHINING)]
