@@ -7,7 +7,7 @@ contribution under the light that it comes from, under the lobe that the camera'
 under direct (one bounce) or indirect (more). Kernels over whole images: ``llvm_ad_rgb`` only.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -76,8 +76,12 @@ def separated_radiance(
         the parts of all lights add up to ``radiance``.
     """
     images = separated_images(loaded, camera, seeds, settings)
+    return named_layers(images, part_names(loaded, scene))
+
+
+def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """The layers of :func:`separated_radiance` from the tracer's images and the names of its parts."""
     parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
-    names = part_names(loaded, scene)
     return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
 
