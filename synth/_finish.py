@@ -1,24 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows from the rendered views: the capture, the index files, and the seals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import graycard as gc
+from graycard.synth._light_edits import Edit
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
 from graycard.synth._store import Place, view_file
 
 
-def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
-    """Derive everything else in a partial folder from its views, and seal it: truth last.
+def finish(place: Place, scene: Scene, edits: Sequence[Edit], stamp: Mapping[str, Any]) -> None:
+    """Derive everything else in a partial folder from its pictures, and seal it: truth last.
 
     Args:
-        place: Where the scene is made; all views are there.
+        place: Where the scene is made; all pictures are there.
         scene: What was rendered.
+        edits: Changes of its lights that were rendered.
         stamp: What it was made from, with the renderer's variant.
     """
     root = place.partial
@@ -35,10 +37,13 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
         _diameter(root, scene),
         scene.objects(),
         scene.target_id,
+        tuple(edit.record for edit in edits),
     )
     gc.write_index(root / "capture", capture)
     gc.write_index(root / "truth", truth)
     _write_lights(root / "truth", scene)
+    for edit in edits:
+        _write_lights(root / "truth" / edit.record.folder, edit.scene)
     _seal(place, stamp)
 
 
@@ -48,7 +53,7 @@ def _write_photographs(root: Path, scene: Scene) -> float:
     for view in scene.views:
         if view.split != "train":
             continue
-        layers = gc.read_layers(view_file(root, view.name))
+        layers = gc.read_layers(root / "truth" / view_file(view.name))
         photographs.append(layers["radiance"])
         gc.write_rgb(root / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
         if scene.target_id is not None:
@@ -68,7 +73,7 @@ def _diameter(root: Path, scene: Scene) -> float:
     """Diagonal of the box around the cameras and all points that they see, metres."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for view in scene.views:
-        depth = gc.read_layers(view_file(root, view.name))["depth"].astype(np.float64)
+        depth = gc.read_layers(root / "truth" / view_file(view.name))["depth"].astype(np.float64)
         rays = view.camera.rays()
         seen = np.isfinite(depth)
         distance = depth[seen] / (rays[seen] @ view.camera.forward)

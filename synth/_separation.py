@@ -22,7 +22,9 @@ from graycard.synth._spec import RenderSettings
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of one source is split into."""
 
-_TOTAL, _EMITTED, _FIRST_PART = 0, 1, 2
+_TOTAL, _EMITTED, FIRST_PART = 0, 1, 2
+"""Where in an image the total, what the camera sees of the sources, and the parts of the lights are."""
+
 _ROULETTE_DEPTH = 5
 """Mitsuba's own default."""
 
@@ -68,15 +70,39 @@ def separated_radiance(
         settings: Samples in all, and depth of the light paths.
 
     Returns:
-        Layers ``radiance``, ``radiance.var``, ``emitted`` (light of sources that the camera sees) and
+        Those of :func:`estimate` for ``radiance``, ``emitted`` (light of sources that the camera sees) and
         ``<part>.<light>`` for each of :data:`PARTS`; each ``(H, W, 3)``, float32, W/m²/sr. ``emitted`` and
         the parts of all lights add up to ``radiance``.
     """
-    images = separated_images(loaded, camera, seeds, settings)
-    mean = images.mean(axis=0).astype(np.float32)
-    variance = images[:, _TOTAL].var(axis=0, ddof=1) / len(seeds)
-    layers = {"radiance": mean[_TOTAL], "radiance.var": variance.astype(np.float32)}
-    return layers | dict(zip(part_names(loaded, scene), mean[_EMITTED:], strict=True))
+    return separated_layers(loaded, scene, separated_images(loaded, camera, seeds, settings))
+
+
+def separated_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
+    """The layers of :func:`separated_radiance` from images that are there already."""
+    parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
+    names = part_names(loaded, scene)
+    return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
+
+
+def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
+    """What independent images tell of a layer.
+
+    Args:
+        name: Of the layer.
+        images: Shape ``(images, H, W, 3)``, an even number.
+
+    Returns:
+        The mean ``<name>``; ``<name>.var``, the unbiased variance of this mean, ``Var(images) / n``, whatever
+        the sampler does inside one image; and ``<name>.half_a``, ``<name>.half_b``, the means of either half.
+    """
+    half = len(images) // 2
+    layers = {
+        name: images.mean(axis=0),
+        f"{name}.var": images.var(axis=0, ddof=1) / len(images),
+        f"{name}.half_a": images[:half].mean(axis=0),
+        f"{name}.half_b": images[half:].mean(axis=0),
+    }
+    return {name: values.astype(np.float32) for name, values in layers.items()}
 
 
 def shading(
@@ -150,13 +176,25 @@ def separated_images(
 def _image(
     loaded: mi.Scene, eye: mi.Sensor, seed: int, max_depth: int, rays: PrimaryRays, response: Response
 ) -> np.ndarray:
+    sampler, samples = seeded_sampler(eye, seed)
+    ray = rays(eye, sampler, samples)
+    sums = _trace(loaded, sampler, ray, list(loaded.emitters()), max_depth, response)
+    return pixel_means(sums, eye, samples)
+
+
+def seeded_sampler(eye: mi.Sensor, seed: int) -> tuple[Any, int]:
+    """The sampler of all pixels at once, and its number of samples per pixel."""
     width, height = (int(v) for v in eye.film().crop_size())
     sampler: Any = eye.sampler().clone()
     samples = sampler.sample_count()
     sampler.set_samples_per_wavefront(samples)
     sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
-    ray = rays(eye, sampler, samples)
-    sums = _trace(loaded, sampler, ray, list(loaded.emitters()), max_depth, response)
+    return sampler, samples
+
+
+def pixel_means(sums: list[Any], eye: mi.Sensor, samples: int) -> np.ndarray:
+    """Colours of all samples to means over the pixels, ``(colours, H, W, 3)``, float64."""
+    width, height = (int(v) for v in eye.film().crop_size())
     dr.eval(sums)  # one kernel for all channels: unevaluated, each sum below would trace all paths anew
     # sums of neighbours in a fixed order; scattering into pixels would add in the order of the threads
     pixels = [np.array(dr.block_sum(channel, samples)) for color in sums for channel in color]
@@ -167,7 +205,7 @@ def _image(
 @dr.syntax
 def _trace(scene, sampler, ray, emitters, max_depth: int, response):
     """Light along each ray: total, emitted, and :data:`PARTS` of each emitter, as ``Color3f``."""
-    sums = [mi.Color3f(0) for _ in range(_FIRST_PART + len(PARTS) * len(emitters))]
+    sums = [mi.Color3f(0) for _ in range(FIRST_PART + len(PARTS) * len(emitters))]
     ray, depth, active = mi.Ray3f(ray), mi.UInt32(0), mi.Bool(True)
     throughput, diffuse_share = mi.Color3f(1), mi.Color3f(1)
     before, density, delta = dr.zeros(mi.Interaction3f), mi.Float(1), mi.Bool(True)
@@ -224,7 +262,7 @@ def _book(sums: list[Any], emitters: list[Any], light: Any, value: Any, diffuse:
     sums[_TOTAL] = sums[_TOTAL] + value
     sums[_EMITTED] = sums[_EMITTED] + dr.select(bounces == 0, value, 0)
     for k, emitter in enumerate(emitters):
-        place = _FIRST_PART + len(PARTS) * k
+        place = FIRST_PART + len(PARTS) * k
         mine = light == mi.EmitterPtr(emitter)
         for at, is_meant in ((place, bounces == 1), (place + 2, bounces > 1)):
             sums[at] = sums[at] + dr.select(mine & is_meant, diffuse, 0)

@@ -31,6 +31,8 @@ class RenderSettings:
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only."""
+    relighting: bool = True
+    """Whether the held-out views are made under changed lights too."""
 
     def __post_init__(self) -> None:
         for name, low in (

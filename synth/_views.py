@@ -11,7 +11,7 @@ from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import separated_radiance
+from graycard.synth._separation import estimate, separated_images, separated_layers
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 from graycard.synth._visibility import visibility_layers
@@ -20,7 +20,9 @@ _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
 
 
-def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+def render_view(
+    scene: Scene, number: int, seed: int, settings: RenderSettings, images: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
@@ -31,6 +33,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
         number: Index of the view in ``scene.views``.
         seed: Of the scene.
         settings: Samples and depth of the light paths.
+        images: Those of :func:`light_images`, where they are there already.
 
     Returns:
         Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.layers`.
@@ -38,25 +41,36 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    layers = {**_light_layers(whole, scene, camera, seeds, settings), **surface_layers(whole, scene, camera)}
+    if images is None:
+        images = light_images(whole, camera, seeds, settings)
+    layers = {**light_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= visibility_layers(whole, scene, camera, _seed_of(seed, number, SUB_BUFFERS))
     if scene.target:
         emptied = load_scene(scene, camera, without=scene.target)
-        found = _light_layers(emptied, scene, camera, seeds, settings)
-        layers |= {f"counterfactual.{name}": found[name] for name in ("radiance", "radiance.var")}
+        found = light_layers(emptied, scene, light_images(emptied, camera, seeds, settings))
+        layers |= {f"counterfactual.{name}": v for name, v in found.items() if name.startswith("radiance")}
     return layers
 
 
-def _light_layers(
-    loaded: mi.Scene, scene: Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
-) -> dict[str, np.ndarray]:
-    """The radiance and its variance, with its parts where the variant can tell them apart."""
+def light_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> np.ndarray:
+    """Independent images of a view, ``(images, channels, H, W, 3)``, float64; channel 0 is the radiance.
+
+    The others are its parts, where the variant can tell them apart.
+    """
     if mi.variant() != SCALAR:
-        return separated_radiance(loaded, scene, camera, seeds, settings)
-    mean, variance = radiance(loaded, camera, seeds, settings)
-    return {"radiance": mean, "radiance.var": variance}
+        return separated_images(loaded, camera, seeds, settings)
+    return radiance_images(loaded, camera, seeds, settings)[:, None]
+
+
+def light_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
+    """The radiance with what is known of its noise, and its parts if there are some."""
+    return (
+        separated_layers(loaded, scene, images) if images.shape[1] > 1 else estimate("radiance", images[:, 0])
+    )
 
 
 def sub_buffer_seeds(seed: int, view: int) -> list[int]:
@@ -71,17 +85,19 @@ def _seed_of(seed: int, view: int, number: int) -> int:
 def radiance(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32.
+    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32, by ``path``."""
+    layers = estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+    return layers["radiance"], layers["radiance.var"]
 
-    The mean is over independent images, so their spread gives an unbiased variance whatever the sampler
-    does inside one image: ``Var(mean) = Var(images) / n``.
-    """
+
+def radiance_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> np.ndarray:
+    """Independent images of the radiance of a view by Mitsuba's ``path``, ``(images, H, W, 3)``, float64."""
     share = settings.samples // len(seeds)
     integrator = load({"type": "path", "max_depth": settings.max_depth, "block_size": _BLOCK})
     eye = sensor(camera, share)
-    images = np.stack([_image(loaded, eye, integrator, spp=share, seed=one) for one in seeds])
-    mean, variance = images.mean(axis=0), images.var(axis=0, ddof=1) / len(seeds)
-    return mean.astype(np.float32), variance.astype(np.float32)
+    return np.stack([_image(loaded, eye, integrator, spp=share, seed=one) for one in seeds])
 
 
 def surface_layers(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:

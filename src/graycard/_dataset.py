@@ -3,6 +3,7 @@
 
 DATASET/<track>/<scene>/capture/  manifest.json capture.json photographs/<view>.exr masks/<mask>/<view>.exr
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
+                                  relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from graycard._camera import Camera
+from graycard._edits import LightEdit, find_edit
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
@@ -114,6 +116,8 @@ class Truth:
     """Diagonal of the box around the cameras and what they see, metres: the yardstick of positions."""
     objects: tuple[SceneObject, ...]
     target: int | None = None
+    edits: tuple[LightEdit, ...] = ()
+    """Changes of the lights under which the held-out views are known."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -140,6 +144,34 @@ class Truth:
             DatasetError: The file is missing or broken.
         """
         return read_lights(_file(self.root, "lights.json"))
+
+    def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
+        """A held-out view under changed lights: ``radiance`` with its variance and both its halves.
+
+        Args:
+            edit: Name of one of :attr:`edits`.
+            view: A ``test`` view.
+
+        Returns:
+            Layers by name, each ``(H, W, 3)``, float32.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        found = find_edit(self.edits, edit)
+        if view.split != "test":
+            raise DatasetError(f"expected a held-out view, got {view.name}: only those are relit")
+        return read_layers(_file(self.root, found.view_file(view.name)))
+
+    def relit_lights(self, edit: str) -> tuple[Light, ...]:
+        """The exact lights of an edit; the image of an environment lies beside their file.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: The file is missing or broken.
+        """
+        return read_lights(_file(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
 
     def emitter_ids(self) -> frozenset[int]:
         """Ids of the objects that are surfaces of lights."""
