@@ -37,6 +37,7 @@ def finish(place: Place, scene: Scene, edits: Sequence[Edit], stamp: Mapping[str
         _diameter(root, scene),
         scene.objects(),
         scene.target_id,
+        _noise_ceiling(root, scene, exposure),
         tuple(edit.record for edit in edits),
     )
     gc.write_index(root / "capture", capture)
@@ -67,6 +68,13 @@ def _write_photographs(root: Path, scene: Scene) -> float:
             "others. Turn up one of its light knobs"
         )
     return 1 / brightest
+
+
+def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
+    """PSNR, as displayed, that a noise-free picture of every view would score against the truth, dB."""
+    views = [gc.read_layers(root / "truth" / view_file(view.name)) for view in scene.views]
+    noise = [gc.display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
+    return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
 
 
 def _diameter(root: Path, scene: Scene) -> float:

@@ -22,8 +22,9 @@ from graycard.synth._spec import RenderSettings
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of one source is split into."""
 
-_TOTAL, _EMITTED, FIRST_PART = 0, 1, 2
-"""Where in an image the total, what the camera sees of the sources, and the parts of the lights are."""
+_TOTAL, _EMITTED = 0, 1
+FIRST_PART = 2
+"""Where the parts of the first light begin in the tracer's images, after total and emitted."""
 
 _ROULETTE_DEPTH = 5
 """Mitsuba's own default."""
@@ -103,20 +104,6 @@ def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
         f"{name}.half_b": images[half:].mean(axis=0),
     }
     return {name: values.astype(np.float32) for name, values in layers.items()}
-
-
-def shading(
-    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Irradiance / pi at the pixel centres and the variance of this mean, each ``(H, W, 3)``, W/m²/sr.
-
-    It is the reflected radiance with the camera's own hit made white and Lambertian, all else as it is: a
-    Lambertian surface has reflected radiance = albedo x shading, with the same random numbers to rounding.
-    """
-    images = separated_images(loaded, camera, seeds, settings, centre_rays, white_first)
-    reflected = images[:, _TOTAL] - images[:, _EMITTED]
-    mean, variance = reflected.mean(axis=0), reflected.var(axis=0, ddof=1) / len(seeds)
-    return mean.astype(np.float32), variance.astype(np.float32)
 
 
 def part_names(loaded: mi.Scene, scene: Scene) -> list[str]:

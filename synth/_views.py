@@ -7,6 +7,8 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._albedo import directional_albedo
+from graycard.synth._irradiance import light_layers
 from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
@@ -14,7 +16,9 @@ from graycard.synth._scene import Scene
 from graycard.synth._separation import estimate, separated_images, separated_layers
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
-from graycard.synth._visibility import visibility_layers
+
+_CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
+"""Numbers of the seeds of what is estimated at the pixel centres."""
 
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
@@ -43,15 +47,28 @@ def render_view(
     whole = load_scene(scene, camera)
     if images is None:
         images = light_images(whole, camera, seeds, settings)
-    layers = {**light_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
+    layers = {**picture_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
-        layers |= visibility_layers(whole, scene, camera, _seed_of(seed, number, SUB_BUFFERS))
+        layers |= _centre_layers(
+            whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
+        )
     if scene.target:
         emptied = load_scene(scene, camera, without=scene.target)
-        found = light_layers(emptied, scene, light_images(emptied, camera, seeds, settings))
+        found = picture_layers(emptied, scene, light_images(emptied, camera, seeds, settings))
         layers |= {f"counterfactual.{name}": v for name, v in found.items() if name.startswith("radiance")}
     return layers
+
+
+def _centre_layers(
+    loaded: mi.Scene, scene: Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> dict[str, np.ndarray]:
+    """What light does at the pixel centres: which arrives, which is blocked, which is returned."""
+    first, *others = seeds
+    return {
+        **directional_albedo(loaded, camera, first),
+        **light_layers(loaded, scene, camera, others, settings),
+    }
 
 
 def light_images(
@@ -66,11 +83,11 @@ def light_images(
     return radiance_images(loaded, camera, seeds, settings)[:, None]
 
 
-def light_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
+def picture_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
     """The radiance with what is known of its noise, and its parts if there are some."""
-    return (
-        separated_layers(loaded, scene, images) if images.shape[1] > 1 else estimate("radiance", images[:, 0])
-    )
+    if images.shape[1] > 1:
+        return separated_layers(loaded, scene, images)
+    return estimate("radiance", images[:, 0])
 
 
 def sub_buffer_seeds(seed: int, view: int) -> list[int]:
