@@ -210,6 +210,9 @@ def scaled_light(light: gc.Light, factor: Vector) -> gc.Light:
     match light:
         case gc.PointLight() | gc.SpotLight():
             return replace(light, intensity=_triple(np.array(light.intensity) * factor))
+        case gc.GaussianLight():
+            lobes = [replace(x, amplitude=_triple(np.array(x.amplitude) * factor)) for x in light.lobes]
+            return replace(light, lobes=tuple(lobes))
         case gc.RectangleLight() | gc.SphereLight():
             return replace(light, radiance=_triple(np.array(light.radiance) * factor))
     raise ValueError(f"expected a local light, got {type(light).__name__}")

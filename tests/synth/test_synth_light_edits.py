@@ -188,6 +188,22 @@ def test_the_surface_of_a_moved_light_goes_with_it() -> None:
     assert moved.factors is None
 
 
+def test_each_kind_of_local_light_is_recoloured() -> None:
+    lobes = tuple(gc.SphericalGaussian((0, 0, z), 2.0, (4, 2, 1)) for z in (1.0, -1.0))
+    lights: list[gc.LocalLight] = [
+        gc.PointLight("x", (0, 0, 1), (4, 2, 1)),
+        gc.SpotLight("x", (0, 0, 1), (0, 0, -1), (4, 2, 1), 10, 20),
+        gc.RectangleLight("x", (0, 0, 1), (1, 0, 0), (0, 1, 0), (4, 2, 1)),
+        gc.SphereLight("x", (0, 0, 1), 0.5, (4, 2, 1)),
+        gc.GaussianLight("x", (0, 0, 1), lobes),
+    ]
+    for light in lights:
+        after = scaled_light(light, (0.5, 1.0, 3.0))
+        assert not isinstance(after, gc.EnvironmentLight)
+        np.testing.assert_allclose(after.axial_intensity, light.axial_intensity * (0.5, 1.0, 3.0))
+        assert scaled_light(after, (2.0, 1.0, 1 / 3)) == light
+
+
 def test_an_environment_is_not_scaled_as_if_it_were_local() -> None:
     with pytest.raises(ValueError, match="expected a local light, got EnvironmentLight"):
         scaled_light(gc.EnvironmentLight("e", "environment.exr"), (1, 1, 1))
