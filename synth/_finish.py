@@ -1,29 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows from the rendered views: the capture, the index files, and the seals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import graycard as gc
-from graycard.synth._light_edits import Edit
+from graycard.synth._renderings import Content
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
 from graycard.synth._store import Place, view_file
 
 
-def finish(place: Place, scene: Scene, edits: Sequence[Edit], stamp: Mapping[str, Any]) -> None:
+def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
     """Derive everything else in a partial folder from its pictures, and seal it: truth last.
 
     Args:
         place: Where the scene is made; all pictures are there.
-        scene: What was rendered.
-        edits: Changes of its lights that were rendered.
+        content: What was rendered.
         stamp: What it was made from, with the renderer's variant.
     """
-    root = place.partial
+    root, scene = place.partial, content.scene
     exposure = _write_photographs(root, scene)
     light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
     capture = gc.Capture(
@@ -38,13 +37,15 @@ def finish(place: Place, scene: Scene, edits: Sequence[Edit], stamp: Mapping[str
         scene.objects(),
         scene.target_id,
         _noise_ceiling(root, scene, exposure),
-        tuple(edit.record for edit in edits),
+        tuple(edit.record for edit in content.edits),
     )
     gc.write_index(root / "capture", capture)
     gc.write_index(root / "truth", truth)
     _write_lights(root / "truth", scene)
-    for edit in edits:
+    for edit in content.edits:
         _write_lights(root / "truth" / edit.record.folder, edit.scene)
+    if content.composed is not None:
+        gc.write_json(root / "truth" / "composition" / "composition.json", content.composed.record)
     _seal(place, stamp)
 
 

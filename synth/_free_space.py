@@ -2,12 +2,13 @@
 """Where in a scene there is room for a lamp or an object: boxes around things, and sides of walls."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 import graycard as gc
 from graycard.synth._mesh import Mesh
-from graycard.synth._scene import Ball, Geometry, Quad, Scene, Thing
+from graycard.synth._scene import Ball, Geometry, Quad, Scene
 
 
 def bounds(geometry: Geometry) -> np.ndarray:
@@ -22,31 +23,56 @@ def bounds(geometry: Geometry) -> np.ndarray:
             return np.array(center) + reach * np.array([[-1.0], [1.0]])
 
 
-def is_free(scene: Scene, points: np.ndarray, margin: float, but: Iterable[str] = ()) -> bool:
-    """Whether points have air around them: outside of all solids, and on the shining side of all walls.
+@dataclass(frozen=True, slots=True, eq=False)
+class Obstacles:
+    """What is in the way in a scene: walls, and solids taken for the boxes around them.
 
-    A solid is taken for the box around it, so not all that is free is found; one around all cameras is a
-    room, not a solid.
+    So not all that is free is found. A box around all cameras is a room, and no obstacle.
+    """
+
+    walls: tuple[Quad, ...]
+    boxes: np.ndarray
+    """Least and greatest coordinates of each solid, ``(K, 2, 3)``, metres."""
+
+    def leave_free(self, points: np.ndarray, margin: float) -> bool:
+        """Whether points are outside of all solids, and on the side that is seen of all walls they are over.
+
+        Args:
+            points: Shape ``(N, 3)``, metres.
+            margin: Least distance from boxes and walls, metres.
+        """
+        if any(_behind(wall, points, margin).any() for wall in self.walls):
+            return False
+        low, high = self.boxes[:, None, 0] - margin, self.boxes[:, None, 1] + margin
+        return not _inside(points, low, high).any()
+
+    def touch(self, box: np.ndarray, margin: float) -> bool:
+        """Whether a solid is nearer to a box, ``(2, 3)``, than ``margin`` along each axis."""
+        near = (box[0] < self.boxes[:, 1] + margin) & (box[1] > self.boxes[:, 0] - margin)
+        return bool(near.all(axis=-1).any())
+
+    def hide(self, eye: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Which of ``(N, 3)`` points lie behind a solid for an eye, ``(N,)`` (slabs: Kay and Kajiya 1986)."""
+        way = points - eye
+        way = np.where(np.abs(way) < 1e-12, 1e-12, way)
+        ends = np.sort((self.boxes[:, None] - eye) / way[None, :, None], axis=2)
+        enters, leaves = ends[:, :, 0].max(axis=-1), ends[:, :, 1].min(axis=-1)
+        return (np.maximum(enters, 0) < np.minimum(leaves, 1)).any(axis=0)
+
+
+def obstacles(scene: Scene, but: Iterable[str] = ()) -> Obstacles:
+    """The obstacles of a scene.
 
     Args:
         scene: What is there.
-        points: Shape ``(N, 3)``, metres.
-        margin: Least distance from boxes and walls, metres.
         but: Names of things that do not count.
     """
     left_out = set(but)
-    things = [thing for thing in scene.things if thing.name not in left_out]
-    return not any(_blocks(thing, scene, points, margin) for thing in things)
-
-
-def _blocks(thing: Thing, scene: Scene, points: np.ndarray, margin: float) -> bool:
-    if isinstance(thing.geometry, Quad):
-        return bool(_behind(thing.geometry, points, margin).any())
-    low, high = bounds(thing.geometry)
+    shapes = [thing.geometry for thing in scene.things if thing.name not in left_out]
     eyes = np.array([view.camera.position for view in scene.views])
-    if _inside(eyes, low, high).all():
-        return False
-    return bool(_inside(points, low - margin, high + margin).any())
+    boxes = [bounds(shape) for shape in shapes if not isinstance(shape, Quad)]
+    solid = [box for box in boxes if not _inside(eyes, *box).all()]
+    return Obstacles(tuple(x for x in shapes if isinstance(x, Quad)), np.array(solid).reshape(-1, 2, 3))
 
 
 def _inside(points: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -70,10 +96,11 @@ def is_seen(views: Iterable[gc.View], points: np.ndarray, border: float = 0.03) 
         points: Shape ``(N, 3)``, metres.
         border: Width of the edge, as a share of the picture.
     """
-    return any(_in_picture(view.camera, points, border).any() for view in views)
+    return any(in_picture(view.camera, points, border).any() for view in views)
 
 
-def _in_picture(camera: gc.Camera, points: np.ndarray, border: float) -> np.ndarray:
+def in_picture(camera: gc.Camera, points: np.ndarray, border: float) -> np.ndarray:
+    """Which points project into a picture that is wider by a border on all sides, ``(N,)``, bool."""
     pixel, z = camera.project(points)
     share = pixel / (camera.width, camera.height)
     return (z > 0) & ((share > -border) & (share < 1 + border)).all(axis=-1)

@@ -13,14 +13,14 @@
 Scenes of which an object is to be removed have neither of the last two: their question is another one.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import graycard as gc
 from graycard.synth._family import stream
-from graycard.synth._free_space import is_free, is_seen, looked_at
+from graycard.synth._free_space import Obstacles, is_seen, looked_at, obstacles
 from graycard.synth._scene import Scene, Thing, surface_of
 from graycard.synth._sky import Window, room
 from graycard.synth._spectra import Vector, blackbody, illuminant, scaled
@@ -95,12 +95,13 @@ def _recoloured(scene: Scene, light: gc.LocalLight, name: str, seed: int) -> Ite
 def _flash_moved(scene: Scene, flash: gc.LocalLight, seed: int) -> Iterator[Edit]:
     """The light on the other side of the camera, aimed at the point of its optical axis as before."""
     rng = stream(seed, "flash moved")
+    solids = obstacles(scene)
     side = -1.0 if flash.position[0] >= 0 else 1.0
     for _ in range(_TRIES):
         x, y = side * rng.uniform(0.2, 0.4), rng.uniform(-0.25, 0.1)
         moved = _aimed(flash, np.array([x, y, flash.position[2]]))
         places = [gc.world_position(moved, v.camera) for v in scene.views if v.split == "test"]
-        if is_free(scene, np.array(places), 0.04):
+        if solids.leave_free(np.array(places), 0.04):
             words = f"{100 * x:+.0f} cm, {100 * y:+.0f} cm"
             before = ", ".join(f"{100 * c:+.0f} cm" for c in flash.position[:2])
             summary = (
@@ -114,11 +115,11 @@ def _flash_moved(scene: Scene, flash: gc.LocalLight, seed: int) -> Iterator[Edit
 def _moved(scene: Scene, lamps: list[gc.LocalLight], seed: int) -> Iterator[Edit]:
     """The strongest light that has room to be moved, out of all views."""
     for lamp in lamps:
-        rng = stream(seed, f"moved {lamp.name}")
+        rng, solids = stream(seed, f"moved {lamp.name}"), obstacles(scene, but=(lamp.name,))
         for _ in range(_TRIES):
             shift = rng.uniform((-0.8, -0.8, -0.3), (0.8, 0.8, 0.3))
             moved = _aimed(lamp, np.array(lamp.position) + shift, looked_at(scene.views))
-            if np.linalg.norm(shift) >= 0.45 and _fits(scene, moved):
+            if np.linalg.norm(shift) >= 0.45 and _fits(scene.views, solids, moved):
                 words = ", ".join(f"{100 * c:+.0f} cm" for c in shift)
                 summary = f"The light {lamp.name!r} is moved by {words} (x, y, z)."
                 record = gc.LightEdit(f"moved-{lamp.name}", summary)
@@ -126,11 +127,11 @@ def _moved(scene: Scene, lamps: list[gc.LocalLight], seed: int) -> Iterator[Edit
                 return
 
 
-def _fits(scene: Scene, lamp: gc.LocalLight) -> bool:
+def _fits(views: Sequence[gc.View], solids: Obstacles, lamp: gc.LocalLight) -> bool:
     """Whether a lamp has air around it, is in no picture, and nearer than half a metre to no camera."""
     points = np.array(lamp.position) + _extent(lamp)
-    far = min(np.linalg.norm(points - view.camera.position, axis=-1).min() for view in scene.views) > 0.5
-    return far and not is_seen(scene.views, points) and is_free(scene, points, 0.08, but=(lamp.name,))
+    far = min(np.linalg.norm(points - view.camera.position, axis=-1).min() for view in views) > 0.5
+    return far and not is_seen(views, points) and solids.leave_free(points, 0.08)
 
 
 def _extent(lamp: gc.LocalLight) -> np.ndarray:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Views under changed lights. Import it only after ``use_renderer``."""
+"""Views under changed lights, and with another object in them. Import it only after ``use_renderer``."""
 
 import zlib
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from graycard.synth._mitsuba import load_scene
 from graycard.synth._scene import Scene
 from graycard.synth._separation import estimate, light_names
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
-from graycard.synth._views import light_images, radiance_images, render_view, sub_buffer_seeds
+from graycard.synth._views import light_images, radiance_images, render_view, sub_buffer_seeds, surface_layers
 
 
 def view_with_edits(
@@ -57,6 +57,19 @@ def relit_view(edit: Edit, number: int, seed: int, settings: RenderSettings) -> 
     camera = edit.scene.views[number].camera
     loaded, seeds = load_scene(edit.scene, camera), seeds_of(edit.record.name, seed, number)
     return estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+
+
+def composed_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+    """A view of a scene with another object in it, from light paths of its own.
+
+    Returns:
+        Layers of :func:`graycard.synth._separation.estimate` for ``radiance``, each ``(H, W, 3)``, and
+        ``object_id`` at the pixel centres, ``(H, W)``.
+    """
+    camera = scene.views[number].camera
+    loaded, seeds = load_scene(scene, camera), seeds_of("composition", seed, number)
+    found = estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+    return found | {"object_id": surface_layers(loaded, scene, camera)["object_id"]}
 
 
 def seeds_of(subject: str, seed: int, view: int) -> list[int]:

@@ -8,8 +8,7 @@ from typing import Any
 import graycard as gc
 from graycard.synth._families import family_of, resolved_knobs, scene_name
 from graycard.synth._finish import finish
-from graycard.synth._light_edits import light_edits
-from graycard.synth._renderings import missing, renderings, write_missing
+from graycard.synth._renderings import content_of, missing, renderings, write_missing
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
 from graycard.synth._store import (
     Place,
@@ -99,9 +98,8 @@ def _make(
     variant = _variant_for(place, threads)
     stamp = {**wanted, "variant": variant}
     resume(place, stamp)
-    scene = family_of(spec).build(spec.seed, settings)
-    edits = light_edits(scene, spec.seed) if settings.relighting else ()
-    wanted = renderings(scene, edits, spec.seed, settings, variant)
+    content = content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
+    wanted = renderings(content, spec.seed, settings, variant)
     truth = place.partial / "truth"
     todo = missing(wanted, truth)
     if todo:
@@ -109,7 +107,7 @@ def _make(
     for number, rendering in todo:
         progress(number / len(wanted), f"{place.scene} {rendering.doing}")
         write_missing(rendering, truth)
-    finish(place, scene, edits, stamp)
+    finish(place, content, stamp)
     promote(place)
 
 

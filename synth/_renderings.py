@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 import graycard as gc
-from graycard.synth._light_edits import Edit
+from graycard.synth._composition import Composed, composition
+from graycard.synth._light_edits import Edit, light_edits
 from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
 from graycard.synth._store import is_whole_view, view_file
@@ -33,22 +34,36 @@ class Rendering:
     """The layers of each of the files."""
 
 
-def renderings(
-    scene: Scene, edits: Sequence[Edit], seed: int, settings: RenderSettings, variant: str
-) -> list[Rendering]:
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What a scene folder shows: a scene, changes of its lights, and perhaps an object put into it."""
+
+    scene: Scene
+    edits: Sequence[Edit] = ()
+    composed: Composed | None = None
+
+
+def content_of(scene: Scene, seed: int, settings: RenderSettings) -> Content:
+    """A scene with all the changes that the settings ask for."""
+    edits = light_edits(scene, seed) if settings.relighting else ()
+    return Content(scene, edits, composition(scene, seed, settings) if settings.composition else None)
+
+
+def renderings(content: Content, seed: int, settings: RenderSettings, variant: str) -> list[Rendering]:
     """All that is rendered of a scene: the views first, then those under lights elsewhere.
 
     Args:
-        scene: What is there.
-        edits: Changes of its lights.
+        content: What is to be shown.
         seed: Of the scene.
         settings: Samples and depth of the light paths.
         variant: Of the renderer; without parts of the radiance all edits are rendered.
     """
-    sums = [edit for edit in edits if edit.factors is not None and variant != SCALAR]
-    others = [edit for edit in edits if edit not in sums]
+    scene = content.scene
+    sums = [edit for edit in content.edits if edit.factors is not None and variant != SCALAR]
+    others = [edit for edit in content.edits if edit not in sums]
     views = [_of_view(scene, number, seed, settings, sums) for number in range(len(scene.views))]
-    return [*views, *_of_edits(scene, others, seed, settings)]
+    composed = [] if content.composed is None else _of_composition(content.composed.scene, seed, settings)
+    return [*views, *_of_edits(scene, others, seed, settings), *composed]
 
 
 def missing(wanted: Sequence[Rendering], truth: Path) -> list[tuple[int, Rendering]]:
@@ -98,7 +113,20 @@ def _of_edits(
                 yield Rendering(f"{view.name} {edit.record.name}", (file,), make)
 
 
+def _of_composition(scene: Scene, seed: int, settings: RenderSettings) -> Iterator[Rendering]:
+    for number, view in enumerate(scene.views):
+        if view.split == "test":
+            make = partial(_composed, scene, number, seed, settings)
+            yield Rendering(f"{view.name} composition", (gc.composed_file(view.name),), make)
+
+
 def _relit(edit: Edit, number: int, seed: int, settings: RenderSettings) -> Sequence[Layers]:
     from graycard.synth._relighting import relit_view  # Mitsuba: not before its variant is chosen
 
     return [relit_view(edit, number, seed, settings)]
+
+
+def _composed(scene: Scene, number: int, seed: int, settings: RenderSettings) -> Sequence[Layers]:
+    from graycard.synth._relighting import composed_view  # Mitsuba: not before its variant is chosen
+
+    return [composed_view(scene, number, seed, settings)]

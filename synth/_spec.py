@@ -33,6 +33,8 @@ class RenderSettings:
     """Most segments of a light path; 2 is direct light only."""
     relighting: bool = True
     """Whether the held-out views are made under changed lights too."""
+    composition: bool = True
+    """Whether they are made with an object of another scene in them too, where lights stand still."""
 
     def __post_init__(self) -> None:
         for name, low in (

@@ -8,7 +8,7 @@ import pytest
 
 import graycard as gc
 from graycard.synth import Ball, Quad, RenderSettings, Scene, SceneSpec, Thing, families, family_of
-from graycard.synth._free_space import bounds, is_free, is_seen, looked_at
+from graycard.synth._free_space import bounds, is_seen, looked_at, obstacles
 from graycard.synth._light_edits import LUMINANCE, Edit, light_edits, scaled_light
 from graycard.synth._mesh import box
 from graycard.synth._scene import BLACK, Matte, surface_of
@@ -240,13 +240,13 @@ def test_boxes_around_shapes() -> None:
 )
 def test_free_space(point: tuple[float, float, float], free: bool) -> None:
     scene = stage((), Thing("ball", Ball((1, 0, 0.4), 0.2), BLACK))
-    assert is_free(scene, np.array([point]), 0.1) == free
-    assert is_free(scene, np.array([point]), 0.1, but=("ball", "floor"))
+    assert obstacles(scene).leave_free(np.array([point]), 0.1) == free
+    assert obstacles(scene, but=("ball", "floor")).leave_free(np.array([point]), 0.1)
 
 
 def test_a_room_around_all_cameras_is_no_obstacle() -> None:
     shell = Thing("shell", box((20, 20, 20), 0.1), BLACK)
-    assert is_free(stage((), shell), np.array([[0, 0, 1.0]]), 0.1)
+    assert obstacles(stage((), shell)).leave_free(np.array([[0, 0, 1.0]]), 0.1)
 
 
 def test_what_cameras_look_at_and_see() -> None:
