@@ -8,20 +8,21 @@ from typing import Any
 import numpy as np
 
 import graycard as gc
+from graycard.synth._renderings import Content
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
 from graycard.synth._store import Place, view_file
 
 
-def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
-    """Derive everything else in a partial folder from its views, and seal it: truth last.
+def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
+    """Derive everything else in a partial folder from its pictures, and seal it: truth last.
 
     Args:
-        place: Where the scene is made; all views are there.
-        scene: What was rendered.
+        place: Where the scene is made; all pictures are there.
+        content: What was rendered.
         stamp: What it was made from, with the renderer's variant.
     """
-    root = place.partial
+    root, scene = place.partial, content.scene
     exposure = _write_photographs(root, scene)
     light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
     capture = gc.Capture(
@@ -36,10 +37,15 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
         scene.objects(),
         scene.target_id,
         _noise_ceiling(root, scene, exposure),
+        tuple(edit.record for edit in content.edits),
     )
     gc.write_index(root / "capture", capture)
     gc.write_index(root / "truth", truth)
     _write_lights(root / "truth", scene)
+    for edit in content.edits:
+        _write_lights(root / "truth" / edit.record.folder, edit.scene)
+    if content.composed is not None:
+        gc.write_json(root / "truth" / "composition" / "composition.json", content.composed.record)
     _seal(place, stamp)
 
 
@@ -49,7 +55,7 @@ def _write_photographs(root: Path, scene: Scene) -> float:
     for view in scene.views:
         if view.split != "train":
             continue
-        layers = gc.read_layers(view_file(root, view.name))
+        layers = gc.read_layers(root / "truth" / view_file(view.name))
         photographs.append(layers["radiance"])
         gc.write_rgb(root / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
         if scene.target_id is not None:
@@ -67,7 +73,7 @@ def _write_photographs(root: Path, scene: Scene) -> float:
 
 def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
     """PSNR, as displayed, that a noise-free picture of every view would score against the truth, dB."""
-    views = [gc.read_layers(view_file(root, view.name)) for view in scene.views]
+    views = [gc.read_layers(root / "truth" / view_file(view.name)) for view in scene.views]
     noise = [gc.display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
     return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
 
@@ -76,7 +82,7 @@ def _diameter(root: Path, scene: Scene) -> float:
     """Diagonal of the box around the cameras and all points that they see, metres."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for view in scene.views:
-        depth = gc.read_layers(view_file(root, view.name))["depth"].astype(np.float64)
+        depth = gc.read_layers(root / "truth" / view_file(view.name))["depth"].astype(np.float64)
         rays = view.camera.rays()
         seen = np.isfinite(depth)
         distance = depth[seen] / (rays[seen] @ view.camera.forward)

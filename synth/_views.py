@@ -14,7 +14,7 @@ from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, named_layers, part_names, separated_images
+from graycard.synth._separation import estimate, separated_images, separated_layers
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -25,7 +25,9 @@ _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
 
 
-def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+def render_view(
+    scene: Scene, number: int, seed: int, settings: RenderSettings, images: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
@@ -36,6 +38,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
         number: Index of the view in ``scene.views``.
         seed: Of the scene.
         settings: Samples and depth of the light paths.
+        images: Those of :func:`light_images`, where they are there already.
 
     Returns:
         Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.layers`.
@@ -43,15 +46,16 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    images = _light_images(whole, camera, seeds, settings)
-    layers = {**_light_layers(images, whole, scene), **surface_layers(whole, scene, camera)}
+    if images is None:
+        images = light_images(whole, camera, seeds, settings)
+    layers = {**picture_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= _centre_layers(
             whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
         )
     if scene.target:
-        emptied = _light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
+        emptied = light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
         found = estimate("radiance", emptied[:, 0])
         layers |= {f"counterfactual.{name}": values for name, values in found.items()}
         if mi.variant() != SCALAR:
@@ -71,18 +75,22 @@ def _centre_layers(
     }
 
 
-def _light_images(
+def light_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
-    """Independent images of the radiance, then of its parts where the variant can tell them apart."""
+    """Independent images of a view, ``(images, channels, H, W, 3)``, float64; channel 0 is the radiance.
+
+    The others are its parts, where the variant can tell them apart.
+    """
     if mi.variant() != SCALAR:
         return separated_images(loaded, camera, seeds, settings)
     return radiance_images(loaded, camera, seeds, settings)[:, None]
 
 
-def _light_layers(images: np.ndarray, loaded: mi.Scene, scene: Scene) -> dict[str, np.ndarray]:
-    if mi.variant() != SCALAR:
-        return named_layers(images, part_names(loaded, scene))
+def picture_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
+    """The radiance with what is known of its noise, and its parts if there are some."""
+    if images.shape[1] > 1:
+        return separated_layers(loaded, scene, images)
     return estimate("radiance", images[:, 0])
 
 
