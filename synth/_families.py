@@ -5,13 +5,15 @@ import hashlib
 from typing import Any
 
 import graycard as gc
+from graycard.synth._cluttered_lab import ClutteredLab
 from graycard.synth._corridor import Corridor
 from graycard.synth._family import Family
 from graycard.synth._glossy_table import GlossyTable
+from graycard.synth._shelf_room import ShelfRoom
 from graycard.synth._spec import SceneSpec
 from graycard.synth._studio import Studio
 
-_FAMILIES: tuple[type[Family], ...] = (Corridor, GlossyTable, Studio)
+_FAMILIES: tuple[type[Family], ...] = (Corridor, ShelfRoom, ClutteredLab, GlossyTable, Studio)
 
 
 def families() -> dict[str, type[Family]]:
