@@ -145,11 +145,24 @@ class ClutteredLab(FlashRoom):
             ((-0.48, -0.17), (-0.02, -0.19), (0.46, -0.18), (-0.3, 0.2), (0.25, 0.2))
         ):
             at = (x + dx, y + dy, _BENCH)
-            yield from self._apparatus(rng, f"island place {number + 1}", at, (0.3, 0.28, 0.4), -np.pi / 2)
+            yield from self._apparatus(rng, f"island place {number + 1}", at, (0.33, 0.31, 0.5), -np.pi / 2)
+        yield from self._under_the_island(rng, (x, y))
         for number, dx in enumerate((-0.15, 0.2)):
             curve = _cable_to_the_floor((x + dx, y + side * 0.36), side, rng.uniform(0.25, 0.5))
             rubber = scaled(paint(str(rng.choice(_ACCENTS))), 0.5)
             yield self.thing(rng, f"cable {number + 1}", furniture.hose(curve, 0.012), rubber)
+
+    def _under_the_island(self, rng: np.random.Generator, at: tuple[float, float]) -> Iterator[Thing]:
+        """A board between the legs of the table with stores on it."""
+        board = furniture.block((1.28, 0.62, 0.03), (*at, 0.285))
+        yield self.thing(rng, "island shelf", board, Texture(textures.wood(rng, (0.3, 0.2, 0.12)), (1, 1)))
+        for number, (dx, dy) in enumerate(((-0.4, -0.05), (0.0, 0.06), (0.4, -0.04)), start=1):
+            taken, kind = rng.random() < self.clutter, str(rng.choice(("carton", "toolbox", "tray", "coil")))
+            spot, turn = (at[0] + dx, at[1] + dy, 0.3), float(rng.uniform(-0.15, 0.15))
+            shape, color = stock.good(rng, kind, spot, (0.36, 0.42, 0.42), turn)
+            made = self.thing(rng, f"{kind} on island shelf {number}", shape, color)
+            if taken:
+                yield made
 
     def _on_the_floor(self, seed: int) -> Iterator[Thing]:
         """A chair, gas cylinders, a tall cabinet, a bin, a carton, and a drain."""

@@ -32,12 +32,14 @@ APPARATUS = (
     "flasks",
     "tube rack",
     "meter",
+    "meter",
     "microscope",
     "centrifuge",
     "ball",
     "jar",
     "bottle",
     "books",
+    "tins",
 )
 
 
