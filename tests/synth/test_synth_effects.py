@@ -134,7 +134,7 @@ def test_a_mirror_shows_the_mirrored_ball_and_no_shadow() -> None:
     expected = inside(mirrored & ~ball)
     assert expected.sum() > 12
     assert found["mirror"][expected].all()
-    assert not found["mirror"][~np.asarray(maximum_filter(mirrored, 3), bool) | ball].any()
+    assert not found["mirror"][np.logical_not(maximum_filter(mirrored, 3)) | ball].any()
     assert not (found["shadow"] | found["bleeding"]).any()
     assert not found["untouched"][expected | ball].any()
 
