@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import graycard as gc
-from graycard.synth._families import families, family_of, resolved_knobs
+from graycard.synth._families import family_of, resolved_knobs
 from graycard.synth._family import stream
 from graycard.synth._free_space import Obstacles, bounds, in_picture, obstacles
 from graycard.synth._mesh import Mesh, turn_about_z
@@ -38,10 +38,8 @@ class Composed:
 
 
 def donor_of(seed: int) -> SceneSpec:
-    """The scene that gives the object: of the same seed, or of the next one where the family is a host's."""
-    if "objects" in families():
-        return SceneSpec("multilight", "objects", seed)
-    return SceneSpec("multilight", "studio", seed + 1)
+    """The scene that gives the object: things under an environment alone, of the same seed."""
+    return SceneSpec("multilight", "objects", seed)
 
 
 def composition(scene: Scene, seed: int, settings: RenderSettings) -> Composed | None:

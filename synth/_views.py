@@ -8,12 +8,13 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._albedo import directional_albedo
+from graycard.synth._effects import effect_layers, target_footprint
 from graycard.synth._irradiance import light_layers
 from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, separated_images, separated_layers
+from graycard.synth._separation import estimate, named_layers, part_names, separated_images
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -30,7 +31,7 @@ def render_view(
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
-    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance and no visibility.
+    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance, no effects and no visibility.
 
     Args:
         scene: What is there.
@@ -47,16 +48,19 @@ def render_view(
     whole = load_scene(scene, camera)
     if images is None:
         images = light_images(whole, camera, seeds, settings)
-    layers = {**picture_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
+    layers = {**_light_layers(images, whole, scene), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= _centre_layers(
             whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
         )
     if scene.target:
-        emptied = load_scene(scene, camera, without=scene.target)
-        found = picture_layers(emptied, scene, light_images(emptied, camera, seeds, settings))
-        layers |= {f"counterfactual.{name}": v for name, v in found.items() if name.startswith("radiance")}
+        emptied = light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
+        found = estimate("radiance", emptied[:, 0])
+        layers |= {f"counterfactual.{name}": values for name, values in found.items()}
+        if mi.variant() != SCALAR:
+            footprint = target_footprint(whole, scene, camera, seeds, settings)
+            layers |= effect_layers(images, emptied, footprint)
     return layers
 
 
@@ -74,19 +78,15 @@ def _centre_layers(
 def light_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
-    """Independent images of a view, ``(images, channels, H, W, 3)``, float64; channel 0 is the radiance.
-
-    The others are its parts, where the variant can tell them apart.
-    """
+    """Independent images of the radiance, then of its parts where the variant can tell them apart."""
     if mi.variant() != SCALAR:
         return separated_images(loaded, camera, seeds, settings)
     return radiance_images(loaded, camera, seeds, settings)[:, None]
 
 
-def picture_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
-    """The radiance with what is known of its noise, and its parts if there are some."""
-    if images.shape[1] > 1:
-        return separated_layers(loaded, scene, images)
+def _light_layers(images: np.ndarray, loaded: mi.Scene, scene: Scene) -> dict[str, np.ndarray]:
+    if mi.variant() != SCALAR:
+        return named_layers(images, part_names(loaded, scene))
     return estimate("radiance", images[:, 0])
 
 

@@ -15,11 +15,17 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
-from graycard.synth import find_llvm
+from graycard.synth import find_llvm, use_renderer
 from graycard.synth._corridor import Corridor
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def loaded() -> None:
+    """Dr.Jit looks for LLVM once a process: let it, before a test hides the library."""
+    use_renderer()
 
 
 def last_line(capsys: Capture) -> str:

@@ -118,11 +118,11 @@ def test_the_flux_that_arrives_in_a_closed_room_is_all_of_it(scalar: str) -> Non
         for azimuth in 2 * np.pi * np.arange(64) / 64:
             across = 2.0 * np.sqrt(1 - cosine**2)
             it = mi.Interaction3f()
-            it.p = [
+            it.p = mi.Point3f(
                 float(0.2 + across * np.cos(azimuth)),
                 float(0.1 + across * np.sin(azimuth)),
                 float(0.3 + 2 * cosine),
-            ]
+            )
             ds, irradiance = emitter.sample_direction(it, [0.5, 0.5], True)
             assert ds.delta
             total += np.array(irradiance) * 4.0 * weight * 2 * np.pi / 64

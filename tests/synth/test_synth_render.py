@@ -438,7 +438,7 @@ def test_a_scene_of_other_settings_is_left_alone(
     ("part", "change", "difference"),
     [
         ("seeds", {"scene": 7}, "seed: expected 0, got 7"),
-        ("generator", {"generator": 0}, "generator: expected 3, got 0"),
+        ("generator", {"generator": 0}, "generator: expected 4, got 0"),
         ("settings", {"knobs": {"roughness": 0.5}}, "knobs.roughness: expected 0.1, got 0.5"),
     ],
 )
