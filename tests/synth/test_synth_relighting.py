@@ -229,12 +229,12 @@ def test_the_truth_lists_its_edits_and_opens_them(studio: Path) -> None:
 def test_what_is_not_there_is_named(studio: Path) -> None:
     truth = gc.open_truth(studio / "truth", check=False)
     train, test = (next(v for v in truth.views if v.split == split) for split in ("train", "test"))
-    with pytest.raises(gc.UnknownNameError, match=r"light edit.*without-spot"):
-        truth.relit("without-spott", test)
+    with pytest.raises(gc.UnknownNameError, match=r"light edit.*without-lamp"):
+        truth.relit("without-lampp-3", test)
     with pytest.raises(gc.UnknownNameError, match="light edit"):
         truth.relit_lights("moved")
     with pytest.raises(gc.DatasetError, match="expected a held-out view, got train_000"):
-        truth.relit("without-spot", train)
+        truth.relit("without-lamp-3", train)
 
 
 def test_lights_of_an_edit_render_to_its_pictures(studio: Path) -> None:
@@ -275,7 +275,7 @@ def bits(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize(
     "name",
     [
-        "truth/relighting/without-spot/views/test_002.exr",  # a sum, made with the view
+        "truth/relighting/without-lamp-3/views/test_002.exr",  # a sum, made with the view
         "truth/relighting/environment-1/views/test_002.exr",  # rendered by itself
         "truth/views/test_002.exr",
     ],
