@@ -11,20 +11,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import graycard as gc
-from graycard.synth._families import families, family_of, resolved_knobs
+from graycard.synth._families import family_of, resolved_knobs
 from graycard.synth._family import stream
 from graycard.synth._free_space import Obstacles, bounds, in_picture, obstacles
 from graycard.synth._mesh import Mesh, turn_about_z
 from graycard.synth._scene import Ball, Geometry, Quad, Scene, Thing
 from graycard.synth._spec import RenderSettings, SceneSpec
 
-_SIZE = (0.15, 0.75)
+_SIZE = (0.18, 0.75)
 """Longest side of what is put into a scene, metres."""
+_APART = 0.02
+"""What is nearer to another thing than this, metres, is a part of something."""
 _MARGIN = 0.03
 """Air around it, metres."""
 _TURNS, _SPOTS = 8, 50
 """How many are tried."""
-_LEAST_SEEN = 0.5
+_LEAST_SEEN = 0.6
 """Share of the object that held-out views must see."""
 _SIGNS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
 
@@ -38,10 +40,8 @@ class Composed:
 
 
 def donor_of(seed: int) -> SceneSpec:
-    """The scene that gives the object: of the same seed, or of the next one where the family is a host's."""
-    if "objects" in families():
-        return SceneSpec("multilight", "objects", seed)
-    return SceneSpec("multilight", "studio", seed + 1)
+    """The scene that gives the object: things under an environment alone, of the same seed."""
+    return SceneSpec("multilight", "objects", seed)
 
 
 def composition(scene: Scene, seed: int, settings: RenderSettings) -> Composed | None:
@@ -61,16 +61,12 @@ def composition(scene: Scene, seed: int, settings: RenderSettings) -> Composed |
     spec = donor_of(seed)
     donor = family_of(spec).build(spec.seed, settings)
     rng = stream(seed, "composition")
-    for number in rng.permutation(len(donor.things)).tolist():
+    for number in _movable(donor):
         thing = donor.things[number]
-        if not _is_movable(thing):
-            continue
         placed = _best_place(scene, floor, thing.geometry, rng)
         if placed is not None:
-            origin = gc.Donor(
-                spec.track, spec.family, spec.seed, resolved_knobs(spec), thing.name, number + 1
-            )
-            return _composed(scene, origin, thing, placed)
+            names = spec.track, spec.family, spec.seed, resolved_knobs(spec), thing.name
+            return _composed(scene, gc.Donor(*names, number + 1), thing, placed)
     return None
 
 
@@ -80,11 +76,24 @@ def _composed(scene: Scene, origin: gc.Donor, thing: Thing, to_host: np.ndarray)
     return Composed(record, replace(scene, things=(*scene.things, guest)))
 
 
-def _is_movable(thing: Thing) -> bool:
-    if isinstance(thing.geometry, Quad) or thing.light:
-        return False
-    low, high = bounds(thing.geometry)
-    return _SIZE[0] <= float((high - low).max()) <= _SIZE[1]
+def _movable(donor: Scene) -> list[int]:
+    """Places in the list of things of those that stand by themselves, the largest first.
+
+    What touches another thing is a part of something: a brick of a wall, the leaves of a plant.
+    """
+    shapes = {n: t.geometry for n, t in enumerate(donor.things) if not t.light}
+    boxes = {n: bounds(shape) for n, shape in shapes.items() if not isinstance(shape, Quad)}
+    sizes = {n: float((box[1] - box[0]).max()) for n, box in boxes.items()}
+    small = [n for n, size in sizes.items() if size <= _SIZE[1]]
+    alone = [
+        n
+        for n in small
+        if sizes[n] >= _SIZE[0]
+        and not Obstacles((), np.array([boxes[k] for k in small if k != n]).reshape(-1, 2, 3)).touch(
+            boxes[n], 0
+        )
+    ]
+    return sorted(alone, key=lambda n: -sizes[n])
 
 
 def _floor(scene: Scene) -> Quad | None:
@@ -103,13 +112,15 @@ def _best_place(scene: Scene, floor: Quad, geometry: Geometry, rng: np.random.Ge
     """The free place that held-out views see best: a rigid motion, ``(4, 4)``; None where there is none."""
     solids = obstacles(scene)
     held_out = [view.camera for view in scene.views if view.split == "test"]
-    found = [
-        (_share_seen(solids, held_out, box), to_host)
-        for to_host, box in _places(floor, geometry, rng)
-        if _has_room(solids, box)
-    ]
-    share, to_host = max(found, key=lambda place: place[0], default=(0.0, None))
-    return to_host if share > _LEAST_SEEN else None
+    best, placed = 0.0, None
+    for to_host, box in _places(floor, geometry, rng):
+        if _has_room(solids, box):
+            seen = _shares_seen(solids, held_out, box)
+            apart = [np.linalg.norm(camera.position - box.mean(axis=0)) for camera in held_out]
+            size = float(np.mean(seen**2 / np.square(apart)))
+            if seen.mean() > _LEAST_SEEN and size > best:
+                best, placed = size, to_host
+    return placed
 
 
 def _places(
@@ -135,11 +146,11 @@ def _has_room(solids: Obstacles, box: np.ndarray) -> bool:
     return not solids.touch(box, _MARGIN) and solids.leave_free(above, _MARGIN)
 
 
-def _share_seen(solids: Obstacles, cameras: Sequence[gc.Camera], box: np.ndarray) -> float:
-    """Share of the corners and of the centre of a box that a mean camera sees."""
+def _shares_seen(solids: Obstacles, cameras: Sequence[gc.Camera], box: np.ndarray) -> np.ndarray:
+    """Share of the corners and of the centre of a box that each camera sees."""
     points = np.concatenate([_corners(box), [box.mean(axis=0)]])
     seen = [in_picture(c, points, -0.02) & ~solids.hide(c.position, points) for c in cameras]
-    return float(np.mean(seen))
+    return np.mean(seen, axis=1)
 
 
 def _corners(box: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ contribution under the light that it comes from, under the lobe that the camera'
 under direct (one bounce) or indirect (more). Kernels over whole images: ``llvm_ad_rgb`` only.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -75,13 +75,13 @@ def separated_radiance(
         ``<part>.<light>`` for each of :data:`PARTS`; each ``(H, W, 3)``, float32, W/m²/sr. ``emitted`` and
         the parts of all lights add up to ``radiance``.
     """
-    return separated_layers(loaded, scene, separated_images(loaded, camera, seeds, settings))
+    images = separated_images(loaded, camera, seeds, settings)
+    return named_layers(images, part_names(loaded, scene))
 
 
-def separated_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
-    """The layers of :func:`separated_radiance` from images that are there already."""
+def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """The layers of :func:`separated_radiance` from the tracer's images and the names of its parts."""
     parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
-    names = part_names(loaded, scene)
     return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
 

@@ -14,7 +14,7 @@ from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, separated_images, separated_layers
+from graycard.synth._separation import estimate, named_layers, part_names, separated_images
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -48,7 +48,7 @@ def render_view(
     whole = load_scene(scene, camera)
     if images is None:
         images = light_images(whole, camera, seeds, settings)
-    layers = {**picture_layers(whole, scene, images), **surface_layers(whole, scene, camera)}
+    layers = {**_light_layers(images, whole, scene), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= _centre_layers(
@@ -78,19 +78,15 @@ def _centre_layers(
 def light_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
-    """Independent images of a view, ``(images, channels, H, W, 3)``, float64; channel 0 is the radiance.
-
-    The others are its parts, where the variant can tell them apart.
-    """
+    """Independent images of the radiance, then of its parts where the variant can tell them apart."""
     if mi.variant() != SCALAR:
         return separated_images(loaded, camera, seeds, settings)
     return radiance_images(loaded, camera, seeds, settings)[:, None]
 
 
-def picture_layers(loaded: mi.Scene, scene: Scene, images: np.ndarray) -> dict[str, np.ndarray]:
-    """The radiance with what is known of its noise, and its parts if there are some."""
-    if images.shape[1] > 1:
-        return separated_layers(loaded, scene, images)
+def _light_layers(images: np.ndarray, loaded: mi.Scene, scene: Scene) -> dict[str, np.ndarray]:
+    if mi.variant() != SCALAR:
+        return named_layers(images, part_names(loaded, scene))
     return estimate("radiance", images[:, 0])
 
 
