@@ -15,7 +15,6 @@ from graycard.eval._light_errors import match_lights as match_lights
 from graycard.eval._mask import judged_mask as judged_mask
 from graycard.eval._metrics import metrics as metrics
 from graycard.eval._protocol import PROTOCOL as PROTOCOL
-from graycard.eval._psnr import display_variance as display_variance
 from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
 from graycard.eval._sheet import score_predictions as score_predictions

@@ -11,7 +11,7 @@ import graycard as gc
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._metrics import IMAGE_METRICS, ImageMetric
 from graycard.eval._protocol import PROTOCOL
-from graycard.eval._psnr import display_variance, psnr
+from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, survey_training
@@ -122,7 +122,7 @@ def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: floa
     if not metric.noisy or f"{metric.layer}.var" not in true.layers:
         return None
     radiance, variance = true.take(metric.layer), true.take(f"{metric.layer}.var")
-    return float(display_variance(radiance, variance, exposure)[mask].mean())
+    return float(gc.display_variance(radiance, variance, exposure)[mask].mean())
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Peak signal-to-noise ratio over a mask, and the best one that a noisy truth allows."""
+"""Peak signal-to-noise ratio over a mask."""
 
 import math
 
 import numpy as np
 
-import graycard as gc
 from graycard.eval._mask import judged_pixels
 
 
@@ -43,20 +42,3 @@ def psnr(mean_square: float) -> float:
         (20.0, inf)
     """
     return math.inf if mean_square == 0 else -10 * math.log10(mean_square)
-
-
-def display_variance(radiance: np.ndarray, variance: np.ndarray, exposure: float) -> np.ndarray:
-    """Variance that the truth's noise has after display encoding, any shape; to first order.
-
-    ``Var[f(k L)] = Var[L] (k f'(k L))²`` with the display curve f and the exposure k.
-
-    Args:
-        radiance: The noisy mean L, W/m²/sr, linear.
-        variance: Variance of that mean, (W/m²/sr)².
-        exposure: Factor k to display range, 1/(W/m²/sr).
-
-    Returns:
-        Display units squared; 0 where the display clips.
-    """
-    slope = gc.srgb_slope(np.asarray(radiance, np.float64) * exposure)
-    return np.asarray(variance, np.float64) * (exposure * slope) ** 2

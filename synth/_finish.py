@@ -35,6 +35,7 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
         _diameter(root, scene),
         scene.objects(),
         scene.target_id,
+        _noise_ceiling(root, scene, exposure),
     )
     gc.write_index(root / "capture", capture)
     gc.write_index(root / "truth", truth)
@@ -62,6 +63,13 @@ def _write_photographs(root: Path, scene: Scene) -> float:
             "others. Turn up one of its light knobs"
         )
     return 1 / brightest
+
+
+def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
+    """PSNR, as displayed, that a noise-free picture of every view would score against the truth, dB."""
+    views = [gc.read_layers(view_file(root, view.name)) for view in scene.views]
+    noise = [gc.display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
+    return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
 
 
 def _diameter(root: Path, scene: Scene) -> float:

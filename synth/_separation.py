@@ -22,7 +22,10 @@ from graycard.synth._spec import RenderSettings
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of one source is split into."""
 
-_TOTAL, _EMITTED, _FIRST_PART = 0, 1, 2
+_TOTAL, _EMITTED = 0, 1
+FIRST_PART = 2
+"""Where the parts of the first light begin in the tracer's images, after total and emitted."""
+
 _ROULETTE_DEPTH = 5
 """Mitsuba's own default."""
 
@@ -68,29 +71,35 @@ def separated_radiance(
         settings: Samples in all, and depth of the light paths.
 
     Returns:
-        Layers ``radiance``, ``radiance.var``, ``emitted`` (light of sources that the camera sees) and
+        Those of :func:`estimate` for ``radiance``, ``emitted`` (light of sources that the camera sees) and
         ``<part>.<light>`` for each of :data:`PARTS`; each ``(H, W, 3)``, float32, W/m²/sr. ``emitted`` and
         the parts of all lights add up to ``radiance``.
     """
     images = separated_images(loaded, camera, seeds, settings)
-    mean = images.mean(axis=0).astype(np.float32)
-    variance = images[:, _TOTAL].var(axis=0, ddof=1) / len(seeds)
-    layers = {"radiance": mean[_TOTAL], "radiance.var": variance.astype(np.float32)}
-    return layers | dict(zip(part_names(loaded, scene), mean[_EMITTED:], strict=True))
+    parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
+    names = part_names(loaded, scene)
+    return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
 
-def shading(
-    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """Irradiance / pi at the pixel centres and the variance of this mean, each ``(H, W, 3)``, W/m²/sr.
+def estimate(name: str, images: np.ndarray) -> dict[str, np.ndarray]:
+    """What independent images tell of a layer.
 
-    It is the reflected radiance with the camera's own hit made white and Lambertian, all else as it is: a
-    Lambertian surface has reflected radiance = albedo x shading, with the same random numbers to rounding.
+    Args:
+        name: Of the layer.
+        images: Shape ``(images, H, W, 3)``, an even number.
+
+    Returns:
+        The mean ``<name>``; ``<name>.var``, the unbiased variance of this mean, ``Var(images) / n``, whatever
+        the sampler does inside one image; and ``<name>.half_a``, ``<name>.half_b``, the means of either half.
     """
-    images = separated_images(loaded, camera, seeds, settings, centre_rays, white_first)
-    reflected = images[:, _TOTAL] - images[:, _EMITTED]
-    mean, variance = reflected.mean(axis=0), reflected.var(axis=0, ddof=1) / len(seeds)
-    return mean.astype(np.float32), variance.astype(np.float32)
+    half = len(images) // 2
+    layers = {
+        name: images.mean(axis=0),
+        f"{name}.var": images.var(axis=0, ddof=1) / len(images),
+        f"{name}.half_a": images[:half].mean(axis=0),
+        f"{name}.half_b": images[half:].mean(axis=0),
+    }
+    return {name: values.astype(np.float32) for name, values in layers.items()}
 
 
 def part_names(loaded: mi.Scene, scene: Scene) -> list[str]:
@@ -167,7 +176,7 @@ def _image(
 @dr.syntax
 def _trace(scene, sampler, ray, emitters, max_depth: int, response):
     """Light along each ray: total, emitted, and :data:`PARTS` of each emitter, as ``Color3f``."""
-    sums = [mi.Color3f(0) for _ in range(_FIRST_PART + len(PARTS) * len(emitters))]
+    sums = [mi.Color3f(0) for _ in range(FIRST_PART + len(PARTS) * len(emitters))]
     ray, depth, active = mi.Ray3f(ray), mi.UInt32(0), mi.Bool(True)
     throughput, diffuse_share = mi.Color3f(1), mi.Color3f(1)
     before, density, delta = dr.zeros(mi.Interaction3f), mi.Float(1), mi.Bool(True)
@@ -224,7 +233,7 @@ def _book(sums: list[Any], emitters: list[Any], light: Any, value: Any, diffuse:
     sums[_TOTAL] = sums[_TOTAL] + value
     sums[_EMITTED] = sums[_EMITTED] + dr.select(bounces == 0, value, 0)
     for k, emitter in enumerate(emitters):
-        place = _FIRST_PART + len(PARTS) * k
+        place = FIRST_PART + len(PARTS) * k
         mine = light == mi.EmitterPtr(emitter)
         for at, is_meant in ((place, bounces == 1), (place + 2, bounces > 1)):
             sums[at] = sums[at] + dr.select(mine & is_meant, diffuse, 0)

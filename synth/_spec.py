@@ -50,6 +50,14 @@ class RenderSettings:
             )
 
     @property
+    def centre_samples(self) -> int:
+        """Light paths for what is estimated at a pixel's centre: about a quarter, and 4 times a square too.
+
+        There is no edge and no texture to average over, so that less gives the same noise.
+        """
+        return SUB_BUFFERS * max(1, math.isqrt(self.samples // SUB_BUFFERS) // 2) ** 2
+
+    @property
     def views(self) -> int:
         """Number of all views."""
         return self.train_views + self.test_views

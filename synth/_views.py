@@ -7,14 +7,18 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._albedo import directional_albedo
+from graycard.synth._irradiance import light_layers
 from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import separated_radiance
+from graycard.synth._separation import estimate, separated_radiance
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
-from graycard.synth._visibility import visibility_layers
+
+_CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
+"""Numbers of the seeds of what is estimated at the pixel centres."""
 
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
@@ -41,12 +45,25 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     layers = {**_light_layers(whole, scene, camera, seeds, settings), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
-        layers |= visibility_layers(whole, scene, camera, _seed_of(seed, number, SUB_BUFFERS))
+        layers |= _centre_layers(
+            whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
+        )
     if scene.target:
         emptied = load_scene(scene, camera, without=scene.target)
         found = _light_layers(emptied, scene, camera, seeds, settings)
-        layers |= {f"counterfactual.{name}": found[name] for name in ("radiance", "radiance.var")}
+        layers |= {f"counterfactual.{name}": v for name, v in found.items() if name.startswith("radiance")}
     return layers
+
+
+def _centre_layers(
+    loaded: mi.Scene, scene: Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> dict[str, np.ndarray]:
+    """What light does at the pixel centres: which arrives, which is blocked, which is returned."""
+    first, *others = seeds
+    return {
+        **directional_albedo(loaded, camera, first),
+        **light_layers(loaded, scene, camera, others, settings),
+    }
 
 
 def _light_layers(
@@ -55,8 +72,7 @@ def _light_layers(
     """The radiance and its variance, with its parts where the variant can tell them apart."""
     if mi.variant() != SCALAR:
         return separated_radiance(loaded, scene, camera, seeds, settings)
-    mean, variance = radiance(loaded, camera, seeds, settings)
-    return {"radiance": mean, "radiance.var": variance}
+    return estimate("radiance", radiance_images(loaded, camera, seeds, settings))
 
 
 def sub_buffer_seeds(seed: int, view: int) -> list[int]:
@@ -71,17 +87,19 @@ def _seed_of(seed: int, view: int, number: int) -> int:
 def radiance(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32.
+    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32, by ``path``."""
+    layers = estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+    return layers["radiance"], layers["radiance.var"]
 
-    The mean is over independent images, so their spread gives an unbiased variance whatever the sampler
-    does inside one image: ``Var(mean) = Var(images) / n``.
-    """
+
+def radiance_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> np.ndarray:
+    """Independent images of the radiance of a view by Mitsuba's ``path``, ``(images, H, W, 3)``, float64."""
     share = settings.samples // len(seeds)
     integrator = load({"type": "path", "max_depth": settings.max_depth, "block_size": _BLOCK})
     eye = sensor(camera, share)
-    images = np.stack([_image(loaded, eye, integrator, spp=share, seed=one) for one in seeds])
-    mean, variance = images.mean(axis=0), images.var(axis=0, ddof=1) / len(seeds)
-    return mean.astype(np.float32), variance.astype(np.float32)
+    return np.stack([_image(loaded, eye, integrator, spp=share, seed=one) for one in seeds])
 
 
 def surface_layers(loaded: mi.Scene, scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:

@@ -34,3 +34,20 @@ def srgb_decode(display: np.ndarray) -> np.ndarray:
     """
     y = np.clip(np.asarray(display, dtype=np.float64), 0, 1)
     return np.where(y <= 12.92 * _KNEE, y / 12.92, ((y + 0.055) / 1.055) ** 2.4)
+
+
+def display_variance(radiance: np.ndarray, variance: np.ndarray, exposure: float) -> np.ndarray:
+    """Variance that the truth's noise has after display encoding, any shape; to first order.
+
+    ``Var[f(k L)] = Var[L] (k f'(k L))²`` with the display curve f and the exposure k.
+
+    Args:
+        radiance: The noisy mean L, W/m²/sr, linear.
+        variance: Variance of that mean, (W/m²/sr)².
+        exposure: Factor k to display range, 1/(W/m²/sr).
+
+    Returns:
+        Display units squared; 0 where the display clips.
+    """
+    slope = srgb_slope(np.asarray(radiance, np.float64) * exposure)
+    return np.asarray(variance, np.float64) * (exposure * slope) ** 2

@@ -114,6 +114,9 @@ class Truth:
     """Diagonal of the box around the cameras and what they see, metres: the yardstick of positions."""
     objects: tuple[SceneObject, ...]
     target: int | None = None
+    noise_ceiling: float | None = None
+    """dB: PSNR, as displayed, of noise-free pictures of all views against those of the truth. No method can
+    score more but by chance. None where it was not measured."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 

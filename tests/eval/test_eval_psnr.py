@@ -74,13 +74,13 @@ def test_display_variance_is_that_of_simulated_noise() -> None:
     radiance, exposure, sigma = np.array([0.001, 0.05, 0.3, 1.1, 1.9]), 0.5, 2e-3
     noisy = radiance + RNG.normal(0, sigma, (200_000, 5))
     simulated = gc.srgb_encode(noisy * exposure).var(axis=0)
-    predicted = ge.display_variance(radiance, np.full(5, sigma**2), exposure)
+    predicted = gc.display_variance(radiance, np.full(5, sigma**2), exposure)
     assert predicted[1:] == pytest.approx(simulated[1:], rel=0.02)
     assert predicted[0] > simulated[0], "black clips half of the noise away"
 
 
 def test_display_variance_is_zero_where_the_display_clips() -> None:
-    assert ge.display_variance(np.array([3.0]), np.array([1.0]), 0.5) == 0
+    assert gc.display_variance(np.array([3.0]), np.array([1.0]), 0.5) == 0
 
 
 def test_judged_mask_leaves_background_and_emitters_out() -> None:

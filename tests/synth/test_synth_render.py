@@ -88,10 +88,18 @@ def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str
     capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
     assert capture.views == truth.views
     assert capture.light_on_camera == (track == "dark")
-    names = {"radiance", "radiance.var", "base_color", "normal", "depth", "object_id", "pure", "position"}
+    estimates = {"", ".var", ".half_a", ".half_b"}
+    names = {f"radiance{end}" for end in estimates} | {
+        "base_color",
+        "normal",
+        "depth",
+        "object_id",
+        "pure",
+        "position",
+    }
     names |= {"distance", "roughness", "alpha", "metallic", "diffuse_reflectance", "f0"}
     if track == "tabletop":
-        names |= {"counterfactual.radiance", "counterfactual.radiance.var"}
+        names |= {f"counterfactual.radiance{end}" for end in estimates}
     for view in truth.views:
         layers = truth.layers(view)
         assert layers.keys() == names

@@ -2,6 +2,7 @@
 """Layers beside the radiance: materials, positions, pure pixels, visibility of the lights."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -58,11 +59,13 @@ def pure(scene: Scene) -> np.ndarray:
     return pure_pixels(made, scene, camera)
 
 
-def visibility(scene: Scene, **options: int) -> dict[str, np.ndarray]:
-    from graycard.synth._visibility import visibility_layers
+def visibility(scene: Scene, samples: int = 64) -> dict[str, np.ndarray]:
+    from graycard.synth._direct_light import direct_light
+    from graycard.synth._separation import light_names
 
     made, camera = loaded(scene)
-    return visibility_layers(made, scene, camera, seed=5, **options)
+    found = direct_light(made, camera, [5, 6], samples).visibility()
+    return {f"visibility.{name}": v for name, v in zip(light_names(made, scene), found, strict=True)}
 
 
 def test_material_layers_of_each_material() -> None:
@@ -188,14 +191,17 @@ def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: None, make_
 
 def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: None, make_plane: MakePlane) -> None:
     """Against the path tracer: direct shading of the floor with the ball over that without it."""
-    from graycard.synth._separation import shading
+    from graycard.synth._separation import centre_rays, separated_images, white_first
 
     lamp = gc.RectangleLight("lamp", (1.2, 0.3, 2.0), (0, 0.5, 0), (0.5, 0, 0), (5, 5, 5))
     bare = make_plane((lamp,), ball=Ball((0.2, 0.1, 0.5), 0.5))
     scene = Scene((*bare.things, surface_of(lamp)), bare.lights, bare.views)
     settings = RenderSettings(24, 20, samples=1024, max_depth=2)
     lit, open_ = (
-        shading(*loaded(scene, without), [1, 2, 3, 4], settings)[0][..., 0] for without in ("", "ball")
+        separated_images(made, camera, [1, 2, 3, 4], settings, centre_rays, white_first).mean(axis=0)[
+            0, ..., 0
+        ]
+        for made, camera in (loaded(scene), loaded(scene, "ball"))
     )
     floor = surfaces(scene)["object_id"] == 1
     found = visibility(scene, samples=1024)["visibility.lamp"]
@@ -226,8 +232,100 @@ def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: None) -> No
         assert 0 <= layers[f"visibility.{light.name}"].min() < layers[f"visibility.{light.name}"].max() <= 1
     for name, values in layers.items():
         assert gc.find_fault(name, values, 16, 20) is None
-    parts = [v for k, v in layers.items() if k.startswith(("emitted", "direct.", "indirect."))]
+    stems = ("emitted", "direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
+    parts = [v for k, v in layers.items() if k.startswith(stems)]
     np.testing.assert_allclose(np.sum(parts, axis=0), layers["radiance"], rtol=1e-6, atol=1e-7)
+
+
+def test_halves_of_the_samples_average_to_the_whole(llvm: None) -> None:
+    _, layers = render("glossy-table")
+    for name in ("radiance", "counterfactual.radiance"):
+        one, other = layers[f"{name}.half_a"], layers[f"{name}.half_b"]
+        np.testing.assert_allclose((one + other) / 2, layers[name], rtol=1e-5, atol=1e-7)
+        # Var(mean) = E[(a - b)²] / 4 for halves of equal size
+        ratio = ((one - other) ** 2).sum() / 4 / layers[f"{name}.var"].sum()
+        assert 0.7 < ratio < 1.4
+
+
+def test_irradiance_of_all_lights_is_pi_times_shading(llvm: None) -> None:
+    scene, layers = render("studio")
+    total = sum(layers[f"irradiance.{light.name}"] for light in scene.lights)
+    np.testing.assert_allclose(total, np.pi * layers["shading"], rtol=1e-5, atol=1e-6)
+    for light in scene.lights:
+        assert (
+            layers[f"direct.irradiance.{light.name}"] <= layers[f"irradiance.{light.name}"] * (1 + 1e-6)
+        ).all()
+    hidden = layers["visibility.point"] == 0
+    assert hidden.any()
+    assert (layers["direct.irradiance.point"][hidden] == 0).all()
+    assert (layers["direct.irradiance.point"][~hidden].min(axis=-1) > 0).all()
+
+
+def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(
+    llvm: None, make_plane: MakePlane
+) -> None:
+    found = albedo(make_plane((gc.PointLight("lamp", (0, 0, 2), (1, 1, 1)),)))
+    seen = found.max(axis=-1) > 0
+    assert seen.mean() > 0.9
+    np.testing.assert_allclose(found[seen], np.broadcast_to([0.5, 0.4, 0.3], found[seen].shape), rtol=1e-5)
+
+
+@pytest.mark.parametrize(("roughness", "metallic"), [(0.1, 1.0), (0.3, 0.0), (0.7, 0.5)])
+def test_albedo_of_a_shiny_surface_is_the_integral_of_its_formula(
+    llvm: None, make_plane: MakePlane, roughness: float, metallic: float
+) -> None:
+    """Against a quadrature in float64 of the Lambert and GGX formula (Walter 2007, Schlick 1994)."""
+    color = np.array([0.5, 0.4, 0.3])
+    floor = Thing(
+        "floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), LambertGGX(tuple(color), roughness, metallic)
+    )
+    plane = make_plane((gc.PointLight("lamp", (0, 0, 2), (1, 1, 1)),))
+    scene = replace(plane, things=(floor,))
+    found = albedo(scene)
+    rays = scene.views[0].camera.rays()
+    for row, column in ((10, 12), (16, 4)):
+        expected = (1 - metallic) * color + ggx_reflectance(
+            -rays[row, column, 2], roughness**2, color, metallic
+        )
+        np.testing.assert_allclose(found[row, column], expected, atol=4e-3)
+
+
+def ggx_reflectance(cos_o: float, alpha: float, color: np.ndarray, metallic: float) -> np.ndarray:
+    """Share of light from the direction at ``cos_o`` that the GGX lobe returns, by quadrature; ``(3,)``."""
+    # over half vectors, dense where D is large: tan² of their polar angle = alpha² t / (1 - t)
+    t = (np.arange(2000) + 0.5) / 2000
+    phi = (np.arange(256) + 0.5) / 256 * 2 * np.pi
+    cos_h = 1 / np.sqrt(1 + alpha**2 * t / (1 - t))
+    h = np.stack(
+        np.broadcast_arrays(
+            np.sqrt(1 - cos_h**2)[:, None] * np.cos(phi),
+            np.sqrt(1 - cos_h**2)[:, None] * np.sin(phi),
+            cos_h[:, None],
+        ),
+        axis=-1,
+    )
+    o = np.array([np.sqrt(1 - cos_o**2), 0.0, cos_o])
+    o_h = h @ o
+    cos_i = 2 * o_h * h[..., 2] - o[2]
+    lit = (o_h > 0) & (cos_i > 0)
+    g = smith(np.maximum(cos_i, 1e-9), alpha) * smith(np.array(cos_o), alpha)
+    f0 = 0.04 * (1 - metallic) + metallic * color
+    fresnel = f0 + (1 - f0) * (1 - np.clip(o_h, 0, 1)[..., None]) ** 5
+    # density D cos_h of t and phi is uniform, so D cancels
+    weight = np.where(lit, g * o_h / (cos_o * h[..., 2]), 0)
+    return (fresnel * weight[..., None]).mean(axis=(0, 1))
+
+
+def smith(cosine: np.ndarray, alpha: float) -> np.ndarray:
+    tan2 = 1 / cosine**2 - 1
+    return 2 / (1 + np.sqrt(1 + alpha**2 * tan2))
+
+
+def albedo(scene: Scene) -> np.ndarray:
+    from graycard.synth._albedo import directional_albedo
+
+    made, camera = loaded(scene)
+    return directional_albedo(made, camera, 7)["albedo"]
 
 
 def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: None) -> None:
@@ -241,5 +339,9 @@ def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: None) 
 
 def test_without_llvm_views_hold_no_parts(scalar: str) -> None:
     _, layers = render("glossy-table")
-    assert not [name for name in layers if name.startswith(("direct.", "emitted", "visibility"))]
+    assert not [
+        name
+        for name in layers
+        if name.startswith(("direct.", "emitted", "visibility", "irradiance", "albedo", "shading"))
+    ]
     assert {"radiance", "radiance.var", "f0", "position", "pure", "counterfactual.radiance"} <= layers.keys()
