@@ -16,16 +16,19 @@ import numpy as np
 import graycard as gc
 from graycard.synth._mitsuba import load_scene, object_ids, shape_key
 from graycard.synth._scene import Conductor, Scene
+from graycard.synth._separation import estimate
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth._variant import SCALAR
-from graycard.synth._views import radiance
+from graycard.synth._views import radiance_images
 from graycard.synth.verify._subject import Rebuilt
 
 _OWN = 0x6AC4
 """Part of the seeds here, so that they are none of those that a scene is rendered with."""
 
 
-def radiance_again(rebuilt: Rebuilt, number: int, subject: int, scene: Scene | None = None) -> np.ndarray:
+def radiance_again(
+    rebuilt: Rebuilt, number: int, subject: int, scene: Scene | None = None
+) -> dict[str, np.ndarray]:
     """The radiance of a view with as many samples as the truth has, and other random numbers.
 
     Args:
@@ -35,25 +38,26 @@ def radiance_again(rebuilt: Rebuilt, number: int, subject: int, scene: Scene | N
         scene: Instead of the scene itself.
 
     Returns:
-        Shape ``(H, W, 3)``, float32.
+        ``radiance``, ``radiance.half_a`` and ``radiance.half_b``, each ``(H, W, 3)``, float32.
     """
     scene = scene or rebuilt.scene
     return _picture(load_scene(scene, scene.views[number].camera), rebuilt, number, subject)
 
 
-def emptied_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
+def emptied_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
     """As :func:`radiance_again`, without the target."""
     scene = rebuilt.scene
     loaded = load_scene(scene, scene.views[number].camera, without=scene.target)
     return _picture(loaded, rebuilt, number, subject)
 
 
-def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
+def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
     seeds = [
         int(np.random.SeedSequence([rebuilt.spec.seed, number, _OWN, subject, k]).generate_state(1)[0])
         for k in range(SUB_BUFFERS)
     ]
-    return radiance(loaded, rebuilt.scene.views[number].camera, seeds, rebuilt.settings)[0]
+    camera = rebuilt.scene.views[number].camera
+    return estimate("radiance", radiance_images(loaded, camera, seeds, rebuilt.settings))
 
 
 def lit_by(scene: Scene, strengths: dict[str, tuple[float, float, float]]) -> Scene:
@@ -61,13 +65,18 @@ def lit_by(scene: Scene, strengths: dict[str, tuple[float, float, float]]) -> Sc
 
     A light of strength 0 is still sampled as often as before, so the noise of the others is the same.
     """
-    lights = tuple(_dimmed(light, strengths.get(getattr(light, "name", ""))) for light in scene.lights)
+    lights = tuple(
+        _dimmed(light, strengths[light.name]) if light.name in strengths else light for light in scene.lights
+    )
     return replace(scene, lights=lights)
 
 
-def _dimmed(light: gc.Light, strength: tuple[float, float, float] | None) -> gc.Light:
-    if strength is None or isinstance(light, gc.EnvironmentLight):
-        return light
+def is_dimmable(light: gc.Light) -> bool:
+    """Whether a light has one strength for each channel, by which its sampling does not change."""
+    return hasattr(light, "radiance") or hasattr(light, "intensity")
+
+
+def _dimmed(light: gc.Light, strength: tuple[float, float, float]) -> gc.Light:
     power = "radiance" if hasattr(light, "radiance") else "intensity"
     color = tuple(float(a * b) for a, b in zip(getattr(light, power), strength, strict=True))
     return replace(light, **{power: color})  # pyright: ignore[reportArgumentType] -- of each light's own kind

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A stored picture against an independent one: its level, its tiles and its place."""
+"""A stored picture against an independent one: its level, its tiles, its place and its pattern."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,17 +10,15 @@ import numpy as np
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._statistics import (
     bound_of,
+    contrast_share,
     difference,
     gain_of,
     gain_weights,
     shift_weights,
     tiles,
     z_of,
+    z_of_shares,
 )
-
-STATISTICS = ("level", "tiles", "place")
-"""What is compared of two pictures; names of checks are ``<subject>: <statistic>``."""
-
 
 @dataclass(frozen=True)
 class Pair:
@@ -29,6 +27,8 @@ class Pair:
     at: At
     stored: np.ndarray
     again: np.ndarray
+    halves: tuple[np.ndarray, ...] = ()
+    """Two of the stored picture, then two of the other; empty where there are none."""
 
     @cached_property
     def apart(self) -> np.ndarray:
@@ -52,6 +52,8 @@ def compare(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
     for pair in pairs:
         yield _check_tiles(name, pair, len(pairs))
         yield _check_place(name, pair, len(pairs))
+        if pair.halves:
+            yield _check_pattern(name, pair, len(pairs))
     yield from _check_level(name, pairs, at)
 
 
@@ -103,3 +105,15 @@ def _check_place(name: str, pair: Pair, views: int) -> Check:
     down, right = (moved for _, moved in found)
     told = f"the picture lies where an independent one does; it looks shifted by ({right:+.2f}, {down:+.2f}) px"
     return pair.at.judge(f"{name}: place", z, bound_of(2 * views), "σ", told)
+
+
+def _check_pattern(name: str, pair: Pair, views: int) -> Check:
+    """Tile by tile, whether the pictures are farther apart than their own halves are."""
+    share = contrast_share(pair.halves)
+    parts = tiles(*share.shape)
+    z, part = max(((z_of_shares(share[part], 1 / 3), part) for part in parts), key=lambda one: one[0])
+    told = (
+        f"the picture and an independent one are as far apart as their halves; rows {part[0].start} to "
+        f"{part[0].stop}, columns {part[1].start} to {part[1].stop} show something else"
+    )
+    return pair.at.judge(f"{name}: pattern", z, bound_of(views * len(parts)), "σ", told)

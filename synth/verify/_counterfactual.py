@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture
+from graycard.synth.verify._subject import Picture, Subject
 
 _MASKS = "effect."
 
@@ -15,8 +15,10 @@ _UNALIKE = 0.7
 numbers and nothing changed, 1 where they are made from others. The table scenes have 0.2 or less."""
 
 
-def check_counterfactual(picture: Picture) -> Iterator[Check]:
-    """Both pictures are made from the same random numbers, and are equal where the target has no effect."""
+def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """Both pictures are made from the same random numbers; they differ where the target is seen, of course,
+    and are equal where it has no effect.
+    """
     if not picture.has("counterfactual.radiance", "counterfactual.radiance.half_a"):
         return
     noise = [_noise(picture, name) for name in ("radiance", "counterfactual.radiance")]
@@ -24,7 +26,17 @@ def check_counterfactual(picture: Picture) -> Iterator[Check]:
     agree = float((np.sign(noise[0]) * np.sign(noise[1]))[some].mean()) if some.any() else 1.0
     told = "both pictures share their random numbers; looks like a counterfactual with another seed"
     yield picture.at.judge("counterfactual's random numbers", 1 - agree, _UNALIKE, "1", told)
+    yield _check_removed(subject, picture)
     yield from _check_masks(picture)
+
+
+def _check_removed(subject: Subject, picture: Picture) -> Check:
+    seen = picture.layers["object_id"] == (subject.truth.target or -1)
+    if not seen.any():
+        return picture.at.skip("target removed", "the target is not seen")
+    same = (picture.layers["radiance"] == picture.layers["counterfactual.radiance"]).all(axis=-1)
+    told = "where the target is seen the counterfactual shows something else; looks like a target still there"
+    return picture.at.judge("target removed", float(same[seen].mean()), 0.01, "of its pixels", told)
 
 
 def _noise(picture: Picture, name: str) -> np.ndarray:

@@ -19,8 +19,9 @@ _POINTS = 2048
 _EXACT = 1e-3
 """Relative, of 99 % of the pixels: float32 normals and positions, at grazing angles too."""
 
-_ESTIMATED = 0.03
-"""Relative, the median of the pixels: from 144 samples on a light, and pixels of a sky for its integral."""
+_ESTIMATED = 0.05
+"""Relative, of 90 % of the pixels, or the RMS for a sky: 144 samples on a light, against 0.016 at most in the
+scenes of this package; a turned or mirrored sky has 0.11 and more."""
 
 
 def check_irradiance(subject: Subject, picture: Picture) -> Iterator[Check]:
@@ -106,10 +107,12 @@ def _judge_formula(
 ) -> Check:
     """Visibility is a share of luminance, so luminance is what is compared."""
     got, wanted = found @ LUMINANCE, visible * (sent @ LUMINANCE)
-    off = np.abs(got - wanted) / np.maximum(np.maximum(got, wanted), 1e-30)
     exact = isinstance(light, gc.PointLight | gc.SpotLight)
-    # beside a large light its samples, and the sum over its area, are noisy at a few points
-    figure = float(np.quantile(off, 0.99 if exact else 0.5))
+    if isinstance(light, gc.EnvironmentLight):
+        figure = float(np.sqrt(((got - wanted) ** 2).mean() / max(float((got**2).mean()), 1e-30)))
+    else:  # beside a large light its samples, and the sum over its area, are noisy at a few points
+        off = np.abs(got - wanted) / np.maximum(np.maximum(got, wanted), 1e-30)
+        figure = float(np.quantile(off, 0.99 if exact else 0.9))
     told = (
         f"direct.irradiance.{light.name} is visibility x what lights.json says at this position and normal; "
         "looks like swapped lights, another frame, axis, angle or unit"

@@ -6,8 +6,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy import ndimage
 
-import graycard as gc
-from graycard.synth.verify._again import emptied_again, lit_by, radiance_again, surfaces_again
+from graycard.synth.verify._again import emptied_again, is_dimmable, lit_by, radiance_again, surfaces_again
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._comparison import Pair, compare
 from graycard.synth.verify._subject import Picture, Rebuilt, Subject
@@ -27,35 +26,41 @@ def check_rendered(
     subject: Subject, rebuilt: Rebuilt, pictures: Sequence[Picture], points: int = _POINTS
 ) -> Iterator[Check]:
     """Pictures, counterfactuals, lights and surfaces of some views against another rendering of them."""
-    radiances = [
-        Pair(p.at, p.layers["radiance"], radiance_again(rebuilt, p.number, _PICTURE)) for p in pictures
-    ]
+    radiances = [_pair(p, "radiance", radiance_again(rebuilt, p.number, _PICTURE)) for p in pictures]
     yield from compare("radiance again", radiances, subject.at)
     if rebuilt.scene.target:
         name = "counterfactual.radiance"
-        emptied = [Pair(p.at, p.layers[name], emptied_again(rebuilt, p.number, _EMPTIED)) for p in pictures]
+        emptied = [_pair(p, name, emptied_again(rebuilt, p.number, _EMPTIED)) for p in pictures]
         yield from compare("counterfactual again", emptied, subject.at)
     yield from _check_lights(subject, rebuilt, pictures[len(pictures) // 2])
     for picture in pictures:
         yield from check_surfaces(rebuilt, picture, points)
 
 
+def _pair(picture: Picture, name: str, again: dict[str, np.ndarray]) -> Pair:
+    """A stored picture and the same one rendered again, with their halves."""
+    ends = ("half_a", "half_b")
+    halves = [picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends]
+    return Pair(picture.at, picture.layers[name], again["radiance"], tuple(halves))
+
+
 def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterator[Check]:
     """Superposition: the parts of each light are what a picture shows in which that light alone is on.
 
     One picture serves for three lights: one is on in red, one in green, one in blue. The environment stays
-    on in all of them, since its sampling would change with its colour.
+    on in all channels, since its sampling would change with its colour.
     """
     if not subject.is_separated:
         yield picture.at.skip("lights again: tiles", "a scene of scalar_rgb holds no parts of the light")
         return
-    local = [light.name for light in subject.lights if not isinstance(light, gc.EnvironmentLight)]
-    always = [light.name for light in subject.lights if isinstance(light, gc.EnvironmentLight)]
+    local = [light.name for light in subject.lights if is_dimmable(light)]
+    always = [light.name for light in subject.lights if not is_dimmable(light)]
     dark = ndimage.maximum_filter(picture.layers["emitted"].max(axis=-1), size=3) == 0
     pairs = []
     for first in range(0, len(local), 3):
         strengths = {name: _channel(k - first) for k, name in enumerate(local)}
-        again = radiance_again(rebuilt, picture.number, _LIGHTS + 10 * (first + 1), lit_by(rebuilt.scene, strengths))
+        lit = lit_by(rebuilt.scene, strengths)
+        again = radiance_again(rebuilt, picture.number, _LIGHTS + 10 * (first + 1), lit)["radiance"]
         stored = _parts(picture, dict.fromkeys(always, (1.0, 1.0, 1.0)) | strengths)
         pairs.append(Pair(picture.at, stored * dark[..., None], again * dark[..., None]))
     yield from compare("lights again", pairs, subject.at)

@@ -128,7 +128,7 @@ def _check_picture(subject: Subject, picture: Picture) -> Iterator[Check]:
     yield from check_materials(picture)
     yield from check_capture(subject, picture)
     yield from check_halves(picture, len(subject.truth.views))
-    yield from check_counterfactual(picture)
+    yield from check_counterfactual(subject, picture)
     yield from check_parts(subject, picture)
     yield from check_irradiance(subject, picture)
     yield from check_background(subject, picture)

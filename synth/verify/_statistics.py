@@ -12,13 +12,15 @@ the signs). It holds for caustics and fireflies too, where a z-test that trusts 
 Weights may be made of ``a + b`` and ``d²`` of all pixels: no sign is in them.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy import ndimage
 
 FALSE_ALARM = 1e-4
 """How often a faultless scene fails any of its statistical checks, at most."""
 
-FAMILIES = 10
+FAMILIES = 12
 """Names of statistical checks, among which a scene's false alarms are shared equally."""
 
 TILE = 16
@@ -72,6 +74,35 @@ def z_of(weights: np.ndarray, d: np.ndarray) -> float:
     contributions = weights * d
     spread = np.sqrt((contributions**2).sum())
     return float(contributions.sum() / spread) if spread > 0 else 0.0
+
+
+def contrast_share(halves: Sequence[np.ndarray]) -> np.ndarray:
+    """Share of the difference of two pictures in the spread of their four halves, NaN where there is no spread.
+
+    Four independent images of one distribution have three orthogonal contrasts of two against two, each as
+    likely to be the largest: the share of one is in [0, 1] with the mean 1/3, whatever the distribution.
+    Where the first two are of another picture than the last two, it tends to 1, whichever is the brighter.
+
+    Args:
+        halves: Of one picture, then of the other: four of shape ``(H, W, C)``.
+
+    Returns:
+        Mean over the channels, shape ``(H, W)``.
+    """
+    a, b, c, d = (np.asarray(half, dtype=np.float64) for half in halves)
+    between, others = (a + b - c - d) ** 2, (a - b + c - d) ** 2 + (a - b - c + d) ** 2
+    rounding = (_ROUNDING * (a + b + c + d)) ** 2
+    noisy = (between + others > rounding).all(axis=-1)
+    return np.where(noisy, (between / np.where(between + others > 0, between + others, 1)).mean(axis=-1), np.nan)
+
+
+def z_of_shares(shares: np.ndarray, expected: float) -> float:
+    """How far the mean of independent values in [0, 1] is off, as the z of the same bound.
+
+    Hoeffding 1963, theorem 2: ``P(|mean - expected| >= t) <= 2 exp(-2 n t²)``, so ``z = 2 t sqrt(n)``.
+    """
+    known = shares[np.isfinite(shares)]
+    return float(2 * np.sqrt(known.size) * abs(known.mean() - expected)) if known.size else 0.0
 
 
 def gain_of(weights: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._statistics import bound_of
+from graycard.synth.verify._statistics import bound_of, z_of_shares
 from graycard.synth.verify._subject import Picture, Subject
 from graycard.synth.verify._values import PARTS
 
@@ -44,7 +44,7 @@ def _check_variance(picture: Picture, name: str, apart: np.ndarray, var: np.ndar
         return picture.at.skip("variance of the mean", f"{name} has no noise")
     r = (apart[noisy] ** 2 / (4 * (SUB_BUFFERS - 1) * var[noisy])).mean(axis=-1)
     expected = 1 / (SUB_BUFFERS - 1)
-    z = 2 * np.sqrt(len(r)) * abs(float(r.mean()) - expected)
+    z = z_of_shares(r, expected)
     factor = expected / max(float(r.mean()), 1e-30)
     told = f"{name}.var is the variance of the mean, as its halves tell; {_variance_told(factor)}"
     return picture.at.judge("variance of the mean", z, bound_of(tests), "σ", told)
