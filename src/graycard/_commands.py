@@ -225,7 +225,9 @@ class Verify:
         from graycard.synth.verify import verify_dataset
 
         if self.views < 1:
-            raise GraycardError(f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render")
+            raise GraycardError(
+                f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render"
+            )
         with screen.progress() as progress:
             verdict = verify_dataset(self.dataset, self.views, self.render, progress)
         screen.out.print(_verdict_table(verdict))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures and surfaces rendered once more, another way. Import it only after ``use_renderer``.
 
-Pictures come from Mitsuba's compiled ``path`` with other random numbers, where the truth comes from the tracer
-of :mod:`graycard.synth._separation`; surfaces from rays of :meth:`graycard.Camera.rays`, where the truth comes
-from Mitsuba's sensor.
+Pictures come from Mitsuba's compiled ``path`` with other random numbers, where the truth comes from the
+tracer of :mod:`graycard.synth._separation`; surfaces from rays of :meth:`graycard.Camera.rays`, where the
+truth comes from Mitsuba's sensor.
 """
 
 from dataclasses import replace
@@ -82,7 +82,9 @@ def _dimmed(light: gc.Light, strength: tuple[float, float, float]) -> gc.Light:
     return replace(light, **{power: color})  # pyright: ignore[reportArgumentType] -- of each light's own kind
 
 
-def surfaces_again(scene: Scene, camera: gc.Camera, rows: np.ndarray, columns: np.ndarray) -> dict[str, np.ndarray]:
+def surfaces_again(
+    scene: Scene, camera: gc.Camera, rows: np.ndarray, columns: np.ndarray
+) -> dict[str, np.ndarray]:
     """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and ``base_color``.
 
     Also ``visibility.<light>`` of each light without extent: whether a ray reaches it.

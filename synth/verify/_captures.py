@@ -31,7 +31,9 @@ def check_exposure(subject: Subject, training: list[np.ndarray]) -> Iterator[Che
     brightest = float(np.percentile(training, 99))
     for content, name in ((subject.capture, "capture.json"), (subject.truth, "truth.json")):
         off = abs(content.exposure * brightest - 1)
-        told = f"{name}: exposure x 99th percentile of the training views = 1; looks like an exposure of others"
+        told = (
+            f"{name}: exposure x 99th percentile of the training views = 1; looks like an exposure of others"
+        )
         yield subject.at.judge("exposure", off, 1e-6, "relative", told)
 
 
@@ -41,6 +43,10 @@ def check_index(subject: Subject) -> Iterator[Check]:
     mounted = any(getattr(light, "frame", "world") == "camera" for light in subject.lights)
     faults = [
         *([] if targets else ["the target of capture.json is not that of truth.json"]),
-        *([] if mounted == subject.capture.light_on_camera else ["light_on_camera is not as lights.json says"]),
+        *(
+            []
+            if mounted == subject.capture.light_on_camera
+            else ["light_on_camera is not as lights.json says"]
+        ),
     ]
     yield subject.at.judge("index files agree", len(faults), 0, "faults", "; ".join(faults))

@@ -27,7 +27,7 @@ def unblocked_irradiance(
         sky: Radiance of an environment light, shape ``(H, W, 3)``.
 
     Returns:
-        Shape ``(N, 3)``, float64; None where there is no formula for the kind of light.
+        Shape ``(N, 3)``; None where there is no formula for the kind of light.
     """
     match light:
         case gc.PointLight() | gc.SpotLight():
@@ -115,8 +115,10 @@ def _frame(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _from_the_sky(sky: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Sum over the pixels of the environment of L cos dω."""
     directions, solid_angle = sky_directions(sky)
-    cosines = np.maximum(normals @ directions.T, 0) * solid_angle
-    return cosines @ sky.reshape(-1, 3).astype(np.float64)
+    sent = sky.reshape(-1, 3) * solid_angle[:, None]
+    return np.maximum(normals.astype(np.float32) @ directions.T.astype(np.float32), 0) @ sent.astype(
+        np.float32
+    )
 
 
 def sky_directions(sky: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

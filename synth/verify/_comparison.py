@@ -20,6 +20,7 @@ from graycard.synth.verify._statistics import (
     z_of_shares,
 )
 
+
 @dataclass(frozen=True)
 class Pair:
     """Two pictures ``(H, W, C)`` that must differ by symmetric noise only."""
@@ -103,7 +104,9 @@ def _check_place(name: str, pair: Pair, views: int) -> Check:
         found.append((z_of(w, pair.apart), moved))
     z = max(abs(z) for z, _ in found)
     down, right = (moved for _, moved in found)
-    told = f"the picture lies where an independent one does; it looks shifted by ({right:+.2f}, {down:+.2f}) px"
+    told = (
+        f"the picture lies where an independent one does; it looks shifted by ({right:+.2f}, {down:+.2f}) px"
+    )
     return pair.at.judge(f"{name}: place", z, bound_of(2 * views), "σ", told)
 
 

@@ -12,8 +12,6 @@ FILES = "files"
 """Name of the check; a scene that fails it is not looked at any further."""
 
 
-
-
 def is_imported(folder: Path) -> bool:
     """Whether a scene folder holds a user's own photographs, which have no truth."""
     try:

@@ -28,7 +28,7 @@ def check_geometry(picture: Picture) -> Iterator[Check]:
 
 
 def _check_along_rays(picture: Picture) -> Iterator[Check]:
-    """position = camera + distance x ray, depth = distance x cos: three layers, one geometry."""
+    """Position = camera + distance x ray, depth = distance x cos: three layers, one geometry."""
     layers, camera, seen = picture.layers, picture.camera, picture.seen
     distance, depth = layers["distance"][seen].astype(float), layers["depth"][seen].astype(float)
     rays = picture.rays[seen]
@@ -84,7 +84,9 @@ def _check_slopes(picture: Picture) -> Check:
     """The normal of a smooth surface is the cross product of the differences of its positions."""
     smooth = _smooth_interior(picture)
     if smooth.sum() < 30:
-        return picture.at.skip("normal across the surface", "fewer than 30 pixels of smooth surfaces are seen")
+        return picture.at.skip(
+            "normal across the surface", "fewer than 30 pixels of smooth surfaces are seen"
+        )
     position = picture.layers["position"].astype(float)
     down, right = (np.gradient(position, axis=axis)[smooth] for axis in (0, 1))
     across = np.cross(right, down)

@@ -74,7 +74,8 @@ def _channel(number: int) -> tuple[float, float, float]:
 def _parts(picture: Picture, strengths: dict[str, tuple[float, float, float]]) -> np.ndarray:
     """Sum of the parts of all lights, each times its strength in each channel."""
     return np.sum(
-        [picture.layers[f"{part}.{name}"] * np.array(s) for name, s in strengths.items() for part in PARTS], axis=0
+        [picture.layers[f"{part}.{name}"] * np.array(s) for name, s in strengths.items() for part in PARTS],
+        axis=0,
     )
 
 
@@ -99,9 +100,11 @@ def check_surfaces(rebuilt: Rebuilt, picture: Picture, points: int = _POINTS) ->
 def _check_shadows(
     picture: Picture, stored: dict[str, np.ndarray], found: dict[str, np.ndarray]
 ) -> Iterator[Check]:
-    """Lights without extent are seen by a ray where they are visible; where they are not, they may be behind."""
+    """Rays reach lights without extent where they are visible; elsewhere they are blocked or behind."""
     for name in (name for name in stored if name.startswith("visibility.")):
         blocked = (stored[name] > 0) & ~found[name]
-        told = f"where {name} is 1 a ray reaches the light; looks like a visibility that is inverted or swapped"
+        told = (
+            f"where {name} is 1 a ray reaches the light; looks like a visibility that is inverted or swapped"
+        )
         share = float(blocked.mean())
         yield picture.at.judge("shadows again", share, _AT_EDGES, "of the pixels", told)

@@ -16,7 +16,9 @@ SPECIFIED = ("lights of the spec", "cameras of the spec", "objects of the spec",
 def check_specified(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
     """Lights, cameras, objects and surroundings are those of the spec, to the last digit that JSON keeps."""
     at, scene = subject.at, rebuilt.scene
-    found, wanted = ([gc.light_to_json(light) for light in lights] for lights in (subject.lights, scene.lights))
+    found, wanted = (
+        [gc.light_to_json(light) for light in lights] for lights in (subject.lights, scene.lights)
+    )
     wrong = [light["name"] for light in found if light not in gc.encode(wanted)]
     told = f"lights.json is that of the spec; other ones are {', '.join(wrong) or 'missing'}"
     yield at.judge("lights of the spec", len(wrong) + abs(len(found) - len(wanted)), 0, "lights", told)
@@ -26,7 +28,8 @@ def check_specified(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
     count = len(moved) + abs(len(subject.truth.views) - len(scene.views))
     yield at.judge("cameras of the spec", count, 0, "views", told)
     others = set(subject.truth.objects) ^ set(scene.objects())
-    told = f"objects are those of the spec; looks like other ids, names or flags: {sorted(o.name for o in others)}"
+    names = sorted(thing.name for thing in others)
+    told = f"objects are those of the spec; looks like other ids, names or flags of {names}"
     yield at.judge("objects of the spec", len(others), 0, "objects", told)
     if scene.sky is not None and subject.sky is not None:
         yield _check_sky(subject, recorded(scene.sky), subject.sky)

@@ -8,11 +8,12 @@ weights ``w`` that do not depend on their signs::
     z = Σ w d / sqrt(Σ w² d²),   P(|z| >= x) <= 2 exp(-x² / 2)
 
 (Efron 1969, "Student's t-test under symmetry conditions"; the bound is Hoeffding 1963, theorem 2, applied to
-the signs). It holds for caustics and fireflies too, where a z-test that trusts an estimated variance does not.
-Weights may be made of ``a + b`` and ``d²`` of all pixels: no sign is in them.
+the signs). It holds for caustics and fireflies too, where a z-test that trusts an estimated variance does
+not. Weights may be made of ``a + b`` and ``d²`` of all pixels: no sign is in them.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -51,7 +52,7 @@ def difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def local_variance(d: np.ndarray) -> np.ndarray:
     """Mean of ``d²`` around each pixel, shape ``(H, W, C)`` as ``d``."""
-    return ndimage.uniform_filter(d**2, size=(_SMOOTHING, _SMOOTHING, 1), mode="reflect")
+    return ndimage.uniform_filter(d**2, size=_SMOOTHING, axes=(0, 1))
 
 
 def gain_weights(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -77,7 +78,7 @@ def z_of(weights: np.ndarray, d: np.ndarray) -> float:
 
 
 def contrast_share(halves: Sequence[np.ndarray]) -> np.ndarray:
-    """Share of the difference of two pictures in the spread of their four halves, NaN where there is no spread.
+    """Share of two pictures' difference in the spread of their four halves; NaN where there is no spread.
 
     Four independent images of one distribution have three orthogonal contrasts of two against two, each as
     likely to be the largest: the share of one is in [0, 1] with the mean 1/3, whatever the distribution.
@@ -93,7 +94,9 @@ def contrast_share(halves: Sequence[np.ndarray]) -> np.ndarray:
     between, others = (a + b - c - d) ** 2, (a - b + c - d) ** 2 + (a - b - c + d) ** 2
     rounding = (_ROUNDING * (a + b + c + d)) ** 2
     noisy = (between + others > rounding).all(axis=-1)
-    return np.where(noisy, (between / np.where(between + others > 0, between + others, 1)).mean(axis=-1), np.nan)
+    return np.where(
+        noisy, (between / np.where(between + others > 0, between + others, 1)).mean(axis=-1), np.nan
+    )
 
 
 def z_of_shares(shares: np.ndarray, expected: float) -> float:
@@ -118,4 +121,4 @@ def tiles(height: int, width: int) -> list[tuple[slice, slice]]:
 
 def _cuts(length: int) -> list[slice]:
     edges = np.linspace(0, length, max(length // TILE, 1) + 1).astype(int)
-    return [slice(int(low), int(high)) for low, high in zip(edges[:-1], edges[1:], strict=True)]
+    return [slice(int(low), int(high)) for low, high in pairwise(edges)]

@@ -59,7 +59,7 @@ def _variance_told(factor: float) -> str:
 
 
 def check_parts(subject: Subject, picture: Picture) -> Iterator[Check]:
-    """emitted + all parts = radiance, and the diffuse parts are what irradiance implies."""
+    """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies."""
     if not subject.is_separated:
         for name in ("parts add up", "diffuse light"):
             yield picture.at.skip(name, "a scene of scalar_rgb holds no parts of the light")
@@ -102,16 +102,20 @@ def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iter
     layers, lights = picture.layers, [light.name for light in subject.lights]
     reflectance = layers["diffuse_reflectance"][pure].astype(float)
     parts = {
-        name: sum(layers[f"{kind}.diffuse.{name}"][pure].astype(float) for kind in ("direct", "indirect"))
+        name: layers[f"direct.diffuse.{name}"][pure].astype(float) + layers[f"indirect.diffuse.{name}"][pure]
         for name in lights
     }
     whole = np.sum(list(parts.values()), axis=0).sum(axis=0)
     wanted = (reflectance * layers["shading"][pure]).sum(axis=0)
     told = "the diffuse light of pure, matte pixels is diffuse_reflectance x shading; "
     told += f"the channels' quotients are {np.round(whole / np.maximum(wanted, 1e-30), 3).tolist()}"
-    yield picture.at.judge("diffuse light", float(np.abs(whole / wanted - 1).max()), _DIFFUSE, "relative", told)
+    yield picture.at.judge(
+        "diffuse light", float(np.abs(whole / wanted - 1).max()), _DIFFUSE, "relative", told
+    )
     for name, part in parts.items():
         implied = (reflectance * layers[f"irradiance.{name}"][pure] / np.pi).sum(axis=0)
         off = float((np.abs(part.sum(axis=0) - implied) / np.maximum(whole, 1e-30)).max())
-        told = f"the diffuse light of {name} is reflectance x irradiance.{name} / pi; looks like swapped lights"
+        told = (
+            f"the diffuse light of {name} is reflectance x irradiance.{name} / pi; looks like swapped lights"
+        )
         yield picture.at.judge("diffuse light of a light", off, _DIFFUSE, "of all light", told)

@@ -58,7 +58,11 @@ def check_values(subject: Subject, picture: Picture) -> Iterator[Check]:
     at, layers = picture.at, picture.layers
     missing = sorted(expected_layers(subject) - layers.keys())
     yield at.judge(
-        "layers present", len(missing), 0, "layers", f"missing are {', '.join(missing[:4])}: a part was dropped"
+        "layers present",
+        len(missing),
+        0,
+        "layers",
+        f"missing are {', '.join(missing[:4])}: a part was dropped",
     )
     height, width = picture.camera.height, picture.camera.width
     faults = [fault for name in layers if (fault := gc.find_fault(name, layers[name], height, width))]
@@ -74,7 +78,9 @@ def _outside(name: str, values: np.ndarray) -> str:
     bad = (values < low) | (values > high)
     if not bad.any():
         return ""
-    return f"expected {name} in [{low:g}, {high:g}], got {float(values[bad][0]):.4g} in {int(bad.sum())} values"
+    return (
+        f"expected {name} in [{low:g}, {high:g}], got {float(values[bad][0]):.4g} in {int(bad.sum())} values"
+    )
 
 
 def _range(name: str) -> tuple[float, float]:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-
 from graycard.synth import RenderSettings, SceneSpec, render_scene
 
 SETTINGS = RenderSettings(48, 48, train_views=2, test_views=1, samples=64)
@@ -37,5 +36,3 @@ def copied(rendered: Callable[[str], Path], tmp_path: Path) -> Callable[[str], P
         return Path(shutil.copytree(source, tmp_path / "dataset" / track / source.name))
 
     return copy
-
-

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults that were really made in renderers and datasets: each is planted, sealed, and must be found by name."""
+"""Faults that were really made in renderers and datasets: each is planted, sealed, and found by its name."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -137,7 +137,7 @@ def normals_inside_out(layers: Layers, view: gc.View):
 
 @in_layers("tabletop", "normal of unit length")
 def normals_averaged_over_the_pixel(layers: Layers, view: gc.View):
-    layers["normal"] = ndimage.uniform_filter(layers["normal"], size=(3, 3, 1))
+    layers["normal"] = ndimage.uniform_filter(layers["normal"], size=3, axes=(0, 1))
 
 
 @in_scene("multilight", "position on the ray", "swapped views")
@@ -303,7 +303,9 @@ def powers_of_two_lights_swapped(scene: Path):
     assert isinstance(softbox, gc.RectangleLight)
     assert isinstance(bulb, gc.SphereLight)
     swapped = {"softbox": bulb.radiance, "bulb": softbox.radiance}
-    edit_lights(scene, lambda light: replace(light, radiance=swapped[light.name]) if light.name in swapped else light)
+    edit_lights(
+        scene, lambda light: replace(light, radiance=swapped[light.name]) if light.name in swapped else light
+    )
 
 
 @in_scene("tabletop", "direct light of the formula")
