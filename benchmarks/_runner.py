@@ -171,7 +171,7 @@ def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
 
 def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[SceneSpec, Path]]:
     """Render all scenes one after the other: Mitsuba itself takes all cores."""
-    jobs = [RenderJob(spec, suite.render, dataset, usable_cores()) for spec in suite.scenes]
+    jobs = [RenderJob(spec, suite.render_of(spec), dataset, usable_cores()) for spec in suite.scenes]
     outcomes = run_all(run_render, jobs, 1, _part(progress, 0, "rendering"), scene_at_hand)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:

@@ -41,8 +41,13 @@ class Suite:
     scenes: tuple[SceneSpec, ...]
     methods: tuple[SuiteMethod, ...]
     seeds: tuple[int, ...] = (0,)
+    samples: Mapping[str, int] = field(default_factory=dict)
+    """Light paths a pixel by track, where one needs more or fewer than ``render`` says."""
 
     def __post_init__(self) -> None:
+        for track, samples in self.samples.items():
+            check_track(track)
+            replace(self.render, samples=samples)  # refuses what cannot be stratified
         rows = [method.row for method in self.methods]
         places = [(scene.track, scene_name(scene)) for scene in self.scenes]
         for what, values in (("scenes", places), ("methods", rows), ("seeds", self.seeds)):
@@ -51,6 +56,10 @@ class Suite:
                     f"expected {what} in suite {self.name!r}, each once (a second variant of a method needs "
                     f"a label of its own), got {list(values)}"
                 )
+
+    def render_of(self, scene: SceneSpec) -> RenderSettings:
+        """How a scene of this suite is photographed."""
+        return replace(self.render, samples=self.samples.get(scene.track, self.render.samples))
 
 
 def suite_names() -> list[str]:

@@ -110,7 +110,9 @@ def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:
         _count_lights(evidence.lights),
     ]
     names = [o.name for o in evidence.truth.objects if o.id == evidence.truth.target]
-    return "; ".join(parts + [f"object to remove: {name}" for name in names])
+    parts += [f"object to remove: {name}" for name in names]
+    ceiling = evidence.truth.noise_ceiling
+    return "; ".join(parts + ([] if ceiling is None else [f"noise ceiling {ceiling:.1f} dB"]))
 
 
 def _count_lights(lights: Sequence[gc.Light]) -> str:

@@ -4,9 +4,11 @@
 Importing this package does not import Mitsuba; :func:`render_scene` does when there is something to render.
 """
 
+from graycard.synth._families import Knob as Knob
 from graycard.synth._families import describe as describe
 from graycard.synth._families import families as families
 from graycard.synth._families import family_of as family_of
+from graycard.synth._families import knobs as knobs
 from graycard.synth._families import resolved_knobs as resolved_knobs
 from graycard.synth._families import scene_name as scene_name
 from graycard.synth._family import Family as Family

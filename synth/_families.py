@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of scene families, and what a spec says in words."""
 
+import ast
+import dataclasses
 import hashlib
+import inspect
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import graycard as gc
@@ -31,6 +38,46 @@ def family_of(spec: SceneSpec) -> Family:
     if name not in known:
         raise gc.UnknownNameError("scene family", name, known)
     return gc.decode(known[name], dict(spec.knobs), source=f"the knobs of {name}")
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """One knob of a family."""
+
+    name: str
+    default: float | int | str
+    allowed: str
+    """Its range or its words."""
+    meaning: str
+
+
+def knobs(family: type[Family]) -> list[Knob]:
+    """The knobs of a family, in the order in which they are defined."""
+    meanings = _attribute_docstrings(family)
+    fields = dataclasses.fields(family)  # pyright: ignore[reportArgumentType] -- families are dataclasses
+    return [Knob(f.name, f.default, _allowed(f.metadata), meanings.get(f.name, "")) for f in fields]
+
+
+def _allowed(metadata: Mapping[str, Any]) -> str:
+    if "words" in metadata:
+        return ", ".join(metadata["words"])
+    low, high = metadata["range"]
+    return f"{low:g} to {high:g}"
+
+
+def _attribute_docstrings(cls: type) -> dict[str, str]:
+    """The strings below the annotated attributes of a class and of its bases, by attribute."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__[:-1]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # pyright: ignore
+        for attribute, after in pairwise(body):
+            match attribute, after:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    found[name] = " ".join(text.split())
+    return found
 
 
 def resolved_knobs(spec: SceneSpec) -> dict[str, Any]:

@@ -15,9 +15,17 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
+from graycard.synth import find_llvm, use_renderer
+from graycard.synth._corridor import Corridor
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def loaded() -> None:
+    """Dr.Jit looks for LLVM once a process: let it, before a test hides the library."""
+    use_renderer()
 
 
 def last_line(capsys: Capture) -> str:
@@ -45,6 +53,44 @@ def test_scenes_lists_suites_and_families(tmp_path: Path, capsys: Capture):
     found = json.loads((tmp_path / "s.json").read_text())
     assert list(found["families"]) == list(gc.TRACKS)
     assert {suite["name"] for suite in found["suites"]} >= {"demo", "smoke"}
+
+
+def test_scenes_shows_the_knobs_of_a_family(tmp_path: Path, capsys: Capture):
+    assert main(["scenes", "corridor", "--json", str(tmp_path / "s.json")]) == 0
+    assert last_line(capsys).startswith("scenes: corridor (dark), a dark storage corridor")
+    knobs = {knob["name"]: knob for knob in json.loads((tmp_path / "s.json").read_text())["knobs"]}
+    assert knobs["gloss"]["allowed"] == "0 to 1"
+    assert knobs["gloss"]["meaning"].startswith("Share of the objects that are glossy")
+
+
+def test_render_takes_knobs_and_says_how_noisy_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/none")
+    size = ["--width", "16", "--height", "16", "--samples", "16", "--train-views", "2", "--test-views", "1"]
+    out = ["--out", str(tmp_path), "--knob", "gloss=1", "light_offset=0.1"]
+    assert main(["render", "dark", "--seed", "1000", *out, *size]) == 0
+    scene, line = capsys.readouterr().out.strip().splitlines()
+    assert line == f"render: 1 scene in {tmp_path}"
+    folder, ceiling = re.fullmatch(r"(\S+) \(noise ceiling (\S+) dB\)", scene).groups()  # pyright: ignore
+    truth = gc.open_truth(Path(folder) / "truth")
+    assert truth.noise_ceiling == pytest.approx(float(ceiling), abs=0.06)
+    knobs = gc.manifest_of(truth).settings["knobs"]
+    assert (knobs["gloss"], knobs["light_offset"]) == (1.0, 0.1)
+
+
+def test_speed_compares_the_truth_with_a_plain_picture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+):
+    if not find_llvm().usable:
+        pytest.skip("the separation needs LLVM")
+    monkeypatch.setattr("graycard.benchmarks.speed._truth.families", lambda: {"corridor": Corridor})
+    assert main(["speed", "truth", "--repeats", "1", "--json", str(tmp_path / "s.json")]) == 0
+    assert "(corridor; in processor time" in last_line(capsys)
+    (cost,) = json.loads((tmp_path / "s.json").read_text())
+    assert cost["lights"] == 2
+    assert 0 < cost["path_cpu_s"] < 600
+    assert 0 < cost["separated_s"] < 600
 
 
 def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
@@ -117,8 +163,16 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["doctor", "--jsn", "x"], "expected options of `graycard doctor`, got --jsn"),
         (["methods", "retinx"], "did you mean 'retinex'"),
         (["render", "drak", "--out", "x"], "did you mean 'dark'"),
+        (["scenes", "corrido"], "did you mean 'corridor'"),
+        (["render", "dark", "--knob", "gloss", "--out", "x"], "expected a knob as NAME=VALUE, got 'gloss'"),
+        (["render", "dark", "--knob", "gloss=5", "--out", "x"], "expected gloss in [0.0, 1.0], got 5.0"),
+        (["render", "dark", "--knob", "gloss=much", "--out", "x"], "expected a number, got 'much'"),
+        (["render", "demo", "--knob", "gloss=1", "--out", "x"], "with a track only"),
         (["render", "dark", "--seed", "-3", "--out", "x"], "expected a seed of 0 or more, got -3"),
-        (["render", "demo", "--seed", "3", "--out", "x"], "expected --seed and --family with a track only"),
+        (
+            ["render", "demo", "--seed", "3", "--out", "x"],
+            "expected --seed, --family and --knob with a track only",
+        ),
         (["render", "dark", "--family", "studio", "--out", "{tmp}"], "expected a scene family that exists"),
         (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
         (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -92,13 +92,17 @@ class Doctor:
 
 @dataclass(frozen=True)
 class Scenes:
-    """List the scene families and the scenes of each suite."""
+    """List the scene families and the scenes of each suite, or the knobs of one family."""
 
+    family: Annotated[str | None, tyro.conf.Positional] = None
+    """Show the knobs of this family."""
     json: Json = None
     """Also write the list to this file."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """List them."""
+        if self.family is not None:
+            return self._show(screen, self.family)
         from graycard.benchmarks import load_suite, suite_names
         from graycard.synth import describe, families, scene_name
 
@@ -112,6 +116,21 @@ class Scenes:
         _write_json(self.json, {"families": known, "suites": suites})
         names = ", ".join(f"{track}: {'/'.join(found)}" for track, found in known.items())
         screen.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
+        return OK
+
+    def _show(self, screen: Screen, name: str) -> int:
+        from graycard.synth import families, knobs
+
+        if name not in families():
+            raise UnknownNameError("scene family", name, families())
+        family = families()[name]
+        found = knobs(family)
+        table = _table("knob", "default", "allowed", "what it does")
+        for item in found:
+            table.add_row(item.name, str(item.default), item.allowed, item.meaning)
+        screen.out.print(table)
+        _write_json(self.json, {"family": name, "track": family.track, "title": family.title, "knobs": found})
+        screen.out.print(f"scenes: {name} ({family.track}), {family.title}; {len(found)} knobs")
         return OK
 
 
@@ -170,9 +189,12 @@ class Render:
     """Seed of the scene (for a track); 0 by default."""
     family: str | None = None
     """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
+    knob: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Knobs of the family that are to differ from its defaults; `graycard scenes FAMILY` lists them."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Render, view by view."""
+        from graycard._dataset import open_truth
         from graycard.synth import find_llvm, render_scene
 
         jobs = self._jobs(rest)
@@ -180,7 +202,8 @@ class Render:
         for number, (spec, settings) in enumerate(jobs):
             with screen.progress() as progress:
                 folder = render_scene(spec, settings, self.out, _share(progress, number, len(jobs)))
-            screen.out.print(folder.as_posix())
+            ceiling = open_truth(folder / "truth", check=False).noise_ceiling
+            screen.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
         screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}")
         return OK
 
@@ -194,17 +217,17 @@ class Render:
             seed = self.seed or 0
             if seed < 0:
                 raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
-            return [(SceneSpec(self.what, self.family or first, seed), settings)]
+            return [(SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings)]
         refuse(rest, "render")
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
             raise UnknownNameError("suite or track", self.what, known)
-        if self.seed is not None or self.family is not None:
+        if self.seed is not None or self.family is not None or self.knob:
             raise GraycardError(
-                "expected --seed and --family with a track only: a suite names its own scenes"
+                "expected --seed, --family and --knob with a track only: a suite names its own scenes"
             )
         suite = load_suite(self.what)
-        return [(spec, suite.render) for spec in suite.scenes]
+        return [(spec, suite.render_of(spec)) for spec in suite.scenes]
 
 
 @dataclass(frozen=True)
@@ -480,6 +503,37 @@ class Import:
         return OK
 
 
+@dataclass(frozen=True)
+class Speed:
+    """Measure what the machinery costs, beside a peer in the same run."""
+
+    what: Annotated[Literal["truth"], tyro.conf.Positional]
+    """truth: light split by source and lobe, beside Mitsuba's path tracer."""
+    repeats: int = 5
+    """How often each is timed; medians count."""
+    json: Json = None
+    """Also write the figures to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Time both, in turns."""
+        from graycard.benchmarks.speed import measure_truth
+
+        with screen.progress() as progress:
+            costs = measure_truth(repeats=self.repeats, progress=progress)
+        table = _table("track", "family", "lights", "path s", "separated s", "ratio", "CPU ratio")
+        for c in costs:
+            figures = f"{c.path_s:.3f}", f"{c.separated_s:.3f}", f"{c.ratio:.2f}", f"{c.cpu_ratio:.2f}"
+            table.add_row(c.track, c.family, str(c.lights), *figures)
+        screen.out.print(table)
+        _write_json(self.json, costs)
+        worst = max(costs, key=lambda cost: cost.ratio)
+        screen.out.print(
+            f"speed: the separated truth takes at most {worst.ratio:.2f} times as long as a plain picture "
+            f"({worst.family}; in processor time {worst.cpu_ratio:.2f})"
+        )
+        return OK
+
+
 def refuse(rest: list[str], verb: str) -> None:
     """Say that options were not understood.
 
@@ -536,6 +590,28 @@ def _failures(record: RunRecord) -> list[str]:
     return lines
 
 
+def _knobs(pairs: tuple[str, ...]) -> dict[str, Any]:
+    """Knobs by name from ``name=value``; a value that is no number is a word.
+
+    Raises:
+        GraycardError: A pair is none.
+    """
+    knobs: dict[str, Any] = {}
+    for pair in pairs:
+        name, sign, value = pair.partition("=")
+        if not (name and sign and value):
+            raise GraycardError(f"expected a knob as NAME=VALUE, got {pair!r}")
+        knobs[name] = _number(value)
+    return knobs
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
+
+
 def _share(progress: Progress, number: int, of: int) -> Callable[[float, str], None]:
     """The progress of one part in that of the whole."""
     return lambda done, doing: progress((number + done) / of, doing)
@@ -560,5 +636,6 @@ COMMANDS: dict[str, type[Any]] = {
     "look": Look,
     "export": Export,
     "import": Import,
+    "speed": Speed,
 }
 """Verb by verb, in the order of ``--help``."""

@@ -137,6 +137,8 @@ def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
         "1 light (1 on the camera); object to remove: target"
     )
     dark = open_scene(tiny_scenes["dark"])
+    measured = replace(dark, truth=replace(dark.truth, noise_ceiling=45.27))
+    assert describe_scene(record, measured).endswith("; noise ceiling 45.3 dB")
     fixed = replace(dark, lights=(at(0.0, 0.0), gc.EnvironmentLight("sky", "environment.exr")))
     assert "; 2 lights" in describe_scene(record, fixed)
     assert "on the camera" not in describe_scene(record, fixed)

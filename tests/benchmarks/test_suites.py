@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Suites as they are read."""
+
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.benchmarks import load_suite, suite_names
+from graycard.synth import family_of
+
+SUITE = """
+name = "mine"
+version = 1
+title = "Mine"
+{more}
+[render]
+samples = 64
+[[scenes]]
+track = "dark"
+family = "corridor"
+seed = 1000
+[[scenes]]
+track = "multilight"
+family = "studio"
+seed = 1000
+[[methods]]
+name = "gray"
+"""
+
+
+def written(folder: Path, more: str = "") -> str:
+    path = folder / "mine.toml"
+    path.write_text(SUITE.format(more=more))
+    return str(path)
+
+
+@pytest.mark.parametrize("name", suite_names())
+def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
+    suite = load_suite(name)
+    assert {scene.track for scene in suite.scenes} == set(gc.TRACKS)
+    for scene in suite.scenes:
+        assert scene.seed < 1000  # from there on seeds are for tuning
+        settings = suite.render_of(scene)
+        assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
+
+
+def test_a_track_may_have_samples_of_its_own(tmp_path: Path) -> None:
+    suite = load_suite(written(tmp_path, "samples = {multilight = 256}"))
+    dark, many = (suite.render_of(scene) for scene in suite.scenes)
+    assert (dark.samples, many.samples) == (64, 256)
+    assert (dark.width, dark.max_depth) == (many.width, many.max_depth)
+
+
+def test_samples_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark'"):
+        load_suite(written(tmp_path, "samples = {drak = 256}"))
+
+
+def test_samples_that_are_not_four_squares_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(gc.RecordError, match="4 times a square"):
+        load_suite(written(tmp_path, "samples = {dark = 50}"))
