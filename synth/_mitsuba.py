@@ -8,6 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._gaussian_light import gaussian_emitter
 from graycard.synth._lambert_ggx import MIN_ALPHA, register
 from graycard.synth._mesh import Mesh
 from graycard.synth._scene import (
@@ -42,7 +43,9 @@ def load_scene(scene: Scene, camera: gc.Camera, without: str = "") -> mi.Scene:
         if thing.name != without:
             content[shape_key(number)] = _shape(thing, _emitter_of(scene, thing))
     for light in scene.lights:
-        if isinstance(light, gc.PointLight | gc.SpotLight):
+        if isinstance(light, gc.GaussianLight):
+            content[f"light-{light.name}"] = gaussian_emitter(light, camera, _weight(scene, light.name))
+        elif isinstance(light, gc.PointLight | gc.SpotLight):
             content[f"light-{light.name}"] = _delta_light(light, camera, _weight(scene, light.name))
         elif isinstance(light, gc.EnvironmentLight) and scene.sky is not None:
             content[f"light-{light.name}"] = _sky(scene.sky, _weight(scene, light.name))

@@ -58,11 +58,13 @@ from graycard._layers import layer as layer
 from graycard._layers import layers as layers
 from graycard._layers import shape_of as shape_of
 from graycard._lights import EnvironmentLight as EnvironmentLight
+from graycard._lights import GaussianLight as GaussianLight
 from graycard._lights import Light as Light
 from graycard._lights import LocalLight as LocalLight
 from graycard._lights import PointLight as PointLight
 from graycard._lights import RectangleLight as RectangleLight
 from graycard._lights import SphereLight as SphereLight
+from graycard._lights import SphericalGaussian as SphericalGaussian
 from graycard._lights import SpotLight as SpotLight
 from graycard._lights import light_from_json as light_from_json
 from graycard._lights import light_to_json as light_to_json

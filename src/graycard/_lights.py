@@ -16,6 +16,9 @@ from graycard._json import decode, encode
 Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]
 
+_UNIT_TOLERANCE = 1e-5
+"""What rounding to float32 leaves, a few times over."""
+
 
 @dataclass(frozen=True, slots=True)
 class PointLight:
@@ -64,6 +67,79 @@ class SpotLight:
     def axial_intensity(self) -> np.ndarray:
         """Radiant intensity along the brightest direction, shape ``(3,)``, W/sr."""
         return np.array(self.intensity)
+
+
+@dataclass(frozen=True, slots=True)
+class SphericalGaussian:
+    """One lobe of a function over directions: ``a exp(sharpness (w . axis - 1))``.
+
+    Raises:
+        ValueError: The axis is not of unit length, the sharpness or an amplitude is negative or not finite.
+    """
+
+    axis: Vector
+    """Unit vector in which the lobe is brightest."""
+    sharpness: float
+    """0 is the same in all directions; at 1 / sharpness below 1 in the cosine, the lobe falls to 1/e."""
+    amplitude: Vector
+    """Value on the axis per channel."""
+
+    def __post_init__(self) -> None:
+        length = float(np.linalg.norm(self.axis))
+        if not abs(length - 1) <= _UNIT_TOLERANCE:
+            raise ValueError(f"expected an axis of unit length, got {self.axis} of length {length:g}")
+        if not 0 <= self.sharpness < np.inf:
+            raise ValueError(f"expected a finite sharpness of 0 or more, got {self.sharpness}")
+        if not all(0 <= a < np.inf for a in self.amplitude):
+            raise ValueError(f"expected finite amplitudes of 0 or more, got {self.amplitude}")
+
+
+@dataclass(frozen=True, slots=True)
+class GaussianLight:
+    """A light without extent whose intensity over directions is a sum of spherical Gaussians.
+
+    The local light of GS-ID. Towards the unit direction ``w``, away from the light, it has the radiant
+    intensity ``I(w) = sum_k a_k exp(s_k (w . m_k - 1))`` with the lobes' amplitudes ``a_k`` in W/sr,
+    sharpnesses ``s_k`` and axes ``m_k``.
+
+    Raises:
+        ValueError: It has no lobe.
+    """
+
+    name: str
+    position: Vector
+    """Metres, in ``frame``."""
+    lobes: tuple[SphericalGaussian, ...]
+    """Axes in ``frame``, amplitudes in W/sr."""
+    frame: Frame = "world"
+
+    def __post_init__(self) -> None:
+        if not self.lobes:
+            raise ValueError(f"expected one lobe or more in the light {self.name!r}, got none")
+
+    def intensity_towards(self, directions: np.ndarray) -> np.ndarray:
+        """Radiant intensity in unit directions away from the light.
+
+        Args:
+            directions: Shape ``(..., 3)``, in ``frame``.
+
+        Returns:
+            Shape ``(..., 3)``, W/sr per channel.
+        """
+        axes = np.array([lobe.axis for lobe in self.lobes])
+        sharpness = np.array([lobe.sharpness for lobe in self.lobes])
+        amplitudes = np.array([lobe.amplitude for lobe in self.lobes])
+        return np.exp(sharpness * (np.asarray(directions) @ axes.T - 1)) @ amplitudes
+
+    @property
+    def axial_intensity(self) -> np.ndarray:
+        """Radiant intensity along the brightest of the lobes' axes, shape ``(3,)``, W/sr.
+
+        The brightest has the largest sum of channels. For one lobe this is the maximum over all
+        directions; lobes that overlap may be brighter between their axes.
+        """
+        along = self.intensity_towards(np.array([lobe.axis for lobe in self.lobes]))
+        return along[np.argmax(along.sum(axis=-1))]
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +198,13 @@ class EnvironmentLight:
     """EXR file of R, G, B radiance in W/m²/sr, relative to the file that lists the lights."""
 
 
-Light = PointLight | SpotLight | RectangleLight | SphereLight | EnvironmentLight
-LocalLight = PointLight | SpotLight | RectangleLight | SphereLight
+LocalLight = PointLight | SpotLight | GaussianLight | RectangleLight | SphereLight
+Light = LocalLight | EnvironmentLight
 
 _TYPES: dict[str, type[Light]] = {
     "point": PointLight,
     "spot": SpotLight,
+    "spherical-gaussians": GaussianLight,
     "rectangle": RectangleLight,
     "sphere": SphereLight,
     "environment": EnvironmentLight,

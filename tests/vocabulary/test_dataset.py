@@ -14,6 +14,7 @@ LIGHTS: tuple[gc.Light, ...] = (
     gc.RectangleLight("r", (0, 0, 2), (0.5, 0, 0), (0, 0.25, 0), (2, 4, 6)),
     gc.SphereLight("b", (0, 0, 2), 0.1, (2, 4, 6)),
     gc.EnvironmentLight("e", "environment.exr"),
+    gc.GaussianLight("g", (0, 1, 2), (gc.SphericalGaussian((0, 0.6, 0.8), 5.0, (3, 4, 5)),), "camera"),
 )
 
 
@@ -113,7 +114,7 @@ def test_lights_round_trip(light: gc.Light):
 
 def test_intensities_of_lights_with_an_area():
     """Rectangle 1 m x 0.5 m: I = L A. Sphere: I = L pi r²."""
-    _, _, rectangle, sphere, _ = LIGHTS
+    _, _, rectangle, sphere, *_ = LIGHTS
     assert isinstance(rectangle, gc.RectangleLight)
     assert isinstance(sphere, gc.SphereLight)
     assert rectangle.axial_intensity == pytest.approx([1, 2, 3])
@@ -125,6 +126,43 @@ def test_a_light_on_the_camera_moves_with_it():
     light = gc.PointLight("flash", (0.3, 0, 0), (1, 1, 1), "camera")
     camera = gc.Camera.from_fov(8, 8, 60, gc.look_at(np.array([1, -3, 1]), np.array([1, 0, 1])))
     assert gc.world_position(light, camera) == pytest.approx([1.3, -3, 1])
+
+
+def test_the_intensity_of_a_gaussian_light():
+    """One lobe has its amplitude on the axis and exp(-2 s) of it behind; of several the brightest counts."""
+    lobe = gc.SphericalGaussian((0, 0, 1), 1.5, (3, 4, 5))
+    one = gc.GaussianLight("g", (0, 0, 0), (lobe,))
+    towards = one.intensity_towards(np.array([[0, 0, 1], [1, 0, 0], [0, 0, -1]]))
+    assert towards == pytest.approx(np.exp([[0.0], [-1.5], [-3.0]]) * np.array([3, 4, 5]))
+    assert one.axial_intensity == pytest.approx([3, 4, 5])
+    two = gc.GaussianLight("g", (0, 0, 0), (lobe, gc.SphericalGaussian((1, 0, 0), 1.5, (9, 1, 9))))
+    assert two.axial_intensity == pytest.approx(np.array([9, 1, 9]) + np.exp(-1.5) * np.array([3, 4, 5]))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"axis": (0, 0, 2)}, "axis of unit length, got .* of length 2"),
+        ({"axis": (0, 0, 0)}, "axis of unit length"),
+        ({"axis": (0, 0, float("nan"))}, "axis of unit length"),
+        ({"sharpness": -1.0}, "finite sharpness of 0 or more, got -1"),
+        ({"sharpness": float("inf")}, "finite sharpness"),
+        ({"amplitude": (1, -1, 1)}, "finite amplitudes of 0 or more"),
+        ({"amplitude": (1, float("nan"), 1)}, "finite amplitudes"),
+    ],
+)
+def test_bad_lobes(change: dict[str, object], message: str):
+    fields = {"axis": (0, 0, 1), "sharpness": 1.0, "amplitude": (1, 1, 1)} | change
+    with pytest.raises(ValueError, match=message):
+        gc.SphericalGaussian(**fields)  # pyright: ignore[reportArgumentType]
+    data = {"type": "spherical-gaussians", "name": "g", "position": [0, 0, 0], "lobes": [fields]}
+    with pytest.raises(gc.DatasetError, match=message):
+        gc.light_from_json(json.loads(gc.dumps(data)))
+
+
+def test_a_gaussian_light_has_a_lobe():
+    with pytest.raises(ValueError, match="expected one lobe or more in the light 'g', got none"):
+        gc.GaussianLight("g", (0, 0, 0), ())
 
 
 @pytest.mark.parametrize(
