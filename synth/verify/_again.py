@@ -22,6 +22,8 @@ from graycard.synth._variant import SCALAR
 from graycard.synth._views import radiance_images
 from graycard.synth.verify._subject import Rebuilt
 
+Color = tuple[float, float, float]
+
 _OWN = 0x6AC4
 """Part of the seeds here, so that they are none of those that a scene is rendered with."""
 
@@ -60,7 +62,7 @@ def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> d
     return estimate("radiance", radiance_images(loaded, camera, seeds, rebuilt.settings))
 
 
-def lit_by(scene: Scene, strengths: dict[str, tuple[float, float, float]]) -> Scene:
+def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
     """A scene whose lights are multiplied channel by channel; those without a strength stay as they are.
 
     A light of strength 0 is still sampled as often as before, so the noise of the others is the same.
@@ -71,15 +73,21 @@ def lit_by(scene: Scene, strengths: dict[str, tuple[float, float, float]]) -> Sc
     return replace(scene, lights=lights)
 
 
-def is_dimmable(light: gc.Light) -> bool:
-    """Whether a light has one strength for each channel, by which its sampling does not change."""
-    return hasattr(light, "radiance") or hasattr(light, "intensity")
+def _dimmed(light: gc.Light, strength: Color) -> gc.Light:
+    match light:
+        case gc.PointLight() | gc.SpotLight():
+            return replace(light, intensity=_times(light.intensity, strength))
+        case gc.RectangleLight() | gc.SphereLight():
+            return replace(light, radiance=_times(light.radiance, strength))
+        case gc.GaussianLight():
+            lobes = [replace(lobe, amplitude=_times(lobe.amplitude, strength)) for lobe in light.lobes]
+            return replace(light, lobes=tuple(lobes))
+    raise ValueError(f"expected a light with a strength of its own, got {light.name}")
 
 
-def _dimmed(light: gc.Light, strength: tuple[float, float, float]) -> gc.Light:
-    power = "radiance" if hasattr(light, "radiance") else "intensity"
-    color = tuple(float(a * b) for a, b in zip(getattr(light, power), strength, strict=True))
-    return replace(light, **{power: color})  # pyright: ignore[reportArgumentType] -- of each light's own kind
+def _times(color: Color, strength: Color) -> Color:
+    red, green, blue = (a * b for a, b in zip(color, strength, strict=True))
+    return red, green, blue
 
 
 def surfaces_again(
@@ -103,7 +111,7 @@ def surfaces_again(
     at = {
         light.name: gc.world_position(light, camera)
         for light in scene.lights
-        if isinstance(light, gc.PointLight | gc.SpotLight)
+        if isinstance(light, gc.PointLight | gc.SpotLight | gc.GaussianLight)
     }
     if mi.variant() == SCALAR:
         met = [_meet(loaded, scene, camera.position, d[None], at) for d in directions]

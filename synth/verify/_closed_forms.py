@@ -30,7 +30,7 @@ def unblocked_irradiance(
         Shape ``(N, 3)``; None where there is no formula for the kind of light.
     """
     match light:
-        case gc.PointLight() | gc.SpotLight():
+        case gc.PointLight() | gc.SpotLight() | gc.GaussianLight():
             return _from_a_point(light, camera, points, normals)
         case gc.RectangleLight():
             return _from_a_rectangle(light, points, normals)
@@ -42,22 +42,38 @@ def unblocked_irradiance(
 
 
 def _from_a_point(
-    light: gc.PointLight | gc.SpotLight, camera: gc.Camera, points: np.ndarray, normals: np.ndarray
+    light: gc.PointLight | gc.SpotLight | gc.GaussianLight,
+    camera: gc.Camera,
+    points: np.ndarray,
+    normals: np.ndarray,
 ) -> np.ndarray:
     """I(w) cos / d²."""
     towards = gc.world_position(light, camera) - points
     square = (towards**2).sum(-1)
     direction = towards / np.sqrt(square)[:, None]
     cosine = np.maximum((direction * normals).sum(-1), 0)
-    if isinstance(light, gc.SpotLight):
-        cosine = cosine * _in_the_cone(light, camera, -direction)
-    return np.array(light.intensity) * (cosine / square)[:, None]
+    away = -direction @ camera.camera_to_world[:3, :3] if light.frame == "camera" else -direction
+    return _intensity(light, away) * (cosine / square)[:, None]
 
 
-def _in_the_cone(light: gc.SpotLight, camera: gc.Camera, away: np.ndarray) -> np.ndarray:
+def _intensity(light: gc.PointLight | gc.SpotLight | gc.GaussianLight, away: np.ndarray) -> np.ndarray:
+    """Radiant intensity in directions of the light's own frame, shape ``(N, 3)``, W/sr."""
+    match light:
+        case gc.PointLight():
+            return np.broadcast_to(light.intensity, away.shape)
+        case gc.SpotLight():
+            return _in_the_cone(light, away)[:, None] * np.array(light.intensity)
+        case gc.GaussianLight():
+            sums = [
+                np.exp(lobe.sharpness * (away @ np.array(lobe.axis) - 1))[:, None] * np.array(lobe.amplitude)
+                for lobe in light.lobes
+            ]
+            return np.sum(sums, axis=0)
+
+
+def _in_the_cone(light: gc.SpotLight, away: np.ndarray) -> np.ndarray:
     """1 inside the beam, then linear in the angle down to 0 at the cutoff; both are half angles."""
     axis = np.array(light.direction, dtype=np.float64)
-    axis = camera.camera_to_world[:3, :3] @ axis if light.frame == "camera" else axis
     axis /= np.linalg.norm(axis)
     across = np.linalg.norm(np.cross(away, axis), axis=-1)
     angle = np.degrees(np.arctan2(across, away @ axis))

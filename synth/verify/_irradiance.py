@@ -112,7 +112,7 @@ def _judge_formula(
 ) -> Check:
     """Visibility is a share of luminance, so luminance is what is compared."""
     got, wanted = found @ LUMINANCE, visible * (sent @ LUMINANCE)
-    exact = isinstance(light, gc.PointLight | gc.SpotLight)
+    exact = isinstance(light, gc.PointLight | gc.SpotLight | gc.GaussianLight)
     if isinstance(light, gc.EnvironmentLight):
         figure = float(np.sqrt(((got - wanted) ** 2).mean() / max(float((got**2).mean()), 1e-30)))
     else:  # beside a large light its samples, and the sum over its area, are noisy at a few points

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy import ndimage
 
-from graycard.synth.verify._again import emptied_again, is_dimmable, lit_by, radiance_again, surfaces_again
+import graycard as gc
+from graycard.synth.verify._again import emptied_again, lit_by, radiance_again, surfaces_again
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._comparison import Pair, compare
 from graycard.synth.verify._subject import Picture, Rebuilt, Subject
@@ -53,8 +54,8 @@ def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Itera
     if not subject.is_separated:
         yield picture.at.skip("lights again: tiles", "a scene of scalar_rgb holds no parts of the light")
         return
-    local = [light.name for light in subject.lights if is_dimmable(light)]
-    always = [light.name for light in subject.lights if not is_dimmable(light)]
+    local = [light.name for light in subject.lights if not isinstance(light, gc.EnvironmentLight)]
+    always = [light.name for light in subject.lights if isinstance(light, gc.EnvironmentLight)]
     dark = ndimage.maximum_filter(picture.layers["emitted"].max(axis=-1), size=3) == 0
     pairs = []
     for first in range(0, len(local), 3):

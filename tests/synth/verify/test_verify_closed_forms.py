@@ -36,6 +36,23 @@ def test_a_spot_light_is_linear_in_the_angle(degrees: float, share: float):
     assert irradiance(light)[0] == pytest.approx(share * cosine**3, rel=1e-9, abs=1e-12)
 
 
+def test_a_light_of_spherical_gaussians_has_its_amplitude_on_the_axis():
+    lobes = (
+        gc.SphericalGaussian((0.0, 0.0, -1.0), 7.0, (1.0, 2.0, 3.0)),
+        gc.SphericalGaussian((1.0, 0.0, 0.0), 2.0, (1.0, 0.0, 0.0)),
+    )
+    expected = np.array([1 + np.exp(-2), 2, 3]) / 4
+    assert irradiance(gc.GaussianLight("g", (0, 0, 2), lobes)) == pytest.approx(expected)
+
+
+def test_directions_of_a_light_on_the_camera_are_in_its_axes():
+    """The camera looks at the origin, from where the axis of the light seems to be the line of sight."""
+    on_axis = gc.SpotLight("s", (0, 0, 0), (0, 0, 1), (1, 1, 1), 1, 2, "camera")
+    beside = gc.SpotLight("s", (0, 0, 0), (1, 0, 1), (1, 1, 1), 1, 2, "camera")
+    assert irradiance(on_axis) == pytest.approx(np.full(3, 3 / 14**1.5))
+    assert irradiance(beside) == pytest.approx(0)
+
+
 def test_a_small_rectangle_is_a_point_and_shines_to_one_side():
     light = gc.RectangleLight("r", (0, 0, 2), (0.01, 0, 0), (0, -0.01, 0), (5, 5, 5))
     assert irradiance(light)[0] == pytest.approx(5 * 4e-4 / 4, rel=1e-4)
