@@ -8,7 +8,8 @@ import numpy as np
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
-_MASKS = "effect."
+_MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
+"""Of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
 
 _UNALIKE = 0.7
 """One minus the agreement in sign of the noise of both pictures: 0 where they are made from the same random
@@ -52,7 +53,7 @@ def _check_masks(picture: Picture) -> Iterator[Check]:
     changed = (picture.layers["radiance"] != picture.layers["counterfactual.radiance"]).any(axis=-1)
     told = "untouched pixels are equal to the bit; looks like another seed, or a mask of another view"
     yield picture.at.judge("untouched pixels", float((changed & untouched).sum()), 0, "pixels", told)
-    names = [n for n in picture.layers if n.startswith(_MASKS) and n != "effect.untouched"]
+    names = [name for name in _MASKS if picture.has(name)]
     marked = np.any([picture.layers[name] > 0 for name in names], axis=0) if names else np.zeros(1, bool)
     told = "no effect of the target is marked where no path meets it; looks like masks of another view"
     yield picture.at.judge("effects where touched", float((marked & untouched).sum()), 0, "pixels", told)
