@@ -58,7 +58,7 @@ def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Itera
     always = [light.name for light in subject.lights if isinstance(light, gc.EnvironmentLight)]
     dark = ndimage.maximum_filter(picture.layers["emitted"].max(axis=-1), size=3) == 0
     pairs = []
-    for first in range(0, len(local), 3):
+    for first in range(0, max(len(local), 1), 3):
         strengths = {name: _channel(k - first) for k, name in enumerate(local)}
         lit = lit_by(rebuilt.scene, strengths)
         again = radiance_again(rebuilt, picture.number, _LIGHTS + 10 * (first + 1), lit)["radiance"]
