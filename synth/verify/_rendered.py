@@ -16,6 +16,9 @@ from graycard.synth.verify._values import PARTS
 _POINTS = 4096
 """Most pixels of a view whose rays are cast again; one at a time in ``scalar_rgb``, so it takes fewer."""
 
+_TOLERANCES = {"position": 1e-3, "normal": 1e-3, "base_color": 3e-3}
+"""Metres; components; and reflectance, since a fine texture multiplies the rounding of its coordinates."""
+
 _AT_EDGES = 0.005
 """Share of pixels whose centre lies on an edge, so that rounding decides what is seen."""
 
@@ -90,7 +93,7 @@ def check_surfaces(rebuilt: Rebuilt, picture: Picture, points: int = _POINTS) ->
     same = stored["object_id"] == found["object_id"]
     told = "rays cast again meet the same objects; looks like shifted ids, another camera or swapped views"
     yield picture.at.judge("object_id again", float((~same).mean()), _AT_EDGES, "of the pixels", told)
-    for name, tolerance in (("position", 1e-3), ("normal", 1e-3), ("base_color", 1e-4)):
+    for name, tolerance in _TOLERANCES.items():
         off = np.abs(stored[name] - found[name]).max(axis=-1)[same] > tolerance
         told = f"rays cast again meet the same {name}, to {tolerance:g}; looks like a layer of another scene"
         share = float(off.mean()) if off.size else 0.0
