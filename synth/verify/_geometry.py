@@ -134,7 +134,7 @@ def check_between(a: Picture, b: Picture, at: At) -> Iterator[Check]:
     margin = 3 * seen / b.camera.K[0, 0] + 1e-3 * seen
     through = float((depth[inside] < seen - margin).mean())
     told = "nothing hangs where another view looks through; looks like a view with another world or camera"
-    yield at.judge("position in other views", through, 0.01, "of the common points", told)
+    yield at.judge("position in other views", through, 0.02, "of the common points", told)
     yield _check_same_object(a, b, at, inside, place)
 
 
@@ -148,5 +148,6 @@ def _check_same_object(
         return at.skip("object in other views", "fewer than 30 points are seen by both views")
     ids = a.layers["object_id"][a.seen][inside][same], b.layers["object_id"][place][same]
     other = float((ids[0] != ids[1]).mean())
+    # objects touch, and two points of one footprint may lie on both sides of the seam
     told = "a point is of one object in all views; looks like ids that were counted anew in a view"
-    return at.judge("object in other views", other, 0.1, "of the common points", told)
+    return at.judge("object in other views", other, 0.25, "of the common points", told)

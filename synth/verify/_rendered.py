@@ -19,8 +19,8 @@ _POINTS = 4096
 _TOLERANCES = {"position": 1e-3, "normal": 1e-3, "base_color": 3e-3}
 """Metres; components; and reflectance, since a fine texture multiplies the rounding of its coordinates."""
 
-_AT_EDGES = 0.005
-"""Share of pixels whose centre lies on an edge, so that rounding decides what is seen."""
+_AT_EDGES, _FEW_EDGES = 0.005, 3
+"""Share of pixels, and some of a small picture, whose centre is on an edge: rounding decides what is seen."""
 
 _LIGHTS, _PICTURE, _EMPTIED = range(3)
 """Subjects of the seeds."""
@@ -91,18 +91,19 @@ def check_surfaces(rebuilt: Rebuilt, picture: Picture, points: int = _POINTS) ->
     found = surfaces_again(rebuilt.scene, camera, rows, columns)
     stored = {name: picture.layers[name][rows, columns] for name in found if name in picture.layers}
     same = stored["object_id"] == found["object_id"]
+    bound = _AT_EDGES + _FEW_EDGES / len(rows)
     told = "rays cast again meet the same objects; looks like shifted ids, another camera or swapped views"
-    yield picture.at.judge("object_id again", float((~same).mean()), _AT_EDGES, "of the pixels", told)
+    yield picture.at.judge("object_id again", float((~same).mean()), bound, "of the pixels", told)
     for name, tolerance in _TOLERANCES.items():
         off = np.abs(stored[name] - found[name]).max(axis=-1)[same] > tolerance
         told = f"rays cast again meet the same {name}, to {tolerance:g}; looks like a layer of another scene"
         share = float(off.mean()) if off.size else 0.0
-        yield picture.at.judge(f"{name} again", share, _AT_EDGES, "of the pixels", told)
-    yield from _check_shadows(picture, stored, found)
+        yield picture.at.judge(f"{name} again", share, bound, "of the pixels", told)
+    yield from _check_shadows(picture, stored, found, bound)
 
 
 def _check_shadows(
-    picture: Picture, stored: dict[str, np.ndarray], found: dict[str, np.ndarray]
+    picture: Picture, stored: dict[str, np.ndarray], found: dict[str, np.ndarray], bound: float
 ) -> Iterator[Check]:
     """Rays reach lights without extent where they are visible; elsewhere they are blocked or behind."""
     for name in (name for name in stored if name.startswith("visibility.")):
@@ -111,4 +112,4 @@ def _check_shadows(
             f"where {name} is 1 a ray reaches the light; looks like a visibility that is inverted or swapped"
         )
         share = float(blocked.mean())
-        yield picture.at.judge("shadows again", share, _AT_EDGES, "of the pixels", told)
+        yield picture.at.judge("shadows again", share, bound, "of the pixels", told)

@@ -12,13 +12,16 @@ from graycard.synth.verify._subject import Picture, Subject
 from graycard.synth.verify._values import PARTS
 
 _DIFFUSE = 0.05
-"""Of the light of a view: a value at the pixel's centre stands for the mean over the pixel."""
+"""Of the light of a view, beside its noise: a value at the centre of a pixel stands for its mean."""
+
+_SIGMAS = 6.0
+"""Of the noise of a sum over a view, by variances from four images each."""
 
 _ROUNDING = 1e-6
-"""Relative noise below which float32 hides how far two halves are apart, as in a sky that is seen directly."""
+"""Relative noise below which float32 hides how far halves are apart, as in a sky that is seen directly."""
 
-_OUTLINE = 0.02
-"""Share of pixels at the outline of a mesh, where its interpolated normal turns away from the camera: what is
+_OUTLINE = 0.05
+"""Share of pixels at the outline of a mesh where its interpolated normal turns away from the camera: what is
 seen reflects nothing there."""
 
 
@@ -111,15 +114,20 @@ def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iter
     }
     whole = np.sum(list(parts.values()), axis=0).sum(axis=0)
     wanted = (reflectance * layers["shading"][pure]).sum(axis=0)
+    bound = _DIFFUSE + _SIGMAS * _noise_of_sums(picture, pure, reflectance, wanted)
     told = "the diffuse light of pure, matte pixels is diffuse_reflectance x shading; "
     told += f"the channels' quotients are {np.round(whole / np.maximum(wanted, 1e-30), 3).tolist()}"
-    yield picture.at.judge(
-        "diffuse light", float(np.abs(whole / wanted - 1).max()), _DIFFUSE, "relative", told
-    )
+    yield picture.at.judge("diffuse light", float(np.abs(whole / wanted - 1).max()), bound, "relative", told)
     for name, part in parts.items():
         implied = (reflectance * layers[f"irradiance.{name}"][pure] / np.pi).sum(axis=0)
         off = float((np.abs(part.sum(axis=0) - implied) / np.maximum(whole, 1e-30)).max())
         told = (
             f"the diffuse light of {name} is reflectance x irradiance.{name} / pi; looks like swapped lights"
         )
-        yield picture.at.judge("diffuse light of a light", off, _DIFFUSE, "of all light", told)
+        yield picture.at.judge("diffuse light of a light", off, bound, "of all light", told)
+
+
+def _noise_of_sums(picture: Picture, pure: np.ndarray, reflectance: np.ndarray, wanted: np.ndarray) -> float:
+    """Standard deviation of the difference of both sums, relative, of the noisiest channel."""
+    var = picture.layers["radiance.var"][pure] + reflectance**2 * picture.layers["shading.var"][pure]
+    return float((np.sqrt(var.sum(axis=0)) / np.maximum(wanted, 1e-30)).max())
