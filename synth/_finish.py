@@ -10,6 +10,8 @@ import numpy as np
 import graycard as gc
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
+from graycard.synth._sparse import Sighting, sighting, sparse_points
+from graycard.synth._spec import CaptureSettings, RenderSettings
 from graycard.synth._store import Place, view_file
 
 
@@ -22,7 +24,9 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
         stamp: What it was made from, with the renderer's variant.
     """
     root = place.partial
+    settings = gc.decode(RenderSettings, stamp["render"]).capture
     exposure = _write_photographs(root, scene)
+    _write_points(root, scene, exposure, settings, stamp["seed"])
     light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
     capture = gc.Capture(
         place.track, place.scene, scene.views, exposure, light_on_camera, target=scene.target_id
@@ -70,6 +74,20 @@ def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
     views = [gc.read_layers(view_file(root, view.name)) for view in scene.views]
     noise = [gc.display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
     return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
+
+
+def _write_points(root: Path, scene: Scene, exposure: float, settings: CaptureSettings, seed: int) -> None:
+    """The sparse points of the training photographs."""
+    seen = [_sighting(root, number, view, exposure) for number, view in enumerate(scene.views)]
+    points = sparse_points([s for s in seen if s is not None], settings, seed)
+    gc.write_points(root / "capture" / "points.ply", points)
+
+
+def _sighting(root: Path, number: int, view: gc.View, exposure: float) -> Sighting | None:
+    if view.split != "train":
+        return None
+    photograph = gc.read_rgb(root / "capture" / "photographs" / f"{view.name}.exr")
+    return sighting(number, view, photograph, exposure, gc.read_layers(view_file(root, view.name)))
 
 
 def _diameter(root: Path, scene: Scene) -> float:

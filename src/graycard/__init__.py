@@ -77,6 +77,9 @@ from graycard._manifest import damaged_files as damaged_files
 from graycard._manifest import read_manifest as read_manifest
 from graycard._manifest import seal as seal
 from graycard._photographs import write_png as write_png
+from graycard._points import Points as Points
+from graycard._points import read_points as read_points
+from graycard._points import write_points as write_points
 from graycard._predictions import Predictions as Predictions
 from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One scene on disk: ``capture/`` is what a method may see, ``truth/`` is what it is judged by.
 
-DATASET/<track>/<scene>/capture/  manifest.json capture.json photographs/<view>.exr masks/<mask>/<view>.exr
+DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photographs/ masks/<mask>/<view>.exr
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
 """
 
@@ -17,11 +17,15 @@ from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
 from graycard._lights import Light, light_from_json, light_to_json
 from graycard._manifest import MANIFEST, Manifest, check_files, read_manifest
+from graycard._points import Points, no_points, read_points
 
 TRACKS = ("dark", "tabletop", "multilight")
 
 IMPORTER = "graycard.import"
 """Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
+
+POINTS = "points.ply"
+"""Sparse points, beside the index of a capture."""
 
 Split = Literal["train", "test"]
 
@@ -79,6 +83,18 @@ class Capture:
         if view.split != "train":
             raise DatasetError(f"expected a training view, got {view.name}: its photograph is held out")
         return read_rgb(_file(self.root, f"photographs/{view.name}.exr"))
+
+    def points(self) -> Points:
+        """Sparse points, as structure from motion finds them; none where the capture holds none.
+
+        Raises:
+            DatasetError: The file is broken, or names a view that the capture has not.
+        """
+        path = _file(self.root, POINTS)
+        found = read_points(path) if path.is_file() else no_points()
+        if len(found.view) and not (found.view.min() >= 0 and found.view.max() < len(self.views)):
+            raise DatasetError(f"expected views 0 to {len(self.views) - 1} in {path}, got {found.view.max()}")
+        return found
 
     def target_mask(self, view: View) -> np.ndarray:
         """Where a training view sees the target object, shape ``(H, W)``, bool.
