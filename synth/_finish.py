@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import graycard as gc
+from graycard.synth._photographs import photographed, sensor_of
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
 from graycard.synth._sparse import Sighting, sighting, sparse_points
@@ -25,11 +26,14 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
     """
     root = place.partial
     settings = gc.decode(RenderSettings, stamp["render"]).capture
-    exposure = _write_photographs(root, scene)
+    exposure = _exposure(root, scene)
+    sensor = sensor_of(settings, [v.name for v in _train(scene)], stamp["seed"])
+    for view in _train(scene):
+        _write_photograph(root, scene, view.name, exposure, sensor, stamp["seed"])
     _write_points(root, scene, exposure, settings, stamp["seed"])
     light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
     capture = gc.Capture(
-        place.track, place.scene, scene.views, exposure, light_on_camera, target=scene.target_id
+        place.track, place.scene, scene.views, exposure, light_on_camera, scene.target_id, sensor
     )
     truth = gc.Truth(
         place.track,
@@ -47,26 +51,35 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
     _seal(place, stamp)
 
 
-def _write_photographs(root: Path, scene: Scene) -> float:
-    """Photographs and target masks of the training views; their exposure."""
-    photographs = []
-    for view in scene.views:
-        if view.split != "train":
-            continue
-        layers = gc.read_layers(view_file(root, view.name))
-        photographs.append(layers["radiance"])
-        gc.write_rgb(root / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
-        if scene.target_id is not None:
-            ids = layers["object_id"]
-            mask = np.where(ids == scene.target_id, ids, 0)
-            gc.write_layers(root / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask})
-    brightest = float(np.percentile(photographs, 99))
+def _train(scene: Scene) -> list[gc.View]:
+    return [view for view in scene.views if view.split == "train"]
+
+
+def _exposure(root: Path, scene: Scene) -> float:
+    """The factor that brings the 99th percentile of all training views to display white."""
+    views = [gc.read_layers(view_file(root, view.name))["radiance"] for view in _train(scene)]
+    brightest = float(np.percentile(views, 99))
     if brightest <= 0:
         raise gc.RenderError(
             f"expected a scene with light in it, got black photographs for {scene.views[0].name} and all "
             "others. Turn up one of its light knobs"
         )
     return 1 / brightest
+
+
+def _write_photograph(
+    root: Path, scene: Scene, name: str, exposure: float, sensor: gc.Sensor | None, seed: int
+) -> None:
+    """The photograph of a training view, and its target mask."""
+    layers = gc.read_layers(view_file(root, name))
+    photograph = layers["radiance"]
+    if sensor is not None:
+        photograph = photographed(photograph, name, exposure, sensor, seed)
+    gc.write_rgb(root / "capture" / "photographs" / f"{name}.exr", photograph)
+    if scene.target_id is not None:
+        ids = layers["object_id"]
+        mask = np.where(ids == scene.target_id, ids, 0)
+        gc.write_layers(root / "capture" / "masks" / "target" / f"{name}.exr", {"object_id": mask})
 
 
 def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import graycard as gc
+
 GENERATOR_VERSION = 5
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
@@ -27,9 +29,18 @@ class CaptureSettings:
     """Standard deviation of where a point is found in a photograph, pixels."""
     outliers: float = 0.015
     """Share of the points that are wrong matches."""
+    bits: int = 0
+    """Of photographs, sRGB-encoded; 0 keeps linear light without rounding."""
+    shot_noise: float = 0.0
+    """Electrons that a pixel counts at white, such as 8000; 0 for light without noise."""
+    read_noise: float = 0.0
+    """Standard deviation of reading a pixel, electrons."""
+    exposure_spread: float = 0.0
+    """Most stops by which a view is exposed longer or shorter than the scene; the factor is told."""
 
     def __post_init__(self) -> None:
-        for name in ("points", "point_noise"):
+        gc.Sensor(self.bits, self.shot_noise, self.read_noise)  # checks them
+        for name in ("points", "point_noise", "exposure_spread"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise ValueError(f"expected {name} to be 0 or more, got {value}")

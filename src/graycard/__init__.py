@@ -100,6 +100,7 @@ from graycard._records import ScoreSheet as ScoreSheet
 from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
+from graycard._sensor import Sensor as Sensor
 from graycard._transfer import ExchangeFormat as ExchangeFormat
 from graycard._transfer import export_capture as export_capture
 from graycard._transfer import import_capture as import_capture

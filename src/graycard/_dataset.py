@@ -18,6 +18,7 @@ from graycard._json import IN_MEMORY, decode, read_json, write_json
 from graycard._lights import Light, light_from_json, light_to_json
 from graycard._manifest import MANIFEST, Manifest, check_files, read_manifest
 from graycard._points import Points, no_points, read_points
+from graycard._sensor import Sensor
 
 TRACKS = ("dark", "tabletop", "multilight")
 
@@ -53,6 +54,8 @@ class Capture:
     """Whether the scene is lit by a light that moves with the camera."""
     target: int | None = None
     """The object id that the removal task names, if there is one; its mask is granted on training views."""
+    sensor: Sensor | None = None
+    """The camera's bits, noise and exposures; None for photographs as rendered, or where nobody says."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -76,6 +79,8 @@ class Capture:
 
     def photograph(self, view: View) -> np.ndarray:
         """The linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
+
+        Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
 
         Raises:
             DatasetError: The view is held out, or the file is missing or broken.
