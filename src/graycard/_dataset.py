@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One scene on disk: ``capture/`` is what a method may see, ``truth/`` is what it is judged by.
 
-DATASET/<track>/<scene>/capture/  manifest.json capture.json photographs/<view>.exr masks/<mask>/<view>.exr
+DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photographs/ masks/<mask>/<view>.exr
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
                                   relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
                                   [composition/{composition.json views/<view>.exr}]
@@ -20,11 +20,16 @@ from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
 from graycard._lights import Light, light_from_json, light_to_json
 from graycard._manifest import MANIFEST, Manifest, check_files, read_manifest
+from graycard._points import Points, no_points, read_points
+from graycard._sensor import Sensor
 
 TRACKS = ("dark", "tabletop", "multilight")
 
 IMPORTER = "graycard.import"
 """Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
+
+POINTS = "points.ply"
+"""Sparse points, beside the index of a capture."""
 
 Split = Literal["train", "test"]
 
@@ -52,6 +57,8 @@ class Capture:
     """Whether the scene is lit by a light that moves with the camera."""
     target: int | None = None
     """The object id that the removal task names, if there is one; its mask is granted on training views."""
+    sensor: Sensor | None = None
+    """The camera's bits, noise and exposures; None for photographs as rendered, or where nobody says."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -76,12 +83,26 @@ class Capture:
     def photograph(self, view: View) -> np.ndarray:
         """The linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
 
+        Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
+
         Raises:
             DatasetError: The view is held out, or the file is missing or broken.
         """
         if view.split != "train":
             raise DatasetError(f"expected a training view, got {view.name}: its photograph is held out")
         return read_rgb(_file(self.root, f"photographs/{view.name}.exr"))
+
+    def points(self) -> Points:
+        """Sparse points, as structure from motion finds them; none where the capture holds none.
+
+        Raises:
+            DatasetError: The file is broken, or names a view that the capture has not.
+        """
+        path = _file(self.root, POINTS)
+        found = read_points(path) if path.is_file() else no_points()
+        if len(found.view) and not (found.view.min() >= 0 and found.view.max() < len(self.views)):
+            raise DatasetError(f"expected views 0 to {len(self.views) - 1} in {path}, got {found.view.max()}")
+        return found
 
     def target_mask(self, view: View) -> np.ndarray:
         """Where a training view sees the target object, shape ``(H, W)``, bool.

@@ -7,7 +7,7 @@ import pytest
 
 import graycard as gc
 from graycard.benchmarks import load_suite, suite_names
-from graycard.synth import family_of
+from graycard.synth import CaptureSettings, family_of
 
 SUITE = """
 name = "mine"
@@ -62,3 +62,11 @@ def test_samples_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> N
 def test_samples_that_are_not_four_squares_are_refused(tmp_path: Path) -> None:
     with pytest.raises(gc.RecordError, match="4 times a square"):
         load_suite(written(tmp_path, "samples = {dark = 50}"))
+
+
+def test_a_suite_may_ask_for_a_camera_with_faults(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    faults = "samples = 64\n[render.capture]\nbits = 8\nshot_noise = 8000"
+    path.write_text(path.read_text().replace("samples = 64", faults))
+    suite = load_suite(str(path))
+    assert suite.render_of(suite.scenes[0]).capture == CaptureSettings(bits=8, shot_noise=8000)
