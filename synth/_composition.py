@@ -20,8 +20,8 @@ from graycard.synth._spec import RenderSettings, SceneSpec
 
 _SIZE = (0.18, 0.75)
 """Longest side of what is put into a scene, metres."""
-_APART = 0.02
-"""What is nearer to another thing than this, metres, is a part of something."""
+_LEVEL = 0.02
+"""What stands on the same ground may differ by this in height, metres."""
 _MARGIN = 0.03
 """Air around it, metres."""
 _TURNS, _SPOTS = 8, 50
@@ -79,7 +79,7 @@ def _composed(scene: Scene, origin: gc.Donor, thing: Thing, to_host: np.ndarray)
 def _movable(donor: Scene) -> list[int]:
     """Places in the list of things of those that stand by themselves, the largest first.
 
-    What touches another thing is a part of something: a brick of a wall, the leaves of a plant.
+    What lies on or under another thing is a part of something: a brick of a wall, the leaves of a plant.
     """
     shapes = {n: t.geometry for n, t in enumerate(donor.things) if not t.light}
     boxes = {n: bounds(shape) for n, shape in shapes.items() if not isinstance(shape, Quad)}
@@ -88,12 +88,15 @@ def _movable(donor: Scene) -> list[int]:
     alone = [
         n
         for n in small
-        if sizes[n] >= _SIZE[0]
-        and not Obstacles((), np.array([boxes[k] for k in small if k != n]).reshape(-1, 2, 3)).touch(
-            boxes[n], 0
-        )
+        if sizes[n] >= _SIZE[0] and not any(_is_stacked(boxes[n], boxes[k]) for k in small if k != n)
     ]
     return sorted(alone, key=lambda n: -sizes[n])
+
+
+def _is_stacked(box: np.ndarray, other: np.ndarray) -> bool:
+    """Whether, seen from above, two boxes overlap that stand at different heights."""
+    overlap = np.all((box[0] < other[1])[:2] & (box[1] > other[0])[:2])
+    return bool(overlap) and abs(box[0, 2] - other[0, 2]) > _LEVEL
 
 
 def _floor(scene: Scene) -> Quad | None:
