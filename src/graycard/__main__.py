@@ -10,8 +10,9 @@ from typing import Annotated, Any, Union
 
 import tyro
 
-from graycard._commands import COMMANDS, Fit, Render, Screen, refuse
+from graycard._commands import COMMANDS, Fit, Render
 from graycard._errors import GraycardError, MethodError, UnknownNameError
+from graycard._screen import Screen, refuse
 
 ERROR = 2
 

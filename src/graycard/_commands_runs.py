@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that run methods, score what they predict, and compare and report runs."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.table import Table
+
+from graycard._records import RunRecord, ScoreSheet, read_run
+from graycard._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
+
+
+@dataclass(frozen=True)
+class Methods:
+    """List the methods, or show one with its settings."""
+
+    name: Annotated[str | None, tyro.conf.Positional] = None
+    """Show this one: a name or module:attribute."""
+    json: Json = None
+    """Also write the list to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """List them; one that fails to load says why and hurts no other."""
+        if self.name is not None:
+            return self._show(screen, self.name)
+        from graycard.methods import listings
+
+        found = listings()
+        table = new_table("method", "from", "what it does")
+        for row in found:
+            table.add_row(row.name, row.origin, row.summary or f"cannot be loaded: {row.reason}")
+        screen.out.print(table)
+        write_optional_json(self.json, found)
+        broken = sum(row.summary is None for row in found)
+        screen.out.print(f"methods: {len(found) - broken} work, {broken} cannot be loaded")
+        return OK
+
+    def _show(self, screen: Screen, name: str) -> int:
+        from graycard.methods import load_method
+
+        method = load_method(name)
+        screen.out.print(f"{name}: {method.summary}")
+        screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}\n")
+        with suppress(SystemExit):
+            tyro.cli(
+                method.settings_type, args=["--help"], prog=f"graycard fit {name} SCENE --out PREDICTIONS"
+            )
+        settings = method.settings_type()
+        write_optional_json(
+            self.json, {"name": name, "summary": method.summary, "needs": method.needs, "settings": settings}
+        )
+        screen.out.print(f"methods: {name} with {settings}")
+        return OK
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Fit a method on a scene; its own settings may follow as options."""
+
+    method: Annotated[str, tyro.conf.Positional]
+    """A name or module:attribute; `graycard methods NAME` shows its settings."""
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
+    """Where to; what is there is replaced."""
+    seed: int = 0
+    """Equal seeds give equal predictions."""
+    save: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Also save the decomposition itself here."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Fit, then render every view."""
+        from graycard._json import encode
+        from graycard.benchmarks import FitSpec, fit_scene
+        from graycard.methods import load_method
+
+        method = load_method(self.method)
+        settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
+        spec = FitSpec(self.method, encode(settings), self.seed, self.scene)
+        with screen.progress() as progress:
+            cost = fit_scene(spec, self.out, progress, self.save)
+        screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
+        return OK
+
+
+@dataclass(frozen=True)
+class ScoreCommand:
+    """Score a predictions folder, from any code, against the truth of its scene."""
+
+    predictions: Annotated[Path, tyro.conf.Positional]
+    """The folder: docs/formats.md says what is in it."""
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    json: Json = None
+    """Also write the scores to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Score; a score that failed makes the exit code 1."""
+        from graycard.eval import score_predictions
+
+        sheet = score_predictions(self.predictions, self.scene)
+        screen.out.print(_score_table(sheet))
+        write_optional_json(self.json, sheet)
+        failed = [score for score in sheet.scores if score.status == "failed"]
+        for reason in dict.fromkeys(score.reason for score in failed):
+            screen.err.print(f"failed: {reason}")
+        scored = sum(score.status == "scored" for score in sheet.scores)
+        if not scored:
+            screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
+        screen.out.print(
+            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
+            f"{len(sheet.scores) - scored - len(failed)} not provided"
+        )
+        return OK if scored and not failed else FAILED
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Run a suite from scene to report; what is there already is reused."""
+
+    suite: Annotated[str, tyro.conf.Positional]
+    """A suite, or a path to one of your own that ends in .toml."""
+    tracks: tuple[str, ...] = ()
+    """Only these tracks."""
+    methods: tuple[str, ...] = ()
+    """Only these methods; names or module:attribute, also such as are not in the suite."""
+    jobs: int | None = None
+    """Fits at a time; as many as there are cores by default."""
+    timeout: float | None = None
+    """Seconds after which a fit has failed; no limit by default."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
+    """The run folder; runs/<suite> by default."""
+    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
+    """Where the scenes are or go; RUN/dataset by default."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Run it; a job or a score that failed makes the exit code 1."""
+        from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores
+        from graycard.reports import write_report
+        from graycard.synth import find_llvm
+
+        suite = narrow(load_suite(self.suite), self.tracks, self.methods)
+        run = self.out or Path("runs") / suite.name
+        screen.advise(find_llvm().advice)
+        jobs = usable_cores() if self.jobs is None else self.jobs
+        part = bool(self.tracks or self.methods)
+        with screen.progress() as progress:
+            record = run_bench(suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, part=part)
+        report = write_report(run)
+        failures = _failures(record)
+        for line in failures:
+            screen.err.print(f"failed: {line}")
+        screen.out.print(
+            f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
+            f"report: {report.resolve()}"
+        )
+        return FAILED if failures else OK
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+    baseline: Annotated[Path, tyro.conf.arg(metavar="FILE")]
+    """The expected scores with their tolerances."""
+    write: bool = False
+    """Write the baseline from the run instead of comparing."""
+    json: Json = None
+    """Also write the verdict to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Compare."""
+        from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
+
+        if self.write:
+            made = make_baseline(read_run(self.run_folder))
+            write_baseline(self.baseline, made)
+            screen.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
+            return OK
+        verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
+        for label in ("worse", "missing", "better"):
+            for change in getattr(verdict, label):
+                screen.out.print(f"{label}: {change}")
+        write_optional_json(self.json, verdict)
+        says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
+        screen.out.print(
+            f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
+            f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
+        )
+        return verdict.exit_code
+
+
+@dataclass(frozen=True)
+class Report:
+    """Write the report of a run: one HTML file that opens offline."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Write it."""
+        from graycard.reports import write_report
+
+        screen.out.print(f"report: {write_report(self.run_folder).resolve()}")
+        return OK
+
+
+def _score_table(sheet: ScoreSheet) -> Table:
+    table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
+    for score in sheet.scores:
+        value = f"{score.value:.4g}" if score.value is not None else score.status
+        ceiling = f"{score.noise_ceiling:.1f}" if score.noise_ceiling is not None else ""
+        gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
+        counts = f"{score.scored}/{score.expected}"
+        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)
+    return table
+
+
+def _failures(record: RunRecord) -> list[str]:
+    """A line for each job that failed, and for each score that failed."""
+    lines = []
+    for result in record.results:
+        where = f"{result.job.track}/{result.job.scene} {result.job.method}"
+        if result.status == "failed":
+            lines.append(f"{where}: {result.reason}")
+        for score in result.sheet.scores if result.sheet else ():
+            if score.status == "failed":
+                lines.append(f"{where} {score.metric}: {score.reason}")
+    return lines
