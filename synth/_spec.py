@@ -66,6 +66,10 @@ class RenderSettings:
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only."""
+    relighting: bool = True
+    """Whether the held-out views are made under changed lights too."""
+    composition: bool = True
+    """Whether they are made with an object of another scene in them too, where lights stand still."""
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     """What is made of the rendered pictures."""
 

@@ -25,7 +25,9 @@ _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
 
 
-def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+def render_view(
+    scene: Scene, number: int, seed: int, settings: RenderSettings, images: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
@@ -36,6 +38,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
         number: Index of the view in ``scene.views``.
         seed: Of the scene.
         settings: Samples and depth of the light paths.
+        images: Those of :func:`light_images`, where they are there already.
 
     Returns:
         Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.layers`.
@@ -43,7 +46,8 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    images = _light_images(whole, camera, seeds, settings)
+    if images is None:
+        images = light_images(whole, camera, seeds, settings)
     layers = {**_light_layers(images, whole, scene), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
@@ -51,7 +55,7 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
             whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
         )
     if scene.target:
-        emptied = _light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
+        emptied = light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
         found = estimate("radiance", emptied[:, 0])
         layers |= {f"counterfactual.{name}": values for name, values in found.items()}
         if mi.variant() != SCALAR:
@@ -71,7 +75,7 @@ def _centre_layers(
     }
 
 
-def _light_images(
+def light_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
     """Independent images of the radiance, then of its parts where the variant can tell them apart."""

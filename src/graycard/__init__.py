@@ -25,6 +25,10 @@ from graycard._dataset import read_lights as read_lights
 from graycard._dataset import scene_folders as scene_folders
 from graycard._dataset import write_index as write_index
 from graycard._dataset import write_lights as write_lights
+from graycard._edits import Composition as Composition
+from graycard._edits import Donor as Donor
+from graycard._edits import LightEdit as LightEdit
+from graycard._edits import composed_file as composed_file
 from graycard._errors import DatasetError as DatasetError
 from graycard._errors import GraycardError as GraycardError
 from graycard._errors import MethodError as MethodError

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -24,6 +24,9 @@ from graycard._json import write_json
 from graycard._progress import Progress
 from graycard._records import RunRecord, ScoreSheet, read_run
 from graycard._transfer import ExchangeFormat
+
+if TYPE_CHECKING:
+    from graycard.synth.verify import Verdict
 
 Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
@@ -225,6 +228,42 @@ class Render:
             )
         suite = load_suite(self.what)
         return [(spec, suite.render_of(spec)) for spec in suite.scenes]
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Check the truth of a dataset by integrity, physics and a second rendering."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """The dataset."""
+    views: int = 3
+    """Views of each scene that are rendered again."""
+    render: bool = True
+    """--no-render: look at the files only."""
+    json: Json = None
+    """Also write every check to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Check; a check that failed makes the exit code 1."""
+        from graycard.synth.verify import verify_dataset
+
+        if self.views < 1:
+            raise GraycardError(
+                f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render"
+            )
+        with screen.progress() as progress:
+            verdict = verify_dataset(self.dataset, self.views, self.render, progress)
+        screen.out.print(_verdict_table(verdict))
+        _write_json(self.json, verdict)
+        for check in verdict.checks:
+            if check.status == "failed":
+                screen.err.print(f"failed: {check.scene} {check.view} {check.name}: {check.reason}")
+        passed, failed, skipped = (verdict.count(status) for status in ("passed", "failed", "skipped"))
+        screen.out.print(
+            f"verify: {verdict.scenes} scene{'s' * (verdict.scenes != 1)}, {passed} checks passed, "
+            f"{failed} failed, {skipped} skipped"
+        )
+        return FAILED if failed else OK
 
 
 @dataclass(frozen=True)
@@ -526,6 +565,18 @@ def _score_table(sheet: ScoreSheet) -> Table:
     return table
 
 
+def _verdict_table(verdict: Verdict) -> Table:
+    """The worst of each check of each scene."""
+    from graycard.synth.verify import worst
+
+    table = _table("scene", "check", "figure", "bound", "unit", "worst view", "")
+    for check in worst(verdict.checks):
+        figure, bound = (f"{v:.3g}" if v is not None else "" for v in (check.figure, check.bound))
+        status = f"skipped: {check.reason}" if check.status == "skipped" else check.status
+        table.add_row(check.scene, check.name, figure, bound, check.unit, check.view, status)
+    return table
+
+
 def _failures(record: RunRecord) -> list[str]:
     """A line for each job that failed, and for each score that failed."""
     lines = []
@@ -576,6 +627,7 @@ COMMANDS: dict[str, type[Any]] = {
     "scenes": Scenes,
     "methods": Methods,
     "render": Render,
+    "verify": Verify,
     "fit": Fit,
     "score": ScoreCommand,
     "bench": Bench,

@@ -3,6 +3,8 @@
 
 DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photographs/ masks/<mask>/<view>.exr
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
+                                  relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
+                                  [composition/{composition.json views/<view>.exr}]
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from graycard._camera import Camera
+from graycard._edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
@@ -138,6 +141,8 @@ class Truth:
     noise_ceiling: float | None = None
     """dB: PSNR, as displayed, of noise-free pictures of all views against those of the truth. No method can
     score more but by chance. None where it was not measured."""
+    edits: tuple[LightEdit, ...] = ()
+    """Changes of the lights under which the held-out views are known."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -164,6 +169,56 @@ class Truth:
             DatasetError: The file is missing or broken.
         """
         return read_lights(_file(self.root, "lights.json"))
+
+    def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
+        """A held-out view under changed lights: ``radiance`` with its variance and both its halves.
+
+        Args:
+            edit: Name of one of :attr:`edits`.
+            view: A ``test`` view.
+
+        Returns:
+            Layers by name, each ``(H, W, 3)``, float32.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        found = find_edit(self.edits, edit)
+        _refuse_training(view)
+        return read_layers(_file(self.root, found.view_file(view.name)))
+
+    def relit_lights(self, edit: str) -> tuple[Light, ...]:
+        """The exact lights of an edit; the image of an environment lies beside their file.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: The file is missing or broken.
+        """
+        return read_lights(_file(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
+
+    def composition(self) -> Composition | None:
+        """The object of another scene that is put into this one; None where none is.
+
+        Raises:
+            DatasetError: The file is broken.
+        """
+        path = _file(self.root, f"{COMPOSITION}/composition.json")
+        if not path.is_file():
+            return None
+        return decode(Composition, read_json(path, DatasetError), DatasetError, str(path))
+
+    def composed(self, view: View) -> dict[str, np.ndarray]:
+        """A held-out view with the object of :meth:`composition` in it.
+
+        Returns:
+            ``radiance`` with its variance and both its halves, ``(H, W, 3)``, and ``object_id``, ``(H, W)``.
+
+        Raises:
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        _refuse_training(view)
+        return read_layers(_file(self.root, composed_file(view.name)))
 
     def emitter_ids(self) -> frozenset[int]:
         """Ids of the objects that are surfaces of lights."""
@@ -287,6 +342,11 @@ def _refuse_imported(folder: Path) -> None:
             "truth: it can be fitted by methods that need none and looked at, not scored. For scores, take a "
             "scene of `graycard render`"
         )
+
+
+def _refuse_training(view: View) -> None:
+    if view.split != "test":
+        raise DatasetError(f"expected a held-out view, got {view.name}: only those are known changed")
 
 
 def _find_view(views: tuple[View, ...], name: str) -> View:

@@ -45,10 +45,12 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
         assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
 
 
-def test_a_track_may_have_samples_of_its_own(tmp_path: Path) -> None:
-    suite = load_suite(written(tmp_path, "samples = {multilight = 256}"))
+def test_a_track_and_a_family_may_have_samples_of_their_own(tmp_path: Path) -> None:
+    suite = load_suite(written(tmp_path, "samples = {multilight = 256, corridor = 16}"))
     dark, many = (suite.render_of(scene) for scene in suite.scenes)
-    assert (dark.samples, many.samples) == (64, 256)
+    assert (dark.samples, many.samples) == (16, 256)
+    both = load_suite(written(tmp_path, "samples = {multilight = 256, studio = 144}"))
+    assert both.render_of(both.scenes[1]).samples == 144
     assert (dark.width, dark.max_depth) == (many.width, many.max_depth)
 
 

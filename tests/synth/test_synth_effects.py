@@ -8,7 +8,19 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 import graycard as gc
-from graycard.synth import Ball, LambertGGX, Matte, Quad, RenderSettings, Scene, Thing, families, use_renderer
+from graycard.synth import (
+    Ball,
+    LambertGGX,
+    Matte,
+    Quad,
+    RenderSettings,
+    Scene,
+    SceneSpec,
+    Thing,
+    families,
+    family_of,
+    use_renderer,
+)
 from graycard.synth._scene import Material
 
 CENTRE, RADIUS = np.array((0.2, 0.1, 0.6)), 0.4
@@ -122,7 +134,7 @@ def test_a_mirror_shows_the_mirrored_ball_and_no_shadow() -> None:
     expected = inside(mirrored & ~ball)
     assert expected.sum() > 12
     assert found["mirror"][expected].all()
-    assert not found["mirror"][~maximum_filter(mirrored, 3) | ball].any()
+    assert not found["mirror"][np.logical_not(maximum_filter(mirrored, 3)) | ball].any()
     assert not (found["shadow"] | found["bleeding"]).any()
     assert not found["untouched"][expected | ball].any()
 
@@ -209,7 +221,7 @@ def test_views_of_tables_hold_the_masks(name: str) -> None:
     from graycard.synth._views import render_view
 
     settings = RenderSettings(28, 24, 3, 1, 64, 4)
-    scene = families()[name](target_size=1.4).build(1000, settings)
+    scene = family_of(SceneSpec("tabletop", name, 1000, {"target_size": 1.4})).build(1000, settings)
     layers = render_view(scene, 1, 1000, settings)
     found = {mask: layers[f"effect.{mask}"] > 0 for mask in NAMES}
     on_target = layers["object_id"] == scene.target_id

@@ -148,19 +148,20 @@ def test_no_ray_meets_it(variant: str) -> None:
 
 def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane: MakePlane) -> None:
     """A ball shades the floor: visibility is 0 or 1, and the direct part is the closed form times it."""
+    from graycard.synth._direct_light import direct_light
     from graycard.synth._mitsuba import load_scene
     from graycard.synth._separation import centre_rays, light_names, separated_images
     from graycard.synth._views import surface_layers
-    from graycard.synth._visibility import visibility_layers
 
     scene = make_plane((WORLD, gc.PointLight("other", (-1, 1, 2), (1, 1, 1))), Ball((0.3, 0, 0.8), 0.25))
     camera, settings = scene.views[0].camera, RenderSettings(24, 20, 2, 1, 16, 2)
     loaded = load_scene(scene, camera)
     assert sorted(light_names(loaded, scene)) == ["lamp", "other"]
-    visible = visibility_layers(loaded, scene, camera, 1, 4)["visibility.lamp"]
+    lamp = light_names(loaded, scene).index("lamp")
+    visible = direct_light(loaded, camera, [1], 4).visibility()[lamp]
     assert set(np.unique(visible)) == {0.0, 1.0}
     images = separated_images(loaded, camera, [1], settings, centre_rays)[0]
-    direct = images[2 + 4 * light_names(loaded, scene).index("lamp")]
+    direct = images[2 + 4 * lamp]
     floor = surface_layers(loaded, scene, camera)["object_id"] == 1
     expected = by_hand(scene, WORLD) * visible[..., None]
     assert 0.02 < (visible[floor] == 0).mean() < 0.5

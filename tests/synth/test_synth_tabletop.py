@@ -164,7 +164,7 @@ def test_a_metal_table_may_be_a_conductor_as_measured() -> None:
 def test_indices_of_metals_are_the_renderers_own(scalar: str, metal: str, plugin: str) -> None:
     import mitsuba as mi
 
-    own = mi.traverse(mi.load_dict({"type": "roughconductor", "material": plugin}))
+    own: Any = mi.traverse(mi.load_dict({"type": "roughconductor", "material": plugin}))
     known = conductor(metal, 0.2)
     np.testing.assert_allclose(known.eta, np.ravel(own["eta.value"]), rtol=1e-5)
     np.testing.assert_allclose(known.k, np.ravel(own["k.value"]), rtol=1e-5)

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stored picture against an independent one: its level, its tiles, its place and its pattern."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from graycard.synth.verify._check import At, Check
+from graycard.synth.verify._statistics import (
+    bound_of,
+    contrast_share,
+    difference,
+    gain_of,
+    gain_weights,
+    shift_weights,
+    tiles,
+    z_of,
+    z_of_shares,
+)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two pictures ``(H, W, C)`` that must differ by symmetric noise only."""
+
+    at: At
+    stored: np.ndarray
+    again: np.ndarray
+    halves: tuple[np.ndarray, ...] = ()
+    """Two of the stored picture, then two of the other; empty where there are none."""
+
+    @cached_property
+    def apart(self) -> np.ndarray:
+        """Stored minus independent."""
+        return difference(self.stored, self.again)
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """Those that find a common factor."""
+        return gain_weights(self.stored, self.again)
+
+
+def compare(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
+    """Compare pictures one by one, and all of them together for what is the same in each.
+
+    Args:
+        name: What is compared.
+        pairs: Of different views.
+        at: The scene.
+    """
+    for pair in pairs:
+        yield _check_tiles(name, pair, len(pairs))
+        yield _check_place(name, pair, len(pairs))
+        if pair.halves:
+            yield _check_pattern(name, pair, len(pairs))
+    yield from _check_level(name, pairs, at)
+
+
+def _check_level(name: str, pairs: Sequence[Pair], at: At) -> Iterator[Check]:
+    """The mean of each channel, in each view and over all of them."""
+    channels = range(pairs[0].stored.shape[-1])
+    bound = bound_of((len(pairs) + 1) * len(channels))
+    for channel in channels:
+        for group, where in [([pair], pair.at) for pair in pairs] + [(list(pairs), at)]:
+            w, d, a, b = (
+                np.concatenate([getattr(p, kind)[..., channel].ravel() for p in group])
+                for kind in ("weights", "apart", "stored", "again")
+            )
+            told = (
+                f"the mean of channel {'RGB'[channel]} is that of an independent rendering; it is "
+                f"{100 * gain_of(w, a, b):+.2f} % off"
+            )
+            yield where.judge(f"{name}: level", abs(z_of(w, d)), bound, "σ", told)
+
+
+def _check_tiles(name: str, pair: Pair, views: int) -> Check:
+    """The mean of each tile and channel: light that is missing, misplaced or counted twice somewhere."""
+    parts = tiles(*pair.stored.shape[:2])
+    channels = pair.stored.shape[-1]
+    found = [
+        (z_of(pair.weights[part][..., channel], pair.apart[part][..., channel]), part, channel)
+        for part in parts
+        for channel in range(channels)
+    ]
+    z, part, channel = max(found, key=lambda one: abs(one[0]))
+    a, b, w = (values[part][..., channel] for values in (pair.stored, pair.again, pair.weights))
+    told = (
+        f"each part of the picture is that of an independent rendering; rows {part[0].start} to "
+        f"{part[0].stop}, columns {part[1].start} to {part[1].stop} of channel {'RGB'[channel]} are "
+        f"{100 * gain_of(w, a, b):+.2f} % off"
+    )
+    return pair.at.judge(f"{name}: tiles", abs(z), bound_of(views * len(parts) * channels), "σ", told)
+
+
+def _check_place(name: str, pair: Pair, views: int) -> Check:
+    """The picture projected on its own slope: a shift by a part of a pixel."""
+    found = []
+    for axis in (0, 1):
+        w = shift_weights(pair.stored, pair.again, axis)
+        slope = np.gradient((pair.stored.astype(float) + pair.again) / 2, axis=axis)
+        moved = -float((w * pair.apart).sum() / max(float((w * slope).sum()), 1e-30))
+        found.append((z_of(w, pair.apart), moved))
+    z = max(abs(z) for z, _ in found)
+    down, right = (moved for _, moved in found)
+    told = (
+        f"the picture lies where an independent one does; it looks shifted by ({right:+.2f}, {down:+.2f}) px"
+    )
+    return pair.at.judge(f"{name}: place", z, bound_of(2 * views), "σ", told)
+
+
+def _check_pattern(name: str, pair: Pair, views: int) -> Check:
+    """Tile by tile, whether the pictures are farther apart than their own halves are."""
+    share = contrast_share(pair.halves)
+    parts = tiles(*share.shape)
+    z, part = max(((z_of_shares(share[part], 1 / 3), part) for part in parts), key=lambda one: one[0])
+    told = (
+        f"the picture and an independent one are as far apart as their halves; rows {part[0].start} to "
+        f"{part[0].stop}, columns {part[1].start} to {part[1].stop} show something else"
+    )
+    return pair.at.judge(f"{name}: pattern", z, bound_of(views * len(parts)), "σ", told)

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of the files themselves: there, unchanged, of a known format, complete and readable."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import graycard as gc
+from graycard._dataset import IMPORTER
+from graycard.synth.verify._check import At, Check
+
+FILES = "files"
+"""Name of the check; a scene that fails it is not looked at any further."""
+
+
+def is_imported(folder: Path) -> bool:
+    """Whether a scene folder holds a user's own photographs, which have no truth."""
+    try:
+        manifest = gc.read_manifest(folder / "capture", "graycard-capture")
+    except gc.GraycardError:
+        return False
+    return manifest.generator.get("name") == IMPORTER and not (folder / "truth").exists()
+
+
+def check_files(folder: Path, at: At) -> Iterator[Check]:
+    """Each file is there, has its SHA-256, and can be read to its end.
+
+    Hashes tell what changed after the scene was made; only reading tells what was broken when it was sealed.
+    """
+    faults = [fault for part in ("capture", "truth") for fault in _faults(folder / part, part)]
+    if not faults:
+        faults = list(_unreadable(folder))
+    told = "; ".join(faults[:3])
+    yield at.judge(FILES, len(faults), 0, "faults", f"{told}. Render the scene again")
+
+
+def _faults(folder: Path, part: str) -> Iterator[str]:
+    try:
+        manifest = gc.read_manifest(folder, f"graycard-{part}")
+        damaged = gc.damaged_files(folder, manifest)
+    except (gc.GraycardError, OSError) as cause:
+        yield f"{part}: {cause}"
+        return
+    for name, fault in damaged.items():
+        yield f"{part}/{name}: {fault}"
+
+
+def _unreadable(folder: Path) -> Iterator[str]:
+    try:
+        truth = gc.open_truth(folder / "truth", check=False)
+        capture = gc.open_capture(folder / "capture", check=False)
+        truth.lights()
+    except gc.GraycardError as cause:
+        yield str(cause)
+        return
+    if truth.views != capture.views:
+        yield "truth.json and capture.json list other views"
+    for view in truth.views:
+        yield from _unreadable_view(truth, capture, view)
+
+
+def _unreadable_view(truth: gc.Truth, capture: gc.Capture, view: gc.View) -> Iterator[str]:
+    size = view.camera.height, view.camera.width
+    try:
+        shapes = {values.shape[:2] for values in truth.layers(view).values()}
+        if view.split == "train":
+            shapes.add(capture.photograph(view).shape[:2])
+            if capture.target is not None:
+                shapes.add(capture.target_mask(view).shape)
+    except (gc.GraycardError, KeyError) as cause:
+        yield str(cause)
+        return
+    if shapes != {size}:
+        yield f"{view.name}: expected images of {size[1]}x{size[0]}, got sizes {sorted(shapes)}"

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is verified: a scene as its files say, and as its spec says that it must be."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import graycard as gc
+from graycard.synth._families import family_of
+from graycard.synth._scene import Scene
+from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
+from graycard.synth._variant import LLVM_RGB
+from graycard.synth.verify._check import At
+
+Layers = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """The true layers of one view."""
+
+    at: At
+    number: int
+    view: gc.View
+    layers: Layers
+
+    @property
+    def camera(self) -> gc.Camera:
+        """The camera of the view."""
+        return self.view.camera
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """Where an object is seen, shape ``(H, W)``, bool."""
+        return self.layers["object_id"] > 0
+
+    @cached_property
+    def rays(self) -> np.ndarray:
+        """World directions through the pixel centres, shape ``(H, W, 3)``."""
+        return self.camera.rays()
+
+    def has(self, *names: str) -> bool:
+        """Whether the view holds all of these layers."""
+        return all(name in self.layers for name in names)
+
+
+@dataclass(frozen=True)
+class Rebuilt:
+    """The scene that a dataset's spec describes, built anew."""
+
+    spec: SceneSpec
+    settings: RenderSettings
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A scene on disk whose files are whole."""
+
+    at: At
+    folder: Path
+    capture: gc.Capture
+    truth: gc.Truth
+    manifest: gc.Manifest
+    lights: tuple[gc.Light, ...]
+    sky: np.ndarray | None
+    """``environment.exr``, shape ``(H, W, 3)``; None where there is none."""
+
+    @property
+    def is_separated(self) -> bool:
+        """Whether the renderer was one that tells the parts of the light apart."""
+        return self.manifest.generator.get("variant") == LLVM_RGB
+
+    def pictures(self) -> Iterator[Picture]:
+        """The views one after another, so that one at a time is in memory."""
+        for number in range(len(self.truth.views)):
+            yield self.picture(number)
+
+    def picture(self, number: int) -> Picture:
+        """The true layers of a view."""
+        view = self.truth.views[number]
+        return Picture(At(self.at.scene, view.name), number, view, self.truth.layers(view))
+
+
+def open_subject(folder: Path) -> Subject:
+    """The scene in a folder; its files have been compared with their hashes before.
+
+    Raises:
+        GraycardError: A file of it cannot be read.
+    """
+    truth = gc.open_truth(folder / "truth", check=False)
+    lights = truth.lights()
+    images = [light.image for light in lights if isinstance(light, gc.EnvironmentLight)]
+    sky = gc.read_rgb(folder / "truth" / images[0]) if images else None
+    return Subject(
+        At(f"{truth.track}/{truth.scene}"),
+        folder,
+        gc.open_capture(folder / "capture", check=False),
+        truth,
+        gc.manifest_of(truth),
+        lights,
+        sky,
+    )
+
+
+def rebuild(manifest: gc.Manifest) -> Rebuilt | str:
+    """The scene that a truth's manifest describes, or why it cannot be built."""
+    made_by = manifest.generator.get("generator")
+    if made_by != GENERATOR_VERSION:
+        return f"the scene is of generator {made_by}, this graycard has generator {GENERATOR_VERSION}"
+    try:
+        settings = gc.decode(RenderSettings, manifest.settings["render"], source="the render settings")
+        spec = _spec_of(manifest)
+        return Rebuilt(spec, settings, family_of(spec).build(spec.seed, settings))
+    except (gc.GraycardError, KeyError, TypeError, ValueError) as cause:
+        return f"its spec cannot be built here: {cause}"
+
+
+def _spec_of(manifest: gc.Manifest) -> SceneSpec:
+    settings: Mapping[str, Any] = manifest.settings
+    return SceneSpec(manifest.track, settings["family"], manifest.seeds["scene"], dict(settings["knobs"]))

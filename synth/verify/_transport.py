@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of light transport: parts, halves, and the diffuse light that irradiance implies."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from graycard.synth._spec import SUB_BUFFERS
+from graycard.synth.verify._check import Check
+from graycard.synth.verify._statistics import bound_of, z_of_shares
+from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._values import PARTS
+
+_DIFFUSE = 0.05
+"""Of the light of a view, beside its noise: a value at the centre of a pixel stands for its mean."""
+
+_SIGMAS = 6.0
+"""Of the noise of a sum over a view, by variances from four images each."""
+
+_ROUNDING = 1e-6
+"""Relative noise below which float32 hides how far halves are apart, as in a sky that is seen directly."""
+
+_OUTLINE = 0.05
+"""Share of pixels at the outline of a mesh where its interpolated normal turns away from the camera: what is
+seen reflects nothing there."""
+
+
+def check_halves(picture: Picture, views: int) -> Iterator[Check]:
+    """The halves average to the picture, differ, and differ as much as the variance of the mean says."""
+    for name in ("radiance", "counterfactual.radiance"):
+        if picture.has(name, f"{name}.half_a", f"{name}.half_b", f"{name}.var"):
+            mean, var, a, b = (
+                picture.layers[f"{name}{end}"].astype(float) for end in ("", ".var", ".half_a", ".half_b")
+            )
+            off = _largest(np.abs((a + b) / 2 - mean), mean)
+            told = f"the halves of {name} average to it; looks like halves of another picture"
+            yield picture.at.judge("halves average", off, 1e-5, "relative", told)
+            var = np.where(var > (_ROUNDING * mean) ** 2, var, 0)
+            yield _check_variance(picture, name, a - b, var, 2 * views)
+
+
+def _check_variance(picture: Picture, name: str, apart: np.ndarray, var: np.ndarray, tests: int) -> Check:
+    """Of n images the two halves take 1 / (n - 1) of the spread, on average, whatever its distribution.
+
+    Any way to part the images into halves is as likely; n - 1 of them are orthogonal contrasts that share the
+    sum of squares. So ``r = (a - b)² / (4 (n - 1) var)`` is in [0, 1] with the mean ``1 / (n - 1)``, and
+    Hoeffding's bound for the mean of independent values in [0, 1] holds.
+    """
+    noisy = (var > 0).all(axis=-1)
+    if not noisy.any():
+        return picture.at.skip("variance of the mean", f"{name} has no noise")
+    r = (apart[noisy] ** 2 / (4 * (SUB_BUFFERS - 1) * var[noisy])).mean(axis=-1)
+    expected = 1 / (SUB_BUFFERS - 1)
+    z = z_of_shares(r, expected)
+    factor = expected / max(float(r.mean()), 1e-30)
+    told = f"{name}.var is the variance of the mean, as its halves tell; {_variance_told(factor)}"
+    return picture.at.judge("variance of the mean", z, bound_of(tests), "σ", told)
+
+
+def _variance_told(factor: float) -> str:
+    if factor > 1e3:
+        return "looks like identical halves"
+    if abs(factor / SUB_BUFFERS - 1) < 0.3:
+        return "looks like the variance of one image instead of that of their mean"
+    return f"it is {factor:.2f} times as large"
+
+
+def check_parts(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies."""
+    if not subject.is_separated:
+        for name in ("parts add up", "diffuse light"):
+            yield picture.at.skip(name, "a scene of scalar_rgb holds no parts of the light")
+        return
+    layers, lights = picture.layers, [light.name for light in subject.lights]
+    total = layers["emitted"].astype(float)
+    for part in PARTS:
+        total = total + np.sum([layers[f"{part}.{name}"] for name in lights], axis=0)
+    off = _largest(np.abs(total - layers["radiance"]), layers["radiance"])
+    told = "emitted and the parts of all lights add up to radiance; looks like a light or lobe left out"
+    yield picture.at.judge("parts add up", off, 1e-4, "relative", told)
+    yield from _check_matte(subject, picture)
+
+
+def _largest(off: np.ndarray, of: np.ndarray) -> float:
+    """The largest difference, relative to the value there and a little of the mean."""
+    return float((off / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)).max())
+
+
+def _check_matte(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """Where a pixel shows one matte surface, L = albedo x shading, in sum and for each light."""
+    layers = picture.layers
+    matte = (layers["roughness"] == 1) & (layers["f0"].max(axis=-1) == 0) & (layers["base_color"].max(-1) > 0)
+    off = np.abs(layers["albedo"] - layers["diffuse_reflectance"]).max(axis=-1)[matte]
+    told = "the albedo of a matte surface is its diffuse reflectance; looks like another convention"
+    if matte.any():
+        share = float((off > 1e-3).mean())
+        yield picture.at.judge("albedo of matte surfaces", share, _OUTLINE, "of the pixels", told)
+    bright = float((layers["albedo"].max(axis=-1) > 1.02)[picture.seen].mean()) if picture.seen.any() else 0.0
+    told = "surfaces return no more light than they get"
+    yield picture.at.judge("energy", bright, 0.01, "of the pixels", told)
+    pure = matte & (layers["pure"] > 0)
+    if pure.sum() < 100:
+        yield picture.at.skip("diffuse light", "fewer than 100 pure pixels of matte surfaces are seen")
+        return
+    yield from _check_diffuse(subject, picture, pure)
+
+
+def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iterator[Check]:
+    layers, lights = picture.layers, [light.name for light in subject.lights]
+    reflectance = layers["diffuse_reflectance"][pure].astype(float)
+    parts = {
+        name: layers[f"direct.diffuse.{name}"][pure].astype(float) + layers[f"indirect.diffuse.{name}"][pure]
+        for name in lights
+    }
+    whole = np.sum(list(parts.values()), axis=0).sum(axis=0)
+    wanted = (reflectance * layers["shading"][pure]).sum(axis=0)
+    bound = _DIFFUSE + _SIGMAS * _noise_of_sums(picture, pure, reflectance, wanted)
+    told = "the diffuse light of pure, matte pixels is diffuse_reflectance x shading; "
+    told += f"the channels' quotients are {np.round(whole / np.maximum(wanted, 1e-30), 3).tolist()}"
+    yield picture.at.judge("diffuse light", float(np.abs(whole / wanted - 1).max()), bound, "relative", told)
+    for name, part in parts.items():
+        implied = (reflectance * layers[f"irradiance.{name}"][pure] / np.pi).sum(axis=0)
+        off = float((np.abs(part.sum(axis=0) - implied) / np.maximum(whole, 1e-30)).max())
+        told = (
+            f"the diffuse light of {name} is reflectance x irradiance.{name} / pi; looks like swapped lights"
+        )
+        yield picture.at.judge("diffuse light of a light", off, bound, "of all light", told)
+
+
+def _noise_of_sums(picture: Picture, pure: np.ndarray, reflectance: np.ndarray, wanted: np.ndarray) -> float:
+    """Standard deviation of the difference of both sums, relative, of the noisiest channel."""
+    var = picture.layers["radiance.var"][pure] + reflectance**2 * picture.layers["shading.var"][pure]
+    return float((np.sqrt(var.sum(axis=0)) / np.maximum(wanted, 1e-30)).max())

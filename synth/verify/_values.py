@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of each layer by itself: there, finite, in its range, and stored in full precision."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+import graycard as gc
+from graycard.synth.verify._check import Check
+from graycard.synth.verify._subject import Picture, Subject
+
+ESTIMATES = ("radiance", "radiance.var", "radiance.half_a", "radiance.half_b")
+SURFACE = (
+    "base_color",
+    "diffuse_reflectance",
+    "f0",
+    "roughness",
+    "alpha",
+    "metallic",
+    "normal",
+    "depth",
+    "distance",
+    "position",
+    "object_id",
+    "pure",
+)
+COUNTERFACTUAL = tuple(f"counterfactual.{name}" for name in ESTIMATES)
+SEPARATED = ("emitted", "shading", "shading.var", "albedo")
+PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
+PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
+
+HALF_SHARE = 0.9
+"""Share of values that half precision represents exactly, above which a layer was stored in it. By chance
+one value in 8192 is; a coordinate on a plane such as z = 0.75 always is, and fills a third of a layer."""
+
+_FEW = 100
+"""Values below which a share says nothing."""
+
+_DUST = 1e-4
+"""Share of a layer's largest value below which values may be what a subtraction left over."""
+
+_UNIT_RANGE = {"normal": (-1.0, 1.0), "albedo": (0.0, 2.0)}
+"""Layers of unit 1 that are no share; Disney's material returns up to 1.44 of the light at grazing angles."""
+
+
+def expected_layers(subject: Subject) -> set[str]:
+    """Names of all layers that each view of a scene holds."""
+    names = {*ESTIMATES, *SURFACE}
+    if subject.is_separated:
+        names |= {*SEPARATED, *(f"{stem}.{light.name}" for stem in PER_LIGHT for light in subject.lights)}
+    if subject.truth.target is not None:
+        names |= {*COUNTERFACTUAL}
+    return names
+
+
+def check_values(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """Presence, finiteness, range and precision of the layers of a view."""
+    at, layers = picture.at, picture.layers
+    missing = sorted(expected_layers(subject) - layers.keys())
+    yield at.judge(
+        "layers present",
+        len(missing),
+        0,
+        "layers",
+        f"missing are {', '.join(missing[:4])}: a part was dropped",
+    )
+    height, width = picture.camera.height, picture.camera.width
+    faults = [fault for name in layers if (fault := gc.find_fault(name, layers[name], height, width))]
+    yield at.judge("values finite", len(faults), 0, "layers", "; ".join(faults[:3]))
+    outside = [told for name, values in layers.items() if (told := _outside(name, values))]
+    yield at.judge("values in range", len(outside), 0, "layers", "; ".join(outside[:3]))
+    yield _precision(picture)
+
+
+def _outside(name: str, values: np.ndarray) -> str:
+    """What lies outside the range of a layer, in words; empty where nothing does."""
+    low, high = _range(name)
+    bad = (values < low) | (values > high)
+    if not bad.any():
+        return ""
+    return (
+        f"expected {name} in [{low:g}, {high:g}], got {float(values[bad][0]):.4g} in {int(bad.sum())} values"
+    )
+
+
+def _range(name: str) -> tuple[float, float]:
+    layer = gc.layer(name)
+    if name == "position":
+        return -np.inf, np.inf
+    if layer.unit == "1" or layer.unit.startswith("1,"):
+        return _UNIT_RANGE.get(name, (0.0, 1.0))
+    return 0.0, np.inf
+
+
+def _precision(picture: Picture) -> Check:
+    """The layer with the largest share of values that survive a way through half precision."""
+    shares = {
+        name: _half_share(values)
+        for name, values in picture.layers.items()
+        # what a matte surface reflects specularly is the rounding of a difference
+        if values.dtype.kind == "f" and not name.startswith(PARTS)
+    }
+    name = max(shares, key=lambda name: shares[name])
+    meaning = f"of {name} half precision represents nearly all values: it was stored as float16 on the way"
+    return picture.at.judge("values in float32", shares[name], HALF_SHARE, "of the values", meaning)
+
+
+def _half_share(values: np.ndarray) -> float:
+    """Share of values with a significand of 11 bits among those that are not of a few discrete ones."""
+    values = values[np.isfinite(values)].astype(np.float32)
+    visible = np.abs(values) > _DUST * np.abs(values).max(initial=0)
+    distinct = np.unique(values[visible])
+    if len(distinct) < _FEW or len(distinct) < 0.02 * values.size:
+        return 0.0  # masks, shares of a few samples and parameters of a few materials
+    mantissa, _ = np.frexp(distinct)
+    scaled = mantissa * 2.0**11
+    return float((scaled == np.round(scaled)).mean())

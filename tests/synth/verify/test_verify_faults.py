@@ -1,0 +1,502 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults that were really made in renderers and datasets: each is planted, sealed, and found by its name."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import graycard as gc
+from graycard.synth import RenderSettings, SceneSpec, family_of, use_renderer
+from graycard.synth.verify import Check, verify_dataset
+
+Layers = dict[str, np.ndarray]
+Copied = Callable[[str], Path]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fast() -> None:
+    """What is planted here needs the parts of the light, which scalar_rgb cannot tell apart."""
+    if use_renderer().variant == "scalar_rgb":
+        pytest.skip("scalar_rgb holds no parts of the light")
+
+
+def reseal(scene: Path) -> None:
+    """Hash the files as they are now: whoever made the fault believed it."""
+    for part in ("capture", "truth"):
+        gc.seal(scene / part, gc.read_manifest(scene / part, f"graycard-{part}"))
+
+
+def edit(scene: Path, change: Callable[[Layers, gc.View], None], names: tuple[str, ...] = ()) -> None:
+    """Change the layers of all views, or of some."""
+    for view in gc.open_truth(scene / "truth", check=False).views:
+        if not names or view.name in names:
+            path = scene / "truth" / "views" / f"{view.name}.exr"
+            layers = gc.read_layers(path)
+            change(layers, view)
+            gc.write_layers(path, layers)
+
+
+def edit_lights(scene: Path, change: Callable[[gc.Light], gc.Light]) -> None:
+    path = scene / "truth" / "lights.json"
+    gc.write_lights(path, tuple(change(light) for light in gc.read_lights(path)))
+
+
+def edit_index(scene: Path, name: str, **values: object) -> None:
+    path = scene / name
+    gc.write_json(path, gc.read_json(path) | values)
+
+
+def swap(layers: Layers, a: str, b: str) -> None:
+    layers[a], layers[b] = layers[b], layers[a]
+
+
+def swap_files(a: Path, b: Path) -> None:
+    kept = a.read_bytes()
+    a.write_bytes(b.read_bytes())
+    b.write_bytes(kept)
+
+
+@dataclass(frozen=True)
+class Fault:
+    track: str
+    check: str
+    """Which must fail."""
+    says: str
+    """What must stand in its reason."""
+    plant: Callable[[Path], None]
+    views: int = 0
+    """That are rendered again; 0 where the files tell."""
+
+
+FAULTS: dict[str, Fault] = {}
+
+
+def in_layers(track: str, check: str, says: str = "", views: int = 0):
+    """Register a change of the layers of each view as a fault."""
+
+    def register(change: Callable[[Layers, gc.View], None]):
+        FAULTS[change.__name__] = Fault(track, check, says, lambda scene: edit(scene, change), views)
+        return change
+
+    return register
+
+
+def in_scene(track: str, check: str, says: str = "", views: int = 0):
+    """Register a change of a scene folder as a fault."""
+
+    def register(plant: Callable[[Path], None]):
+        FAULTS[plant.__name__] = Fault(track, check, says, plant, views)
+        return plant
+
+    return register
+
+
+# geometry
+
+
+@in_layers("tabletop", "depth along the axis", "looks like depth stored along the ray")
+def ray_distance_as_z(layers: Layers, view: gc.View):
+    layers["depth"] = layers["distance"]
+
+
+@in_layers("dark", "depth along the axis", "another unit, factor 100")
+def depth_in_centimetres(layers: Layers, view: gc.View):
+    layers["depth"] = layers["depth"] * 100
+
+
+@in_layers("multilight", "position on the ray", "looks like a world moved by [0.5, -0.25, 0.1] m")
+def world_recentred(layers: Layers, view: gc.View):
+    layers["position"] = layers["position"] + np.array([0.5, -0.25, 0.1])
+
+
+@in_layers("dark", "position at the pixel centre", "shift by (+0.50, +0.50) px")
+def geometry_half_a_pixel_off(layers: Layers, view: gc.View):
+    K = view.camera.K + np.array([[0, 0, -0.5], [0, 0, -0.5], [0, 0, 0]])
+    rays = replace(view.camera, K=K).rays()
+    layers["position"] = view.camera.position + layers["distance"][..., None] * rays
+
+
+@in_layers("dark", "normal across the surface", "mirrored axis")
+def normals_with_a_mirrored_axis(layers: Layers, view: gc.View):
+    layers["normal"] = layers["normal"] * np.array([1, -1, 1])
+
+
+@in_layers("multilight", "normal across the surface", "normals in camera axes")
+def normals_in_camera_axes(layers: Layers, view: gc.View):
+    layers["normal"] = layers["normal"] @ view.camera.camera_to_world[:3, :3]
+
+
+@in_layers("tabletop", "normal faces the camera", "inside out")
+def normals_inside_out(layers: Layers, view: gc.View):
+    layers["normal"] = -layers["normal"]
+
+
+@in_layers("tabletop", "normal of unit length")
+def normals_averaged_over_the_pixel(layers: Layers, view: gc.View):
+    layers["normal"] = ndimage.uniform_filter(layers["normal"], size=3, axes=(0, 1))
+
+
+@in_scene("multilight", "position on the ray", "swapped views")
+def swapped_view_files(scene: Path):
+    a, b, *_ = sorted((scene / "truth" / "views").iterdir())
+    swap_files(a, b)
+
+
+@in_scene("tabletop", "cameras of the spec", "swapped or moved views")
+def cameras_moved_in_both_index_files(scene: Path):
+    for part in ("capture", "truth"):
+        path = scene / part / f"{part}.json"
+        data = gc.read_json(path)
+        for view in data["views"]:
+            view["camera"]["camera_to_world"][0][3] += 0.01
+        gc.write_json(path, data)
+
+
+@in_scene("tabletop", "position in other views", "another world or camera")
+def one_view_in_a_world_of_its_own(scene: Path):
+    def shrink(layers: Layers, view: gc.View):
+        for name in ("depth", "distance"):
+            layers[name] = layers[name] * 0.8
+        layers["position"] = view.camera.position + 0.8 * (layers["position"] - view.camera.position)
+
+    edit(scene, shrink, ("train_000",))
+
+
+# objects, materials
+
+
+@in_layers("tabletop", "object ids named", "ids that were shifted")
+def object_ids_shifted(layers: Layers, view: gc.View):
+    layers["object_id"] = np.where(layers["object_id"] > 0, layers["object_id"] + 50, 0)
+
+
+@in_layers("multilight", "object_id again", "shifted ids", views=1)
+def object_ids_permuted(layers: Layers, view: gc.View):
+    ids = layers["object_id"]
+    layers["object_id"] = np.where((ids > 0) & (ids < 6), ids % 5 + 1, ids)
+
+
+@in_scene("dark", "object in other views", "counted anew in a view")
+def object_ids_counted_anew_in_a_view(scene: Path):
+    edit(scene, object_ids_reversed, ("test_001",))
+
+
+def object_ids_reversed(layers: Layers, view: gc.View):
+    layers["object_id"] = np.where(layers["object_id"] > 0, 20 - layers["object_id"].clip(max=19), 0)
+
+
+@in_scene("tabletop", "mask of the target", "mask of another object")
+def mask_of_another_object(scene: Path):
+    truth = gc.open_truth(scene / "truth", check=False)
+    for path in (scene / "capture" / "masks" / "target").iterdir():
+        ids = truth.layers(truth.view(path.stem))["object_id"]
+        gc.write_layers(path, {"object_id": np.where(ids == 2, ids, 0)})
+
+
+@in_layers("multilight", "diffuse reflectance", "metal's colour taken for diffuse")
+def color_of_a_metal_as_diffuse(layers: Layers, view: gc.View):
+    layers["diffuse_reflectance"] = layers["base_color"]
+
+
+@in_layers("tabletop", "alpha of roughness", "the two swapped")
+def roughness_and_alpha_swapped(layers: Layers, view: gc.View):
+    swap(layers, "roughness", "alpha")
+
+
+@in_layers("multilight", "f0 of the material")
+def f0_of_a_metal_as_of_a_dielectric(layers: Layers, view: gc.View):
+    layers["f0"] = np.full_like(layers["f0"], 0.04)
+
+
+@in_layers("dark", "base_color again", "layer of another scene", views=1)
+def base_color_encoded(layers: Layers, view: gc.View):
+    for name in ("base_color", "diffuse_reflectance"):
+        layers[name] = gc.srgb_encode(layers[name])
+
+
+# light
+
+
+@in_layers("dark", "diffuse light of a light", "swapped lights")
+def parts_of_two_lights_swapped(layers: Layers, view: gc.View):
+    for part in ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular"):
+        swap(layers, f"{part}.lamp", f"{part}.ambient")
+
+
+@in_layers("tabletop", "lights again: level", views=1)
+def specular_parts_of_two_lights_swapped(layers: Layers, view: gc.View):
+    for part in ("direct", "indirect"):
+        swap(layers, f"{part}.specular.lamp", f"{part}.specular.room")
+
+
+@in_layers("multilight", "direct light of the formula", "swapped lights")
+def irradiance_of_lights_permuted(layers: Layers, view: gc.View):
+    for stem in ("irradiance", "direct.irradiance", "visibility"):
+        swap(layers, f"{stem}.softbox", f"{stem}.point")
+
+
+@in_layers("multilight", "direct part of irradiance", "permuted")
+def irradiance_permuted_without_its_direct_part(layers: Layers, view: gc.View):
+    swap(layers, "irradiance.spot", "irradiance.point")
+
+
+@in_layers("dark", "parts add up", "a light or lobe left out")
+def one_lobe_left_out(layers: Layers, view: gc.View):
+    layers["indirect.diffuse.lamp"] = np.zeros_like(layers["indirect.diffuse.lamp"])
+
+
+@in_scene("multilight", "layers present", "missing are")
+def one_light_dropped(scene: Path):
+    def drop(layers: Layers, view: gc.View):
+        for name in [n for n in layers if n.endswith(".point")]:
+            del layers[name]
+
+    edit(scene, drop)
+
+
+@in_layers("tabletop", "irradiances add up", "a shading without 1/pi")
+def shading_without_pi(layers: Layers, view: gc.View):
+    # every layer of irradiance is right: only their quotient tells
+    layers["shading"] = layers["shading"] * np.pi
+
+
+@in_layers("dark", "diffuse light", "diffuse_reflectance x shading")
+def irradiance_and_shading_divided_by_pi(layers: Layers, view: gc.View):
+    for name in [n for n in layers if "irradiance" in n or n == "shading"]:
+        layers[name] = layers[name] / np.pi
+
+
+@in_layers("dark", "visible where lit", "inverted")
+def visibility_inverted(layers: Layers, view: gc.View):
+    layers["visibility.lamp"] = 1 - layers["visibility.lamp"]
+
+
+@in_layers("multilight", "shadows again", "inverted or swapped", views=1)
+def shadows_left_out(layers: Layers, view: gc.View):
+    layers["visibility.point"] = np.ones_like(layers["visibility.point"])
+
+
+@in_scene("dark", "direct light of the formula", "another frame")
+def light_in_the_world_instead_of_on_the_camera(scene: Path):
+    edit_lights(scene, lambda light: replace(light, frame="world"))
+    edit_index(scene, "capture/capture.json", light_on_camera=False)
+
+
+@in_scene("multilight", "direct light of the formula", "another frame, axis, angle")
+def full_angles_of_a_spot_light(scene: Path):
+    def double(light: gc.Light) -> gc.Light:
+        if isinstance(light, gc.SpotLight):
+            return replace(light, beam_width=2 * light.beam_width, cutoff_angle=2 * light.cutoff_angle)
+        return light
+
+    edit_lights(scene, double)
+
+
+@in_scene("multilight", "direct light of the formula", "swapped lights")
+def powers_of_two_lights_swapped(scene: Path):
+    lights = {light.name: light for light in gc.read_lights(scene / "truth" / "lights.json")}
+    softbox, bulb = lights["softbox"], lights["bulb"]
+    assert isinstance(softbox, gc.RectangleLight)
+    assert isinstance(bulb, gc.SphereLight)
+    swapped = {"softbox": bulb.radiance, "bulb": softbox.radiance}
+    edit_lights(
+        scene, lambda light: replace(light, radiance=swapped[light.name]) if light.name in swapped else light
+    )
+
+
+@in_scene("tabletop", "direct light of the formula")
+def environment_turned(scene: Path):
+    path = scene / "truth" / "environment.exr"
+    gc.write_rgb(path, np.roll(gc.read_rgb(path), 32, axis=1))
+
+
+@in_scene("tabletop", "environment of the spec", "one that is mirrored")
+def environment_mirrored(scene: Path):
+    path = scene / "truth" / "environment.exr"
+    gc.write_rgb(path, gc.read_rgb(path)[:, ::-1])
+
+
+# noise
+
+
+@in_layers("dark", "variance of the mean", "looks like identical halves")
+def identical_halves(layers: Layers, view: gc.View):
+    layers["radiance.half_a"] = layers["radiance.half_b"] = layers["radiance"]
+
+
+@in_layers("multilight", "variance of the mean", "variance of one image")
+def variance_of_an_image_instead_of_the_mean(layers: Layers, view: gc.View):
+    layers["radiance.var"] = layers["radiance.var"] * 4
+
+
+@in_layers("tabletop", "halves average")
+def halves_of_another_picture(layers: Layers, view: gc.View):
+    for end in ("half_a", "half_b"):
+        layers[f"radiance.{end}"] = layers[f"counterfactual.radiance.{end}"]
+
+
+# values, files
+
+
+@in_layers("tabletop", "values in float32", "float16")
+def truth_in_half_precision(layers: Layers, view: gc.View):
+    for name in layers:
+        layers[name] = layers[name].astype(np.float16) if name != "object_id" else layers[name]
+
+
+@in_layers("dark", "values finite", "expected finite values in radiance")
+def one_pixel_not_a_number(layers: Layers, view: gc.View):
+    layers["radiance"][3, 4, 1] = np.nan
+
+
+@in_layers("dark", "values in range", "expected base_color in [0, 1]")
+def colors_of_eight_bits(layers: Layers, view: gc.View):
+    layers["base_color"] = layers["base_color"] * 255
+
+
+@in_scene("dark", "files", "breaks off")
+def truncated_file(scene: Path):
+    path = scene / "truth" / "views" / "train_000.exr"
+    path.write_bytes(path.read_bytes()[:-2000])
+
+
+@in_scene("tabletop", "files", "expected a folder with")
+def view_missing(scene: Path):
+    (scene / "truth" / "views" / "train_000.exr").unlink()
+
+
+FAULTS["view_missing"] = replace(FAULTS["view_missing"], says="got none")
+
+
+# captures
+
+
+@in_scene("dark", "photograph is the radiance", "another filter")
+def photograph_with_a_gaussian_filter(scene: Path):
+    for path in (scene / "capture" / "photographs").iterdir():
+        gc.write_rgb(path, ndimage.gaussian_filter(gc.read_rgb(path), (0.5, 0.5, 0)))
+
+
+@in_scene("multilight", "exposure", "99th percentile")
+def exposure_of_a_view(scene: Path):
+    brightest = np.percentile(gc.read_rgb(scene / "capture" / "photographs" / "train_000.exr"), 99)
+    for part in ("capture", "truth"):
+        edit_index(scene, f"{part}/{part}.json", exposure=float(1 / brightest))
+
+
+# pictures
+
+
+def scale_picture(layers: Layers, factor: np.ndarray | float) -> None:
+    """A gain that all that depends on the radiance follows, so that no sum betrays it."""
+    for name in [n for n in layers if n.startswith(("radiance", "emitted", "direct.", "indirect."))]:
+        layers[name] = layers[name] * (factor**2 if name.endswith(".var") else factor)
+
+
+@in_layers("tabletop", "radiance again: level", "channel G", views=3)
+def half_a_percent_of_gain_in_one_channel(layers: Layers, view: gc.View):
+    scale_picture(layers, np.array([1, 1.005, 1]))
+
+
+@in_layers("dark", "radiance again: level", views=1)
+def one_light_missing_in_the_picture(layers: Layers, view: gc.View):
+    names = [n for n in layers if n.endswith(".ambient") and n.startswith(("direct.", "indirect."))]
+    lost = np.sum([layers[n] for n in names if "irradiance" not in n], axis=0)
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        layers[name] = layers[name] - lost
+
+
+@in_layers("multilight", "radiance again: level", views=1)
+def radiance_encoded(layers: Layers, view: gc.View):
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        layers[name] = gc.srgb_encode(layers[name])
+
+
+@in_layers("dark", "radiance again: pattern", "show something else", views=1)
+def picture_of_another_paint(layers: Layers, view: gc.View):
+    """A texture that is brighter here and darker there: no mean tells."""
+    stripes = 1 + 0.2 * (-1) ** np.arange(48)[:, None]
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        layers[name] = layers[name] * stripes
+
+
+@in_layers("tabletop", "radiance again: place", "shifted by (+0.", views=1)
+def picture_half_a_pixel_off(layers: Layers, view: gc.View):
+    for name in ("radiance", "radiance.half_a", "radiance.half_b"):
+        layers[name] = ndimage.shift(layers[name], (0, 0.5, 0), order=1, mode="nearest")
+
+
+@in_scene("multilight", "radiance again: level", views=1)
+def one_bounce_less(scene: Path):
+    render_otherwise(scene, "radiance", replace(_settings(scene), max_depth=2), seed=1000)
+
+
+@in_scene("tabletop", "counterfactual's random numbers", "another seed")
+def counterfactual_with_another_seed(scene: Path):
+    render_otherwise(scene, "counterfactual.radiance", _settings(scene), seed=5)
+
+
+@in_layers("tabletop", "target removed", "still there")
+def counterfactual_with_its_target(layers: Layers, view: gc.View):
+    for end in ("", ".var", ".half_a", ".half_b"):
+        layers[f"counterfactual.radiance{end}"] = layers[f"radiance{end}"]
+
+
+def _settings(scene: Path) -> RenderSettings:
+    manifest = gc.read_manifest(scene / "truth", "graycard-truth")
+    return gc.decode(RenderSettings, manifest.settings["render"])
+
+
+def render_otherwise(scene: Path, name: str, settings: RenderSettings, seed: int) -> None:
+    """Replace a picture by one that is rendered with other settings or another seed."""
+    from graycard.synth._mitsuba import load_scene
+    from graycard.synth._separation import estimate
+    from graycard.synth._views import radiance_images, sub_buffer_seeds
+
+    manifest = gc.read_manifest(scene / "truth", "graycard-truth")
+    spec = SceneSpec(manifest.track, str(manifest.settings["family"]), 1000)
+    built = family_of(spec).build(1000, settings)
+    numbers = {view.name: number for number, view in enumerate(built.views)}
+
+    def replace_picture(layers: Layers, view: gc.View):
+        without = built.target if name.startswith("counterfactual") else ""
+        loaded = load_scene(built, view.camera, without=without)
+        seeds = sub_buffer_seeds(seed, numbers[view.name])
+        layers |= estimate(name, radiance_images(loaded, view.camera, seeds, settings))
+
+    edit(scene, replace_picture)
+
+
+def failures(scene: Path, views: int) -> dict[str, Check]:
+    """One of the failed checks of each name."""
+    verdict = verify_dataset(scene.parents[1], views or 1, render=views > 0)
+    return {check.name: check for check in verdict.checks if check.status == "failed"}
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_a_scene_without_a_fault_passes(copied: Copied, track: str):
+    assert failures(copied(track), 2) == {}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_found_by_name(copied: Copied, name: str):
+    fault = FAULTS[name]
+    scene = copied(fault.track)
+    fault.plant(scene)
+    reseal(scene)
+    found = failures(scene, fault.views)
+    assert fault.check in found, list(found)
+    assert any(fault.says in check.reason for check in found.values()), [c.reason for c in found.values()]
+
+
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_every_fault_is_of_a_kind_that_a_whole_scene_has_not(copied: Copied, track: str):
+    """Rewriting and sealing the files, which each fault does, is no fault by itself."""
+    scene = copied(track)
+    edit(scene, lambda layers, view: None)
+    reseal(scene)
+    assert failures(scene, 0) == {}

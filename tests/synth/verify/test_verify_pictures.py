@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of single views on pictures made by hand, without a renderer."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.synth.verify._check import At, Check
+from graycard.synth.verify._closed_forms import sky_towards
+from graycard.synth.verify._counterfactual import check_counterfactual
+from graycard.synth.verify._geometry import check_between, check_geometry
+from graycard.synth.verify._irradiance import check_background, check_irradiance
+from graycard.synth.verify._materials import check_objects
+from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._transport import check_halves, check_parts
+
+SIDE = 24
+CAMERA = gc.Camera.from_fov(SIDE, SIDE, 50, gc.look_at(np.array([0.0, -3.0, 2.0]), np.zeros(3)))
+VIEW = gc.View("train_000", "train", CAMERA)
+OBJECTS = (
+    gc.SceneObject(1, "floor", False),
+    gc.SceneObject(2, "lamp", True),
+    gc.SceneObject(3, "vase", False),
+)
+
+
+def make_subject(lights: tuple[gc.Light, ...] = (), sky: np.ndarray | None = None) -> Subject:
+    views = (VIEW, gc.View("test_001", "test", CAMERA))
+    capture = gc.Capture("tabletop", "made-0000", views, 1.0, False, 3)
+    truth = gc.Truth("tabletop", "made-0000", views, 1.0, 4.0, OBJECTS, 3)
+    manifest = gc.Manifest(
+        "graycard-truth", 1, "tabletop", "made-0000", {"variant": "llvm_ad_rgb"}, {"scene": 0}, {}
+    )
+    return Subject(At("tabletop/made-0000"), Path("nowhere"), capture, truth, manifest, lights, sky)
+
+
+def floor(**changed: Any) -> Picture:
+    """A plane z = 0 of albedo 0.5."""
+    rays, camera = CAMERA.rays(), CAMERA
+    distance = -camera.position[2] / rays[..., 2]
+    ones = np.ones((SIDE, SIDE))
+    layers = {
+        "distance": distance,
+        "depth": distance * (rays @ camera.forward),
+        "position": camera.position + distance[..., None] * rays,
+        "normal": ones[..., None] * np.array([0.0, 0.0, 1.0]),
+        "object_id": ones.astype(np.uint32),
+        "base_color": 0.5 * np.ones((SIDE, SIDE, 3)),
+    }
+    return Picture(
+        At("tabletop/made-0000", "train_000"), 0, gc.View("train_000", "train", camera), layers | changed
+    )
+
+
+def nothing() -> Picture:
+    dark = np.zeros((SIDE, SIDE))
+    return floor(object_id=dark.astype(np.uint32), depth=dark + np.inf, distance=dark + np.inf)
+
+
+def status(checks: Any) -> dict[str, str]:
+    return {check.name: check.status for check in checks}
+
+
+def test_a_plane_has_the_geometry_of_a_plane():
+    found = list(check_geometry(floor()))
+    assert {check.status for check in found} == {"passed"}
+    assert len(found) == 6
+
+
+def test_where_nothing_is_seen_there_is_no_geometry():
+    assert status(check_geometry(nothing())) == {"position on the ray": "skipped"}
+    assert status(check_between(nothing(), floor(), At("s"))) == {"position in other views": "skipped"}
+
+
+def test_views_that_see_other_points_have_no_object_in_common():
+    far = floor(position=floor().layers["position"] + np.array([0.0, 0.0, -0.2]))
+    assert status(check_between(far, floor(), At("s")))["object in other views"] == "skipped"
+
+
+def test_a_camera_that_is_moved_looks_through_what_another_sees():
+    raised = floor(position=floor().layers["position"] + np.array([0.0, 0.0, 0.5]))
+    assert status(check_between(raised, floor(), At("s")))["position in other views"] == "failed"
+
+
+def test_the_surface_of_a_light_is_black():
+    ids = np.full((SIDE, SIDE), 2, np.uint32)
+    black = np.zeros((SIDE, SIDE, 3))
+    assert status(check_objects(make_subject(), floor(object_id=ids, base_color=black))) == {
+        "object ids named": "passed",
+        "emitters flagged": "passed",
+    }
+    assert status(check_objects(make_subject(), floor(object_id=ids)))["emitters flagged"] == "failed"
+
+
+def emptied(rng: np.random.Generator, **masks: np.ndarray) -> Picture:
+    """The upper half is untouched; the target is seen in a corner below."""
+    ids = np.ones((SIDE, SIDE), np.uint32)
+    ids[-4:, -4:] = 3
+    halves = {f"radiance.half_{end}": rng.random((SIDE, SIDE, 3)) for end in "ab"}
+    changed = (np.arange(SIDE) >= SIDE // 2)[:, None, None] * 0.1
+    other = {f"counterfactual.{name}": values + changed for name, values in halves.items()}
+    pictures = {
+        f"{stem}radiance": (v[f"{stem}radiance.half_a"] + v[f"{stem}radiance.half_b"]) / 2
+        for stem, v in (("", halves), ("counterfactual.", other))
+    }
+    untouched = np.broadcast_to((np.arange(SIDE) < SIDE // 2)[:, None], (SIDE, SIDE)).astype(float)
+    return floor(**({"object_id": ids, "effect.untouched": untouched} | halves | other | pictures | masks))
+
+
+def test_untouched_pixels_are_equal_to_the_bit():
+    found = status(check_counterfactual(make_subject(), emptied(np.random.default_rng(0))))
+    assert set(found.values()) == {"passed"}
+    assert {"untouched pixels", "effects where touched", "target removed"} <= set(found)
+    everywhere = np.ones((SIDE, SIDE))
+    wrong = emptied(np.random.default_rng(0), **{"effect.untouched": everywhere})
+    assert status(check_counterfactual(make_subject(), wrong))["untouched pixels"] == "failed"
+
+
+def test_no_effect_is_marked_where_the_picture_is_untouched():
+    shadow = np.zeros((SIDE, SIDE))
+    shadow[0, 0] = 1
+    marked = emptied(np.random.default_rng(0), **{"effect.shadow": shadow})
+    assert status(check_counterfactual(make_subject(), marked))["effects where touched"] == "failed"
+
+
+def test_a_target_that_is_not_seen_cannot_be_looked_for():
+    hidden = emptied(np.random.default_rng(0), object_id=np.ones((SIDE, SIDE), np.uint32))
+    assert status(check_counterfactual(make_subject(), hidden))["target removed"] == "skipped"
+
+
+def test_a_picture_without_noise_has_no_variance_to_be_judged():
+    same = np.ones((SIDE, SIDE, 3))
+    names = ("radiance", "radiance.half_a", "radiance.half_b")
+    still = floor(**dict.fromkeys(names, same), **{"radiance.var": 1e-16 * same})
+    assert status(check_halves(still, 1)) == {"halves average": "passed", "variance of the mean": "skipped"}
+
+
+@pytest.mark.parametrize(("turn", "verdict"), [(0, "passed"), (20, "failed")])
+def test_the_background_is_the_environment(turn: int, verdict: str):
+    sky = np.linspace(0.1, 2.0, 64)[None, :, None] * np.ones((32, 64, 3))
+    above = gc.look_at(np.zeros(3), np.array([1.0, 0.5, 0.8]))
+    seen = nothing()
+    camera = gc.Camera.from_fov(SIDE, SIDE, 50, above)
+    radiance = sky_towards(sky, camera.rays().reshape(-1, 3)).reshape(SIDE, SIDE, 3)
+    picture = Picture(
+        seen.at, 0, gc.View("train_000", "train", camera), {**seen.layers, "radiance": radiance}
+    )
+    found = check_background(make_subject(sky=np.roll(sky, turn, axis=1)), picture)
+    assert status(found) == {"background is the environment": verdict}
+
+
+def lit(light: gc.PointLight, **changed: np.ndarray) -> Picture:
+    to_light = np.array(light.position) - floor().layers["position"]
+    square = (to_light**2).sum(-1)
+    cosine = to_light[..., 2] / np.sqrt(square)
+    arriving = (cosine / square)[..., None] * np.array(light.intensity)
+    layers = {
+        f"irradiance.{light.name}": arriving,
+        f"direct.irradiance.{light.name}": arriving,
+        f"visibility.{light.name}": np.ones((SIDE, SIDE)),
+        "shading": arriving / np.pi,
+    }
+    return floor(**(layers | changed))
+
+
+def test_the_light_of_a_point_is_its_formula():
+    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    subject = make_subject((light,))
+    assert set(status(check_irradiance(subject, lit(light))).values()) == {"passed"}
+    moved = make_subject((gc.PointLight("p", (-0.3, 0.2, 1.5), (3, 2, 1)),))
+    assert status(check_irradiance(moved, lit(light)))["direct light of the formula"] == "failed"
+
+
+def test_a_light_that_is_hardly_seen_or_has_no_formula_is_skipped():
+    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    hidden = lit(
+        light, **{"visibility.p": np.zeros((SIDE, SIDE)), "direct.irradiance.p": np.zeros((SIDE, SIDE, 3))}
+    )
+    assert (
+        status(check_irradiance(make_subject((light,)), hidden))["direct light of the formula"] == "skipped"
+    )
+    sky = make_subject((gc.EnvironmentLight("p", "environment.exr"),))
+    found: list[Check] = list(check_irradiance(sky, lit(light)))
+    assert "there is no formula for the light p" in [check.reason for check in found]
+
+
+def test_without_matte_pixels_there_is_no_diffuse_law():
+    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    black = np.zeros((SIDE, SIDE, 3))
+    parts = {f"{a}.{b}.p": black for a in ("direct", "indirect") for b in ("diffuse", "specular")}
+    names = ("radiance", "emitted", "f0", "albedo", "diffuse_reflectance")
+    flat = {"roughness": np.zeros((SIDE, SIDE)), "pure": np.ones((SIDE, SIDE))}
+    picture = lit(light, **parts, **dict.fromkeys(names, black), **flat)
+    assert status(check_parts(make_subject((light,)), picture)) == {
+        "parts add up": "passed",
+        "energy": "passed",
+        "diffuse light": "skipped",
+    }

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is looked at, what is skipped and why, and what the command line says."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.__main__ import main
+from graycard.synth import RenderSettings, SceneSpec, render_scene, use_renderer
+from graycard.synth.verify import Check, verify_dataset, worst
+from graycard.synth.verify._check import At
+
+Copied = Callable[[str], Path]
+Capture = pytest.CaptureFixture[str]
+
+
+def reasons(checks: tuple[Check, ...], name: str, status: str = "skipped") -> set[str]:
+    return {check.reason for check in checks if check.name == name and check.status == status}
+
+
+def test_a_damaged_scene_fails_and_the_others_go_on(copied: Copied):
+    scene = copied("dark")
+    damaged = Path(shutil.copytree(scene, scene.with_name("corridor-1001")))
+    (damaged / "truth" / "lights.json").write_text("[]")
+    half_written = Path(shutil.copytree(scene, scene.with_name("corridor-1002")))
+    (half_written / "truth" / "manifest.json").unlink()
+    verdict = verify_dataset(scene.parents[1], render=False)
+    failed = {check.scene: check for check in verdict.checks if check.status == "failed"}
+    assert verdict.scenes == 3
+    assert set(failed) == {"dark/corridor-1001", "dark/corridor-1002"}
+    assert {check.name for check in failed.values()} == {"files"}
+    assert "lights.json: expected SHA-256" in failed["dark/corridor-1001"].reason
+    assert "without one: its rendering was cut off" in failed["dark/corridor-1002"].reason
+    assert reasons(verdict.checks, "rendered again") == {"only the files were asked for"}
+
+
+def test_a_scene_of_another_generator_is_not_rendered_again(copied: Copied):
+    scene = copied("dark")
+    path = scene / "truth" / "manifest.json"
+    data = gc.read_json(path)
+    data["generator"]["generator"] = 1
+    gc.write_json(path, data)
+    verdict = verify_dataset(scene.parents[1])
+    assert verdict.count("failed") == 0
+    (reason,) = reasons(verdict.checks, "rendered again")
+    assert reason.startswith("the scene is of generator 1, this graycard has generator")
+    assert reasons(verdict.checks, "lights of the spec") == {reason}
+
+
+def test_a_spec_that_is_not_known_here_is_not_rendered_again(copied: Copied):
+    scene = copied("dark")
+    path = scene / "truth" / "manifest.json"
+    data = gc.read_json(path)
+    data["settings"]["knobs"]["fog"] = 1.0
+    gc.write_json(path, data)
+    verdict = verify_dataset(scene.parents[1])
+    assert verdict.count("failed") == 0
+    assert all("its spec cannot be built here" in r for r in reasons(verdict.checks, "rendered again"))
+
+
+def test_a_scene_of_another_spec_is_not_laid_side_by_side(copied: Copied):
+    scene = copied("dark")
+    path = scene / "truth" / "manifest.json"
+    data = gc.read_json(path)
+    data["settings"]["render"]["train_views"] = 5
+    gc.write_json(path, data)
+    verdict = verify_dataset(scene.parents[1])
+    assert reasons(verdict.checks, "cameras of the spec", "failed")
+    assert reasons(verdict.checks, "rendered again") == {
+        "the files hold other views, sizes or lights than the spec"
+    }
+
+
+def test_an_imported_capture_is_skipped(copied: Copied):
+    scene = copied("dark")
+    shutil.rmtree(scene / "truth")
+    path = scene / "capture" / "manifest.json"
+    data = gc.read_json(path)
+    data["generator"] = {"name": "graycard.import"}
+    gc.write_json(path, data)
+    verdict = verify_dataset(scene.parents[1])
+    assert [check.status for check in verdict.checks] == ["skipped"]
+    assert "has no truth" in verdict.checks[0].reason
+
+
+def test_a_scene_of_the_slow_renderer_is_verified_too(tmp_path: Path, no_llvm: None):
+    settings = RenderSettings(16, 16, train_views=2, test_views=1, samples=16)
+    render_scene(SceneSpec("tabletop", "glossy-table", 1000), settings, tmp_path)
+    verdict = verify_dataset(tmp_path, views=1)
+    assert [c.reason for c in verdict.checks if c.status == "failed"] == []
+    assert reasons(verdict.checks, "parts add up") == {"a scene of scalar_rgb holds no parts of the light"}
+    assert {"radiance again: level", "object_id again"} <= {
+        check.name for check in verdict.checks if check.status == "passed"
+    }
+    use_renderer()
+
+
+def test_a_folder_without_scenes_is_an_error(tmp_path: Path):
+    with pytest.raises(gc.DatasetError, match="expected scenes DATASET/<track>/<scene>"):
+        verify_dataset(tmp_path)
+    with pytest.raises(ValueError, match="expected 1 or more views, got 0"):
+        verify_dataset(tmp_path, views=0)
+
+
+def test_what_is_not_a_number_fails():
+    at = At("dark/a", "test_000")
+    assert at.judge("x", float("nan"), 1, "m", "why").status == "failed"
+    assert at.judge("x", 1.0, 1, "m", "why").status == "passed"
+    failed = at.judge("x", 2.0, 1, "m", "looks like a mistake")
+    assert failed.reason == "expected 1 m or less, got 2: looks like a mistake"
+    assert failed.strain == 2
+
+
+def test_the_worst_of_each_check_is_shown():
+    a, b = At("s", "a"), At("s", "b")
+    made = [a.judge("x", 0.2, 1, "m", ""), b.judge("x", 0.4, 1, "m", ""), a.skip("x", "why not")]
+    zero = [a.judge("y", 1, 0, "", ""), b.judge("y", 0, 0, "", ""), b.fail("z", "no"), a.skip("w", "no")]
+    assert [(c.name, c.view, c.status) for c in worst(made + zero)] == [
+        ("x", "b", "passed"),
+        ("y", "a", "failed"),
+        ("z", "b", "failed"),
+        ("w", "a", "skipped"),
+    ]
+
+
+def test_the_verb(copied: Copied, tmp_path: Path, capsys: Capture):
+    scene = copied("tabletop")
+    dataset, report = str(scene.parents[1]), tmp_path / "report.json"
+    assert main(["verify", dataset, "--no-render", "--json", str(report)]) == 0
+    out = capsys.readouterr().out
+    assert "mask of the target" in out
+    assert out.splitlines()[-1].startswith("verify: 1 scene, ")
+    assert " 0 failed, " in out.splitlines()[-1]
+    data = json.loads(report.read_text())
+    assert data["false_alarm"] == 1e-4
+    assert {check["status"] for check in data["checks"]} == {"passed", "skipped"}
+    view = scene / "truth" / "views" / "train_000.exr"
+    view.write_bytes(view.read_bytes()[:-1])
+    assert main(["verify", dataset, "--no-render"]) == 1
+    assert "failed: tabletop/" in capsys.readouterr().err
+    assert main(["verify", dataset, "--views", "0"]) == 2
+    assert "Mend --views" in capsys.readouterr().err
+    assert main(["verify", str(tmp_path / "nowhere")]) == 2
