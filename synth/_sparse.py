@@ -21,8 +21,9 @@ MIN_ANGLE = 1.5
 """Degrees between the outer rays of a track, as COLMAP's ``filter_min_tri_angle``."""
 DARKEST = 0.06
 """Display grey, 15 of 255, below which the noise of a camera hides a patch."""
-WEAKEST = 1e-3
-"""Smaller eigenvalue of the structure tensor of display grey, by Sobel, below which there is no corner."""
+QUALITY = 0.02
+"""Smaller eigenvalue of the structure tensor, in shares of the photograph's largest, below which there is no
+corner: between OpenCV's usual 0.01 and 0.1. Less, and the noise of the renderer passes for corners."""
 _GRAZING = 0.2
 """Cosine of the steepest view under which a patch still looks like itself: 78 degrees."""
 _STEPS = 5
@@ -77,7 +78,7 @@ def sparse_points(sightings: Sequence[Sighting], settings: CaptureSettings, seed
         seed: Of the scene.
 
     Returns:
-        Points, the strongest corners first; perhaps none.
+        Points, those of the strongest corners; perhaps none.
     """
     true, strength = _tracks(sightings)
     order = np.argsort(-strength, kind="stable")[: settings.points]
@@ -175,7 +176,7 @@ def _tracks(sightings: Sequence[Sighting]) -> tuple[gc.Points, np.ndarray]:
 def _peaks(s: Sighting) -> _Peaks:
     """Rows and columns of the corners that a view shows, and the smaller eigenvalue at each."""
     response = corner_shi_tomasi(s.grey, sigma=1)
-    peaks = corner_peaks(response, min_distance=2, threshold_abs=WEAKEST, threshold_rel=0)
+    peaks = corner_peaks(response, min_distance=2, threshold_abs=0, threshold_rel=QUALITY)
     rows, columns = peaks.astype(np.intp).reshape(-1, 2).T
     good = (s.object_id[rows, columns] > 0) & (s.grey[rows, columns] >= DARKEST)
     return rows[good], columns[good], response[rows, columns][good]
