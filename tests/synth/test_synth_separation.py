@@ -32,12 +32,7 @@ MATERIALS: dict[str, Material] = {
 }
 
 
-@pytest.fixture(autouse=True)
-def llvm() -> None:
-    try:
-        use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
+pytestmark = pytest.mark.usefixtures("llvm")
 
 
 def room(material: Material, lights: tuple[gc.Light, ...] = LIGHTS) -> Scene:
