@@ -147,9 +147,9 @@ def room(lights: tuple[gc.Light, ...] = LIGHTS) -> Scene:
 
 
 def test_five_lights_together_are_the_sum_of_each_alone(llvm: str, judge: Judge) -> None:
-    together = renders(room(), samples=324, depth=5).mean(axis=(1, 2, 3))
+    together = renders(room(), samples=784, depth=5).mean(axis=(1, 2, 3))
     alone = [
-        renders(room((light,)), samples=144, depth=5, first_seed=1000 * k).mean(axis=(1, 2, 3))
+        renders(room((light,)), samples=256, depth=5, first_seed=1000 * k).mean(axis=(1, 2, 3))
         for k, light in enumerate(LIGHTS, start=1)
     ]
     total = sum(float(one.mean()) for one in alone)
