@@ -15,6 +15,8 @@ from graycard.synth._variant import LLVM_RGB, SCALAR
 
 LLVM_PATH = "DRJIT_LIBLLVM_PATH"
 
+Judge = Callable[[str, float, float], None]
+
 
 @pytest.fixture(scope="session")
 def run_python() -> Callable[..., subprocess.CompletedProcess[str]]:
@@ -56,6 +58,27 @@ def scalar() -> str:
 def no_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
     """A machine without LLVM."""
     monkeypatch.setenv(LLVM_PATH, "/nowhere/libLLVM.so.19.1")
+
+
+@pytest.fixture
+def llvm() -> str:
+    """The variant that renders whole images at once, in use; without LLVM the test is skipped."""
+    try:
+        return use_renderer(variant=LLVM_RGB).variant
+    except gc.RenderError as reason:
+        pytest.skip(str(reason))
+
+
+@pytest.fixture
+def judge(request: pytest.FixtureRequest) -> Judge:
+    """``judge(what, figure, bar)`` fails above the bar or without a number; figures go to ``--junitxml``."""
+
+    def check(what: str, figure: float, bar: float) -> None:
+        # not record_property: it warns, and a warning is an error, under the default kind of JUnit file
+        request.node.user_properties.append((what, f"{figure:.3g} (bar {bar:.3g})"))
+        assert figure <= bar, f"expected {what} of at most {bar:.3g}, got {figure:.3g}"
+
+    return check
 
 
 @pytest.fixture

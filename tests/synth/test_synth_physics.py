@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The renderer against closed forms, through our own scene, camera and light conventions."""
+"""What the camera sees: surfaces, materials and lights in their places, and the variance of a render."""
 
 from collections.abc import Callable
 
@@ -12,6 +12,7 @@ from graycard.synth._scene import surface_of
 
 ALBEDO = np.array((0.5, 0.4, 0.3))
 MakePlane = Callable[..., Scene]
+Judge = Callable[[str, float, float], None]
 
 
 def at_centres(scene: Scene, depth: int = 2) -> np.ndarray:
@@ -45,72 +46,36 @@ def floor_points(scene: Scene) -> np.ndarray:
     return camera.position - (camera.position[2] / rays[..., 2])[..., None] * rays
 
 
-def lambert(scene: Scene, light: gc.PointLight | gc.SpotLight) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance a / pi I cos / d² of the floor, and the angle at which each point is lit (radians)."""
-    camera = scene.views[0].camera
-    position = gc.world_position(light, camera)
-    to_light = position - floor_points(scene)
-    distance = np.linalg.norm(to_light, axis=-1)
-    irradiance = to_light[..., 2] / distance**3
-    if isinstance(light, gc.PointLight):
-        return ALBEDO / np.pi * light.intensity * irradiance[..., None], np.zeros(distance.shape)
-    axis = np.array(light.direction)
-    axis = camera.camera_to_world[:3, :3] @ axis if light.frame == "camera" else axis
-    cosine = -(to_light @ axis) / distance / np.linalg.norm(axis)
-    return ALBEDO / np.pi * light.intensity * irradiance[..., None], np.arccos(cosine)
-
-
-@pytest.mark.parametrize(
-    "light",
-    [
-        gc.PointLight("lamp", (0.4, -0.3, 1.7), (7.0, 6.0, 5.0)),
-        gc.PointLight("lamp", (0.5, -0.2, 0.1), (7.0, 6.0, 5.0), "camera"),
-    ],
-    ids=["world", "camera"],
-)
-def test_point_light_over_a_plane(variant: str, make_plane: MakePlane, light: gc.PointLight) -> None:
-    scene = make_plane((light,))
-    np.testing.assert_allclose(at_centres(scene), lambert(scene, light)[0], rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    "light",
-    [
-        gc.SpotLight("lamp", (0.4, -0.3, 1.7), (0.1, 0.2, -1.0), (7, 6, 5), 12.0, 40.0),
-        gc.SpotLight("lamp", (0.3, -0.1, 0.0), (-0.05, 0.02, 1.0), (7, 6, 5), 9.0, 24.0, "camera"),
-    ],
-    ids=["world", "camera"],
-)
-def test_spot_light_falls_off_linearly_in_angle(
-    variant: str, make_plane: MakePlane, light: gc.SpotLight
-) -> None:
-    scene = make_plane((light,))
-    full, angle = lambert(scene, light)
-    share = (light.cutoff_angle - np.degrees(angle)) / (light.cutoff_angle - light.beam_width)
-    expected = full * np.clip(share, 0, 1)[..., None]
-    assert 0.05 < (share > 0).mean() < 0.999
-    np.testing.assert_allclose(at_centres(scene), expected, rtol=1e-3, atol=2e-5)
-
-
-def test_depth_and_position_of_a_plane(variant: str, make_plane: MakePlane) -> None:
+def test_depth_and_position_of_a_plane(variant: str, make_plane: MakePlane, judge: Judge) -> None:
     scene = make_plane()
     layers = surfaces(scene)
-    np.testing.assert_allclose(points(scene, layers["depth"]), floor_points(scene), atol=2e-5)
+    off = np.abs(points(scene, layers["depth"]) - floor_points(scene)).max()
+    judge("depth of a plane: largest error of the point, m", off, 4e-6)
+    off = np.abs(layers["position"] - floor_points(scene)).max()
+    judge("position of a plane: largest error, m", off, 4e-6)
     np.testing.assert_allclose(layers["normal"], np.broadcast_to((0, 0, 1.0), (20, 24, 3)), atol=1e-6)
     np.testing.assert_allclose(layers["base_color"], np.broadcast_to(ALBEDO, (20, 24, 3)), atol=1e-6)
     assert (layers["object_id"] == 1).all()
     assert layers["object_id"].dtype == np.uint32
 
 
-def test_depth_and_normal_of_a_ball(variant: str, make_plane: MakePlane) -> None:
+def test_depth_and_normal_of_a_ball(variant: str, make_plane: MakePlane, judge: Judge) -> None:
     centre, radius = np.array((0.2, 0.1, 0.6)), 0.6
     scene = make_plane(ball=Ball((0.2, 0.1, 0.6), radius))
     layers = surfaces(scene)
     on_ball = layers["object_id"] == 2
     assert on_ball.sum() > 40
     p = points(scene, layers["depth"])[on_ball]
-    np.testing.assert_allclose(np.linalg.norm(p - centre, axis=-1), radius, atol=2e-5)
-    np.testing.assert_allclose(layers["normal"][on_ball], (p - centre) / radius, atol=1e-4)
+    judge(
+        "ball: largest distance from its surface, m",
+        np.abs(np.linalg.norm(p - centre, axis=-1) - radius).max(),
+        2e-6,
+    )
+    judge(
+        "ball: largest error of the normal",
+        np.abs(layers["normal"][on_ball] - (p - centre) / radius).max(),
+        4e-6,
+    )
 
 
 def test_background_has_no_surface(variant: str) -> None:
@@ -127,17 +92,22 @@ def test_background_has_no_surface(variant: str) -> None:
 
 @pytest.mark.parametrize("where", [(0.3, -0.4, 0.7), (-0.6, 0.5, 0.2), (0.1, 0.9, 1.1)])
 def test_a_bright_dot_lands_where_the_camera_projects_it(
-    scalar: str, where: tuple[float, float, float]
+    scalar: str, judge: Judge, where: tuple[float, float, float]
 ) -> None:
+    """A camera whose pixel centres were at whole numbers would be off by half a pixel."""
+    from graycard.synth._mitsuba import load_scene
+    from graycard.synth._views import radiance
+
     pose = gc.look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.3]))
     camera = gc.Camera.from_fov(96, 64, 60, pose)
     light = gc.SphereLight("dot", where, 0.07, (1, 1, 1))
     scene = Scene((surface_of(light),), (light,), (gc.View("train_000", "train", camera),))
-    image = at_centres(scene)[..., 0]
+    settings = RenderSettings(96, 64, samples=256, max_depth=1)
+    image = radiance(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)[0][..., 0]
     x, y = np.meshgrid(np.arange(96) + 0.5, np.arange(64) + 0.5)
     found = np.array([(x * image).sum(), (y * image).sum()]) / image.sum()
     expected, z = camera.project(np.array(where))
-    np.testing.assert_allclose(found, expected, atol=0.5)
+    judge("dot: distance from where it is projected, pixels", float(np.linalg.norm(found - expected)), 0.05)
     assert surfaces(scene)["depth"].min() == pytest.approx(z - 0.07, abs=0.02)
 
 
@@ -151,52 +121,6 @@ def test_a_rectangle_light_shines_along_u_cross_v(scalar: str, make_plane: MakeP
 
 def with_surface(scene: Scene, light: gc.RectangleLight | gc.SphereLight) -> Scene:
     return Scene((*scene.things, surface_of(light)), scene.lights, scene.views, scene.sky)
-
-
-def test_a_small_area_light_is_a_point_of_its_axial_intensity(scalar: str, make_plane: MakePlane) -> None:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance
-
-    ball = gc.SphereLight("bulb", (0.4, -0.3, 1.7), 0.05, (90.0, 90.0, 90.0))
-    point = gc.PointLight("bulb", ball.position, tuple(ball.axial_intensity.tolist()))
-    scene = with_surface(make_plane((ball,)), ball)
-    camera = scene.views[0].camera
-    settings = RenderSettings(24, 20, samples=64, max_depth=2)
-    seen, _ = radiance(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)
-    ids = surfaces(scene)["object_id"]
-    expected = lambert(scene, point)[0]
-    ratio = seen[ids == 1] / expected[ids == 1]
-    # the median: a pixel at the outline of the bulb sees the floor at its centre and the bulb beside it
-    assert np.median(ratio) == pytest.approx(1, abs=0.01)
-
-
-def test_a_lambertian_ball_in_a_white_room_shows_its_albedo(variant: str) -> None:
-    """A convex body under a constant sky of radiance 1 has radiance equal to its albedo."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance
-
-    camera = gc.Camera.from_fov(12, 12, 30, gc.look_at(np.array([0, -4.0, 0]), np.zeros(3)))
-    ball = Thing("ball", Ball((0, 0, 0), 2.0), Matte((0.6, 0.3, 0.1)))
-    sky = gc.EnvironmentLight("sky", "environment.exr")
-    scene = Scene((ball,), (sky,), (gc.View("train_000", "train", camera),), np.ones((8, 16, 3)))
-    settings = RenderSettings(12, 12, samples=256, max_depth=3)
-    mean, variance = radiance(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)
-    np.testing.assert_allclose(mean.mean(axis=(0, 1)), (0.6, 0.3, 0.1), rtol=5e-3)
-    assert variance.max() < 0.01
-
-
-def test_a_glossy_surface_does_not_gain_energy(scalar: str) -> None:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance
-
-    camera = gc.Camera.from_fov(12, 12, 30, gc.look_at(np.array([0, -4.0, 0]), np.zeros(3)))
-    sky = gc.EnvironmentLight("sky", "environment.exr")
-    settings = RenderSettings(12, 12, samples=64, max_depth=3)
-    for metallic in (0.0, 1.0):
-        ball = Thing("ball", Ball((0, 0, 0), 2.0), Glossy((0.55, 0.55, 0.55), 0.3, metallic))
-        scene = Scene((ball,), (sky,), (gc.View("train_000", "train", camera),), np.ones((8, 16, 3)))
-        mean, _ = radiance(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)
-        assert 0.5 < mean.mean() < 0.8
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
