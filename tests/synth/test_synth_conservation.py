@@ -177,6 +177,9 @@ def _brighter(light: gc.Light, factor: float) -> gc.Light:
             return light  # its radiance is the scene's sky
         case gc.PointLight() | gc.SpotLight():
             return replace(light, intensity=times(light.intensity))
+        case gc.GaussianLight():
+            lobes = tuple(replace(lobe, amplitude=times(lobe.amplitude)) for lobe in light.lobes)
+            return replace(light, lobes=lobes)
         case _:
             return replace(light, radiance=times(light.radiance))
 
