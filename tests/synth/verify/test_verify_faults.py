@@ -308,6 +308,16 @@ def powers_of_two_lights_swapped(scene: Path):
     )
 
 
+@in_scene("multilight", "colour of direct light", "tinted by [1.5, 0.75, 0.75]")
+def color_of_a_light_tinted(scene: Path):
+    edit_lights(scene, lambda light: tinted(light) if isinstance(light, gc.SphereLight) else light)
+
+
+def tinted(light: gc.SphereLight) -> gc.SphereLight:
+    red, green, blue = light.radiance
+    return replace(light, radiance=(red / 1.5, green / 0.75, blue / 0.75))
+
+
 @in_scene("tabletop", "direct light of the formula")
 def environment_turned(scene: Path):
     path = scene / "truth" / "environment.exr"
