@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError, decode
-from graycard.synth import RenderSettings, SceneSpec, scene_name
+from graycard.synth import RenderSettings, SceneSpec, families, scene_name
 
 FOLDER = Path(__file__).parent / "suites"
 
@@ -42,11 +42,12 @@ class Suite:
     methods: tuple[SuiteMethod, ...]
     seeds: tuple[int, ...] = (0,)
     samples: Mapping[str, int] = field(default_factory=dict)
-    """Light paths a pixel by track, where one needs more or fewer than ``render`` says."""
+    """Light paths a pixel by track or family, where one needs more or fewer than ``render`` says."""
 
     def __post_init__(self) -> None:
-        for track, samples in self.samples.items():
-            check_track(track)
+        for place, samples in self.samples.items():
+            if place not in TRACKS and place not in families():
+                raise UnknownNameError("track or family", place, [*TRACKS, *families()])
             replace(self.render, samples=samples)  # refuses what cannot be stratified
         rows = [method.row for method in self.methods]
         places = [(scene.track, scene_name(scene)) for scene in self.scenes]
@@ -59,7 +60,8 @@ class Suite:
 
     def render_of(self, scene: SceneSpec) -> RenderSettings:
         """How a scene of this suite is photographed."""
-        return replace(self.render, samples=self.samples.get(scene.track, self.render.samples))
+        of_track = self.samples.get(scene.track, self.render.samples)
+        return replace(self.render, samples=self.samples.get(scene.family, of_track))
 
 
 def suite_names() -> list[str]:

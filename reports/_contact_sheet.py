@@ -74,6 +74,8 @@ def contact_sheet(scene: Path) -> np.ndarray:
     for view in shown:
         parts += [_heading(f"truth of {view.name}", 18)]
         parts += [_grid(_layer_cells(layers[view.name], capture.exposure))]
+    if truth:
+        parts += _changed(truth, shown, capture.exposure)
     lights = truth.lights() if truth else ()
     surfaces = [surface_points(view, layers[view.name].get("depth")) for view in shown]
     plan = lay_out(capture.views, surfaces, [("", 0, lights)])
@@ -132,6 +134,22 @@ def _layer_cells(layers: Mapping[str, np.ndarray], exposure: float) -> list[Cell
     """Radiance first, variances last."""
     names = sorted(layers, key=lambda name: (name.endswith(".var"), name != "radiance"))
     return [Cell(*layer_picture(name, layers[name], exposure)) for name in names]
+
+
+def _changed(truth: gc.Truth, views: Sequence[gc.View], exposure: float) -> list[Image.Image]:
+    """A held-out view under changed lights and with an object put in, where the truth has such pictures."""
+    view = next((view for view in views if view.split == "test"), None)
+    if view is None:
+        return []
+    pictures = {edit.name: truth.relit(edit.name, view)["radiance"] for edit in truth.edits}
+    composition = truth.composition()
+    if composition is not None:
+        name = f"{composition.donor.object} of {composition.donor.family}-{composition.donor.seed:04d}"
+        pictures[name] = truth.composed(view)["radiance"]
+    if not pictures:
+        return []
+    cells = [Cell(layer_picture("radiance", p, exposure)[0], name) for name, p in pictures.items()]
+    return [_heading(f"{view.name} under other lights, and with an object put in", 18), _grid(cells)]
 
 
 def _light_lines(rows: Sequence[LightRow]) -> list[str]:

@@ -24,6 +24,7 @@ from graycard.synth._scene import Scene as Scene
 from graycard.synth._scene import Texture as Texture
 from graycard.synth._scene import Thing as Thing
 from graycard.synth._spec import GENERATOR_VERSION as GENERATOR_VERSION
+from graycard.synth._spec import CaptureSettings as CaptureSettings
 from graycard.synth._spec import RenderSettings as RenderSettings
 from graycard.synth._spec import SceneSpec as SceneSpec
 from graycard.synth._variant import LLVM as LLVM

@@ -10,25 +10,24 @@ import numpy as np
 import graycard as gc
 from graycard.synth import _props as props
 from graycard.synth import _textures as textures
-from graycard.synth._family import check_knobs, interleaved, knob, stream
+from graycard.synth._family import stream
+from graycard.synth._flash_room import FlashRoom, Room, color_chart
 from graycard.synth._mesh import Mesh, blob, merge
 from graycard.synth._scene import (
     Ball,
     Color,
-    Geometry,
-    Glossy,
-    Material,
     Matte,
     Quad,
     Scene,
     Texture,
     Thing,
-    surface_of,
 )
 from graycard.synth._spec import RenderSettings
-from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, scaled
+from graycard.synth._spectra import chart_patches, scaled
 
 LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
+
+_ROOM = Room(LENGTH, WIDTH, HEIGHT)
 
 _PAINTS = ("moderate red", "blue sky", "foliage", "orange", "purplish blue", "yellow green", "light skin")
 _SHELF_HEIGHTS = (0.28, 0.82, 1.34)
@@ -36,57 +35,28 @@ _CRATES = ((0.62, 0.5, 0.46), (0.5, 0.42, 0.36), (0.36, 0.34, 0.26))
 
 
 @dataclass(frozen=True, slots=True)
-class Corridor:
+class Corridor(FlashRoom):
     """A dark corridor with shelves and clutter, seen by a camera that carries a spot light.
 
     Raises:
         ValueError: A knob is out of its range.
     """
 
-    light_offset: float = knob(0.25, 0.02, 0.8)
-    """Distance of the lamp to the right of the pinhole, metres."""
-    light_cutoff: float = knob(38.0, 15.0, 80.0)
-    """Half angle at which the lamp's light ends, degrees."""
-    ambient: float = knob(0.02, 0.0, 2.0)
-    """Radiance of the ceiling, W/m²/sr; the lamp gives about 3 W/m² at 1.5 m."""
-    clutter: float = knob(0.75, 0.0, 1.0)
-    """Share of the places on the shelves that are taken."""
-    gloss: float = knob(0.0, 0.0, 1.0)
-    """Share of the objects that are glossy; the others are Lambertian."""
-
-    track: ClassVar[str] = "dark"
     name: ClassVar[str] = "corridor"
     title: ClassVar[str] = (
         "a dark storage corridor, lit by a lamp beside the camera and a faintly glowing ceiling"
     )
 
-    def __post_init__(self) -> None:
-        check_knobs(self)
-
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The corridor of a seed."""
-        ceiling = _ceiling(self.ambient)
         things = (
             *_walls(seed),
-            _chart(),
+            color_chart(_ROOM.hung("right", 3.55, 1.35, (0.33, 0.22))),
             *self._shelves(seed),
             *self._crates(seed),
             *self._floor_objects(seed),
         )
-        return Scene(
-            things=(*things, surface_of(ceiling)),
-            lights=(self._lamp(), ceiling),
-            views=interleaved(_cameras(seed, settings), settings.test_views),
-            light_weights={"lamp": 20.0},
-        )
-
-    def _lamp(self) -> gc.SpotLight:
-        position = (self.light_offset, -0.06, 0.0)
-        toe_in = (-self.light_offset / 3.0, 0.03, 1.0)
-        color = scaled(blackbody(5000), 8.0)
-        return gc.SpotLight(
-            "lamp", position, toe_in, color, 0.4 * self.light_cutoff, self.light_cutoff, "camera"
-        )
+        return self.lit(things, _ROOM, _cameras(seed, settings), settings.test_views)
 
     def _shelves(self, seed: int) -> Iterator[Thing]:
         rng = stream(seed, "shelves")
@@ -110,9 +80,9 @@ class Corridor:
             radius = rng.uniform(0.09, 0.14)
             center = (float(at[0]), float(at[1]), float(at[2] + radius))
             surface = Texture(textures.bands(rng, color, [(0.6, 0.58, 0.5)]))
-            return Thing(f"ball on {where}", Ball(center, float(radius)), self._material(rng, surface))
+            return Thing(f"ball on {where}", Ball(center, float(radius)), self.surface(rng, surface))
         shape = _shelf_shape(str(kind), rng).moved(at, turn)
-        return Thing(f"{kind} on {where}", shape, self._material(rng, _surface(str(kind), rng, color)))
+        return Thing(f"{kind} on {where}", shape, self.surface(rng, _surface(str(kind), rng, color)))
 
     def _crates(self, seed: int) -> Iterator[Thing]:
         """A stack of cartons by the plaster wall."""
@@ -122,7 +92,7 @@ class Corridor:
             brown = scaled((0.42, 0.29, 0.17), rng.uniform(0.8, 1.2))
             board = Texture(textures.cardboard(rng, brown), (1.6, 1.6))
             crate = props.crate(*size).moved((x, -0.92, z), rng.normal(0, 0.2))
-            yield self._thing(rng, f"crate {number}", crate, board)
+            yield self.thing(rng, f"crate {number}", crate, board)
             z += size[2]
 
     def _floor_objects(self, seed: int) -> Iterator[Thing]:
@@ -132,26 +102,12 @@ class Corridor:
             rng, [(0.05, 0.16, 0.26), (0.06, 0.22, 0.36), (0.08, 0.26, 0.4), (0.3, 0.13, 0.05)]
         )
         drum = props.barrel(0.9, 0.29).moved((rng.uniform(4.5, 4.8), 0.88, 0))
-        yield self._thing(rng, "drum", drum, Texture(rust, (2, 1)))
+        yield self.thing(rng, "drum", drum, Texture(rust, (2, 1)))
         seat = props.stool(0.5, 0.19).moved((rng.uniform(3.7, 4.1), rng.uniform(-0.2, 0.1), 0))
-        yield self._thing(rng, "stool", seat, Texture(textures.wood(rng, (0.42, 0.17, 0.09)), (2, 1)))
+        yield self.thing(rng, "stool", seat, Texture(textures.wood(rng, (0.42, 0.17, 0.09)), (2, 1)))
         clay = textures.bands(rng, (0.45, 0.22, 0.13), [(0.6, 0.55, 0.45), (0.08, 0.07, 0.1)])
         pot = props.vase(rng, 0.62, 0.42).moved((rng.uniform(5.4, 5.8), 0.75, 0))
-        yield self._thing(rng, "floor vase", pot, Texture(clay))
-
-    def _thing(self, rng: np.random.Generator, name: str, shape: Geometry, color: Color) -> Thing:
-        return Thing(name, shape, self._material(rng, color))
-
-    def _material(self, rng: np.random.Generator, color: Color) -> Material:
-        glossy, roughness = rng.random() < self.gloss, float(rng.uniform(0.2, 0.5))
-        return Glossy(color, roughness) if glossy else Matte(color)
-
-
-def _ceiling(radiance: float) -> gc.RectangleLight:
-    """A glow from above; a glowing panel inside the room would cast shadows of its own."""
-    sides = (0.0, WIDTH / 2, 0.0), (LENGTH / 2, 0.0, 0.0)
-    color = scaled(blackbody(9000), radiance)
-    return gc.RectangleLight("ambient", (LENGTH / 2, 0.0, HEIGHT), *sides, color)
+        yield self.thing(rng, "floor vase", pot, Texture(clay))
 
 
 def _walls(seed: int) -> Iterator[Thing]:
@@ -174,13 +130,6 @@ def _walls(seed: int) -> Iterator[Thing]:
     pipe = merge([props.pipe(LENGTH, 0.055).moved((0, y - 0.1, height)) for height in (2.25, 2.42)])
     lagging = textures.plaster(stream(seed, "pipe"), (0.38, 0.37, 0.34), 0.2)
     yield Thing("pipes", pipe, Matte(Texture(lagging, (2, 12))))
-
-
-def _chart() -> Thing:
-    """A ColorChecker of 24 measured patches on the plaster wall, upright and readable."""
-    pixels = Texture(textures.chart(chart_patches(), CHART_COLUMNS), smooth=False)
-    board = Quad((3.55, -WIDTH / 2 + 0.015, 1.35), (-0.33, 0.0, 0.0), (0.0, 0.0, 0.22))
-    return Thing("color chart", board, Matte(pixels))
 
 
 def _shelf_shape(kind: str, rng: np.random.Generator) -> Mesh:

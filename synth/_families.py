@@ -12,13 +12,29 @@ from itertools import pairwise
 from typing import Any
 
 import graycard as gc
+from graycard.synth._cluttered_lab import ClutteredLab
 from graycard.synth._corridor import Corridor
 from graycard.synth._family import Family
-from graycard.synth._glossy_table import GlossyTable
+from graycard.synth._gallery import Gallery
+from graycard.synth._objects import Objects
+from graycard.synth._shelf_room import ShelfRoom
 from graycard.synth._spec import SceneSpec
 from graycard.synth._studio import Studio
+from graycard.synth._tables import CurvedTable, GlossyTable, MarbleTable, MatteTable, MetalTable
 
-_FAMILIES: tuple[type[Family], ...] = (Corridor, GlossyTable, Studio)
+_FAMILIES: tuple[type[Family], ...] = (
+    Corridor,
+    ShelfRoom,
+    ClutteredLab,
+    GlossyTable,
+    MetalTable,
+    MarbleTable,
+    CurvedTable,
+    MatteTable,
+    Studio,
+    Gallery,
+    Objects,
+)
 
 
 def families() -> dict[str, type[Family]]:

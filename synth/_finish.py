@@ -8,24 +8,33 @@ from typing import Any
 import numpy as np
 
 import graycard as gc
+from graycard.synth._photographs import photographed, sensor_of
+from graycard.synth._renderings import Content
 from graycard.synth._scene import Scene
 from graycard.synth._sky import recorded
+from graycard.synth._sparse import Sighting, sighting, sparse_points
+from graycard.synth._spec import CaptureSettings, RenderSettings
 from graycard.synth._store import Place, view_file
 
 
-def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
-    """Derive everything else in a partial folder from its views, and seal it: truth last.
+def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
+    """Derive everything else in a partial folder from its pictures, and seal it: truth last.
 
     Args:
-        place: Where the scene is made; all views are there.
-        scene: What was rendered.
+        place: Where the scene is made; all pictures are there.
+        content: What was rendered.
         stamp: What it was made from, with the renderer's variant.
     """
-    root = place.partial
-    exposure = _write_photographs(root, scene)
+    root, scene = place.partial, content.scene
+    settings = gc.decode(RenderSettings, stamp["render"]).capture
+    exposure = _exposure(root, scene)
+    sensor = sensor_of(settings, [v.name for v in _train(scene)], stamp["seed"])
+    for view in _train(scene):
+        _write_photograph(root, scene, view.name, exposure, sensor, stamp["seed"])
+    _write_points(root, scene, exposure, settings, stamp["seed"])
     light_on_camera = any(getattr(light, "frame", "world") == "camera" for light in scene.lights)
     capture = gc.Capture(
-        place.track, place.scene, scene.views, exposure, light_on_camera, target=scene.target_id
+        place.track, place.scene, scene.views, exposure, light_on_camera, scene.target_id, sensor
     )
     truth = gc.Truth(
         place.track,
@@ -36,27 +45,26 @@ def finish(place: Place, scene: Scene, stamp: Mapping[str, Any]) -> None:
         scene.objects(),
         scene.target_id,
         _noise_ceiling(root, scene, exposure),
+        tuple(edit.record for edit in content.edits),
     )
     gc.write_index(root / "capture", capture)
     gc.write_index(root / "truth", truth)
     _write_lights(root / "truth", scene)
+    for edit in content.edits:
+        _write_lights(root / "truth" / edit.record.folder, edit.scene)
+    if content.composed is not None:
+        gc.write_json(root / "truth" / "composition" / "composition.json", content.composed.record)
     _seal(place, stamp)
 
 
-def _write_photographs(root: Path, scene: Scene) -> float:
-    """Photographs and target masks of the training views; their exposure."""
-    photographs = []
-    for view in scene.views:
-        if view.split != "train":
-            continue
-        layers = gc.read_layers(view_file(root, view.name))
-        photographs.append(layers["radiance"])
-        gc.write_rgb(root / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
-        if scene.target_id is not None:
-            ids = layers["object_id"]
-            mask = np.where(ids == scene.target_id, ids, 0)
-            gc.write_layers(root / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask})
-    brightest = float(np.percentile(photographs, 99))
+def _train(scene: Scene) -> list[gc.View]:
+    return [view for view in scene.views if view.split == "train"]
+
+
+def _exposure(root: Path, scene: Scene) -> float:
+    """The factor that brings the 99th percentile of all training views to display white."""
+    views = [gc.read_layers(root / "truth" / view_file(view.name))["radiance"] for view in _train(scene)]
+    brightest = float(np.percentile(views, 99))
     if brightest <= 0:
         raise gc.RenderError(
             f"expected a scene with light in it, got black photographs for {scene.views[0].name} and all "
@@ -65,18 +73,47 @@ def _write_photographs(root: Path, scene: Scene) -> float:
     return 1 / brightest
 
 
+def _write_photograph(
+    root: Path, scene: Scene, name: str, exposure: float, sensor: gc.Sensor | None, seed: int
+) -> None:
+    """The photograph of a training view, and its target mask."""
+    layers = gc.read_layers(root / "truth" / view_file(name))
+    photograph = layers["radiance"]
+    if sensor is not None:
+        photograph = photographed(photograph, name, exposure, sensor, seed)
+    gc.write_rgb(root / "capture" / "photographs" / f"{name}.exr", photograph)
+    if scene.target_id is not None:
+        ids = layers["object_id"]
+        mask = np.where(ids == scene.target_id, ids, 0)
+        gc.write_layers(root / "capture" / "masks" / "target" / f"{name}.exr", {"object_id": mask})
+
+
 def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
     """PSNR, as displayed, that a noise-free picture of every view would score against the truth, dB."""
-    views = [gc.read_layers(view_file(root, view.name)) for view in scene.views]
+    views = [gc.read_layers(root / "truth" / view_file(view.name)) for view in scene.views]
     noise = [gc.display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
     return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
+
+
+def _write_points(root: Path, scene: Scene, exposure: float, settings: CaptureSettings, seed: int) -> None:
+    """The sparse points of the training photographs."""
+    seen = [_sighting(root, number, view, exposure) for number, view in enumerate(scene.views)]
+    points = sparse_points([s for s in seen if s is not None], settings, seed)
+    gc.write_points(root / "capture" / "points.ply", points)
+
+
+def _sighting(root: Path, number: int, view: gc.View, exposure: float) -> Sighting | None:
+    if view.split != "train":
+        return None
+    photograph = gc.read_rgb(root / "capture" / "photographs" / f"{view.name}.exr")
+    return sighting(number, view, photograph, exposure, gc.read_layers(root / "truth" / view_file(view.name)))
 
 
 def _diameter(root: Path, scene: Scene) -> float:
     """Diagonal of the box around the cameras and all points that they see, metres."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for view in scene.views:
-        depth = gc.read_layers(view_file(root, view.name))["depth"].astype(np.float64)
+        depth = gc.read_layers(root / "truth" / view_file(view.name))["depth"].astype(np.float64)
         rays = view.camera.rays()
         seen = np.isfinite(depth)
         distance = depth[seen] / (rays[seen] @ view.camera.forward)

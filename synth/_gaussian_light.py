@@ -54,7 +54,7 @@ def _register(variant: str) -> Any:
     return made
 
 
-def _initialise(self: Any, properties: mi.Properties) -> None:
+def _initialise(self: Any, properties: Any) -> None:
     mi.Emitter.__init__(self, properties)
     self.position = mi.ScalarPoint3f(properties["position"])
     self.lobes = [
@@ -63,7 +63,7 @@ def _initialise(self: Any, properties: mi.Properties) -> None:
             float(properties[f"sharpness_{number}"]),
             mi.ScalarColor3f(properties[f"amplitude_{number}"]),
         )
-        for number in range(int(properties["lobes"]))
+        for number in range(properties.get("lobes", 0))
     ]
     self.m_flags = mi.EmitterFlags.DeltaPosition
     self.m_needs_sample_3 = False

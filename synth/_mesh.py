@@ -40,6 +40,10 @@ class Mesh:
         rotation = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
         return replace(self, vertices=self.vertices @ rotation.T, normals=self.normals @ rotation.T)
 
+    def posed(self, rotation: np.ndarray, to: np.ndarray) -> "Mesh":
+        """This mesh turned by a rotation matrix of shape ``(3, 3)``, then moved by ``to`` metres."""
+        return replace(self, vertices=self.vertices @ rotation.T + to, normals=self.normals @ rotation.T)
+
 
 def turn_about_z(angle: float) -> np.ndarray:
     """Rotation matrix about z by ``angle`` radians, shape ``(3, 3)``."""

@@ -125,3 +125,8 @@ def _bevelled(profile: Profile, width: float) -> Profile:
             length = np.linalg.norm(edge)
             kept.append(corner + edge * (min(width, 0.4 * length) / length))
     return [(float(r), float(z)) for r, z in [*kept, points[-1]]]
+
+
+def turned(profile: Profile, bevel: float, segments: int = 40) -> Mesh:
+    """A body turned about z, its corners cut by ``bevel``; the profile starts and ends on the axis."""
+    return lathe(_bevelled(profile, bevel), segments)

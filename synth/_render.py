@@ -8,18 +8,16 @@ from typing import Any
 import graycard as gc
 from graycard.synth._families import family_of, resolved_knobs, scene_name
 from graycard.synth._finish import finish
-from graycard.synth._scene import Scene
+from graycard.synth._renderings import content_of, missing, renderings, write_missing
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
 from graycard.synth._store import (
     Place,
     damage,
     foreign_content,
-    is_whole_view,
     promote,
     reopen,
     resume,
     stamped,
-    view_file,
 )
 from graycard.synth._variant import can_render, use_renderer
 
@@ -100,13 +98,16 @@ def _make(
     variant = _variant_for(place, threads)
     stamp = {**wanted, "variant": variant}
     resume(place, stamp)
-    scene = family_of(spec).build(spec.seed, settings)
-    files = [view_file(place.partial, view.name) for view in scene.views]
-    missing = [number for number, file in enumerate(files) if not is_whole_view(file)]
-    if missing:
+    content = content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
+    wanted = renderings(content, spec.seed, settings, variant)
+    truth = place.partial / "truth"
+    todo = missing(wanted, truth)
+    if todo:
         use_renderer(threads, variant)
-        _render_views(place, scene, missing, spec.seed, settings, progress)
-    finish(place, scene, stamp)
+    for number, rendering in todo:
+        progress(number / len(wanted), f"{place.scene} {rendering.doing}")
+        write_missing(rendering, truth)
+    finish(place, content, stamp)
     promote(place)
 
 
@@ -116,22 +117,6 @@ def _variant_for(place: Place, threads: int | None) -> str:
     if isinstance(variant, str) and can_render(variant):
         return variant
     return use_renderer(threads).variant
-
-
-def _render_views(
-    place: Place,
-    scene: Scene,
-    numbers: list[int],
-    seed: int,
-    settings: RenderSettings,
-    progress: gc.Progress,
-) -> None:
-    from graycard.synth._views import render_view  # Mitsuba: not before its variant is chosen
-
-    for number in numbers:
-        name = scene.views[number].name
-        progress(number / len(scene.views), f"{place.scene} {name}")
-        gc.write_layers(view_file(place.partial, name), render_view(scene, number, seed, settings))
 
 
 def _found_identity(place: Place) -> dict[str, Any] | None:

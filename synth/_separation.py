@@ -7,7 +7,7 @@ contribution under the light that it comes from, under the lobe that the camera'
 under direct (one bounce) or indirect (more). Kernels over whole images: ``llvm_ad_rgb`` only.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -76,8 +76,12 @@ def separated_radiance(
         the parts of all lights add up to ``radiance``.
     """
     images = separated_images(loaded, camera, seeds, settings)
+    return named_layers(images, part_names(loaded, scene))
+
+
+def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """The layers of :func:`separated_radiance` from the tracer's images and the names of its parts."""
     parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
-    names = part_names(loaded, scene)
     return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
 
@@ -159,13 +163,25 @@ def separated_images(
 def _image(
     loaded: mi.Scene, eye: mi.Sensor, seed: int, max_depth: int, rays: PrimaryRays, response: Response
 ) -> np.ndarray:
+    sampler, samples = seeded_sampler(eye, seed)
+    ray = rays(eye, sampler, samples)
+    sums = _trace(loaded, sampler, ray, list(loaded.emitters()), max_depth, response)
+    return pixel_means(sums, eye, samples)
+
+
+def seeded_sampler(eye: mi.Sensor, seed: int) -> tuple[Any, int]:
+    """The sampler of all pixels at once, and its number of samples per pixel."""
     width, height = (int(v) for v in eye.film().crop_size())
     sampler: Any = eye.sampler().clone()
     samples = sampler.sample_count()
     sampler.set_samples_per_wavefront(samples)
     sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
-    ray = rays(eye, sampler, samples)
-    sums = _trace(loaded, sampler, ray, list(loaded.emitters()), max_depth, response)
+    return sampler, samples
+
+
+def pixel_means(sums: list[Any], eye: mi.Sensor, samples: int) -> np.ndarray:
+    """Colours of all samples to means over the pixels, ``(colours, H, W, 3)``, float64."""
+    width, height = (int(v) for v in eye.film().crop_size())
     dr.eval(sums)  # one kernel for all channels: unevaluated, each sum below would trace all paths anew
     # sums of neighbours in a fixed order; scattering into pixels would add in the order of the threads
     pixels = [np.array(dr.block_sum(channel, samples)) for color in sums for channel in color]

@@ -6,11 +6,46 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-GENERATOR_VERSION = 3
+import graycard as gc
+
+GENERATOR_VERSION = 5
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
 SUB_BUFFERS = 4
 """A radiance is the mean of this many independent images, and its variance is found from their spread."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureSettings:
+    """What a user's camera and programs make of a scene; truth is as it is.
+
+    Raises:
+        ValueError: A number is out of its range.
+    """
+
+    points: int = 2000
+    """Most sparse points, as structure from motion would find them; a dark or smooth scene has fewer."""
+    point_noise: float = 0.5
+    """Standard deviation of where a point is found in a photograph, pixels."""
+    outliers: float = 0.015
+    """Share of the points that are wrong matches."""
+    bits: int = 0
+    """Of photographs, sRGB-encoded; 0 keeps linear light without rounding."""
+    shot_noise: float = 0.0
+    """Electrons that a pixel counts at white, such as 8000; 0 for light without noise."""
+    read_noise: float = 0.0
+    """Standard deviation of reading a pixel, electrons."""
+    exposure_spread: float = 0.0
+    """Most stops by which a view is exposed longer or shorter than the scene; the factor is told."""
+
+    def __post_init__(self) -> None:
+        gc.Sensor(self.bits, self.shot_noise, self.read_noise)  # checks them
+        for name in ("points", "point_noise", "exposure_spread"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise ValueError(f"expected {name} to be 0 or more, got {value}")
+        if not 0 <= self.outliers < 1:
+            raise ValueError(f"expected outliers to be a share from 0 to below 1, got {self.outliers}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +66,12 @@ class RenderSettings:
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only."""
+    relighting: bool = True
+    """Whether the held-out views are made under changed lights too."""
+    composition: bool = True
+    """Whether they are made with an object of another scene in them too, where lights stand still."""
+    capture: CaptureSettings = field(default_factory=CaptureSettings)
+    """What is made of the rendered pictures."""
 
     def __post_init__(self) -> None:
         for name, low in (

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
 
-Views are rendered into ``.<scene>.partial/scene``, and a stamp in ``.<scene>.partial`` says for which spec.
-When all views are there, the capture is derived from the truth, both are sealed, and the folder is moved
+Pictures are rendered into ``.<scene>.partial/scene``, and a stamp beside it says for which spec.
+When all are there, the capture is derived from the truth, both are sealed, and the folder is moved
 to its final place in one step. A damaged scene goes back to being a partial one.
 """
 
@@ -57,9 +57,9 @@ class Place:
         return self.work / "replaced"
 
 
-def view_file(root: Path, view: str) -> Path:
-    """The file of a view's true layers, the one product of rendering it."""
-    return root / "truth" / "views" / f"{view}.exr"
+def view_file(view: str) -> str:
+    """The file of a view's true layers, relative to the truth."""
+    return f"views/{view}.exr"
 
 
 def damage(place: Place) -> dict[str, str]:
@@ -95,7 +95,7 @@ def reopen(place: Place, stamp: Mapping[str, Any], faults: Mapping[str, str]) ->
 
 
 def resume(place: Place, stamp: Mapping[str, Any]) -> None:
-    """Get the partial folder ready: keep views that were made for this stamp, and nothing else."""
+    """Get the partial folder ready: keep pictures that were made for this stamp, and nothing else."""
     if stamped(place) != gc.encode(stamp):
         discard(place.work)
         gc.write_json(place.stamp, stamp)
@@ -117,7 +117,7 @@ def stamped(place: Place) -> Mapping[str, Any] | None:
 
 
 def is_whole_view(path: Path) -> bool:
-    """Whether a view's file is there and can be read to its end."""
+    """Whether a file of layers is there and can be read to its end; what is left of another one goes."""
     try:
         gc.read_layers(path)
     except gc.DatasetError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Procedural surfaces with detail at every scale: plaster, brick, boards, tiles, stone, cardboard.
+"""Procedural surfaces with detail at every scale: plaster, brick, boards, tiles, stone, marble, metal, linen.
 
 Each gives linear Rec.709 reflectances of shape ``(size, size, 3)`` that tile without a seam, between
 :data:`DARKEST` and :data:`BRIGHTEST`.
@@ -66,6 +66,30 @@ def wood(rng: np.random.Generator, color: Vector) -> np.ndarray:
     rings = np.sin(2 * np.pi * (6 * _rows() + 0.6 * warp))
     fibre = fractal_noise(rng, slope=0.7, stretch=24)
     return painted(color, 1 + 0.16 * rings + 0.16 * fibre)
+
+
+def marble(rng: np.random.Generator, ground: Vector, vein: Vector) -> np.ndarray:
+    """Marble: clouds in the ground, and veins broad and hair-thin along the zero lines of warped noise."""
+    broad = np.exp(-np.abs(fractal_noise(rng, slope=1.9)) / 0.10)
+    thin = np.exp(-np.abs(fractal_noise(rng, slope=1.5)) / 0.035)
+    mix = np.clip(0.75 * broad + 0.35 * thin, 0, 1)[..., None]
+    clouds = 1 + 0.07 * fractal_noise(rng, slope=1.7) + 0.03 * fractal_noise(rng, slope=0.5)
+    return painted(np.array(ground) * (1 - mix) + np.array(vein) * mix, clouds)
+
+
+def brushed(rng: np.random.Generator, color: Vector) -> np.ndarray:
+    """Brushed metal: hairlines along u, and the stains of use."""
+    hairlines = fractal_noise(rng, slope=0.4, stretch=48)
+    return painted(color, 1 + 0.07 * hairlines + 0.05 * fractal_noise(rng, slope=1.7))
+
+
+def linen(rng: np.random.Generator, stripe: Vector, ground: Vector) -> np.ndarray:
+    """Woven linen, checked: broad stripes both ways, darker where they cross, threads, and creases."""
+    across, along = ((at * 4) % 1 < 0.42 for at in (_columns(), _rows()))
+    share = 0.5 * across + 0.5 * along
+    cloth = np.array(ground) * (1 - share[..., None]) + np.array(stripe) * share[..., None]
+    threads = fractal_noise(rng, slope=0.3, stretch=24) + fractal_noise(rng, slope=0.3, stretch=24).T
+    return painted(cloth, 1 + 0.04 * threads + 0.06 * fractal_noise(rng, slope=1.8))
 
 
 def boards(rng: np.random.Generator, color: Vector, count: int = 6) -> np.ndarray:

@@ -8,12 +8,13 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._albedo import directional_albedo
+from graycard.synth._effects import effect_layers, target_footprint
 from graycard.synth._irradiance import light_layers
 from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, separated_radiance
+from graycard.synth._separation import estimate, named_layers, part_names, separated_images
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -24,17 +25,20 @@ _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
 
 
-def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
+def render_view(
+    scene: Scene, number: int, seed: int, settings: RenderSettings, images: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
-    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance and no visibility.
+    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance, no effects and no visibility.
 
     Args:
         scene: What is there.
         number: Index of the view in ``scene.views``.
         seed: Of the scene.
         settings: Samples and depth of the light paths.
+        images: Those of :func:`light_images`, where they are there already.
 
     Returns:
         Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.layers`.
@@ -42,16 +46,21 @@ def render_view(scene: Scene, number: int, seed: int, settings: RenderSettings) 
     camera = scene.views[number].camera
     seeds = sub_buffer_seeds(seed, number)
     whole = load_scene(scene, camera)
-    layers = {**_light_layers(whole, scene, camera, seeds, settings), **surface_layers(whole, scene, camera)}
+    if images is None:
+        images = light_images(whole, camera, seeds, settings)
+    layers = {**_light_layers(images, whole, scene), **surface_layers(whole, scene, camera)}
     layers["pure"] = pure_pixels(whole, scene, camera)
     if mi.variant() != SCALAR:
         layers |= _centre_layers(
             whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
         )
     if scene.target:
-        emptied = load_scene(scene, camera, without=scene.target)
-        found = _light_layers(emptied, scene, camera, seeds, settings)
-        layers |= {f"counterfactual.{name}": v for name, v in found.items() if name.startswith("radiance")}
+        emptied = light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
+        found = estimate("radiance", emptied[:, 0])
+        layers |= {f"counterfactual.{name}": values for name, values in found.items()}
+        if mi.variant() != SCALAR:
+            footprint = target_footprint(whole, scene, camera, seeds, settings)
+            layers |= effect_layers(images, emptied, footprint)
     return layers
 
 
@@ -66,13 +75,19 @@ def _centre_layers(
     }
 
 
-def _light_layers(
-    loaded: mi.Scene, scene: Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
-) -> dict[str, np.ndarray]:
-    """The radiance and its variance, with its parts where the variant can tell them apart."""
+def light_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> np.ndarray:
+    """Independent images of the radiance, then of its parts where the variant can tell them apart."""
     if mi.variant() != SCALAR:
-        return separated_radiance(loaded, scene, camera, seeds, settings)
-    return estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+        return separated_images(loaded, camera, seeds, settings)
+    return radiance_images(loaded, camera, seeds, settings)[:, None]
+
+
+def _light_layers(images: np.ndarray, loaded: mi.Scene, scene: Scene) -> dict[str, np.ndarray]:
+    if mi.variant() != SCALAR:
+        return named_layers(images, part_names(loaded, scene))
+    return estimate("radiance", images[:, 0])
 
 
 def sub_buffer_seeds(seed: int, view: int) -> list[int]:

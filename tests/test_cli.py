@@ -226,6 +226,16 @@ def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: C
     assert "goes on where it stopped" in capsys.readouterr().err
 
 
+def test_render_takes_the_faults_of_a_camera(tmp_path: Path, capsys: Capture):
+    size = ["--width", "16", "--height", "16", "--train-views", "2", "--test-views", "1", "--samples", "4"]
+    faults = ["--capture.bits", "8", "--capture.shot-noise", "8000", "--capture.points", "5"]
+    command = ["render", "dark", "--seed", "1234", "--out", str(tmp_path), *size, *faults]
+    assert main(command) == 0
+    capture = gc.open_capture(tmp_path / "dark" / "corridor-1234" / "capture")
+    assert capture.sensor == gc.Sensor(bits=8, shot_noise=8000)
+    assert len(capture.points()) <= 5
+
+
 def test_render_takes_size_and_samples(tmp_path: Path, capsys: Capture):
     size = ["--width", "12", "--height", "10", "--train-views", "2", "--test-views", "1", "--samples", "4"]
     command = ["render", "multilight", "--seed", "1234", "--out", str(tmp_path), *size]

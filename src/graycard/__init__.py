@@ -25,6 +25,10 @@ from graycard._dataset import read_lights as read_lights
 from graycard._dataset import scene_folders as scene_folders
 from graycard._dataset import write_index as write_index
 from graycard._dataset import write_lights as write_lights
+from graycard._edits import Composition as Composition
+from graycard._edits import Donor as Donor
+from graycard._edits import LightEdit as LightEdit
+from graycard._edits import composed_file as composed_file
 from graycard._errors import DatasetError as DatasetError
 from graycard._errors import GraycardError as GraycardError
 from graycard._errors import MethodError as MethodError
@@ -77,6 +81,9 @@ from graycard._manifest import damaged_files as damaged_files
 from graycard._manifest import read_manifest as read_manifest
 from graycard._manifest import seal as seal
 from graycard._photographs import write_png as write_png
+from graycard._points import Points as Points
+from graycard._points import read_points as read_points
+from graycard._points import write_points as write_points
 from graycard._predictions import Predictions as Predictions
 from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions
@@ -97,6 +104,7 @@ from graycard._records import ScoreSheet as ScoreSheet
 from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
+from graycard._sensor import Sensor as Sensor
 from graycard._transfer import ExchangeFormat as ExchangeFormat
 from graycard._transfer import export_capture as export_capture
 from graycard._transfer import import_capture as import_capture

@@ -4,16 +4,18 @@
 Held-out views are a model of their own in ``held_out/``: programs that read a model open each of its images.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from graycard._camera import Camera
+from graycard._colmap_points import PointLines, parse_points, point_lines
 from graycard._dataset import Capture, View
 from graycard._errors import DatasetError
 from graycard._exchange import Shot, make_camera, view_name, write_photographs
 from graycard._files import write_bytes
+from graycard._points import Points
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "")
 HELD_OUT = "held_out"
@@ -30,9 +32,9 @@ def write_colmap(capture: Capture, folder: Path) -> None:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     write_photographs(capture, folder, ".png.png")
-    _write_model(folder / MODEL_FOLDERS[0], capture.train)
+    _write_model(folder / MODEL_FOLDERS[0], capture.train, point_lines(capture))
     if capture.test:
-        _write_model(folder / HELD_OUT, capture.test)
+        _write_model(folder / HELD_OUT, capture.test, PointLines({}, []))
 
 
 def find_model(folder: Path) -> Path | None:
@@ -66,16 +68,40 @@ def read_colmap(folder: Path, model: Path) -> list[Shot]:
     return shots
 
 
-def _write_model(folder: Path, views: Sequence[View]) -> None:
+def read_colmap_points(model: Path, numbers: Mapping[str, int]) -> Points | None:
+    """The points of a COLMAP model; None if it holds none.
+
+    Args:
+        model: The folder of the model.
+        numbers: Index of each training view by name; a point that no other view sees is left out.
+
+    Raises:
+        DatasetError: A file is malformed, or a track names an image or a keypoint that is not there.
+    """
+    path = model / _POINTS
+    if not path.is_file():
+        return None
+    keypoints = {f[0]: (numbers.get(view_name(f[9])), k) for f, k, _ in _image_lines(model / _IMAGES)}
+    return parse_points(_lines(path), keypoints, path)
+
+
+def _write_model(folder: Path, views: Sequence[View], points: PointLines) -> None:
     cameras = list(dict.fromkeys(_camera_fields(v.camera) for v in views))
     numbered = [f"{i} {fields}" for i, fields in enumerate(cameras, 1)]
     _write_lines(folder / _CAMERAS, ["# CAMERA_ID MODEL WIDTH HEIGHT fx fy cx cy", *numbered])
-    lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; the line after each is empty: no POINTS2D"]
+    lines = [
+        "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME; the line after each: POINTS2D[] as X Y POINT3D_ID"
+    ]
     for i, view in enumerate(views, 1):
         camera_id = 1 + cameras.index(_camera_fields(view.camera))
-        lines += [f"{i} {_pose_fields(view.camera)} {camera_id} {view.name}.png", ""]
+        lines += [
+            f"{i} {_pose_fields(view.camera)} {camera_id} {view.name}.png",
+            points.keypoints.get(view.name, ""),
+        ]
     _write_lines(folder / _IMAGES, lines)
-    _write_lines(folder / _POINTS, ["# POINT3D_ID X Y Z R G B ERROR TRACK[]: none"])
+    _write_lines(
+        folder / _POINTS, ["# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX", *points.points]
+    )
 
 
 def _camera_fields(camera: Camera) -> str:
@@ -98,7 +124,7 @@ def _write_lines(path: Path, lines: Sequence[str]) -> None:
 def _read_model(folder: Path, model: Path, held_out: bool) -> list[Shot]:
     cameras = _read_cameras(model / _CAMERAS)
     shots = []
-    for fields, where in _image_lines(model / _IMAGES):
+    for fields, _, where in _image_lines(model / _IMAGES):
         camera_id, name = fields[8:]
         if camera_id not in cameras:
             known = ", ".join(cameras) or "none"
@@ -139,8 +165,8 @@ def _intrinsics(fields: Sequence[str], where: str) -> _Intrinsics:
     return (int(width), int(height)), (focal[0], focal[-1]), (cx, cy)
 
 
-def _image_lines(path: Path) -> Iterator[tuple[list[str], str]]:
-    """The ten fields of each image, and where they stand; each second line lists keypoints."""
+def _image_lines(path: Path) -> Iterator[tuple[list[str], list[str], str]]:
+    """The ten fields of each image, its keypoints, and where they stand."""
     lines = _lines(path)
     for number, line in lines:
         fields, where = line.split(maxsplit=9), f"{path}, line {number}"
@@ -156,7 +182,7 @@ def _image_lines(path: Path) -> Iterator[tuple[list[str], str]]:
             raise DatasetError(
                 f"expected keypoints X Y POINT3D_ID or an empty line after {where}, got {keypoints!r}"
             )
-        yield [*fields[:9], fields[9].strip()], where
+        yield [*fields[:9], fields[9].strip()], keypoints.split(), where
 
 
 def _pose(numbers: Sequence[float], where: str) -> np.ndarray:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """One scene on disk: ``capture/`` is what a method may see, ``truth/`` is what it is judged by.
 
-DATASET/<track>/<scene>/capture/  manifest.json capture.json photographs/<view>.exr masks/<mask>/<view>.exr
+DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photographs/ masks/<mask>/<view>.exr
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
+                                  relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
+                                  [composition/{composition.json views/<view>.exr}]
 """
 
 from dataclasses import dataclass, field, replace
@@ -12,16 +14,22 @@ from typing import Any, Literal
 import numpy as np
 
 from graycard._camera import Camera
+from graycard._edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json, write_json
 from graycard._lights import Light, light_from_json, light_to_json
 from graycard._manifest import MANIFEST, Manifest, check_files, read_manifest
+from graycard._points import Points, no_points, read_points
+from graycard._sensor import Sensor
 
 TRACKS = ("dark", "tabletop", "multilight")
 
 IMPORTER = "graycard.import"
 """Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
+
+POINTS = "points.ply"
+"""Sparse points, beside the index of a capture."""
 
 Split = Literal["train", "test"]
 
@@ -49,6 +57,8 @@ class Capture:
     """Whether the scene is lit by a light that moves with the camera."""
     target: int | None = None
     """The object id that the removal task names, if there is one; its mask is granted on training views."""
+    sensor: Sensor | None = None
+    """The camera's bits, noise and exposures; None for photographs as rendered, or where nobody says."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -73,12 +83,26 @@ class Capture:
     def photograph(self, view: View) -> np.ndarray:
         """The linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
 
+        Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
+
         Raises:
             DatasetError: The view is held out, or the file is missing or broken.
         """
         if view.split != "train":
             raise DatasetError(f"expected a training view, got {view.name}: its photograph is held out")
         return read_rgb(_file(self.root, f"photographs/{view.name}.exr"))
+
+    def points(self) -> Points:
+        """Sparse points, as structure from motion finds them; none where the capture holds none.
+
+        Raises:
+            DatasetError: The file is broken, or names a view that the capture has not.
+        """
+        path = _file(self.root, POINTS)
+        found = read_points(path) if path.is_file() else no_points()
+        if len(found.view) and not (found.view.min() >= 0 and found.view.max() < len(self.views)):
+            raise DatasetError(f"expected views 0 to {len(self.views) - 1} in {path}, got {found.view.max()}")
+        return found
 
     def target_mask(self, view: View) -> np.ndarray:
         """Where a training view sees the target object, shape ``(H, W)``, bool.
@@ -117,6 +141,8 @@ class Truth:
     noise_ceiling: float | None = None
     """dB: PSNR, as displayed, of noise-free pictures of all views against those of the truth. No method can
     score more but by chance. None where it was not measured."""
+    edits: tuple[LightEdit, ...] = ()
+    """Changes of the lights under which the held-out views are known."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     """Where the files are."""
 
@@ -143,6 +169,56 @@ class Truth:
             DatasetError: The file is missing or broken.
         """
         return read_lights(_file(self.root, "lights.json"))
+
+    def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
+        """A held-out view under changed lights: ``radiance`` with its variance and both its halves.
+
+        Args:
+            edit: Name of one of :attr:`edits`.
+            view: A ``test`` view.
+
+        Returns:
+            Layers by name, each ``(H, W, 3)``, float32.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        found = find_edit(self.edits, edit)
+        _refuse_training(view)
+        return read_layers(_file(self.root, found.view_file(view.name)))
+
+    def relit_lights(self, edit: str) -> tuple[Light, ...]:
+        """The exact lights of an edit; the image of an environment lies beside their file.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: The file is missing or broken.
+        """
+        return read_lights(_file(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
+
+    def composition(self) -> Composition | None:
+        """The object of another scene that is put into this one; None where none is.
+
+        Raises:
+            DatasetError: The file is broken.
+        """
+        path = _file(self.root, f"{COMPOSITION}/composition.json")
+        if not path.is_file():
+            return None
+        return decode(Composition, read_json(path, DatasetError), DatasetError, str(path))
+
+    def composed(self, view: View) -> dict[str, np.ndarray]:
+        """A held-out view with the object of :meth:`composition` in it.
+
+        Returns:
+            ``radiance`` with its variance and both its halves, ``(H, W, 3)``, and ``object_id``, ``(H, W)``.
+
+        Raises:
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        _refuse_training(view)
+        return read_layers(_file(self.root, composed_file(view.name)))
 
     def emitter_ids(self) -> frozenset[int]:
         """Ids of the objects that are surfaces of lights."""
@@ -266,6 +342,11 @@ def _refuse_imported(folder: Path) -> None:
             "truth: it can be fitted by methods that need none and looked at, not scored. For scores, take a "
             "scene of `graycard render`"
         )
+
+
+def _refuse_training(view: View) -> None:
+    if view.split != "test":
+        raise DatasetError(f"expected a held-out view, got {view.name}: only those are known changed")
 
 
 def _find_view(views: tuple[View, ...], name: str) -> View:

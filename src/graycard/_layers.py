@@ -91,7 +91,7 @@ _TABLE = (
     _mask("effect.mirror", "the target is seen by reflection in what is seen"),
     _mask(
         "effect.bleeding",
-        "light that the target scatters reaches what is seen and is scattered diffusely there",
+        "what is seen scatters other bounced light diffusely: the target's own, or light that it blocks",
     ),
 )
 _BY_NAME = {layer.name: layer for layer in _TABLE}

@@ -11,8 +11,10 @@ from graycard._dataset import Capture, View
 from graycard._errors import DatasetError
 from graycard._exchange import Shot, image_name, make_camera, view_name, write_photographs
 from graycard._json import read_json, write_json
+from graycard._points import Points, read_points, without_tracks, write_points
 
 INDEX = "transforms.json"
+CLOUD = "sparse_pc.ply"
 PINHOLE_MODELS = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE", "OPENCV", "SIMPLE_RADIAL", "RADIAL")
 """Models that are a pinhole when all their distortion is zero."""
 DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
@@ -21,7 +23,7 @@ _FLIP = np.diag([1.0, -1.0, -1.0, 1.0])  # OpenCV camera axes to OpenGL ones, an
 
 
 def write_nerfstudio(capture: Capture, folder: Path) -> None:
-    """Write a capture as ``transforms.json``, ``images/`` and, where granted, ``masks/``.
+    """Write a capture as ``transforms.json``, ``images/``, ``sparse_pc.ply`` and, where granted, ``masks/``.
 
     Frames of held-out views stand last, named in ``test_filenames``, without a file. Training checks itself
     on training photographs (``val_filenames``), since nerfstudio refuses a folder without such a list.
@@ -40,6 +42,10 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
         "val_filenames": train,
         "test_filenames": test,
     }
+    points = capture.points()
+    if len(points):
+        write_points(folder / CLOUD, points, tracks=False)
+        index["ply_file_path"] = CLOUD
     write_json(folder / INDEX, index)
 
 
@@ -59,6 +65,21 @@ def read_nerfstudio(folder: Path) -> list[Shot]:
     )
     held_out = (val | test) - train
     return [_shot(frame, index, held_out, folder, f"{path}, frame {i}") for i, frame in enumerate(frames)]
+
+
+def read_nerfstudio_points(folder: Path) -> Points | None:
+    """The points that ``transforms.json`` names, without tracks; None if it names none.
+
+    Raises:
+        DatasetError: Their file is missing or broken.
+    """
+    name = read_json(folder / INDEX, DatasetError).get("ply_file_path")
+    if name is None:
+        return None
+    if not isinstance(name, str):
+        raise DatasetError(f"expected ply_file_path as text in {folder / INDEX}, got {name!r}")
+    found = read_points(folder / name)
+    return without_tracks(found.positions, found.colors)
 
 
 def _frame(view: View, masked: bool) -> dict[str, Any]:

@@ -9,15 +9,16 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from graycard._colmap import find_model, read_colmap, write_colmap
-from graycard._dataset import IMPORTER, TRACKS, Capture, View, open_capture, write_index
+from graycard._colmap import find_model, read_colmap, read_colmap_points, write_colmap
+from graycard._dataset import IMPORTER, POINTS, TRACKS, Capture, View, open_capture, write_index
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._exchange import Shot, check_names
 from graycard._exr import write_layers, write_rgb
 from graycard._files import atomic_folder
 from graycard._manifest import FORMAT_VERSION, Manifest, seal
-from graycard._nerfstudio import INDEX, read_nerfstudio, write_nerfstudio
+from graycard._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
 from graycard._photographs import check_photograph, read_mask, read_photograph
+from graycard._points import Points, write_points
 from graycard._progress import Progress, silent
 
 ExchangeFormat = Literal["nerfstudio", "colmap"]
@@ -94,6 +95,7 @@ def import_capture(
     listed = any(shot.held_out for shot in shots)
     kept = _split([_kept_of(s, track) for s in shots], 0 if listed else hold_out_every)
     masked = _check_files(kept)
+    points = _read_points(Path(source), kept)
     settings = (
         {"format": kind, "split": "as listed"}
         if listed
@@ -113,6 +115,8 @@ def import_capture(
         exposure = _write_photographs(kept, folder, masked, progress)
         views = tuple(View(s.name, "test" if s.held_out else "train", s.camera) for s in kept)
         target = TARGET if masked else None
+        if points is not None and len(points):
+            write_points(folder / POINTS, points)
         write_index(folder, Capture(track, scene, views, exposure, track == "dark", target))
         seal(folder, manifest)
     return out.parent
@@ -131,6 +135,15 @@ def _read(source: Path) -> tuple[ExchangeFormat, list[Shot]]:
         )
     check_names((shot.name for shot in shots), source)
     return kind, sorted(shots, key=lambda shot: shot.name)
+
+
+def _read_points(source: Path, kept: Sequence[Shot]) -> Points | None:
+    """The sparse points of a folder; None if it has none."""
+    if (source / INDEX).is_file():
+        return read_nerfstudio_points(source)
+    model = find_model(source)
+    numbers = {shot.name: number for number, shot in enumerate(kept) if not shot.held_out}
+    return None if model is None else read_colmap_points(model, numbers)
 
 
 def _split(shots: Sequence[Shot], every: int) -> list[Shot]:

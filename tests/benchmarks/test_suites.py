@@ -7,7 +7,7 @@ import pytest
 
 import graycard as gc
 from graycard.benchmarks import load_suite, suite_names
-from graycard.synth import family_of
+from graycard.synth import CaptureSettings, family_of
 
 SUITE = """
 name = "mine"
@@ -45,10 +45,12 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
         assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
 
 
-def test_a_track_may_have_samples_of_its_own(tmp_path: Path) -> None:
-    suite = load_suite(written(tmp_path, "samples = {multilight = 256}"))
+def test_a_track_and_a_family_may_have_samples_of_their_own(tmp_path: Path) -> None:
+    suite = load_suite(written(tmp_path, "samples = {multilight = 256, corridor = 16}"))
     dark, many = (suite.render_of(scene) for scene in suite.scenes)
-    assert (dark.samples, many.samples) == (64, 256)
+    assert (dark.samples, many.samples) == (16, 256)
+    both = load_suite(written(tmp_path, "samples = {multilight = 256, studio = 144}"))
+    assert both.render_of(both.scenes[1]).samples == 144
     assert (dark.width, dark.max_depth) == (many.width, many.max_depth)
 
 
@@ -60,3 +62,11 @@ def test_samples_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> N
 def test_samples_that_are_not_four_squares_are_refused(tmp_path: Path) -> None:
     with pytest.raises(gc.RecordError, match="4 times a square"):
         load_suite(written(tmp_path, "samples = {dark = 50}"))
+
+
+def test_a_suite_may_ask_for_a_camera_with_faults(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    faults = "samples = 64\n[render.capture]\nbits = 8\nshot_noise = 8000"
+    path.write_text(path.read_text().replace("samples = 64", faults))
+    suite = load_suite(str(path))
+    assert suite.render_of(suite.scenes[0]).capture == CaptureSettings(bits=8, shot_noise=8000)

@@ -18,6 +18,8 @@ from graycard.reports._layer_pictures import NO_NUMBER, NOTHING, layer_picture, 
 from graycard.reports._plan import lay_out
 from graycard.reports._plan_picture import FINE, LAMP, TEST, TRAIN, plan_picture
 
+WIDTH, HEIGHT = 28, 24
+"""Of the tiny scenes."""
 RNG = np.random.default_rng(3)
 
 
@@ -68,6 +70,27 @@ def test_a_wrong_scene_is_seen(make_scene: Callable[..., Path]):
     spoilt = contact_sheet(scene)
     scale = CELL // view.camera.width
     assert round(share_of(spoilt, NO_NUMBER) * spoilt[..., 0].size) == 25 * scale**2
+
+
+def test_changed_lights_and_a_composition_are_shown(make_scene: Callable[..., Path]):
+    """A spoilt patch in either picture is magenta."""
+    scene = make_scene()
+    plain = contact_sheet(scene)
+    truth = gc.open_truth(scene / "truth")
+    edit = gc.LightEdit("without-lamp", "The lamp is off.")
+    gc.write_index(scene / "truth", replace(truth, edits=(edit,)))
+    origin = gc.Donor("multilight", "studio", 3, {}, "vase", 6)
+    record = gc.Composition(origin, np.eye(4), 4)
+    gc.write_json(scene / "truth" / "composition" / "composition.json", record)
+    for view in (v for v in truth.views if v.split == "test"):
+        picture = truth.layers(view)["radiance"]
+        for number, name in enumerate((edit.view_file(view.name), gc.composed_file(view.name)), start=1):
+            picture[4 : 4 + number, 3:8] = np.nan
+            gc.write_layers(scene / "truth" / name, {"radiance": picture})
+    sheet = contact_sheet(scene)
+    assert sheet.shape[0] > plain.shape[0] + HEIGHT * (CELL // WIDTH)
+    spoilt = share_of(sheet, NO_NUMBER) * sheet[..., 0].size
+    assert round(spoilt) == (5 + 10) * (CELL // WIDTH) ** 2
 
 
 def test_a_layer_of_another_size_is_named(make_scene: Callable[..., Path]):

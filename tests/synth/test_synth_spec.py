@@ -34,7 +34,7 @@ def test_other_samples_are_refused(samples: int) -> None:
 @pytest.mark.parametrize("name", ["width", "height", "train_views", "test_views", "max_depth"])
 def test_settings_out_of_range_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"expected {name} to be . or more, got 0"):
-        RenderSettings(**{name: 0})
+        RenderSettings(**{name: 0})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_negative_seed_is_refused() -> None:

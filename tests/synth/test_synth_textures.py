@@ -12,6 +12,9 @@ RED, GRAY = (0.5, 0.1, 0.1), (0.4, 0.4, 0.4)
 MAKERS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {
     "plaster": lambda rng: textures.plaster(rng, RED),
     "stone": lambda rng: textures.stone(rng, [RED, GRAY, (0.6, 0.6, 0.5)]),
+    "marble": lambda rng: textures.marble(rng, GRAY, RED),
+    "brushed": lambda rng: textures.brushed(rng, GRAY),
+    "linen": lambda rng: textures.linen(rng, RED, GRAY),
     "wood": lambda rng: textures.wood(rng, RED),
     "boards": lambda rng: textures.boards(rng, RED),
     "bricks": lambda rng: textures.bricks(rng, RED),

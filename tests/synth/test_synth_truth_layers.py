@@ -255,10 +255,10 @@ def test_irradiance_of_all_lights_is_pi_times_shading(llvm: None) -> None:
         assert (
             layers[f"direct.irradiance.{light.name}"] <= layers[f"irradiance.{light.name}"] * (1 + 1e-6)
         ).all()
-    hidden = layers["visibility.point"] == 0
+    hidden = layers["visibility.lamp-4"] == 0
     assert hidden.any()
-    assert (layers["direct.irradiance.point"][hidden] == 0).all()
-    assert (layers["direct.irradiance.point"][~hidden].min(axis=-1) > 0).all()
+    assert (layers["direct.irradiance.lamp-4"][hidden] == 0).all()
+    assert (layers["direct.irradiance.lamp-4"][~hidden].min(axis=-1) > 0).all()
 
 
 def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is changed in a scene whose picture under the change is known: its lights, or an object put in."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from graycard._errors import UnknownNameError
+
+
+@dataclass(frozen=True, slots=True)
+class LightEdit:
+    """One change of a scene's lights; everything else stays as it is.
+
+    On disk it is a folder ``truth/relighting/<name>`` with the changed lights and the held-out views.
+    """
+
+    name: str
+    summary: str
+    """One sentence that says what is changed."""
+
+    @property
+    def folder(self) -> str:
+        """Where its files are, relative to the truth."""
+        return f"relighting/{self.name}"
+
+    def view_file(self, view: str) -> str:
+        """The file of a view under the changed lights, relative to the truth."""
+        return f"{self.folder}/views/{view}.exr"
+
+
+def find_edit(edits: Iterable[LightEdit], name: str) -> LightEdit:
+    """The edit of a name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    edits = tuple(edits)
+    for edit in edits:
+        if edit.name == name:
+            return edit
+    raise UnknownNameError("light edit", name, (edit.name for edit in edits))
+
+
+@dataclass(frozen=True, slots=True)
+class Donor:
+    """The scene that an object is taken out of, and which object it is."""
+
+    track: str
+    family: str
+    seed: int
+    knobs: Mapping[str, Any]
+    """All of them, the defaults included."""
+    object: str
+    """Name of the object in its own scene."""
+    object_id: int
+    """Its id there."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Composition:
+    """An object of another scene, put into this one and lit by its lights.
+
+    On disk it is ``truth/composition/composition.json``, with the held-out views beside it.
+    """
+
+    donor: Donor
+    donor_to_host: np.ndarray
+    """Shape ``(4, 4)``: from world coordinates of the donor's scene to those of this one, metres; rigid."""
+    object_id: int
+    """Id of the object in ``object_id`` layers of the composed views; others have the ids of this scene."""
+
+
+COMPOSITION = "composition"
+"""Folder of the composition, relative to the truth."""
+
+
+def composed_file(view: str) -> str:
+    """The file of a composed view, relative to the truth."""
+    return f"{COMPOSITION}/views/{view}.exr"
