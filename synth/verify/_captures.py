@@ -46,7 +46,7 @@ def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor
     if known.sum() < 300 or not variance[known].all():
         return picture.at.skip(name, "few values are between black and white, or the camera has no noise")
     ratio = float(((found - level)[known] ** 2 / variance[known]).mean())
-    told = f"photographs are the radiance with the noise of capture.json's sensor; it is {ratio:.2f} times as large"
+    told = f"the noise of a photograph is that of capture.json's sensor; it is {ratio:.2f} times as large"
     return picture.at.judge(name, abs(ratio - 1), 0.3, "relative", told)
 
 
