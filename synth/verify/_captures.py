@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+import graycard as gc
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
@@ -15,15 +16,49 @@ def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
         return
     photograph = subject.capture.photograph(picture.view).astype(float)
     radiance = picture.layers["radiance"].astype(float)
-    scale = max(float(np.abs(radiance).max()), 1e-30)
-    off = float(np.abs(photograph - radiance).max()) / scale
-    told = "a photograph is the radiance of its view; looks like another filter, encoding, noise or view"
-    yield picture.at.judge("photograph is the radiance", off, 1e-6, "of the brightest", told)
+    if subject.capture.sensor is None:
+        scale = max(float(np.abs(radiance).max()), 1e-30)
+        off = float(np.abs(photograph - radiance).max()) / scale
+        told = "a photograph is the radiance of its view; looks like another filter, encoding, noise or view"
+        yield picture.at.judge("photograph is the radiance", off, 1e-6, "of the brightest", told)
+    else:
+        white = subject.capture.exposure * subject.capture.sensor.exposure(picture.view.name)
+        yield _check_sensor(picture, radiance * white, photograph * white, subject.capture.sensor)
     if subject.truth.target is not None:
         seen = picture.layers["object_id"] == subject.truth.target
         wrong = int((subject.capture.target_mask(picture.view) != seen).sum())
         told = "the mask is where object_id is the target; looks like the mask of another object"
         yield picture.at.judge("mask of the target", wrong, 0, "pixels", told)
+
+
+def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor: gc.Sensor) -> Check:
+    """A photograph differs from the radiance as much as the noise and the bits of its camera say.
+
+    Args:
+        picture: The view.
+        level: Radiance as a share of white.
+        found: The photograph, likewise.
+        sensor: The camera.
+    """
+    name = "photograph of its camera"
+    variance = _variance(level, sensor)
+    known = (level > 0.05) & (level < 0.9)  # far from where the sensor cuts off
+    if known.sum() < 300 or not variance[known].all():
+        return picture.at.skip(name, "few values are between black and white, or the camera has no noise")
+    ratio = float(((found - level)[known] ** 2 / variance[known]).mean())
+    told = f"the noise of a photograph is that of capture.json's sensor; it is {ratio:.2f} times as large"
+    return picture.at.judge(name, abs(ratio - 1), 0.3, "relative", told)
+
+
+def _variance(level: np.ndarray, sensor: gc.Sensor) -> np.ndarray:
+    """Of a level, from counting and reading electrons and from rounding its sRGB code evenly."""
+    variance = np.zeros_like(level)
+    if sensor.shot_noise:
+        variance += np.maximum(level, 0) / sensor.shot_noise + (sensor.read_noise / sensor.shot_noise) ** 2
+    if sensor.bits:
+        slope = np.maximum(gc.srgb_slope(level), 1e-9)
+        variance += ((2**sensor.bits - 1) * slope) ** -2.0 / 12
+    return variance
 
 
 def check_exposure(subject: Subject, training: list[np.ndarray]) -> Iterator[Check]:

@@ -56,6 +56,21 @@ def _unreadable(folder: Path) -> Iterator[str]:
         yield "truth.json and capture.json list other views"
     for view in truth.views:
         yield from _unreadable_view(truth, capture, view)
+    for path in sorted((folder / "truth").glob("*/**/views/*.exr")):  # under changed lights, or composed
+        yield from _broken_picture(path)
+
+
+def _broken_picture(path: Path) -> Iterator[str]:
+    """What is wrong with a picture beside the views themselves."""
+    try:
+        layers = gc.read_layers(path)
+    except gc.GraycardError as cause:
+        yield str(cause)
+        return
+    for name, values in layers.items():
+        fault = gc.find_fault(name, values, *values.shape[:2])
+        if fault:
+            yield f"{path.parent.parent.name}/{path.stem}: {fault}"
 
 
 def _unreadable_view(truth: gc.Truth, capture: gc.Capture, view: gc.View) -> Iterator[str]:

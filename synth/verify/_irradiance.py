@@ -19,6 +19,9 @@ _POINTS, _SKY_POINTS = 1024, 400
 _EXACT = 1e-3
 """Relative, of 99 % of the pixels: float32 normals and positions, at grazing angles too."""
 
+_PIXELS_APART = 0.15
+"""Of the RMS of a background: a pixel of up to 1.5° is seen by its centre alone, at a window's edge too."""
+
 _ESTIMATED = 0.05
 """Relative, of 90 % of the pixels, or the RMS for a sky: 144 samples on a light, against 0.016 at most in the
 scenes of this package; a turned or mirrored sky has 0.11 and more."""
@@ -129,16 +132,14 @@ def _judge_formula(
 def _judge_color(
     picture: Picture, light: gc.Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
-    """Where nothing is in the way, each channel has the strength that lights.json says."""
+    """Where nothing is in the way, the channels have the proportions that lights.json says."""
     free = visible > 0.999
     if free.sum() < 30:
         return
     quotient = found[free].sum(axis=0) / np.maximum(sent[free].sum(axis=0), 1e-30)
-    channels = np.round(quotient, 4).tolist()
-    told = f"the colour of {light.name} is that of lights.json; it is off by the factors {channels}"
-    yield picture.at.judge(
-        "colour of direct light", float(np.abs(quotient - 1).max()), 0.01, "relative", told
-    )
+    tint = quotient / max(float(quotient.mean()), 1e-30)
+    told = f"the colour of {light.name} is that of lights.json; it is tinted by {np.round(tint, 4).tolist()}"
+    yield picture.at.judge("colour of direct light", float(np.abs(tint - 1).max()), 0.01, "relative", told)
 
 
 def check_background(subject: Subject, picture: Picture) -> Iterator[Check]:
@@ -154,7 +155,7 @@ def check_background(subject: Subject, picture: Picture) -> Iterator[Check]:
     found = picture.layers["radiance"][far].astype(float)
     off = float(np.sqrt(((found - wanted) ** 2).mean() / max(float((wanted**2).mean()), 1e-30)))
     told = "the background is environment.exr as docs/formats.md maps it; looks like one turned or mirrored"
-    yield picture.at.judge(name, off, 0.05, "of its RMS", told)
+    yield picture.at.judge(name, off, _PIXELS_APART, "of its RMS", told)
 
 
 def _beside(seen: np.ndarray) -> np.ndarray:

@@ -25,6 +25,8 @@ SURFACE = (
     "pure",
 )
 COUNTERFACTUAL = tuple(f"counterfactual.{name}" for name in ESTIMATES)
+EFFECTS = tuple(f"effect.{name}" for name in ("untouched", "footprint", "shadow", "mirror", "bleeding"))
+"""Only of views whose renderer tells the parts of the light apart."""
 SEPARATED = ("emitted", "shading", "shading.var", "albedo")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
@@ -49,7 +51,7 @@ def expected_layers(subject: Subject) -> set[str]:
     if subject.is_separated:
         names |= {*SEPARATED, *(f"{stem}.{light.name}" for stem in PER_LIGHT for light in subject.lights)}
     if subject.truth.target is not None:
-        names |= {*COUNTERFACTUAL}
+        names |= {*COUNTERFACTUAL, *(EFFECTS if subject.is_separated else ())}
     return names
 
 

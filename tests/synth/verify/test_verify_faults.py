@@ -236,12 +236,12 @@ def specular_parts_of_two_lights_swapped(layers: Layers, view: gc.View):
 @in_layers("multilight", "direct light of the formula", "swapped lights")
 def irradiance_of_lights_permuted(layers: Layers, view: gc.View):
     for stem in ("irradiance", "direct.irradiance", "visibility"):
-        swap(layers, f"{stem}.softbox", f"{stem}.point")
+        swap(layers, f"{stem}.lamp-1", f"{stem}.lamp-4")
 
 
 @in_layers("multilight", "direct part of irradiance", "permuted")
 def irradiance_permuted_without_its_direct_part(layers: Layers, view: gc.View):
-    swap(layers, "irradiance.spot", "irradiance.point")
+    swap(layers, "irradiance.lamp-3", "irradiance.lamp-4")
 
 
 @in_layers("dark", "parts add up", "a light or lobe left out")
@@ -252,7 +252,7 @@ def one_lobe_left_out(layers: Layers, view: gc.View):
 @in_scene("multilight", "layers present", "missing are")
 def one_light_dropped(scene: Path):
     def drop(layers: Layers, view: gc.View):
-        for name in [n for n in layers if n.endswith(".point")]:
+        for name in [n for n in layers if n.endswith(".lamp-4")]:
             del layers[name]
 
     edit(scene, drop)
@@ -277,7 +277,7 @@ def visibility_inverted(layers: Layers, view: gc.View):
 
 @in_layers("multilight", "shadows again", "inverted or swapped", views=1)
 def shadows_left_out(layers: Layers, view: gc.View):
-    layers["visibility.point"] = np.ones_like(layers["visibility.point"])
+    layers["visibility.lamp-4"] = np.ones_like(layers["visibility.lamp-4"])
 
 
 @in_scene("dark", "direct light of the formula", "another frame")
@@ -299,13 +299,23 @@ def full_angles_of_a_spot_light(scene: Path):
 @in_scene("multilight", "direct light of the formula", "swapped lights")
 def powers_of_two_lights_swapped(scene: Path):
     lights = {light.name: light for light in gc.read_lights(scene / "truth" / "lights.json")}
-    softbox, bulb = lights["softbox"], lights["bulb"]
+    softbox, bulb = lights["lamp-1"], lights["lamp-2"]
     assert isinstance(softbox, gc.RectangleLight)
     assert isinstance(bulb, gc.SphereLight)
-    swapped = {"softbox": bulb.radiance, "bulb": softbox.radiance}
+    swapped = {"lamp-1": bulb.radiance, "lamp-2": softbox.radiance}
     edit_lights(
         scene, lambda light: replace(light, radiance=swapped[light.name]) if light.name in swapped else light
     )
+
+
+@in_scene("multilight", "colour of direct light", "tinted by [1.5, 0.75, 0.75]")
+def color_of_a_light_tinted(scene: Path):
+    edit_lights(scene, lambda light: tinted(light) if isinstance(light, gc.SphereLight) else light)
+
+
+def tinted(light: gc.SphereLight) -> gc.SphereLight:
+    red, green, blue = light.radiance
+    return replace(light, radiance=(red / 1.5, green / 0.75, blue / 0.75))
 
 
 @in_scene("tabletop", "direct light of the formula")
@@ -370,6 +380,31 @@ def view_missing(scene: Path):
 
 
 FAULTS["view_missing"] = replace(FAULTS["view_missing"], says="got none")
+
+
+@in_scene("multilight", "files", "expected finite values in radiance")
+def relit_picture_not_a_number(scene: Path):
+    path = next((scene / "truth" / "relighting").glob("*/views/*.exr"))
+    layers = gc.read_layers(path)
+    layers["radiance"][0, 0, 0] = np.inf
+    gc.write_layers(path, layers)
+
+
+@in_scene("dark", "files", "list other views")
+def views_listed_for_the_truth_alone(scene: Path):
+    path = scene / "capture" / "capture.json"
+    edit_index(scene, "capture/capture.json", views=gc.read_json(path)["views"][1:])
+
+
+@in_scene("tabletop", "files", "expected images of 48x48, got sizes")
+def photograph_of_another_size(scene: Path):
+    path = scene / "capture" / "photographs" / "train_000.exr"
+    gc.write_rgb(path, gc.read_rgb(path)[:, :40])
+
+
+@in_scene("tabletop", "files", "expected a whole EXR file")
+def mask_that_is_no_image(scene: Path):
+    (scene / "capture" / "masks" / "target" / "train_000.exr").write_text("no image")
 
 
 # captures

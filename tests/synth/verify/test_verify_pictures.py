@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of single views on pictures made by hand, without a renderer."""
 
+import dataclasses
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,9 @@ import numpy as np
 import pytest
 
 import graycard as gc
+from graycard import Capture
+from graycard.synth._photographs import photographed
+from graycard.synth.verify._captures import check_capture
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._closed_forms import sky_towards
 from graycard.synth.verify._counterfactual import check_counterfactual
@@ -199,3 +204,32 @@ def test_without_matte_pixels_there_is_no_diffuse_law():
         "energy": "passed",
         "diffuse light": "skipped",
     }
+
+
+def taken(sensor: gc.Sensor, noise: float) -> dict[str, str]:
+    """Verdicts on a photograph of levels 0.1 to 0.8 with ``noise`` times the noise of its camera."""
+    subject = make_subject()
+    radiance = np.random.default_rng(0).uniform(0.2, 1.6, (SIDE, SIDE, 3))
+    kept = replace(subject.capture, exposure=0.5, sensor=sensor, target=None)
+    level = photographed(radiance, "train_000", 0.5, sensor, 3).astype(float)
+    photograph = radiance + noise * (level - radiance)
+
+    class Held(Capture):
+        def photograph(self, view: gc.View) -> np.ndarray:
+            return photograph
+
+    fields = {f.name: getattr(kept, f.name) for f in dataclasses.fields(kept)}
+    truth = replace(subject.truth, target=None)
+    held = replace(subject, capture=Held(**fields), truth=truth)
+    return status(check_capture(held, floor(radiance=radiance)))
+
+
+@pytest.mark.parametrize("sensor", [gc.Sensor(8), gc.Sensor(0, 8000.0, 20.0), gc.Sensor(8, 2000.0)])
+def test_a_photograph_has_the_noise_of_its_camera(sensor: gc.Sensor):
+    assert taken(sensor, 1.0) == {"photograph of its camera": "passed"}
+    assert taken(sensor, 0.5) == {"photograph of its camera": "failed"}
+    assert taken(sensor, 1.5) == {"photograph of its camera": "failed"}
+
+
+def test_a_camera_without_noise_but_with_exposures_is_skipped():
+    assert taken(gc.Sensor(exposures={"train_000": 2.0}), 1.0) == {"photograph of its camera": "skipped"}
