@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A contact sheet a scene: photographs, true layers, and the plan of cameras and lights, in one PNG."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,31 @@ GAP, TEXT = 10, 14
 PAPER, INK = (250, 250, 248), (30, 30, 30)
 MAX_PHOTOGRAPHS = 12
 MAX_VIEWS = 2
-"""Views whose true layers are shown."""
+"""Views whose truth is shown, the first with all its layers."""
+_GROUPS = (
+    (
+        "truth in brief",
+        ("radiance", "counterfactual.radiance", "base_color", "normal", "depth", "object_id", "shading"),
+    ),
+    (
+        "surfaces",
+        (
+            "albedo",
+            "diffuse_reflectance",
+            "f0",
+            "roughness",
+            "alpha",
+            "metallic",
+            "position",
+            "distance",
+            "pure",
+        ),
+    ),
+    ("what the target does", ("effect.",)),
+    ("light that arrives", ("visibility.", "direct.irradiance.", "irradiance.")),
+    ("light that leaves, by source, bounce and lobe", ("emitted", "direct.", "indirect.")),
+)
+"""Layers by what they tell; a stem that ends in a dot stands for all names that hold it."""
 NO_TRUTH = "There is no truth beside this capture."
 LEGEND = (
     "blue: cameras of photographs; orange: held-out cameras",
@@ -68,12 +92,12 @@ def contact_sheet(scene: Path) -> np.ndarray:
     """
     capture = gc.open_capture(scene / "capture", check=False)
     truth = gc.open_truth(scene / "truth", check=False) if (scene / "truth").exists() else None
-    parts = [_heading(_title(capture), 22), _grid(_photographs(capture))]
+    parts = [_heading(_title(capture, truth), 22), _grid(_photographs(capture))]
     shown = _shown_views(truth) if truth else ()
     layers = {view.name: _layers(truth, view) for view in shown} if truth else {}
-    for view in shown:
-        parts += [_heading(f"truth of {view.name}", 18)]
-        parts += [_grid(_layer_cells(layers[view.name], capture.exposure))]
+    for number, view in enumerate(shown):
+        for title, cells in _layer_groups(layers[view.name], capture.exposure, brief=number > 0):
+            parts += [_heading(f"{view.name}: {title}", 18), _grid(cells)]
     if truth:
         parts += _changed(truth, shown, capture.exposure)
     lights = truth.lights() if truth else ()
@@ -84,11 +108,13 @@ def contact_sheet(scene: Path) -> np.ndarray:
     return np.asarray(ImageOps.expand(_stack(parts), 2 * GAP, PAPER))
 
 
-def _title(capture: gc.Capture) -> str:
+def _title(capture: gc.Capture, truth: gc.Truth | None) -> str:
     camera = capture.views[0].camera
+    ceiling = truth.noise_ceiling if truth else None
     return (
         f"{capture.track}/{capture.scene}:  {len(capture.train)} photographs, {len(capture.test)} held-out "
         f"views, {camera.width} x {camera.height} pixels, exposure {capture.exposure:.3g}"
+        + ("" if ceiling is None else f", noise ceiling {ceiling:.1f} dB")
     )
 
 
@@ -130,10 +156,19 @@ def _spread(views: Sequence[gc.View], count: int) -> list[gc.View]:
     return [views[i] for i in indices]
 
 
-def _layer_cells(layers: Mapping[str, np.ndarray], exposure: float) -> list[Cell]:
-    """Radiance first, variances last."""
-    names = sorted(layers, key=lambda name: (name.endswith(".var"), name != "radiance"))
-    return [Cell(*layer_picture(name, layers[name], exposure)) for name in names]
+def _layer_groups(
+    layers: Mapping[str, np.ndarray], exposure: float, brief: bool
+) -> Iterator[tuple[str, list[Cell]]]:
+    """The layers by what they tell, each group with its title; of a view in brief the first group only."""
+    left = sorted(layers)
+    groups: dict[str, list[str]] = {}
+    for title, stems in _GROUPS:
+        groups[title] = [n for stem in stems for n in left if n == stem or (stem[-1] == "." and stem in n)]
+        left = [name for name in left if name not in groups[title]]
+    groups["all else"] = left
+    for title, names in list(groups.items())[: 1 if brief else None]:
+        if names:
+            yield title, [Cell(*layer_picture(name, layers[name], exposure)) for name in names]
 
 
 def _changed(truth: gc.Truth, views: Sequence[gc.View], exposure: float) -> list[Image.Image]:

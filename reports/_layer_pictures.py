@@ -15,6 +15,8 @@ NO_NUMBER = (255, 0, 255)
 """Magenta: the value is not finite and should be."""
 NOTHING = (70, 70, 70)
 """Dark gray: nothing is seen there."""
+GRAY_CARD = 0.18
+"""Reflectance of the card as which light that arrives is shown: as radiance it would mostly be white."""
 GOLDEN = 0.6180339887
 """Steps of this share of the hue circle keep any number of ids apart."""
 
@@ -56,11 +58,21 @@ def _drawer(name: str) -> Callable[[np.ndarray, float], _Drawn]:
         return _numbers
     if kind.channels == ("X", "Y", "Z"):
         return _directions if name == "normal" else _positions
+    if "irradiance" in name or name == "shading":
+        return _card_under_irradiance if "irradiance" in name else _card_under_shading
     return _light if kind.unit != "1" else _reflectance
 
 
 def _light(values: np.ndarray, exposure: float) -> _Drawn:
     return _eight_bits(gc.srgb_encode(np.nan_to_num(values) * exposure)), ""
+
+
+def _card_under_irradiance(values: np.ndarray, exposure: float) -> _Drawn:
+    return _card_under_shading(values / np.pi, exposure)
+
+
+def _card_under_shading(values: np.ndarray, exposure: float) -> _Drawn:
+    return _light(GRAY_CARD * values, exposure)[0], "  on a gray card"
 
 
 def _reflectance(values: np.ndarray, exposure: float) -> _Drawn:
