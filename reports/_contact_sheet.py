@@ -163,7 +163,8 @@ def _layer_groups(
     left = sorted(layers)
     groups: dict[str, list[str]] = {}
     for title, stems in _GROUPS:
-        groups[title] = [n for stem in stems for n in left if n == stem or (stem[-1] == "." and stem in n)]
+        meant = (n for stem in stems for n in left if n == stem or (stem[-1] == "." and stem in n))
+        groups[title] = list(dict.fromkeys(meant))
         left = [name for name in left if name not in groups[title]]
     groups["all else"] = left
     for title, names in list(groups.items())[: 1 if brief else None]:

@@ -13,7 +13,7 @@ from PIL import Image
 import graycard as gc
 from graycard.reports import write_contact_sheets
 from graycard.reports._colour_maps import colour_map
-from graycard.reports._contact_sheet import CELL, COLUMNS, GAP, TEXT, contact_sheet
+from graycard.reports._contact_sheet import CELL, COLUMNS, GAP, TEXT, _layer_groups, contact_sheet
 from graycard.reports._layer_pictures import NO_NUMBER, NOTHING, layer_picture, outline
 from graycard.reports._plan import lay_out
 from graycard.reports._plan_picture import FINE, LAMP, TEST, TRAIN, plan_picture
@@ -104,6 +104,20 @@ def test_a_layer_of_another_size_is_named(make_scene: Callable[..., Path]):
         contact_sheet(scene)
 
 
+def test_every_layer_is_drawn_once_in_a_group(tiny_scenes: dict[str, Path]):
+    truth = gc.open_truth(tiny_scenes["tabletop"] / "truth")
+    layers = truth.layers(truth.views[0])
+    more = {name: layers["radiance"] for name in ("irradiance.a", "direct.irradiance.a", "direct.diffuse.a")}
+    groups = dict(_layer_groups(layers | more, 1.0, brief=False))
+    drawn = [cell.caption.split()[0] for cells in groups.values() for cell in cells]
+    assert sorted(drawn) == sorted(layers | more)
+    assert [c.caption.split()[0] for c in groups["light that arrives"]] == [
+        "direct.irradiance.a",
+        "irradiance.a",
+    ]
+    assert list(dict(_layer_groups(layers, 1.0, brief=True))) == ["truth in brief"]
+
+
 def test_no_scene_is_an_error(tmp_path: Path):
     with pytest.raises(gc.DatasetError, match="got no whole scene there"):
         write_contact_sheets(tmp_path, tmp_path / "look")
@@ -111,10 +125,11 @@ def test_no_scene_is_an_error(tmp_path: Path):
 
 
 def test_light_and_reflectance_are_encoded_once():
-    """18 % is 118 on a display; only radiance takes the exposure."""
+    """18 % is 118 on a display; only light takes the exposure, and arriving light is shown on a gray card."""
     gray = np.full((2, 3, 3), 0.09)
     assert (layer_picture("radiance", gray, 2.0)[0] == 118).all()
-    assert (layer_picture("irradiance.lamp", gray, 2.0)[0] == 118).all()
+    for arriving, value in (("shading", 0.5), ("irradiance.lamp", np.pi / 2)):
+        assert (layer_picture(arriving, np.full((2, 3, 3), value), 2.0)[0] == 118).all()
     pixels, caption = layer_picture("albedo", 2 * gray, 2.0)
     assert (pixels == 118).all()
     assert caption == "albedo  0.18 to 0.18"
