@@ -12,7 +12,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mitsuba import sensor
-from graycard.synth._separation import centre_rays
+from graycard.synth._wavefront import centre_rays, pixel_means, seeded_sampler
 
 SAMPLES = 256
 """Directions of each pixel, stratified: a matte surface is known exactly, LambertGGX and rough conductors to
@@ -38,14 +38,10 @@ def directional_albedo(
         ``albedo``, shape ``(H, W, 3)``, float32; 0 where nothing is seen and on the back of a surface.
     """
     eye = sensor(camera, samples)
-    sampler: Any = eye.sampler().clone()
-    sampler.set_samples_per_wavefront(samples)
-    sampler.seed(dr.opaque(mi.UInt32, seed), camera.width * camera.height * samples)
+    sampler, _ = seeded_sampler(eye, seed)
     si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
-    weight = _weights(si, sampler)
-    dr.eval(weight)  # one kernel for all channels
-    channels = [np.array(dr.block_sum(channel, samples)) / samples for channel in weight]
-    return {"albedo": np.stack(channels, axis=-1).reshape(camera.height, camera.width, 3).astype(np.float32)}
+    (albedo,) = pixel_means([_weights(si, sampler)], eye, samples)
+    return {"albedo": albedo.astype(np.float32)}
 
 
 def _weights(si: Any, sampler: Any) -> Any:

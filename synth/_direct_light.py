@@ -12,7 +12,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mitsuba import sensor
-from graycard.synth._separation import centre_rays
+from graycard.synth._wavefront import centre_rays, pixel_means, seeded_sampler
 
 SAMPLES = 36
 """Points on each light in each independent image, stratified."""
@@ -32,13 +32,8 @@ class DirectLight(NamedTuple):
         From the same samples with and without the shadow test, so it is exactly 0 or 1 for a light without
         extent. It is 0 on a side that faces away from the light and outside its cone.
         """
-        sent, arriving = (luminance(values.mean(axis=0)) for values in self)
+        sent, arriving = (gc.luminance(values.mean(axis=0)) for values in self)
         return np.where(sent > 0, arriving / np.where(sent > 0, sent, 1), 0)
-
-
-def luminance(color: np.ndarray) -> np.ndarray:
-    """Relative luminance of linear Rec.709, ``(..., 3)`` to ``(...)``."""
-    return color @ np.array([0.2126, 0.7152, 0.0722])
 
 
 def direct_light(
@@ -53,23 +48,17 @@ def direct_light(
         samples: Points on each light in each image; a square.
     """
     eye = sensor(camera, samples)
-    images = [_image(loaded, eye, seed, samples) for seed in seeds]
+    images = [_image(loaded, eye, seed) for seed in seeds]
     sent, arriving = (np.stack(kind) for kind in zip(*images, strict=True))
     return DirectLight(sent, arriving)
 
 
-def _image(loaded: mi.Scene, eye: Any, seed: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    width, height = (int(v) for v in eye.film().crop_size())
-    sampler: Any = eye.sampler().clone()
-    sampler.set_samples_per_wavefront(samples)
-    sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
+def _image(loaded: mi.Scene, eye: mi.Sensor, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    sampler, samples = seeded_sampler(eye, seed)
     si = loaded.ray_intersect(centre_rays(eye, sampler, samples))
     pairs = [_irradiances(loaded, emitter, si, sampler) for emitter in loaded.emitters()]
-    dr.eval(pairs)  # else the points are found anew for each light
-    pixels = [[[np.array(dr.block_sum(c, samples)) for c in color] for color in pair] for pair in pairs]
-    image = np.array(pixels).reshape(len(pairs), 2, 3, height, width).astype(np.float64) / samples
-    sent, arriving = image.transpose(1, 0, 3, 4, 2)
-    return sent, arriving
+    means = pixel_means([color for pair in pairs for color in pair], eye, samples)
+    return means[0::2], means[1::2]
 
 
 def _irradiances(loaded: mi.Scene, emitter: mi.Emitter, si: Any, sampler: Any) -> tuple[Any, Any]:

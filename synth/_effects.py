@@ -16,8 +16,9 @@ from scipy.ndimage import uniform_filter
 import graycard as gc
 from graycard.synth._mitsuba import sensor, shape_key
 from graycard.synth._scene import Scene
-from graycard.synth._separation import FIRST_PART, PARTS, box_rays
+from graycard.synth._separation import FIRST_PART, PARTS
 from graycard.synth._spec import RenderSettings
+from graycard.synth._wavefront import box_rays, pixel_means, seeded_sampler
 
 TAU = 0.02
 """Least share of the radiance that a change is counted from: less is hardly seen."""
@@ -53,7 +54,7 @@ def effect_layers(present: np.ndarray, absent: np.ndarray, footprint: np.ndarray
     more, less = ({part: _exceeds(s * changes[part], radiance, outside) for part in PARTS} for s in (1, -1))
     other = {part: more[part] | less[part] for part in PARTS}
     masks = {
-        "untouched": (present == absent).all(axis=(0, 1, -1)),
+        "untouched": (present == absent).all(axis=(0, 1, -1)) & outside,
         "footprint": footprint,
         "shadow": less["direct.diffuse"],
         "mirror": other["direct.specular"] | other["indirect.specular"],
@@ -76,14 +77,9 @@ def target_footprint(
 
 
 def _share(loaded: Any, eye: mi.Sensor, target: Any, seed: int) -> np.ndarray:
-    width, height = (int(v) for v in eye.film().crop_size())
-    sampler: Any = eye.sampler().clone()
-    samples = sampler.sample_count()
-    sampler.set_samples_per_wavefront(samples)
-    sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
+    sampler, samples = seeded_sampler(eye, seed)
     met = loaded.ray_intersect_preliminary(box_rays(eye, sampler, samples)).shape == target
-    hits = dr.select(met, mi.Float(1), 0)
-    return np.array(dr.block_sum(hits, samples)).reshape(height, width)
+    return pixel_means([mi.Color3f(dr.select(met, mi.Float(1), 0))], eye, samples)[0, ..., 0]
 
 
 def _of_part(images: np.ndarray, part: str) -> np.ndarray:

@@ -70,7 +70,7 @@ class Knob:
 def knobs(family: type[Family]) -> list[Knob]:
     """The knobs of a family, in the order in which they are defined."""
     meanings = _attribute_docstrings(family)
-    fields = dataclasses.fields(family)  # pyright: ignore[reportArgumentType] -- families are dataclasses
+    fields: tuple[Any, ...] = dataclasses.fields(family)  # pyright: ignore[reportArgumentType] -- they are
     return [Knob(f.name, f.default, _allowed(f.metadata), meanings.get(f.name, "")) for f in fields]
 
 

@@ -11,17 +11,12 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
-from graycard.synth._direct_light import direct_light
+from graycard.synth._direct_light import DirectLight, direct_light
+from graycard.synth._scattering import white_first
 from graycard.synth._scene import Scene
-from graycard.synth._separation import (
-    FIRST_PART,
-    PARTS,
-    centre_rays,
-    light_names,
-    separated_images,
-    white_first,
-)
+from graycard.synth._separation import FIRST_PART, PARTS, light_names, separated_images
 from graycard.synth._spec import RenderSettings
+from graycard.synth._wavefront import centre_rays
 
 
 def light_layers(
@@ -46,6 +41,8 @@ def light_layers(
         seen and on the back of a surface.
     """
     direct = direct_light(loaded, camera, seeds)
+    if settings.max_depth < 2:  # no path goes on where it meets a surface
+        direct = DirectLight(direct.sent, 0 * direct.arriving)
     irradiance = direct.arriving + bounced_irradiance(loaded, camera, seeds, settings)
     shading = irradiance.sum(axis=1) / np.pi
     layers = {"shading": shading.mean(axis=0), "shading.var": shading.var(axis=0, ddof=1) / len(seeds)}

@@ -21,11 +21,10 @@ import numpy as np
 import graycard as gc
 from graycard.synth._family import stream
 from graycard.synth._free_space import Obstacles, is_seen, looked_at, obstacles
-from graycard.synth._scene import Scene, Thing, surface_of
+from graycard.synth._scene import Scene, Thing, surface_of, triple
 from graycard.synth._sky import Window, room
 from graycard.synth._spectra import Vector, blackbody, illuminant, scaled
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 _COLORS = {"2600 K": 2600.0, "4200 K": 4200.0, "7500 K": 7500.0, "15000 K": 15000.0}
 """Temperatures of the black bodies whose colours lights are given."""
 _CLEAR = 0.8
@@ -84,7 +83,7 @@ def _recoloured(scene: Scene, light: gc.LocalLight, name: str, seed: int) -> Ite
         if abs(_warmth(color := blackbody(kelvin)) - _warmth(before)) > _CLEAR
     }
     words = str(stream(seed, f"recoloured {light.name}").choice(list(choices)))
-    r, g, b = (np.array(choices[words]) * (before @ LUMINANCE) / before).tolist()
+    r, g, b = (np.array(choices[words]) * gc.luminance(before) / before).tolist()
     changed = tuple(scaled_light(x, (r, g, b)) if x is light else x for x in scene.lights)
     summary = (
         f"The light {light.name!r} has the colour of a black body of {words}, and its luminance as before."
@@ -151,12 +150,12 @@ def _aimed(light: gc.LocalLight, position: np.ndarray, near: np.ndarray | None =
 
     This is the point of its axis that is nearest to ``near``; of a light on the camera, the one 3 m ahead.
     """
-    place = _triple(position)
+    place = triple(position)
     if not isinstance(light, gc.SpotLight):
         return replace(light, position=place)
     axis, start = np.array(light.direction), np.array(light.position)
     reach = 3.0 / axis[2] if near is None else (near - start) @ axis / (axis @ axis)
-    return replace(light, position=place, direction=_triple(start + reach * axis - position))
+    return replace(light, position=place, direction=triple(start + reach * axis - position))
 
 
 def _environments(scene: Scene, seed: int) -> Iterator[Edit]:
@@ -198,24 +197,24 @@ def _fluence(sky: np.ndarray) -> float:
     height, width = sky.shape[:2]
     polar = np.pi * np.arange(height) / (height - 1)
     pixel = np.sin(polar) * (np.pi / (height - 1)) * (2 * np.pi / width)
-    return float((pixel[:, None, None] * sky).sum(axis=(0, 1)) @ LUMINANCE)
+    return float(gc.luminance((pixel[:, None, None] * sky).sum(axis=(0, 1))))
 
 
 def _strength(light: gc.LocalLight, center: np.ndarray) -> float:
     distance = np.linalg.norm(np.array(light.position) - center)
-    return float(light.axial_intensity @ LUMINANCE / distance**2)
+    return float(gc.luminance(light.axial_intensity) / distance**2)
 
 
 def scaled_light(light: gc.Light, factor: Vector) -> gc.Light:
     """A local light times a factor per channel."""
     match light:
         case gc.PointLight() | gc.SpotLight():
-            return replace(light, intensity=_triple(np.array(light.intensity) * factor))
+            return replace(light, intensity=triple(np.array(light.intensity) * factor))
         case gc.GaussianLight():
-            lobes = [replace(x, amplitude=_triple(np.array(x.amplitude) * factor)) for x in light.lobes]
+            lobes = [replace(x, amplitude=triple(np.array(x.amplitude) * factor)) for x in light.lobes]
             return replace(light, lobes=tuple(lobes))
         case gc.RectangleLight() | gc.SphereLight():
-            return replace(light, radiance=_triple(np.array(light.radiance) * factor))
+            return replace(light, radiance=triple(np.array(light.radiance) * factor))
     raise ValueError(f"expected a local light, got {type(light).__name__}")
 
 
@@ -243,8 +242,3 @@ def _local(scene: Scene) -> list[gc.LocalLight]:
 def _warmth(color: Vector | np.ndarray) -> float:
     """ln(red / blue)."""
     return float(np.log(color[0] / color[2]))
-
-
-def _triple(v: np.ndarray) -> Vector:
-    x, y, z = v.tolist()
-    return x, y, z

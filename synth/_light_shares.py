@@ -13,8 +13,9 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mitsuba import sensor
-from graycard.synth._separation import FIRST_PART, PARTS, box_rays, pixel_means, seeded_sampler
+from graycard.synth._separation import FIRST_PART, PARTS
 from graycard.synth._spec import RenderSettings
+from graycard.synth._wavefront import box_rays, pixel_means, seeded_sampler
 
 
 def light_shares(

@@ -9,7 +9,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._family import check_knobs, choice, count, knob, stream
-from graycard.synth._scene import MATERIALS, Color, Material, Matte, Thing, polished, surface_of
+from graycard.synth._scene import MATERIALS, Color, Material, Matte, Thing, polished, surface_of, triple
 from graycard.synth._spectra import Vector, blackbody
 
 MOST_LIGHTS = 8
@@ -134,12 +134,6 @@ def gaussian_light(
         triple(position),
         tuple(gc.SphericalGaussian(triple(m), float(s), triple(a * intensity)) for m, s, a in lobes),
     )
-
-
-def triple(values: np.ndarray) -> Vector:
-    """Three floats."""
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def _rectangle(

@@ -12,7 +12,7 @@ from graycard.synth._mitsuba import load_scene
 from graycard.synth._scene import Scene
 from graycard.synth._separation import estimate, light_names
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
-from graycard.synth._views import light_images, radiance_images, render_view, sub_buffer_seeds, surface_layers
+from graycard.synth._views import light_images, picture_images, render_view, sub_buffer_seeds, surface_layers
 
 
 def view_with_edits(
@@ -56,7 +56,7 @@ def relit_view(edit: Edit, number: int, seed: int, settings: RenderSettings) -> 
     """
     camera = edit.scene.views[number].camera
     loaded, seeds = load_scene(edit.scene, camera), seeds_of(edit.record.name, seed, number)
-    return estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+    return estimate("radiance", picture_images(loaded, camera, seeds, settings))
 
 
 def composed_view(scene: Scene, number: int, seed: int, settings: RenderSettings) -> dict[str, np.ndarray]:
@@ -68,7 +68,7 @@ def composed_view(scene: Scene, number: int, seed: int, settings: RenderSettings
     """
     camera = scene.views[number].camera
     loaded, seeds = load_scene(scene, camera), seeds_of("composition", seed, number)
-    found = estimate("radiance", radiance_images(loaded, camera, seeds, settings))
+    found = estimate("radiance", picture_images(loaded, camera, seeds, settings))
     return found | {"object_id": surface_layers(loaded, scene, camera)["object_id"]}
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A scene as plain data: shapes, materials, lights and cameras, before any renderer is involved."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -10,6 +11,16 @@ import graycard as gc
 from graycard.synth._mesh import Mesh
 
 Vector = tuple[float, float, float]
+
+_NAME = re.compile(r"[\w-]+")
+_TAKEN = ("var", "half_a", "half_b")
+"""What layers of an estimate end in."""
+
+
+def triple(values: np.ndarray) -> Vector:
+    """Three numbers as a plain vector or colour."""
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +138,11 @@ class Thing:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """Everything that a renderer needs, and everything that the truth records."""
+    """Everything that a renderer needs, and everything that the truth records.
+
+    Raises:
+        ValueError: Two lights have one name, or a light has one that cannot be part of a layer's name.
+    """
 
     things: tuple[Thing, ...]
     lights: tuple[gc.Light, ...]
@@ -138,6 +153,14 @@ class Scene:
     """Name of the thing that the removal task takes away."""
     light_weights: Mapping[str, float] = field(default_factory=dict)
     """Share of the light samples that a light is given, relative to 1: less noise, same mean."""
+
+    def __post_init__(self) -> None:
+        names = [light.name for light in self.lights]
+        if len(set(names)) < len(names) or not all(_NAME.fullmatch(n) and n not in _TAKEN for n in names):
+            raise ValueError(
+                "expected each light once, its name of letters, digits, - and _ (layers are called "
+                f"<part>.<light>) and not {' or '.join(_TAKEN)}, got {names}"
+            )
 
     def id_of(self, name: str) -> int:
         """The object id of a thing.

@@ -7,7 +7,7 @@ contribution under the light that it comes from, under the lobe that the camera'
 under direct (one bounce) or indirect (more). Kernels over whole images: ``llvm_ad_rgb`` only.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -16,8 +16,10 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mitsuba import sensor, shape_key
+from graycard.synth._scattering import Response, as_it_is
 from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
+from graycard.synth._wavefront import PrimaryRays, box_rays, pixel_means, seeded_sampler
 
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of one source is split into."""
@@ -30,57 +32,18 @@ _ROULETTE_DEPTH = 5
 """Mitsuba's own default."""
 
 
-class Scattering(NamedTuple):
-    """What a surface does with light: towards a light that was sampled, and along the path's next ray."""
-
-    value: Any
-    """Of the material towards the light, times the cosine."""
-    diffuse: Any
-    """Share of ``value`` that the diffuse lobe has."""
-    density: Any
-    """Of sampling the light's direction by the material."""
-    sample: Any
-    """The next direction, a ``BSDFSample3f``."""
-    weight: Any
-    """Material times cosine over density, of the next direction."""
-    diffuse_share: Any
-    """Share of ``weight`` that the diffuse lobe has, 0 to 1."""
-
-
-Response = Callable[[Any, Any, Any, Any, Any, Any], Scattering]
-"""``(bsdf, si, wo, (sample1, sample2), first, active)``; ``first`` is where the camera's own hit is."""
-
-PrimaryRays = Callable[[mi.Sensor, mi.Sampler, int], Any]
-"""``(sensor, sampler, samples)``: rays of all pixels, the ``samples`` of a pixel side by side."""
-
-
-def separated_radiance(
-    loaded: mi.Scene,
-    scene: Scene,
-    camera: gc.Camera,
-    seeds: list[int],
-    settings: RenderSettings,
-) -> dict[str, np.ndarray]:
-    """The radiance of a view and its parts, means over independent images, box-filtered.
+def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """What the tracer's images tell, by layer.
 
     Args:
-        loaded: Mitsuba's scene of ``scene``.
-        scene: Whose lights name the parts.
-        camera: The view.
-        seeds: One for each independent image.
-        settings: Samples in all, and depth of the light paths.
+        images: Of :func:`separated_images`.
+        names: Of all but the total, as :func:`part_names` gives them.
 
     Returns:
         Those of :func:`estimate` for ``radiance``, ``emitted`` (light of sources that the camera sees) and
         ``<part>.<light>`` for each of :data:`PARTS`; each ``(H, W, 3)``, float32, W/m²/sr. ``emitted`` and
         the parts of all lights add up to ``radiance``.
     """
-    images = separated_images(loaded, camera, seeds, settings)
-    return named_layers(images, part_names(loaded, scene))
-
-
-def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """The layers of :func:`separated_radiance` from the tracer's images and the names of its parts."""
     parts = images[:, _EMITTED:].mean(axis=0).astype(np.float32)
     return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
@@ -119,30 +82,6 @@ def light_names(loaded: mi.Scene, scene: Scene) -> list[str]:
     return [surfaces[s.id()] if s is not None else e.id().removeprefix("light-") for e, s in shapes]
 
 
-def box_rays(eye: mi.Sensor, sampler: mi.Sampler, samples: int) -> Any:
-    """Rays through random points of the pixels, as Mitsuba's box filter takes them."""
-    pixel = _pixels(eye, samples)
-    return _rays(eye, pixel + sampler.next_2d())
-
-
-def centre_rays(eye: mi.Sensor, sampler: mi.Sampler, samples: int) -> Any:
-    """Rays through the pixel centres."""
-    del sampler
-    return _rays(eye, _pixels(eye, samples) + 0.5)
-
-
-def _pixels(eye: mi.Sensor, samples: int) -> Any:
-    width, height = (int(v) for v in eye.film().crop_size())
-    pixel = dr.arange(mi.UInt32, width * height * samples) // samples
-    return mi.Point2f(mi.Float(pixel % width), mi.Float(pixel // width))
-
-
-def _rays(eye: Any, position: Any) -> Any:
-    width, height = (int(v) for v in eye.film().crop_size())
-    scaled = position * mi.Vector2f(1 / width, 1 / height)
-    return eye.sample_ray_differential(eye.shutter_open(), 0.5, scaled, mi.Point2f(0.5))[0]
-
-
 def separated_images(
     loaded: mi.Scene,
     camera: gc.Camera,
@@ -155,38 +94,38 @@ def separated_images(
 
     All samples of one image are in memory at once: 12 (2 + 4 lights) bytes each.
     """
-    eye = sensor(camera, settings.samples // len(seeds))
-    response = response or as_it_is
-    return np.stack([_image(loaded, eye, seed, settings.max_depth, rays, response) for seed in seeds])
+    eye, response = sensor(camera, settings.samples // len(seeds)), response or as_it_is
+    tracer = _Tracer(list(loaded.emitters()), settings.max_depth, rays, response)
+    return np.stack([_image(loaded, eye, seed, tracer) for seed in seeds])
 
 
-def _image(
-    loaded: mi.Scene, eye: mi.Sensor, seed: int, max_depth: int, rays: PrimaryRays, response: Response
+def whole_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
+    """Independent images of the radiance alone, ``(images, H, W, 3)``, float64.
+
+    The same bits with any number of threads: Mitsuba's own film adds the samples of a pixel in the order of
+    the threads where its blocks of samples end within the pixel.
+    """
+    eye = sensor(camera, settings.samples // len(seeds))
+    tracer = _Tracer([], settings.max_depth, box_rays, as_it_is)
+    return np.stack([_image(loaded, eye, seed, tracer)[_TOTAL] for seed in seeds])
+
+
+class _Tracer(NamedTuple):
+    """What light paths are to be followed, and by which lights they are to be told apart."""
+
+    emitters: list[Any]
+    max_depth: int
+    rays: PrimaryRays
+    response: Response
+
+
+def _image(loaded: mi.Scene, eye: mi.Sensor, seed: int, tracer: _Tracer) -> np.ndarray:
     sampler, samples = seeded_sampler(eye, seed)
-    ray = rays(eye, sampler, samples)
-    sums = _trace(loaded, sampler, ray, list(loaded.emitters()), max_depth, response)
+    ray = tracer.rays(eye, sampler, samples)
+    sums = _trace(loaded, sampler, ray, tracer.emitters, tracer.max_depth, tracer.response)
     return pixel_means(sums, eye, samples)
-
-
-def seeded_sampler(eye: mi.Sensor, seed: int) -> tuple[Any, int]:
-    """The sampler of all pixels at once, and its number of samples per pixel."""
-    width, height = (int(v) for v in eye.film().crop_size())
-    sampler: Any = eye.sampler().clone()
-    samples = sampler.sample_count()
-    sampler.set_samples_per_wavefront(samples)
-    sampler.seed(dr.opaque(mi.UInt32, seed), width * height * samples)
-    return sampler, samples
-
-
-def pixel_means(sums: list[Any], eye: mi.Sensor, samples: int) -> np.ndarray:
-    """Colours of all samples to means over the pixels, ``(colours, H, W, 3)``, float64."""
-    width, height = (int(v) for v in eye.film().crop_size())
-    dr.eval(sums)  # one kernel for all channels: unevaluated, each sum below would trace all paths anew
-    # sums of neighbours in a fixed order; scattering into pixels would add in the order of the threads
-    pixels = [np.array(dr.block_sum(channel, samples)) for color in sums for channel in color]
-    image = np.stack(pixels).reshape(len(sums), 3, height, width).astype(np.float64)
-    return image.transpose(0, 2, 3, 1) / samples
 
 
 @dr.syntax
@@ -255,87 +194,3 @@ def _book(sums: list[Any], emitters: list[Any], light: Any, value: Any, diffuse:
             sums[at] = sums[at] + dr.select(mine & is_meant, diffuse, 0)
             sums[at + 1] = sums[at + 1] + dr.select(mine & is_meant, value - diffuse, 0)
     return sums
-
-
-def as_it_is(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """What the material does, split by lobes where ``first``."""
-    value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
-    first = first & active
-    towards_light, onwards = _diffuse_values(bsdf, si, (wo, sample.wo), first)
-    return Scattering(
-        value,
-        _share(towards_light, value),
-        density,
-        sample,
-        weight,
-        _share(onwards, weight * sample.pdf),
-    )
-
-
-def white_first(bsdf: Any, si: Any, wo: Any, samples: Any, first: Any, active: Any) -> Scattering:
-    """What the material does, with a white Lambertian one in its place where ``first``."""
-    value, density, sample, weight = bsdf.eval_pdf_sample(mi.BSDFContext(), si, wo, *samples, active)
-    front = mi.Frame3f.cos_theta(si.wi) > 0
-    cosine = dr.select(front, dr.maximum(mi.Frame3f.cos_theta(wo), 0), 0) * dr.inv_pi
-    cosine_wo = mi.warp.square_to_cosine_hemisphere(samples[1])
-    sample.wo = dr.select(first, cosine_wo, sample.wo)
-    sample.pdf = dr.select(first, mi.Frame3f.cos_theta(cosine_wo) * dr.inv_pi, sample.pdf)
-    diffuse = mi.UInt32(int(mi.BSDFFlags.DiffuseReflection))
-    sample.sampled_type = dr.select(first, diffuse, sample.sampled_type)
-    return Scattering(
-        dr.select(first, mi.Color3f(cosine), value),
-        mi.Color3f(1),
-        dr.select(first, cosine, density),
-        sample,
-        dr.select(first, mi.Color3f(dr.select(front, 1.0, 0.0)), weight),
-        mi.Color3f(1),
-    )
-
-
-def _share(part: Any, whole: Any) -> Any:
-    return dr.select(whole > 0, dr.clip(part / dr.select(whole > 0, whole, 1), 0, 1), 0)
-
-
-def _diffuse_values(bsdf: Any, si: Any, directions: tuple[Any, ...], active: Any) -> list[Any]:
-    """The diffuse lobe of any material towards each direction, times the cosine.
-
-    Mitsuba's ``principled`` ignores which lobes a context asks for; it alone has an attribute ``specular``.
-    """
-    principled = active & bsdf.has_attribute("specular", active)
-    others = active & ~principled
-    context = mi.BSDFContext()
-    context.type_mask = mi.BSDFFlags.DiffuseReflection
-    disney = _disney(bsdf, si, principled)
-    return [
-        dr.select(principled, _disney_diffuse(disney, si.wi, wo), bsdf.eval(context, si, wo, others))
-        for wo in directions
-    ]
-
-
-class _Disney(NamedTuple):
-    """What the diffuse lobe of the principled material depends on."""
-
-    reflectance: Any
-    roughness: Any
-
-
-def _disney(bsdf: Any, si: Any, active: Any) -> _Disney:
-    metallic = bsdf.eval_attribute_1("metallic", si, active)
-    color = bsdf.eval_attribute("base_color", si, active)
-    return _Disney((1 - metallic) * color, bsdf.eval_attribute_1("roughness", si, active))
-
-
-def _disney_diffuse(material: _Disney, wi: Any, wo: Any) -> Any:
-    """Diffuse lobe with retro-reflection, times the cosine (Burley 2015, section 3, without sheen)."""
-    cos_i, cos_o = mi.Frame3f.cos_theta(wi), mi.Frame3f.cos_theta(wo)
-    grazing_i, grazing_o = _grazing(cos_i), _grazing(cos_o)
-    retro = 2 * material.roughness * dr.square(dr.dot(dr.normalize(wi + wo), wo))
-    lambert = (1 - 0.5 * grazing_i) * (1 - 0.5 * grazing_o)
-    back = retro * (grazing_o + grazing_i + grazing_o * grazing_i * (retro - 1))
-    value = material.reflectance * dr.inv_pi * cos_o * (lambert + back)
-    return dr.select((cos_i > 0) & (cos_o > 0), value, 0)
-
-
-def _grazing(cosine: Any) -> Any:
-    """Schlick's weight of the grazing reflectance."""
-    return dr.power(dr.clip(1 - cosine, 0, 1), 5)

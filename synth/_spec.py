@@ -8,7 +8,7 @@ from typing import Any
 
 import graycard as gc
 
-GENERATOR_VERSION = 5
+GENERATOR_VERSION = 6
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
 SUB_BUFFERS = 4
@@ -65,7 +65,7 @@ class RenderSettings:
     samples: int = 64
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
     max_depth: int = 5
-    """Most segments of a light path; 2 is direct light only."""
+    """Most segments of a light path; 2 is direct light only, 1 shows the sources alone."""
     relighting: bool = True
     """Whether the held-out views are made under changed lights too."""
     composition: bool = True

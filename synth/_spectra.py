@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+import graycard as gc
+
 Vector = tuple[float, float, float]
 
 CHART_ROWS, CHART_COLUMNS = 4, 6
@@ -100,5 +102,5 @@ def _clip(rgb: np.ndarray) -> Vector:
 
 def _unit_luminance(rgb: np.ndarray) -> Vector:
     inside = np.maximum(rgb, 0)
-    r, g, b = (inside / (inside @ [0.2126, 0.7152, 0.0722])).tolist()
+    r, g, b = (inside / gc.luminance(inside)).tolist()
     return r, g, b

@@ -22,6 +22,7 @@ from graycard.synth._scene import (
     Thing,
     polished,
     surface_of,
+    triple,
 )
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
@@ -126,7 +127,7 @@ def _lamp(seed: int, strength: float) -> gc.RectangleLight:
     pose = gc.look_at(position, np.array([0, 0, HEIGHT]))
     right, down = (0.25 * pose[:3, k] for k in (0, 1))
     color = scaled(blackbody(3400), 7.0 * strength)
-    return gc.RectangleLight("lamp", _triple(position), _triple(right), _triple(down), color)
+    return gc.RectangleLight("lamp", triple(position), triple(right), triple(down), color)
 
 
 def _room(seed: int, strength: float) -> np.ndarray:
@@ -161,8 +162,3 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
         pose = gc.look_at(aim + radius * out, aim)
         cameras.append(gc.Camera.from_fov(settings.width, settings.height, 38.0, pose))
     return cameras
-
-
-def _triple(v: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = v.tolist()
-    return x, y, z

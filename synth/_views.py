@@ -14,7 +14,7 @@ from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, named_layers, part_names, separated_images
+from graycard.synth._separation import estimate, named_layers, part_names, separated_images, whole_images
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -84,6 +84,14 @@ def light_images(
     return radiance_images(loaded, camera, seeds, settings)[:, None]
 
 
+def picture_images(
+    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
+) -> np.ndarray:
+    """Independent images of the radiance of a view and of nothing else, ``(images, H, W, 3)``, float64."""
+    images = radiance_images if mi.variant() == SCALAR else whole_images
+    return images(loaded, camera, seeds, settings)
+
+
 def _light_layers(images: np.ndarray, loaded: mi.Scene, scene: Scene) -> dict[str, np.ndarray]:
     if mi.variant() != SCALAR:
         return named_layers(images, part_names(loaded, scene))
@@ -110,7 +118,10 @@ def radiance(
 def radiance_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:
-    """Independent images of the radiance of a view by Mitsuba's ``path``, ``(images, H, W, 3)``, float64."""
+    """Independent images of the radiance of a view by Mitsuba's ``path``, ``(images, H, W, 3)``, float64.
+
+    With LLVM and samples that are no power of two, the last bits depend on the number of threads.
+    """
     share = settings.samples // len(seeds)
     integrator = load({"type": "path", "max_depth": settings.max_depth, "block_size": _BLOCK})
     eye = sensor(camera, share)

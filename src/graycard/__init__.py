@@ -9,6 +9,7 @@ imported here: :mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.ev
 from graycard._camera import Camera as Camera
 from graycard._camera import look_at as look_at
 from graycard._colour import display_variance as display_variance
+from graycard._colour import luminance as luminance
 from graycard._colour import srgb_decode as srgb_decode
 from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope

@@ -6,6 +6,15 @@ import numpy as np
 _KNEE = 0.0031308
 
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of linear Rec.709 in relative luminance, CIE Y (ITU-R BT.709-6, item 3.2)."""
+
+
+def luminance(linear: np.ndarray) -> np.ndarray:
+    """Relative luminance of linear Rec.709 colours, ``(..., 3)`` to ``(...)``, in their unit."""
+    return np.asarray(linear) @ LUMINANCE
+
+
 def srgb_encode(linear: np.ndarray) -> np.ndarray:
     """Display values of linear Rec.709 ones, any shape; float64.
 

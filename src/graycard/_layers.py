@@ -84,7 +84,7 @@ _TABLE = (
     _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
     _mask(
         "effect.untouched",
-        "no light path that was traced meets the target: both pictures are equal to the bit",
+        "the target is not seen and the picture without it is equal to the bit, sample by sample",
     ),
     _mask("effect.footprint", "the target itself is seen, in the whole pixel or in a part of it"),
     _mask("effect.shadow", "the target takes direct light away from what is seen"),

@@ -2,6 +2,7 @@
 """Masks of a target's effects: against closed forms, in every mask alone, and in pure noise."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -233,6 +234,15 @@ def test_views_of_tables_hold_the_masks(name: str) -> None:
     shining = name == "metal-table"
     assert found["mirror"].any() == shining
     assert found["shadow"][inside(on_table)].any() == (not shining)
+
+
+def test_a_black_target_before_black_is_seen_all_the_same() -> None:
+    """Nothing differs there, but it is no pixel that the target leaves alone."""
+    dark = ball_over(Matte((0.0, 0.0, 0.0)), LAMPS[0])
+    black = replace(dark.things[1], material=Matte((0.0, 0.0, 0.0)))
+    found = effects(replace(dark, things=(dark.things[0], black)))
+    assert found["footprint"].any()
+    assert (found["untouched"] == ~found["footprint"]).all()
 
 
 @pytest.fixture

@@ -150,8 +150,9 @@ def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane:
     """A ball shades the floor: visibility is 0 or 1, and the direct part is the closed form times it."""
     from graycard.synth._direct_light import direct_light
     from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import centre_rays, light_names, separated_images
+    from graycard.synth._separation import light_names, separated_images
     from graycard.synth._views import surface_layers
+    from graycard.synth._wavefront import centre_rays
 
     scene = make_plane((WORLD, gc.PointLight("other", (-1, 1, 2), (1, 1, 1))), Ball((0.3, 0, 0.8), 0.25))
     camera, settings = scene.views[0].camera, RenderSettings(24, 20, 2, 1, 16, 2)

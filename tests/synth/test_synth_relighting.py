@@ -325,3 +325,21 @@ def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: 
     assert truth.edits
     for edit in truth.edits:
         assert truth.relit(edit.name, view)["radiance"].shape == (8, 8, 3)
+
+
+def test_pictures_are_the_same_to_the_bit_with_any_number_of_threads(llvm: None) -> None:
+    """With enough samples for several blocks of work, and none that fill a block evenly."""
+    from graycard.synth._relighting import composed_view, relit_view
+    from graycard.synth._views import render_view
+
+    settings = RenderSettings(64, 64, 2, 1, 100)
+    scene = family_of(STUDIO).build(SEED, settings)
+    edit = next(e for e in light_edits(scene, SEED) if e.record.name == "environment-1")
+
+    def pictures(threads: int) -> list[np.ndarray]:
+        use_renderer(threads=threads, variant="llvm_ad_rgb")
+        made = relit_view(edit, 1, SEED, settings), composed_view(scene, 1, SEED, settings)
+        return [v for layers in (*made, render_view(scene, 1, SEED, settings)) for v in layers.values()]
+
+    one, two, again = pictures(1), pictures(2), pictures(2)
+    assert all(np.array_equal(a, b) and np.array_equal(b, c) for a, b, c in zip(one, two, again, strict=True))

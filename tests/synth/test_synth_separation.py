@@ -60,10 +60,10 @@ def loaded(scene: Scene) -> tuple[Any, gc.Camera]:
 def separated(
     scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
 ) -> dict[str, np.ndarray]:
-    from graycard.synth._separation import separated_radiance
+    from graycard.synth._separation import named_layers, part_names, separated_images
 
     made, camera = loaded(scene)
-    return separated_radiance(made, scene, camera, seeds, settings)
+    return named_layers(separated_images(made, camera, seeds, settings), part_names(made, scene))
 
 
 def by_path(
@@ -210,8 +210,10 @@ def test_the_same_seeds_give_the_same_bits_with_any_number_of_threads() -> None:
 
 def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
     """The identity L = albedo S, with the same random numbers."""
-    from graycard.synth._separation import centre_rays, separated_images, white_first
+    from graycard.synth._scattering import white_first
+    from graycard.synth._separation import separated_images
     from graycard.synth._views import surface_layers
+    from graycard.synth._wavefront import centre_rays
 
     scene = room(MATERIALS["matte"])
     made, camera = loaded(scene)
@@ -227,7 +229,9 @@ def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
 def test_shading_is_what_white_surfaces_show() -> None:
     """Direct light from samples on each light and bounced light, against one path tracer for both."""
     from graycard.synth._irradiance import light_layers
-    from graycard.synth._separation import centre_rays, separated_images, white_first
+    from graycard.synth._scattering import white_first
+    from graycard.synth._separation import separated_images
+    from graycard.synth._wavefront import centre_rays
 
     scene = room(MATERIALS["papers"])
     made, camera = loaded(scene)
@@ -270,7 +274,7 @@ def test_the_diffuse_lobe_of_the_principled_material_is_mitsubas(roughness: floa
     import mitsuba as mi
 
     from graycard.synth._mitsuba import _bsdf, load
-    from graycard.synth._separation import _diffuse_values
+    from graycard.synth._scattering import _diffuse_values
 
     rng = np.random.default_rng(3)
     wi, wo = rng.normal(size=(2, 3, 4000))

@@ -9,6 +9,7 @@ import graycard as gc
 from graycard.synth import (
     Family,
     RenderSettings,
+    Scene,
     SceneSpec,
     describe,
     families,
@@ -35,6 +36,13 @@ def test_other_samples_are_refused(samples: int) -> None:
 def test_settings_out_of_range_are_refused(name: str) -> None:
     with pytest.raises(ValueError, match=f"expected {name} to be . or more, got 0"):
         RenderSettings(**{name: 0})  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize("names", [("lamp", "lamp"), ("key.light",), ("var",), ("",)])
+def test_lights_whose_layers_would_be_mixed_up_are_refused(names: tuple[str, ...]) -> None:
+    lights = tuple(gc.PointLight(name, (0, 0, 1), (1, 1, 1)) for name in names)
+    with pytest.raises(ValueError, match="expected each light once, its name of letters"):
+        Scene((), lights, ())
 
 
 def test_a_negative_seed_is_refused() -> None:

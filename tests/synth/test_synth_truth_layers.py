@@ -99,7 +99,7 @@ def test_material_layers_are_what_the_renderer_shades_with(llvm: None, family: A
     import drjit as dr
 
     from graycard.synth._mitsuba import sensor
-    from graycard.synth._separation import centre_rays
+    from graycard.synth._wavefront import centre_rays
 
     scene = family().build(0, TINY)
     made, camera = loaded(scene)
@@ -191,7 +191,9 @@ def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: None, make_
 
 def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: None, make_plane: MakePlane) -> None:
     """Against the path tracer: direct shading of the floor with the ball over that without it."""
-    from graycard.synth._separation import centre_rays, separated_images, white_first
+    from graycard.synth._scattering import white_first
+    from graycard.synth._separation import separated_images
+    from graycard.synth._wavefront import centre_rays
 
     lamp = gc.RectangleLight("lamp", (1.2, 0.3, 2.0), (0, 0.5, 0), (0.5, 0, 0), (5, 5, 5))
     bare = make_plane((lamp,), ball=Ball((0.2, 0.1, 0.5), 0.5))
@@ -259,6 +261,16 @@ def test_irradiance_of_all_lights_is_pi_times_shading(llvm: None) -> None:
     assert hidden.any()
     assert (layers["direct.irradiance.lamp-4"][hidden] == 0).all()
     assert (layers["direct.irradiance.lamp-4"][~hidden].min(axis=-1) > 0).all()
+
+
+def test_paths_of_one_segment_light_nothing(llvm: None) -> None:
+    from graycard.synth._views import render_view
+
+    settings = replace(TINY, max_depth=1)
+    scene = families()["studio"]().build(0, settings)
+    layers = render_view(scene, 0, 0, settings)
+    assert not layers["shading"].any()
+    np.testing.assert_array_equal(layers["radiance"], layers["emitted"])
 
 
 def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(
