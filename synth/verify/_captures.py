@@ -63,7 +63,10 @@ def _variance(level: np.ndarray, sensor: gc.Sensor) -> np.ndarray:
 
 def check_exposure(subject: Subject, training: list[np.ndarray]) -> Iterator[Check]:
     """1 / exposure is the 99th percentile of the training views, in both index files."""
-    brightest = float(np.percentile(training, 99))
+    if len(training) < sum(view.split == "train" for view in subject.truth.views) or not training:
+        yield subject.at.skip("exposure", "a training view has no radiance")
+        return
+    brightest = float(np.percentile(np.concatenate(training), 99))
     for content, name in ((subject.capture, "capture.json"), (subject.truth, "truth.json")):
         off = abs(content.exposure * brightest - 1)
         told = (
