@@ -15,6 +15,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._albedo import directional_albedo
+from graycard.synth._effects import effect_layers, target_footprint
 from graycard.synth._light_edits import scaled_light
 from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import load_scene, object_ids, shape_key
@@ -22,7 +23,7 @@ from graycard.synth._scene import Scene
 from graycard.synth._separation import estimate
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth._variant import SCALAR
-from graycard.synth._views import radiance_images
+from graycard.synth._views import light_images, radiance_images
 from graycard.synth.verify._subject import Rebuilt
 
 Color = tuple[float, float, float]
@@ -66,6 +67,16 @@ def albedo_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
     return directional_albedo(load_scene(rebuilt.scene, camera), camera, seed)["albedo"]
 
 
+def effects_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
+    """The masks of what the target does, from other random numbers. ``llvm_ad_rgb`` only."""
+    scene, settings = rebuilt.scene, rebuilt.settings
+    camera, seeds = scene.views[number].camera, _seeds(rebuilt, number, subject)
+    whole = load_scene(scene, camera)
+    present = light_images(whole, camera, seeds, settings)
+    absent = light_images(load_scene(scene, camera, without=scene.target), camera, seeds, settings)
+    return effect_layers(present, absent, target_footprint(whole, scene, camera, seeds, settings))
+
+
 def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
     camera = rebuilt.scene.views[number].camera
     seeds = _seeds(rebuilt, number, subject)
@@ -97,7 +108,8 @@ def surfaces_again(
 ) -> dict[str, np.ndarray]:
     """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and the material.
 
-    The material is all layers of :func:`material_layers`, from the colour that the ray finds. Also ``visibility.<light>`` of each light without extent: whether a ray reaches it.
+    The material is all layers of :func:`material_layers`, from the colour that the ray finds; there is
+    ``visibility.<light>`` too of each light without extent: whether a ray reaches it.
 
     Args:
         scene: The scene.

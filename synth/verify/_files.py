@@ -48,6 +48,7 @@ def _unreadable(folder: Path) -> Iterator[str]:
         truth = gc.open_truth(folder / "truth", check=False)
         capture = gc.open_capture(folder / "capture", check=False)
         _read_lights(folder / "truth", truth)
+        capture.points()
     except gc.GraycardError as cause:
         yield str(cause)
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the pictures under changed lights: the lights of each change, and the light that it takes away."""
+"""Checks of the pictures under changed lights: the lights of each, and the light that is taken away."""
 
 from collections.abc import Iterator, Mapping
 

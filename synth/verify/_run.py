@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import graycard as gc
+from graycard.synth._spec import RenderSettings
 from graycard.synth._variant import use_renderer
 from graycard.synth.verify._captures import check_capture, check_exposure, check_index
 from graycard.synth.verify._check import At, Check
@@ -107,7 +108,7 @@ def _checks_of(subject: Subject, views: int) -> Iterator[Check]:
 
 def _check_views(subject: Subject, rebuilt: Rebuilt | str, sound: list[int]) -> Iterator[Check]:
     """Checks of each view and of each with the one before; the numbers of ``sound`` ones are appended."""
-    training, before, summary = [], None, Summary(subject)
+    training, before, summary = [], None, _summary(subject, rebuilt)
     for picture in subject.pictures():
         values = list(check_values(subject, picture))
         yield from values
@@ -127,6 +128,11 @@ def _check_views(subject: Subject, rebuilt: Rebuilt | str, sound: list[int]) -> 
         before = picture
     yield from check_exposure(subject, training)
     yield from summary.checks()
+
+
+def _summary(subject: Subject, rebuilt: Rebuilt | str) -> Summary:
+    settings = rebuilt.settings if isinstance(rebuilt, Rebuilt) else RenderSettings()
+    return Summary(subject, settings.capture)
 
 
 def _check_picture(subject: Subject, picture: Picture) -> Iterator[Check]:

@@ -6,21 +6,25 @@ from collections.abc import Iterator
 import numpy as np
 
 import graycard as gc
+from graycard.synth._spec import CaptureSettings
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
-_PIXELS = 3.0
-"""Median distance between where a point is found in a photograph and where it projects to, at most."""
+_NOISES = 3.0
+"""Of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian noise."""
 
-_OFF_SURFACE = 0.3
-"""Share of points that may lie on no surface that their views see: wrong matches and shallow angles."""
+_SHALLOW = 0.2
+"""Share of points, beside the wrong matches, that may lie on no surface: rays meet at few degrees."""
+
+_NEAR = 0.2
+"""Of a distance: what a pixel of noise makes of a depth where rays meet at a few degrees."""
 
 
 class Summary:
     """What is added up over the views, one after another, so that one at a time is in memory."""
 
-    def __init__(self, subject: Subject) -> None:
-        self._subject = subject
+    def __init__(self, subject: Subject, settings: CaptureSettings) -> None:
+        self._subject, self._settings = subject, settings
         self._noise: list[float] = []
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._points = subject.capture.points()
@@ -35,7 +39,8 @@ class Summary:
         places = np.concatenate([places, picture.camera.position[None]])
         self._low = np.minimum(self._low, places.min(axis=0))
         self._high = np.maximum(self._high, places.max(axis=0))
-        self._near |= _on_surface(self._points, picture)
+        if picture.view.split == "train":
+            self._near |= _on_surface(self._points, picture, self._settings.point_noise)
 
     def checks(self) -> Iterator[Check]:
         """The checks, where all views were added."""
@@ -70,13 +75,15 @@ class Summary:
             pixel, depth = views[index].camera.project(points.positions[points.point[here]])
             off[here] = np.where(depth > 0, np.linalg.norm(pixel - points.pixel[here], axis=-1), np.inf)
         told = "points project to where they are found; looks like points of another world or camera"
-        yield at.judge("sparse points in photographs", float(np.median(off)), _PIXELS, "px", told)
+        bound = _NOISES * self._settings.point_noise + 0.1
+        yield at.judge("sparse points in photographs", float(np.median(off)), bound, "px", told)
         told = "points lie on what their views see; looks like points of another world or unit"
         share = float((~self._near).mean())
-        yield at.judge("sparse points on surfaces", share, _OFF_SURFACE, "of the points", told)
+        bound = self._settings.outliers + _SHALLOW
+        yield at.judge("sparse points on surfaces", share, bound, "of the points", told)
 
 
-def _on_surface(points: gc.Points, picture: Picture) -> np.ndarray:
+def _on_surface(points: gc.Points, picture: Picture, noise: float) -> np.ndarray:
     """Whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
     near = np.zeros(len(points), bool)
     here = points.view == picture.number
@@ -86,11 +93,6 @@ def _on_surface(points: gc.Points, picture: Picture) -> np.ndarray:
     row, column = np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
     apart = np.linalg.norm(picture.layers["position"][row, column] - points.positions[number], axis=-1)
     distance = picture.layers["distance"][row, column]
-    near[number] = picture.seen[row, column] & (
-        apart < _NEAR * distance + 4 * distance / picture.camera.K[0, 0]
-    )
+    reach = distance * (_NEAR * noise + 4 * max(noise, 1) / picture.camera.K[0, 0])
+    near[number] = picture.seen[row, column] & (apart < reach)
     return near
-
-
-_NEAR = 0.1
-"""Of a distance: what half a pixel of noise makes of a depth where rays meet at a few degrees."""

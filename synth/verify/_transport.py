@@ -139,8 +139,8 @@ def _judge_sums(
 ) -> Check:
     """Means over pixels against values at their centres, in sum, each ``(N, 3)``.
 
-    The differences of single pixels, by noise and by shadows that cross a pixel, tell how far a sum may be off:
-    where they are symmetric, their sum stays below six times the root of the sum of their squares.
+    The differences of single pixels, by noise and by shadows that cross a pixel, tell how far a sum may be
+    off: where they are symmetric, it stays below six times the root of the sum of their squares.
     """
     off = found - implied
     spread = np.sqrt((off**2).sum(axis=0))

@@ -386,6 +386,36 @@ def environment_mirrored(scene: Path):
     gc.write_rgb(path, gc.read_rgb(path)[:, ::-1])
 
 
+# effects of the target
+
+
+@in_layers("tabletop", "footprint of the target", "looks like a mask that is lost")
+def no_effect_marked(layers: Layers, view: gc.View):
+    for name in [n for n in layers if n.startswith("effect.")]:
+        layers[name] = np.zeros_like(layers[name])
+
+
+@in_layers("tabletop", "untouched pixels marked", "looks like a mask that is lost")
+def nothing_untouched(layers: Layers, view: gc.View):
+    layers["effect.untouched"] = np.zeros_like(layers["effect.untouched"])
+
+
+@in_layers("tabletop", "effects marked", "looks like masks that are lost")
+def no_shadow_and_no_mirror_image(layers: Layers, view: gc.View):
+    for name in ("shadow", "mirror", "bleeding"):
+        layers[f"effect.{name}"] = np.zeros_like(layers[f"effect.{name}"])
+
+
+@in_layers("tabletop", "footprint at the target", "mask of another object or view")
+def footprint_of_everything(layers: Layers, view: gc.View):
+    layers["effect.footprint"] = np.ones_like(layers["effect.footprint"])
+
+
+@in_layers("tabletop", "effects again", "effect.shadow is where another rendering has it", views=1)
+def no_shadow(layers: Layers, view: gc.View):
+    layers["effect.shadow"] = np.zeros_like(layers["effect.shadow"])
+
+
 # changed lights
 
 
