@@ -60,8 +60,9 @@ def _unreadable(folder: Path) -> Iterator[str]:
     yield from (
         f"expected truth/{name}, got none" for name in relit if not (folder / "truth" / name).is_file()
     )
+    sizes = {view.name: (view.camera.height, view.camera.width) for view in truth.views}
     for path in sorted((folder / "truth").glob("*/**/views/*.exr")):  # under changed lights, or composed
-        yield from _broken_picture(path)
+        yield from _broken_picture(path, sizes.get(path.stem))
 
 
 def _read_lights(folder: Path, truth: gc.Truth) -> None:
@@ -77,15 +78,15 @@ def _read_lights(folder: Path, truth: gc.Truth) -> None:
                 gc.read_rgb(folder / beside / light.image)
 
 
-def _broken_picture(path: Path) -> Iterator[str]:
-    """What is wrong with a picture beside the views themselves."""
+def _broken_picture(path: Path, size: tuple[int, int] | None) -> Iterator[str]:
+    """What is wrong with a picture beside the views themselves; ``size`` is that of its view."""
     try:
         layers = gc.read_layers(path)
     except gc.GraycardError as cause:
         yield str(cause)
         return
     for name, values in layers.items():
-        fault = gc.find_fault(name, values, *values.shape[:2])
+        fault = gc.find_fault(name, values, *(size or values.shape[:2]))
         if fault:
             yield f"{path.parent.parent.name}/{path.stem}: {fault}"
 

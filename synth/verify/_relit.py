@@ -78,6 +78,9 @@ def _check_one(
     yield picture.at.judge("relit halves average", _largest(half - found, found), 1e-5, "relative", told)
     if edit.factors is None or not subject.is_separated:
         return
+    if not picture.has(*(f"{part}.{light}" for part in PARTS for light in edit.factors)):
+        yield picture.at.skip("relit by its parts", f"the lights of the spec have other names: {name}")
+        return
     wanted = picture.layers["radiance"].astype(float)
     for light, factor in edit.factors.items():
         part = np.sum([picture.layers[f"{part}.{light}"] for part in PARTS], axis=0, dtype=float)
