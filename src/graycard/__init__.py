@@ -13,6 +13,7 @@ from graycard._colour import luminance as luminance
 from graycard._colour import srgb_decode as srgb_decode
 from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope
+from graycard._dataset import IMPORTER as IMPORTER
 from graycard._dataset import TRACKS as TRACKS
 from graycard._dataset import Capture as Capture
 from graycard._dataset import SceneObject as SceneObject

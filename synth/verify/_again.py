@@ -14,12 +14,16 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._albedo import directional_albedo
+from graycard.synth._effects import effect_layers, target_footprint
+from graycard.synth._light_edits import scaled_light
+from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import load_scene, object_ids, shape_key
-from graycard.synth._scene import Conductor, Scene
+from graycard.synth._scene import Scene
 from graycard.synth._separation import estimate
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth._variant import SCALAR
-from graycard.synth._views import radiance_images
+from graycard.synth._views import light_images, radiance_images
 from graycard.synth.verify._subject import Rebuilt
 
 Color = tuple[float, float, float]
@@ -53,13 +57,38 @@ def emptied_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.n
     return _picture(loaded, rebuilt, number, subject)
 
 
+def albedo_again(rebuilt: Rebuilt, number: int, subject: int) -> np.ndarray:
+    """The albedo of a view, ``(H, W, 3)``, from as many directions as the truth has, and other ones.
+
+    Whole images at once: ``llvm_ad_rgb`` only.
+    """
+    camera = rebuilt.scene.views[number].camera
+    seed, *_ = _seeds(rebuilt, number, subject)
+    return directional_albedo(load_scene(rebuilt.scene, camera), camera, seed)["albedo"]
+
+
+def effects_again(rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
+    """The masks of what the target does, from other random numbers. ``llvm_ad_rgb`` only."""
+    scene, settings = rebuilt.scene, rebuilt.settings
+    camera, seeds = scene.views[number].camera, _seeds(rebuilt, number, subject)
+    whole = load_scene(scene, camera)
+    present = light_images(whole, camera, seeds, settings)
+    absent = light_images(load_scene(scene, camera, without=scene.target), camera, seeds, settings)
+    return effect_layers(present, absent, target_footprint(whole, scene, camera, seeds, settings))
+
+
 def _picture(loaded: mi.Scene, rebuilt: Rebuilt, number: int, subject: int) -> dict[str, np.ndarray]:
-    seeds = [
+    camera = rebuilt.scene.views[number].camera
+    seeds = _seeds(rebuilt, number, subject)
+    return estimate("radiance", radiance_images(loaded, camera, seeds, rebuilt.settings))
+
+
+def _seeds(rebuilt: Rebuilt, number: int, subject: int) -> list[int]:
+    """Of independent images, and of none that a scene is rendered with."""
+    return [
         int(np.random.SeedSequence([rebuilt.spec.seed, number, _OWN, subject, k]).generate_state(1)[0])
         for k in range(SUB_BUFFERS)
     ]
-    camera = rebuilt.scene.views[number].camera
-    return estimate("radiance", radiance_images(loaded, camera, seeds, rebuilt.settings))
 
 
 def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
@@ -68,34 +97,19 @@ def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
     A light of strength 0 is still sampled as often as before, so the noise of the others is the same.
     """
     lights = tuple(
-        _dimmed(light, strengths[light.name]) if light.name in strengths else light for light in scene.lights
+        scaled_light(light, strengths[light.name]) if light.name in strengths else light
+        for light in scene.lights
     )
     return replace(scene, lights=lights)
-
-
-def _dimmed(light: gc.Light, strength: Color) -> gc.Light:
-    match light:
-        case gc.PointLight() | gc.SpotLight():
-            return replace(light, intensity=_times(light.intensity, strength))
-        case gc.RectangleLight() | gc.SphereLight():
-            return replace(light, radiance=_times(light.radiance, strength))
-        case gc.GaussianLight():
-            lobes = [replace(lobe, amplitude=_times(lobe.amplitude, strength)) for lobe in light.lobes]
-            return replace(light, lobes=tuple(lobes))
-    raise ValueError(f"expected a light with a strength of its own, got {light.name}")
-
-
-def _times(color: Color, strength: Color) -> Color:
-    red, green, blue = (a * b for a, b in zip(color, strength, strict=True))
-    return red, green, blue
 
 
 def surfaces_again(
     scene: Scene, camera: gc.Camera, rows: np.ndarray, columns: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and ``base_color``.
+    """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and the material.
 
-    Also ``visibility.<light>`` of each light without extent: whether a ray reaches it.
+    The material is all layers of :func:`material_layers`, from the colour that the ray finds; there is
+    ``visibility.<light>`` too of each light without extent: whether a ray reaches it.
 
     Args:
         scene: The scene.
@@ -118,11 +132,7 @@ def surfaces_again(
         found = {name: np.concatenate([one[name] for one in met]) for name in met[0]}
     else:
         found = _meet(loaded, scene, camera.position, directions, at)
-    ids = found["object_id"]
-    for number, thing in enumerate(scene.things, start=1):
-        if isinstance(thing.material, Conductor):  # it has no colour parameter
-            found["base_color"][ids == number] = thing.material.f0
-    return found
+    return found | material_layers(scene, found["object_id"], found.pop("color"))
 
 
 def _meet(
@@ -139,7 +149,7 @@ def _meet(
         "object_id": ids,
         "position": np.where(ids[:, None] > 0, _array(si.p, len(directions)), 0),
         "normal": np.where(ids[:, None] > 0, _towards(shading, geometric, directions), 0),
-        "base_color": np.where(ids[:, None] > 0, _array(color, len(directions)), 0),
+        "color": np.where(ids[:, None] > 0, _array(color, len(directions)), 0),
     }
     for name, place in lights.items():
         target = _point(np.broadcast_to(place, directions.shape))

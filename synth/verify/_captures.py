@@ -9,6 +9,9 @@ import graycard as gc
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
+_SIGMAS = 6.0
+"""Of the mean of a photograph's noise: a false alarm in a thousand million views."""
+
 
 def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
     """The photograph and the mask of a training view."""
@@ -23,7 +26,7 @@ def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield picture.at.judge("photograph is the radiance", off, 1e-6, "of the brightest", told)
     else:
         white = subject.capture.exposure * subject.capture.sensor.exposure(picture.view.name)
-        yield _check_sensor(picture, radiance * white, photograph * white, subject.capture.sensor)
+        yield from _check_sensor(picture, radiance * white, photograph * white, subject.capture.sensor)
     if subject.truth.target is not None:
         seen = picture.layers["object_id"] == subject.truth.target
         wrong = int((subject.capture.target_mask(picture.view) != seen).sum())
@@ -31,7 +34,9 @@ def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield picture.at.judge("mask of the target", wrong, 0, "pixels", told)
 
 
-def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor: gc.Sensor) -> Check:
+def _check_sensor(
+    picture: Picture, level: np.ndarray, found: np.ndarray, sensor: gc.Sensor
+) -> Iterator[Check]:
     """A photograph differs from the radiance as much as the noise and the bits of its camera say.
 
     Args:
@@ -40,14 +45,24 @@ def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor
         found: The photograph, likewise.
         sensor: The camera.
     """
-    name = "photograph of its camera"
-    variance = _variance(level, sensor)
-    known = (level > 0.05) & (level < 0.9)  # far from where the sensor cuts off
-    if known.sum() < 300 or not variance[known].all():
-        return picture.at.skip(name, "few values are between black and white, or the camera has no noise")
-    ratio = float(((found - level)[known] ** 2 / variance[known]).mean())
+    name, variance = "photograph of its camera", _variance(level, sensor)
+    if not variance.any():
+        off = float(np.abs(found - np.clip(level, 0, 1)).max())
+        told = "without noise a photograph is the radiance up to white; looks like another exposure or view"
+        yield picture.at.judge(name, off, 1e-5, "of white", told)
+        return
+    reach = 4 * np.sqrt(variance)
+    known = (level - reach > 0.02) & (level + reach < 0.98)  # far from where the sensor cuts off
+    if known.sum() < 300:
+        yield picture.at.skip(name, "few values are between black and white")
+        return
+    off, variance = (found - level)[known], variance[known]
+    ratio = float((off**2 / variance).mean())
     told = f"the noise of a photograph is that of capture.json's sensor; it is {ratio:.2f} times as large"
-    return picture.at.judge(name, abs(ratio - 1), 0.3, "relative", told)
+    yield picture.at.judge(name, abs(ratio - 1), 0.3, "relative", told)
+    z = float((off / np.sqrt(variance)).sum() / np.sqrt(off.size))
+    told = f"a photograph is as bright as the radiance; it is {100 * off.mean() / level[known].mean():+.2f} %"
+    yield picture.at.judge("photograph's exposure", abs(z), _SIGMAS, "σ", told)
 
 
 def _variance(level: np.ndarray, sensor: gc.Sensor) -> np.ndarray:
@@ -63,7 +78,10 @@ def _variance(level: np.ndarray, sensor: gc.Sensor) -> np.ndarray:
 
 def check_exposure(subject: Subject, training: list[np.ndarray]) -> Iterator[Check]:
     """1 / exposure is the 99th percentile of the training views, in both index files."""
-    brightest = float(np.percentile(training, 99))
+    if len(training) < sum(view.split == "train" for view in subject.truth.views) or not training:
+        yield subject.at.skip("exposure", "a training view has no radiance")
+        return
+    brightest = float(np.percentile(np.concatenate(training), 99))
     for content, name in ((subject.capture, "capture.json"), (subject.truth, "truth.json")):
         off = abs(content.exposure * brightest - 1)
         told = (

@@ -4,9 +4,11 @@
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import ndimage
 
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._values import EFFECTS
 
 _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
 """Of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
@@ -14,6 +16,12 @@ _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
 _UNALIKE = 0.7
 """One minus the agreement in sign of the noise of both pictures: 0 where they are made from the same random
 numbers and nothing changed, 1 where they are made from others. The table scenes have 0.2 or less."""
+
+_FEW = 0.02
+"""Of a mask: outlines that no centre of a pixel meets; in the table scenes there are none."""
+
+_UNMARKED = 0.6
+"""Of the pixels that differ clearly in radiance: up to a third of a dozen differ in no part for certain."""
 
 
 def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
@@ -28,7 +36,7 @@ def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
     told = "both pictures share their random numbers; looks like a counterfactual with another seed"
     yield picture.at.judge("counterfactual's random numbers", 1 - agree, _UNALIKE, "1", told)
     yield _check_removed(subject, picture)
-    yield from _check_masks(picture)
+    yield from _check_masks(subject, picture)
 
 
 def _check_removed(subject: Subject, picture: Picture) -> Check:
@@ -45,7 +53,7 @@ def _noise(picture: Picture, name: str) -> np.ndarray:
     return a - b
 
 
-def _check_masks(picture: Picture) -> Iterator[Check]:
+def _check_masks(subject: Subject, picture: Picture) -> Iterator[Check]:
     """Where ``effect.untouched`` is 1 both pictures are equal to the bit, and no effect is marked there."""
     if not picture.has("effect.untouched"):
         return
@@ -57,3 +65,50 @@ def _check_masks(picture: Picture) -> Iterator[Check]:
     marked = np.any([picture.layers[name] > 0 for name in names], axis=0) if names else np.zeros(1, bool)
     told = "no effect of the target is marked where no path meets it; looks like masks of another view"
     yield picture.at.judge("effects where touched", float((marked & untouched).sum()), 0, "pixels", told)
+    if picture.has(*EFFECTS):
+        yield from _check_footprint(subject, picture)
+        yield from _check_marked(picture)
+
+
+def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """The footprint is where the centre of a pixel sees the target, and the pixels at its outline."""
+    footprint = picture.layers["effect.footprint"] > 0
+    centre = picture.layers["object_id"] == (subject.truth.target or -1)
+    around = ndimage.maximum_filter(centre, size=3)
+    lost = (centre & ~footprint).sum() / max(int(centre.sum()), 1)
+    told = "the footprint holds all pixels whose object_id is the target; looks like a mask that is lost"
+    yield picture.at.judge("footprint of the target", float(lost), _FEW, "of its pixels", told)
+    beyond = (footprint & ~around).sum() / max(int(footprint.sum()), 1)
+    told = "the footprint ends a pixel beyond the target; looks like the mask of another object or view"
+    yield picture.at.judge("footprint at the target", float(beyond), _FEW, "of its pixels", told)
+
+
+def _check_marked(picture: Picture) -> Iterator[Check]:
+    """What is equal in both pictures is marked as untouched, and what differs clearly as an effect."""
+    footprint = picture.layers["effect.footprint"] > 0
+    ends = ("", ".var", ".half_a", ".half_b")
+    pairs = [(picture.layers[f"radiance{e}"], picture.layers[f"counterfactual.radiance{e}"]) for e in ends]
+    equal = np.all([(a == b).all(axis=-1) for a, b in pairs], axis=0) & ~footprint
+    lost = (equal & (picture.layers["effect.untouched"] == 0)).sum() / max(int(equal.sum()), 1)
+    told = "pixels that are equal in both pictures are marked as untouched; looks like a mask that is lost"
+    yield picture.at.judge("untouched pixels marked", float(lost), _FEW, "of the equal pixels", told)
+    clear = _differs_clearly(picture) & ~ndimage.maximum_filter(footprint, size=3)
+    if clear.sum() < 10:
+        yield picture.at.skip("effects marked", "fewer than 10 pixels differ clearly")
+        return
+    marked = np.any([picture.layers[f"effect.{n}"] > 0 for n in ("shadow", "mirror", "bleeding")], axis=0)
+    told = "what differs clearly is a shadow, a mirror image or bleeding; looks like masks that are lost"
+    share = float((clear & ~marked).sum() / clear.sum())
+    yield picture.at.judge("effects marked", share, _UNMARKED, "of the changed pixels", told)
+
+
+def _differs_clearly(picture: Picture) -> np.ndarray:
+    """Where the pictures differ by a tenth and by eight times the noise of their difference, ``(H, W)``."""
+    change, one, other = (
+        picture.layers[f"radiance{e}"].astype(float) - picture.layers[f"counterfactual.radiance{e}"]
+        for e in ("", ".half_a", ".half_b")
+    )
+    square = ndimage.uniform_filter(((one - other) / 2) ** 2, size=3, axes=(0, 1))
+    brighter = np.maximum(picture.layers["radiance"], picture.layers["counterfactual.radiance"])
+    large = np.abs(change) > 0.1 * brighter.mean(axis=-1, keepdims=True)
+    return (large & (change**2 > 64 * square)).any(axis=-1)

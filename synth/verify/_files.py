@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import graycard as gc
-from graycard._dataset import IMPORTER
 from graycard.synth.verify._check import At, Check
 
 FILES = "files"
@@ -18,7 +17,7 @@ def is_imported(folder: Path) -> bool:
         manifest = gc.read_manifest(folder / "capture", "graycard-capture")
     except gc.GraycardError:
         return False
-    return manifest.generator.get("name") == IMPORTER and not (folder / "truth").exists()
+    return manifest.generator.get("name") == gc.IMPORTER and not (folder / "truth").exists()
 
 
 def check_files(folder: Path, at: At) -> Iterator[Check]:
@@ -48,7 +47,8 @@ def _unreadable(folder: Path) -> Iterator[str]:
     try:
         truth = gc.open_truth(folder / "truth", check=False)
         capture = gc.open_capture(folder / "capture", check=False)
-        truth.lights()
+        _read_lights(folder / "truth", truth)
+        capture.points()
     except gc.GraycardError as cause:
         yield str(cause)
         return
@@ -56,19 +56,37 @@ def _unreadable(folder: Path) -> Iterator[str]:
         yield "truth.json and capture.json list other views"
     for view in truth.views:
         yield from _unreadable_view(truth, capture, view)
+    relit = [e.view_file(v.name) for e in truth.edits for v in truth.views if v.split == "test"]
+    yield from (
+        f"expected truth/{name}, got none" for name in relit if not (folder / "truth" / name).is_file()
+    )
+    sizes = {view.name: (view.camera.height, view.camera.width) for view in truth.views}
     for path in sorted((folder / "truth").glob("*/**/views/*.exr")):  # under changed lights, or composed
-        yield from _broken_picture(path)
+        yield from _broken_picture(path, sizes.get(path.stem))
 
 
-def _broken_picture(path: Path) -> Iterator[str]:
-    """What is wrong with a picture beside the views themselves."""
+def _read_lights(folder: Path, truth: gc.Truth) -> None:
+    """Read the lights and the images of surroundings, as they were and after each edit.
+
+    Raises:
+        GraycardError: A file of them is missing or broken.
+    """
+    sets = {"": truth.lights(), **{edit.folder: truth.relit_lights(edit.name) for edit in truth.edits}}
+    for beside, lights in sets.items():
+        for light in lights:
+            if isinstance(light, gc.EnvironmentLight):
+                gc.read_rgb(folder / beside / light.image)
+
+
+def _broken_picture(path: Path, size: tuple[int, int] | None) -> Iterator[str]:
+    """What is wrong with a picture beside the views themselves; ``size`` is that of its view."""
     try:
         layers = gc.read_layers(path)
     except gc.GraycardError as cause:
         yield str(cause)
         return
     for name, values in layers.items():
-        fault = gc.find_fault(name, values, *values.shape[:2])
+        fault = gc.find_fault(name, values, *(size or values.shape[:2]))
         if fault:
             yield f"{path.parent.parent.name}/{path.stem}: {fault}"
 

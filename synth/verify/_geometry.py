@@ -150,4 +150,4 @@ def _check_same_object(
     other = float((ids[0] != ids[1]).mean())
     # objects touch, and two points of one footprint may lie on both sides of the seam
     told = "a point is of one object in all views; looks like ids that were counted anew in a view"
-    return at.judge("object in other views", other, 0.25, "of the common points", told)
+    return at.judge("object in other views", other, 0.18, "of the common points", told)

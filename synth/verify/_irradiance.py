@@ -19,7 +19,7 @@ _POINTS, _SKY_POINTS = 1024, 400
 _EXACT = 1e-3
 """Relative, of 99 % of the pixels: float32 normals and positions, at grazing angles too."""
 
-_PIXELS_APART = 0.15
+_PIXELS_APART = 0.05
 """Of the RMS of a background: a pixel of up to 1.5° is seen by its centre alone, at a window's edge too."""
 
 _ESTIMATED = 0.05

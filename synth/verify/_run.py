@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import graycard as gc
+from graycard.synth._spec import RenderSettings
 from graycard.synth._variant import use_renderer
 from graycard.synth.verify._captures import check_capture, check_exposure, check_index
 from graycard.synth.verify._check import At, Check
@@ -16,9 +17,11 @@ from graycard.synth.verify._files import FILES, check_files, is_imported
 from graycard.synth.verify._geometry import check_between, check_geometry
 from graycard.synth.verify._irradiance import check_background, check_irradiance
 from graycard.synth.verify._materials import check_materials, check_objects
+from graycard.synth.verify._relit import check_edits, check_relit
 from graycard.synth.verify._specified import SPECIFIED, check_specified
 from graycard.synth.verify._statistics import FALSE_ALARM
 from graycard.synth.verify._subject import Picture, Rebuilt, Subject, open_subject, rebuild
+from graycard.synth.verify._summaries import Summary
 from graycard.synth.verify._transport import check_halves, check_parts
 from graycard.synth.verify._values import check_values
 
@@ -95,31 +98,41 @@ def _checks_of(subject: Subject, views: int) -> Iterator[Check]:
     rebuilt = rebuild(subject.manifest)
     if isinstance(rebuilt, Rebuilt):
         yield from check_specified(subject, rebuilt)
+        yield from check_edits(subject, rebuilt)
     else:
         yield from (subject.at.skip(name, rebuilt) for name in SPECIFIED)
     sound: list[int] = []
-    yield from _check_views(subject, sound)
+    yield from _check_views(subject, rebuilt, sound)
     yield from _check_rendering(subject, rebuilt, sound, views)
 
 
-def _check_views(subject: Subject, sound: list[int]) -> Iterator[Check]:
+def _check_views(subject: Subject, rebuilt: Rebuilt | str, sound: list[int]) -> Iterator[Check]:
     """Checks of each view and of each with the one before; the numbers of ``sound`` ones are appended."""
-    training, before = [], None
+    training, before, summary = [], None, _summary(subject, rebuilt)
     for picture in subject.pictures():
         values = list(check_values(subject, picture))
         yield from values
-        if picture.view.split == "train":
-            training.append(picture.layers.get("radiance", np.zeros(0)))
+        if picture.view.split == "train" and picture.has("radiance"):
+            training.append(picture.layers["radiance"].ravel())
         if any(check.status == "failed" for check in values if check.name != "values in float32"):
             yield picture.at.skip("position on the ray", "its layers are not whole, so no law is applied")
             continue
         sound.append(picture.number)
         yield from _check_picture(subject, picture)
+        if isinstance(rebuilt, Rebuilt):
+            yield from check_relit(subject, rebuilt, picture)
+        summary.add(picture)
         if before is not None:
             at = At(subject.at.scene, f"{before.view.name} in {picture.view.name}")
             yield from check_between(before, picture, at)
         before = picture
     yield from check_exposure(subject, training)
+    yield from summary.checks()
+
+
+def _summary(subject: Subject, rebuilt: Rebuilt | str) -> Summary:
+    settings = rebuilt.settings if isinstance(rebuilt, Rebuilt) else RenderSettings()
+    return Summary(subject, settings.capture)
 
 
 def _check_picture(subject: Subject, picture: Picture) -> Iterator[Check]:

@@ -21,7 +21,7 @@ from scipy import ndimage
 FALSE_ALARM = 1e-4
 """How often a faultless scene fails any of its statistical checks, at most."""
 
-FAMILIES = 12
+FAMILIES = 20
 """Names of statistical checks, among which a scene's false alarms are shared equally."""
 
 TILE = 16

@@ -97,7 +97,7 @@ def open_subject(folder: Path) -> Subject:
     images = [light.image for light in lights if isinstance(light, gc.EnvironmentLight)]
     sky = gc.read_rgb(folder / "truth" / images[0]) if images else None
     return Subject(
-        At(f"{truth.track}/{truth.scene}"),
+        At(f"{folder.parent.name}/{folder.name}"),
         folder,
         gc.open_capture(folder / "capture", check=False),
         truth,

@@ -11,11 +11,14 @@ from graycard.synth.verify._statistics import bound_of, z_of_shares
 from graycard.synth.verify._subject import Picture, Subject
 from graycard.synth.verify._values import PARTS
 
-_DIFFUSE = 0.05
-"""Of the light of a view, beside its noise: a value at the centre of a pixel stands for its mean."""
+_DIFFUSE = 0.01
+"""Of a sum of light over a view, beside its noise: a value at a pixel's centre stands for its mean."""
 
 _SIGMAS = 6.0
-"""Of the noise of a sum over a view, by variances from four images each."""
+"""Of the noise of a sum over a view."""
+
+_FAINT = 1e-2
+"""Of all diffuse light of a view: what is less is judged as a share of this."""
 
 _ROUNDING = 1e-6
 """Relative noise below which float32 hides how far halves are apart, as in a sky that is seen directly."""
@@ -106,28 +109,41 @@ def _check_matte(subject: Subject, picture: Picture) -> Iterator[Check]:
 
 
 def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iterator[Check]:
+    """The diffuse light of all lights together, then what is direct and what is bounced of each light."""
     layers, lights = picture.layers, [light.name for light in subject.lights]
     reflectance = layers["diffuse_reflectance"][pure].astype(float)
-    parts = {
-        name: layers[f"direct.diffuse.{name}"][pure].astype(float) + layers[f"indirect.diffuse.{name}"][pure]
-        for name in lights
-    }
-    whole = np.sum(list(parts.values()), axis=0).sum(axis=0)
-    wanted = (reflectance * layers["shading"][pure]).sum(axis=0)
-    bound = _DIFFUSE + _SIGMAS * _noise_of_sums(picture, pure, reflectance, wanted)
+    direct, bounced = (
+        {name: layers[f"{part}.diffuse.{name}"][pure].astype(float) for name in lights}
+        for part in ("direct", "indirect")
+    )
+    whole = np.sum([*direct.values(), *bounced.values()], axis=0)
+    wanted = reflectance * layers["shading"][pure]
+    quotients = np.round(whole.sum(axis=0) / np.maximum(wanted.sum(axis=0), 1e-30), 3).tolist()
     told = "the diffuse light of pure, matte pixels is diffuse_reflectance x shading; "
-    told += f"the channels' quotients are {np.round(whole / np.maximum(wanted, 1e-30), 3).tolist()}"
-    yield picture.at.judge("diffuse light", float(np.abs(whole / wanted - 1).max()), bound, "relative", told)
-    for name, part in parts.items():
-        implied = (reflectance * layers[f"irradiance.{name}"][pure] / np.pi).sum(axis=0)
-        off = float((np.abs(part.sum(axis=0) - implied) / np.maximum(whole, 1e-30)).max())
-        told = (
-            f"the diffuse light of {name} is reflectance x irradiance.{name} / pi; looks like swapped lights"
-        )
-        yield picture.at.judge("diffuse light of a light", off, bound, "of all light", told)
+    told += f"the channels' quotients are {quotients}"
+    yield _judge_sums(picture, "diffuse light", whole, wanted, wanted, told)
+    for name in lights:
+        straight = layers[f"direct.irradiance.{name}"][pure].astype(float)
+        around = layers[f"irradiance.{name}"][pure] - straight
+        for part, found, arriving in (("direct", direct, straight), ("indirect", bounced, around)):
+            told = (
+                f"{part}.diffuse.{name} is reflectance x the {part} irradiance of {name} / pi; looks like "
+                "swapped lights, or direct light taken for bounced light"
+            )
+            implied = reflectance * arriving / np.pi
+            yield _judge_sums(picture, f"{part} diffuse light", found[name], implied, wanted, told)
 
 
-def _noise_of_sums(picture: Picture, pure: np.ndarray, reflectance: np.ndarray, wanted: np.ndarray) -> float:
-    """Standard deviation of the difference of both sums, relative, of the noisiest channel."""
-    var = picture.layers["radiance.var"][pure] + reflectance**2 * picture.layers["shading.var"][pure]
-    return float((np.sqrt(var.sum(axis=0)) / np.maximum(wanted, 1e-30)).max())
+def _judge_sums(
+    picture: Picture, name: str, found: np.ndarray, implied: np.ndarray, of: np.ndarray, told: str
+) -> Check:
+    """Means over pixels against values at their centres, in sum, each ``(N, 3)``.
+
+    The differences of single pixels, by noise and by shadows that cross a pixel, tell how far a sum may be
+    off: where they are symmetric, it stays below six times the root of the sum of their squares.
+    """
+    off = found - implied
+    spread = np.sqrt((off**2).sum(axis=0))
+    scale = np.maximum(np.maximum(found, implied).sum(axis=0), _FAINT * of.sum(axis=0)) + 1e-30
+    beyond = (np.abs(off.sum(axis=0)) - _SIGMAS * spread) / scale
+    return picture.at.judge(name, max(float(beyond.max()), 0.0), _DIFFUSE, f"beyond {_SIGMAS:g} σ", told)

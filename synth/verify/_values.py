@@ -31,9 +31,9 @@ SEPARATED = ("emitted", "shading", "shading.var", "albedo")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
 
-HALF_SHARE = 0.9
-"""Share of values that half precision represents exactly, above which a layer was stored in it. By chance
-one value in 8192 is; a coordinate on a plane such as z = 0.75 always is, and fills a third of a layer."""
+HALF_SHARE = 0.1
+"""Share of different values that half precision represents exactly, above which a layer was stored in it. By
+chance one value in 8192 is, and coordinates of planes such as z = 0.75 are: in whole scenes 0.01 at most."""
 
 _FEW = 100
 """Values below which a share says nothing."""
@@ -103,7 +103,7 @@ def _precision(picture: Picture) -> Check:
         if values.dtype.kind == "f" and not name.startswith(PARTS)
     }
     name = max(shares, key=lambda name: shares[name])
-    meaning = f"of {name} half precision represents nearly all values: it was stored as float16 on the way"
+    meaning = f"of {name} half precision represents so many values: it was stored as float16 on the way"
     return picture.at.judge("values in float32", shares[name], HALF_SHARE, "of the values", meaning)
 
 

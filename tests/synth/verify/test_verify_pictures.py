@@ -12,6 +12,7 @@ import pytest
 import graycard as gc
 from graycard import Capture
 from graycard.synth._photographs import photographed
+from graycard.synth._spec import CaptureSettings
 from graycard.synth.verify._captures import check_capture
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._closed_forms import sky_towards
@@ -20,6 +21,7 @@ from graycard.synth.verify._geometry import check_between, check_geometry
 from graycard.synth.verify._irradiance import check_background, check_irradiance
 from graycard.synth.verify._materials import check_objects
 from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._summaries import Summary
 from graycard.synth.verify._transport import check_halves, check_parts
 
 SIDE = 24
@@ -206,13 +208,17 @@ def test_without_matte_pixels_there_is_no_diffuse_law():
     }
 
 
-def taken(sensor: gc.Sensor, noise: float) -> dict[str, str]:
-    """Verdicts on a photograph of levels 0.1 to 0.8 with ``noise`` times the noise of its camera."""
+def taken(sensor: gc.Sensor, noise: float, gain: float = 1.0) -> dict[str, str]:
+    """Verdicts on a photograph of levels 0.1 to 0.8, or to 3.2 where there is no noise.
+
+    It has ``noise`` times the noise of its camera, then ``gain`` times its brightness.
+    """
     subject = make_subject()
-    radiance = np.random.default_rng(0).uniform(0.2, 1.6, (SIDE, SIDE, 3))
+    brightest = 1.6 if sensor.bits or sensor.shot_noise else 6.4
+    radiance = np.random.default_rng(0).uniform(0.2, brightest, (SIDE, SIDE, 3))
     kept = replace(subject.capture, exposure=0.5, sensor=sensor, target=None)
     level = photographed(radiance, "train_000", 0.5, sensor, 3).astype(float)
-    photograph = radiance + noise * (level - radiance)
+    photograph = gain * (radiance + noise * (level - radiance))
 
     class Held(Capture):
         def photograph(self, view: gc.View) -> np.ndarray:
@@ -225,11 +231,52 @@ def taken(sensor: gc.Sensor, noise: float) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("sensor", [gc.Sensor(8), gc.Sensor(0, 8000.0, 20.0), gc.Sensor(8, 2000.0)])
-def test_a_photograph_has_the_noise_of_its_camera(sensor: gc.Sensor):
+def test_a_photograph_has_the_noise_and_the_exposure_of_its_camera(sensor: gc.Sensor):
+    assert set(taken(sensor, 1.0).values()) == {"passed"}
+    assert taken(sensor, 0.5)["photograph of its camera"] == "failed"
+    assert taken(sensor, 1.5)["photograph of its camera"] == "failed"
+    assert taken(sensor, 1.0, gain=1.006)["photograph's exposure"] == "failed"
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_without_noise_a_photograph_is_the_radiance_up_to_white(factor: float):
+    sensor = gc.Sensor(exposures={"train_000": factor})
     assert taken(sensor, 1.0) == {"photograph of its camera": "passed"}
-    assert taken(sensor, 0.5) == {"photograph of its camera": "failed"}
-    assert taken(sensor, 1.5) == {"photograph of its camera": "failed"}
+    assert taken(sensor, 1.0, gain=1.01) == {"photograph of its camera": "failed"}
+    assert taken(sensor, 0.0) == {"photograph of its camera": "failed"}  # it is not cut off at white
 
 
-def test_a_camera_without_noise_but_with_exposures_is_skipped():
-    assert taken(gc.Sensor(exposures={"train_000": 2.0}), 1.0) == {"photograph of its camera": "skipped"}
+def test_too_few_values_between_black_and_white_say_nothing():
+    sensor = gc.Sensor(0, 4.0)  # so few electrons that a level of 0.5 may be any
+    assert taken(sensor, 1.0) == {"photograph of its camera": "skipped"}
+
+
+def summed_up(moved: tuple[float, float, float], seen_there: bool = False, count: int = 40) -> dict[str, str]:
+    """Verdicts on points of the floor that are moved, and found where they were or where they are then."""
+    rng, picture = np.random.default_rng(1), floor()
+    row, column = rng.integers(0, SIDE, (2, count))
+    places = picture.layers["position"][row, column]
+    found = places + np.array(moved)
+    pixel = CAMERA.project(found if seen_there else places)[0] + rng.normal(0, 0.5, (count, 2))
+    number = np.arange(count)
+    points = gc.Points(found, np.zeros((count, 3), np.uint8), number, 0 * number, pixel)
+
+    class Held(Capture):
+        def points(self) -> gc.Points:
+            return points
+
+    subject = make_subject()
+    fields = {f.name: getattr(subject.capture, f.name) for f in dataclasses.fields(subject.capture)}
+    truth = replace(subject.truth, views=(VIEW,))
+    summary = Summary(replace(subject, capture=Held(**fields), truth=truth), CaptureSettings())
+    black = np.zeros((SIDE, SIDE, 3))
+    summary.add(floor(**{"radiance": black, "radiance.var": black}))
+    return status(summary.checks())
+
+
+def test_sparse_points_lie_where_their_views_see_them():
+    found = summed_up((0, 0, 0))
+    assert found["sparse points in photographs"] == found["sparse points on surfaces"] == "passed"
+    assert summed_up((5, 0, 0))["sparse points in photographs"] == "failed"
+    assert summed_up((0, 0, 1), seen_there=True)["sparse points on surfaces"] == "failed"
+    assert summed_up((0, 0, 0), count=8)["sparse points"] == "skipped"

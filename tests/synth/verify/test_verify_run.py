@@ -4,6 +4,7 @@
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,105 @@ def test_a_damaged_scene_fails_and_the_others_go_on(copied: Copied):
     assert "lights.json: expected SHA-256" in failed["dark/corridor-1001"].reason
     assert "without one: its rendering was cut off" in failed["dark/corridor-1002"].reason
     assert reasons(verdict.checks, "rendered again") == {"only the files were asked for"}
+
+
+def radiance_lost(scene: Path) -> None:
+    path = scene / "truth" / "views" / "train_000.exr"
+    gc.write_layers(path, {n: v for n, v in gc.read_layers(path).items() if n != "radiance"})
+
+
+def all_training_radiance_lost(scene: Path) -> None:
+    for path in (scene / "truth" / "views").glob("train_*.exr"):
+        gc.write_layers(path, {n: v for n, v in gc.read_layers(path).items() if n != "radiance"})
+
+
+def surroundings_missing(scene: Path) -> None:
+    path = scene / "truth" / "lights.json"
+    gc.write_lights(path, (*gc.read_lights(path), gc.EnvironmentLight("sky", "nowhere.exr")))
+
+
+def surroundings_of_an_edit_missing(scene: Path) -> None:
+    path = scene / "truth" / "relighting" / "without-lamp" / "lights.json"
+    gc.write_lights(path, (gc.EnvironmentLight("sky", "nowhere.exr"),))
+
+
+def view_that_is_no_image(scene: Path) -> None:
+    (scene / "truth" / "views" / "train_000.exr").write_text("no image")
+
+
+def lights_lost(scene: Path) -> None:
+    gc.write_lights(scene / "truth" / "lights.json", ())
+
+
+def view_more_in_one_index(scene: Path) -> None:
+    more_views(scene, ("truth",))
+
+
+def view_more_in_both(scene: Path) -> None:
+    more_views(scene, ("truth", "capture"))
+    views = scene / "truth" / "views"
+    shutil.copy(views / "test_001.exr", views / "test_009.exr")
+    for edit in (scene / "truth" / "relighting").iterdir():
+        shutil.copy(edit / "views" / "test_001.exr", edit / "views" / "test_009.exr")
+
+
+def more_views(scene: Path, parts: tuple[str, ...]) -> None:
+    for part in parts:
+        path = scene / part / f"{part}.json"
+        data = gc.read_json(path)
+        data["views"].append(next(v for v in data["views"] if v["name"] == "test_001") | {"name": "test_009"})
+        gc.write_json(path, data)
+
+
+def index_that_is_a_list(scene: Path) -> None:
+    (scene / "truth" / "truth.json").write_text("[]")
+
+
+def points_broken(scene: Path) -> None:
+    (scene / "capture" / "points.ply").write_text("no points")
+
+
+def relit_picture_of_another_size(scene: Path) -> None:
+    for path in (scene / "truth" / "relighting").glob("*/views/*.exr"):
+        gc.write_layers(path, {name: values[:40] for name, values in gc.read_layers(path).items()})
+
+
+def light_of_another_name(scene: Path) -> None:
+    path = scene / "truth" / "lights.json"
+    gc.write_lights(path, tuple(replace(x, name=x.name.replace("lamp", "L")) for x in gc.read_lights(path)))
+    for view in (scene / "truth" / "views").iterdir():
+        renamed = {name.replace(".lamp", ".L"): values for name, values in gc.read_layers(view).items()}
+        gc.write_layers(view, renamed)
+
+
+ODD: dict[Callable[[Path], None], str] = {
+    radiance_lost: "layers present",
+    all_training_radiance_lost: "layers present",
+    surroundings_missing: "files",
+    surroundings_of_an_edit_missing: "files",
+    view_that_is_no_image: "files",
+    lights_lost: "lights of the spec",
+    view_more_in_one_index: "files",
+    view_more_in_both: "cameras of the spec",
+    index_that_is_a_list: "files",
+    points_broken: "files",
+    relit_picture_of_another_size: "files",
+    light_of_another_name: "lights of the spec",
+}
+
+
+@pytest.mark.parametrize("plant", ODD, ids=lambda plant: plant.__name__)
+def test_an_odd_scene_fails_and_the_others_go_on(copied: Copied, plant: Callable[[Path], None]):
+    whole = copied("dark")
+    odd = Path(shutil.copytree(whole, whole.with_name("corridor-1001")))
+    plant(odd)
+    for part in ("capture", "truth"):
+        gc.seal(odd / part, gc.read_manifest(odd / part, f"graycard-{part}"))
+    verdict = verify_dataset(whole.parents[1], render=False)
+    failed = [check for check in verdict.checks if check.status == "failed"]
+    assert {check.scene for check in failed} == {"dark/corridor-1001"}
+    assert ODD[plant] in {check.name for check in failed}
+    assert "dark/corridor-1000" in {check.scene for check in verdict.checks if check.status == "passed"}
 
 
 def test_a_scene_of_another_generator_is_not_rendered_again(copied: Copied):
