@@ -43,8 +43,12 @@ class Suite:
     seeds: tuple[int, ...] = (0,)
     samples: Mapping[str, int] = field(default_factory=dict)
     """Light paths a pixel by track or family, where one needs more or fewer than ``render`` says."""
+    ceilings: Mapping[str, float] = field(default_factory=dict)
+    """Noise ceiling that each scene of a track must reach, dB."""
 
     def __post_init__(self) -> None:
+        for track in self.ceilings:
+            check_track(track)
         for place, samples in self.samples.items():
             if place not in TRACKS and place not in families():
                 raise UnknownNameError("track or family", place, [*TRACKS, *families()])

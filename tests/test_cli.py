@@ -79,6 +79,22 @@ def test_render_takes_knobs_and_says_how_noisy_it_is(
     assert (knobs["gloss"], knobs["light_offset"]) == (1.0, 0.1)
 
 
+def test_a_suite_may_ask_for_little_noise(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/none")
+    suite = tmp_path / "mine.toml"
+    suite.write_text(
+        'name = "mine"\nversion = 1\ntitle = "Mine"\nceilings = { dark = 90 }\n'
+        "[render]\nwidth = 12\nheight = 12\ntrain_views = 2\ntest_views = 1\nsamples = 4\n"
+        '[[scenes]]\ntrack = "dark"\nfamily = "corridor"\nseed = 1000\n[[methods]]\nname = "gray"\n'
+    )
+    assert main(["render", str(suite), "--out", str(tmp_path / "data")]) == 1
+    said = capsys.readouterr()
+    assert "failed: expected a noise ceiling of 90 dB" in said.err
+    assert "1 noisier than its suite allows" in said.out
+    suite.write_text(suite.read_text().replace("90", "1"))
+    assert main(["render", str(suite), "--out", str(tmp_path / "data")]) == 0
+
+
 def test_speed_compares_the_truth_with_a_plain_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ):
@@ -319,6 +335,6 @@ def test_the_predictions_of_the_docs_work(
     exec(compile(code, "docs/formats.md", "exec"), {})
     lights = re.findall(r"```json\n(\[.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
     Path("mine/lights.json").write_text(lights)
-    assert len(gc.open_predictions(Path("mine")).lights() or ()) == 5
+    assert len(gc.open_predictions(Path("mine")).lights() or ()) == 6
     Path("mine/lights.json").unlink()
     assert main(["score", "mine", str(Path("data") / "dark" / scene.name)]) == 0

@@ -82,21 +82,26 @@ class Render:
     """Knobs of the family that are to differ from its defaults; `graycard scenes FAMILY` lists them."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
-        """Render, view by view."""
+        """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
         from graycard._dataset import open_truth
         from graycard.synth import find_llvm, render_scene
 
-        jobs = self._jobs(rest)
+        jobs, noisy = self._jobs(rest), 0
         screen.advise(find_llvm().advice)
-        for number, (spec, settings) in enumerate(jobs):
+        for number, (spec, settings, wanted) in enumerate(jobs):
             with screen.progress() as progress:
                 folder = render_scene(spec, settings, self.out, share(progress, number, len(jobs)))
-            ceiling = open_truth(folder / "truth", check=False).noise_ceiling
+            ceiling = open_truth(folder / "truth", check=False).noise_ceiling or 0.0
             screen.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
-        screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}")
-        return OK
+            if ceiling < wanted:
+                noisy += 1
+                screen.err.print(f"failed: expected a noise ceiling of {wanted:g} dB at {folder.as_posix()}")
+        tail = f", {noisy} noisier than its suite allows: give it more samples" if noisy else ""
+        screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
+        return FAILED if noisy else OK
 
-    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any]]:
+    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
+        """Specs, how they are photographed, and the noise ceilings that they must reach."""
         from graycard.benchmarks import load_suite, suite_names
         from graycard.synth import RenderSettings, SceneSpec, families
 
@@ -106,7 +111,7 @@ class Render:
             seed = self.seed or 0
             if seed < 0:
                 raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
-            return [(SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings)]
+            return [(SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings, 0.0)]
         refuse(rest, "render")
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
@@ -116,7 +121,7 @@ class Render:
                 "expected --seed, --family and --knob with a track only: a suite names its own scenes"
             )
         suite = load_suite(self.what)
-        return [(spec, suite.render_of(spec)) for spec in suite.scenes]
+        return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,11 @@ def test_samples_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> N
         load_suite(written(tmp_path, "samples = {drak = 256}"))
 
 
+def test_ceilings_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark'"):
+        load_suite(written(tmp_path, "ceilings = {drak = 45}"))
+
+
 def test_samples_that_are_not_four_squares_are_refused(tmp_path: Path) -> None:
     with pytest.raises(gc.RecordError, match="4 times a square"):
         load_suite(written(tmp_path, "samples = {dark = 50}"))
