@@ -264,6 +264,13 @@ def direct_and_indirect_parts_swapped(layers: Layers, view: gc.View):
             swap(layers, f"direct.{lobe}.{name}", f"indirect.{lobe}.{name}")
 
 
+@in_layers("tabletop", "indirect diffuse light", "direct light taken for bounced light")
+def direct_and_indirect_parts_swapped_beside_gloss(layers: Layers, view: gc.View):
+    for name in [n for n in layers if n.startswith("direct.diffuse.")]:
+        swap(layers, name, f"in{name}")
+    layers["pure"] = np.where(layers["f0"].max(axis=-1) > 0, layers["pure"], 0)  # what is matte is not judged
+
+
 def darken(layers: Layers, light: str, where: np.ndarray) -> None:
     """A light that sends nothing straight to some pixels; all sums hold."""
     for stem in ("visibility", "direct.irradiance"):
