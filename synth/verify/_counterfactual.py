@@ -74,11 +74,11 @@ def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
     """The footprint is where the centre of a pixel sees the target, and the pixels at its outline."""
     footprint = picture.layers["effect.footprint"] > 0
     centre = picture.layers["object_id"] == (subject.truth.target or -1)
-    around = ndimage.maximum_filter(centre, size=3)
+    around = ndimage.maximum_filter(centre, size=3) > 0
     lost = (centre & ~footprint).sum() / max(int(centre.sum()), 1)
     told = "the footprint holds all pixels whose object_id is the target; looks like a mask that is lost"
     yield picture.at.judge("footprint of the target", float(lost), _FEW, "of its pixels", told)
-    beyond = (footprint & ~around).sum() / max(int(footprint.sum()), 1)
+    beyond = (footprint > around).sum() / max(int(footprint.sum()), 1)
     told = "the footprint ends a pixel beyond the target; looks like the mask of another object or view"
     yield picture.at.judge("footprint at the target", float(beyond), _FEW, "of its pixels", told)
 
@@ -92,7 +92,7 @@ def _check_marked(picture: Picture) -> Iterator[Check]:
     lost = (equal & (picture.layers["effect.untouched"] == 0)).sum() / max(int(equal.sum()), 1)
     told = "pixels that are equal in both pictures are marked as untouched; looks like a mask that is lost"
     yield picture.at.judge("untouched pixels marked", float(lost), _FEW, "of the equal pixels", told)
-    clear = _differs_clearly(picture) & ~ndimage.maximum_filter(footprint, size=3)
+    clear = _differs_clearly(picture) & (ndimage.maximum_filter(footprint, size=3) == 0)
     if clear.sum() < 10:
         yield picture.at.skip("effects marked", "fewer than 10 pixels differ clearly")
         return

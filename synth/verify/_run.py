@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import graycard as gc
+from graycard.synth._scene import LambertGGX
 from graycard.synth._spec import RenderSettings
 from graycard.synth._variant import use_renderer
 from graycard.synth.verify._captures import check_capture, check_exposure, check_index
@@ -118,7 +119,7 @@ def _check_views(subject: Subject, rebuilt: Rebuilt | str, sound: list[int]) -> 
             yield picture.at.skip("position on the ray", "its layers are not whole, so no law is applied")
             continue
         sound.append(picture.number)
-        yield from _check_picture(subject, picture)
+        yield from _check_picture(subject, rebuilt, picture)
         if isinstance(rebuilt, Rebuilt):
             yield from check_relit(subject, rebuilt, picture)
         summary.add(picture)
@@ -135,16 +136,24 @@ def _summary(subject: Subject, rebuilt: Rebuilt | str) -> Summary:
     return Summary(subject, settings.capture)
 
 
-def _check_picture(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_picture(subject: Subject, rebuilt: Rebuilt | str, picture: Picture) -> Iterator[Check]:
     yield from check_geometry(picture)
     yield from check_objects(subject, picture)
     yield from check_materials(picture)
     yield from check_capture(subject, picture)
     yield from check_halves(picture, len(subject.truth.views))
     yield from check_counterfactual(subject, picture)
-    yield from check_parts(subject, picture)
+    yield from check_parts(subject, picture, _lambertian(rebuilt))
     yield from check_irradiance(subject, picture)
     yield from check_background(subject, picture)
+
+
+def _lambertian(rebuilt: Rebuilt | str) -> frozenset[int]:
+    """Objects of the material whose lobes are added: its diffuse one is Lambertian, others' need not be."""
+    if isinstance(rebuilt, str):
+        return frozenset()
+    things = enumerate(rebuilt.scene.things, start=1)
+    return frozenset(number for number, thing in things if isinstance(thing.material, LambertGGX))
 
 
 def _check_rendering(

@@ -68,8 +68,17 @@ def _variance_told(factor: float) -> str:
     return f"it is {factor:.2f} times as large"
 
 
-def check_parts(subject: Subject, picture: Picture) -> Iterator[Check]:
-    """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies."""
+def check_parts(
+    subject: Subject, picture: Picture, lambertian: frozenset[int] = frozenset()
+) -> Iterator[Check]:
+    """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies.
+
+    Args:
+        subject: The scene.
+        picture: One of its views.
+        lambertian: Ids of objects whose diffuse lobe is Lambertian beside another lobe; matte ones are known
+            by their layers.
+    """
     if not subject.is_separated:
         for name in ("parts add up", "diffuse light"):
             yield picture.at.skip(name, "a scene of scalar_rgb holds no parts of the light")
@@ -81,7 +90,7 @@ def check_parts(subject: Subject, picture: Picture) -> Iterator[Check]:
     off = _largest(np.abs(total - layers["radiance"]), layers["radiance"])
     told = "emitted and the parts of all lights add up to radiance; looks like a light or lobe left out"
     yield picture.at.judge("parts add up", off, 1e-4, "relative", told)
-    yield from _check_matte(subject, picture)
+    yield from _check_matte(subject, picture, lambertian)
 
 
 def _largest(off: np.ndarray, of: np.ndarray) -> float:
@@ -89,7 +98,7 @@ def _largest(off: np.ndarray, of: np.ndarray) -> float:
     return float((off / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)).max())
 
 
-def _check_matte(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_matte(subject: Subject, picture: Picture, lambertian: frozenset[int]) -> Iterator[Check]:
     """Where a pixel shows one matte surface, L = albedo x shading, in sum and for each light."""
     layers = picture.layers
     matte = (layers["roughness"] == 1) & (layers["f0"].max(axis=-1) == 0) & (layers["base_color"].max(-1) > 0)
@@ -101,9 +110,9 @@ def _check_matte(subject: Subject, picture: Picture) -> Iterator[Check]:
     bright = float((layers["albedo"].max(axis=-1) > 1.02)[picture.seen].mean()) if picture.seen.any() else 0.0
     told = "surfaces return no more light than they get"
     yield picture.at.judge("energy", bright, 0.01, "of the pixels", told)
-    pure = matte & (layers["pure"] > 0)
+    pure = (matte | np.isin(layers["object_id"], list(lambertian))) & (layers["pure"] > 0)
     if pure.sum() < 100:
-        yield picture.at.skip("diffuse light", "fewer than 100 pure pixels of matte surfaces are seen")
+        yield picture.at.skip("diffuse light", "fewer than 100 pure pixels of Lambertian surfaces are seen")
         return
     yield from _check_diffuse(subject, picture, pure)
 
@@ -119,7 +128,7 @@ def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iter
     whole = np.sum([*direct.values(), *bounced.values()], axis=0)
     wanted = reflectance * layers["shading"][pure]
     quotients = np.round(whole.sum(axis=0) / np.maximum(wanted.sum(axis=0), 1e-30), 3).tolist()
-    told = "the diffuse light of pure, matte pixels is diffuse_reflectance x shading; "
+    told = "the diffuse light of pure, Lambertian pixels is diffuse_reflectance x shading; "
     told += f"the channels' quotients are {quotients}"
     yield _judge_sums(picture, "diffuse light", whole, wanted, wanted, told)
     for name in lights:

@@ -180,6 +180,11 @@ def object_ids_permuted(layers: Layers, view: gc.View):
     layers["object_id"] = np.where((ids > 0) & (ids < 6), ids % 5 + 1, ids)
 
 
+@in_layers("dark", "object_id again", "shifted ids", views=1)
+def object_ids_counted_from_two(layers: Layers, view: gc.View):
+    layers["object_id"] = layers["object_id"] + np.uint32(1)
+
+
 @in_scene("dark", "object in other views", "counted anew in a view")
 def object_ids_counted_anew_in_a_view(scene: Path):
     edit(scene, object_ids_reversed, ("test_001",))
@@ -257,6 +262,13 @@ def direct_and_indirect_parts_swapped(layers: Layers, view: gc.View):
     for name in ("lamp", "ambient"):
         for lobe in ("diffuse", "specular"):
             swap(layers, f"direct.{lobe}.{name}", f"indirect.{lobe}.{name}")
+
+
+@in_layers("tabletop", "indirect diffuse light", "direct light taken for bounced light")
+def direct_and_indirect_parts_swapped_beside_gloss(layers: Layers, view: gc.View):
+    for name in [n for n in layers if n.startswith("direct.diffuse.")]:
+        swap(layers, name, f"in{name}")
+    layers["pure"] = np.where(layers["f0"].max(axis=-1) > 0, layers["pure"], 0)  # what is matte is not judged
 
 
 def darken(layers: Layers, light: str, where: np.ndarray) -> None:
@@ -450,7 +462,7 @@ def halves_of_another_edit(scene: Path):
         gc.write_layers(path, gc.read_layers(path) | halves)
 
 
-@in_scene("dark", "relit layers", "missing are ['radiance.half_a', 'radiance.half_b', 'radiance.var']")
+@in_scene("dark", "relit layers", "missing are ['radiance.half_a'", views=1)
 def relit_without_its_noise(scene: Path):
     for path in (scene / "truth" / "relighting" / "flash-moved" / "views").iterdir():
         gc.write_layers(path, {"radiance": gc.read_layers(path)["radiance"]})
