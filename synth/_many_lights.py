@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the rooms of the multilight track share: their knobs, and up to eight local lights made from them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 
@@ -9,7 +9,17 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._family import check_knobs, choice, count, knob, stream
-from graycard.synth._scene import MATERIALS, Color, Material, Matte, Thing, polished, surface_of, triple
+from graycard.synth._scene import (
+    MATERIALS,
+    Color,
+    Material,
+    Matte,
+    Scene,
+    Thing,
+    polished,
+    surface_of,
+    triple,
+)
 from graycard.synth._spectra import Vector, blackbody
 
 MOST_LIGHTS = 8
@@ -101,14 +111,20 @@ class ManyLights:
         return gc.PointLight(name, triple(position), triple(intensity))
 
 
-def scene_lights(lamps: Sequence[gc.LocalLight]) -> tuple[gc.Light, ...]:
-    """Local lights and the surroundings, which are called ``sky``."""
-    return *lamps, gc.EnvironmentLight("sky", "environment.exr")
+def lit(
+    things: Iterable[Thing], lamps: Sequence[gc.LocalLight], views: tuple[gc.View, ...], sky: np.ndarray
+) -> Scene:
+    """The scene of these things under lamps, whose surfaces are things too, and surroundings called ``sky``.
 
-
-def lamp_surfaces(lamps: Sequence[gc.LocalLight]) -> tuple[Thing, ...]:
-    """The objects that are the surfaces of those lamps that have one."""
-    return tuple(surface_of(x) for x in lamps if isinstance(x, gc.RectangleLight | gc.SphereLight))
+    Args:
+        things: All that does not emit.
+        lamps: The local lights.
+        views: Of the scene.
+        sky: Radiance of the surroundings on the sky grid, W/m²/sr.
+    """
+    surfaces = (surface_of(x) for x in lamps if isinstance(x, gc.RectangleLight | gc.SphereLight))
+    lights = *lamps, gc.EnvironmentLight("sky", "environment.exr")
+    return Scene((*things, *surfaces), lights, views, sky, light_weights=_light_weights(lamps))
 
 
 def gaussian_light(
@@ -152,7 +168,7 @@ def _shares(lights: int, ratio: float, seed: int) -> np.ndarray:
     return share / share.sum()
 
 
-def light_weights(lamps: Sequence[gc.LocalLight], sky: float = 0.5) -> dict[str, float]:
+def _light_weights(lamps: Sequence[gc.LocalLight], sky: float = 0.5) -> dict[str, float]:
     """Samples in proportion to the root of what a light sends: between equal noise and equal effort."""
     level = np.array([float(lamp.axial_intensity.sum()) for lamp in lamps])
     weights = np.sqrt(level / level.mean())

@@ -11,7 +11,7 @@ import graycard as gc
 from graycard.synth import _props as props
 from graycard.synth import _textures as textures
 from graycard.synth._family import interleaved, stream
-from graycard.synth._many_lights import ManyLights, Stand, lamp_surfaces, light_weights, scene_lights
+from graycard.synth._many_lights import ManyLights, Stand, lit
 from graycard.synth._mesh import blob, torus
 from graycard.synth._scene import Ball, Matte, Quad, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
@@ -58,13 +58,8 @@ class Studio(ManyLights):
             _metal_ball(self, seed),
             *_carton(self, seed),
         )
-        return Scene(
-            things=(*things, *lamp_surfaces(lamps)),
-            lights=scene_lights(lamps),
-            views=interleaved(_cameras(seed, settings), settings.test_views),
-            sky=_surroundings(seed, self.daylight),
-            light_weights=light_weights(lamps),
-        )
+        views = interleaved(_cameras(seed, settings), settings.test_views)
+        return lit(things, lamps, views, _surroundings(seed, self.daylight))
 
 
 def _metal_ball(knobs: ManyLights, seed: int) -> Thing:

@@ -169,7 +169,7 @@ def test_a_broken_record_is_named(studio: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["composition.json", "views/test_002.exr"])
-def test_it_is_mended_to_the_same_bits(studio: Path, name: str, no_llvm: None) -> None:
+def test_it_is_mended_to_the_same_bits(studio: Path, name: str, no_llvm: str) -> None:
     path = studio / "truth" / "composition" / name
     before = {p: p.read_bytes() for p in studio.rglob("*") if p.is_file()}
     path.write_bytes(path.read_bytes()[:50])
@@ -180,7 +180,7 @@ def test_it_is_mended_to_the_same_bits(studio: Path, name: str, no_llvm: None) -
     assert {p: p.read_bytes() for p in studio.rglob("*") if p.is_file()} == before
 
 
-def test_it_can_be_left_out(tmp_path: Path, no_llvm: None, studio: Path) -> None:
+def test_it_can_be_left_out(tmp_path: Path, no_llvm: str, studio: Path) -> None:
     plain = replace(TINY, composition=False)
     other = render_scene(SceneSpec("multilight", "studio", 1000), plain, tmp_path)
     assert not (other / "truth" / "composition").exists()

@@ -20,7 +20,6 @@ from graycard.synth import (
     Thing,
     families,
     family_of,
-    use_renderer,
 )
 from graycard.synth._scene import Material
 
@@ -34,12 +33,7 @@ SKY = gc.EnvironmentLight("sky", "environment.exr")
 NAMES = ("untouched", "footprint", "shadow", "mirror", "bleeding")
 
 
-@pytest.fixture(autouse=True)
-def llvm() -> None:
-    try:
-        use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
+pytestmark = pytest.mark.usefixtures("llvm")
 
 
 def ball_over(floor: Material, *lights: gc.Light, sky: np.ndarray | None = None) -> Scene:

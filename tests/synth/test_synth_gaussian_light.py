@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import graycard as gc
-from graycard.synth import Ball, RenderSettings, Scene, use_renderer
+from graycard.synth import Ball, RenderSettings, Scene
 
 ALBEDO = np.array((0.5, 0.4, 0.3))
 MakePlane = Callable[..., Scene]
@@ -21,15 +21,6 @@ WORLD = gc.GaussianLight("lamp", (0.4, -0.3, 1.7), (DOWN, ASIDE, ALL_ROUND))
 MOUNTED = gc.GaussianLight(
     "lamp", (0.5, -0.2, 0.1), (gc.SphericalGaussian((0.0, 0.6, 0.8), 4.0, (7.0, 6.0, 5.0)),), "camera"
 )
-
-
-@pytest.fixture
-def llvm() -> None:
-    """Parts and visibility are made of whole images at once, which needs LLVM."""
-    try:
-        use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
 
 
 def rendered(scene: Scene) -> np.ndarray:
@@ -146,7 +137,7 @@ def test_no_ray_meets_it(variant: str) -> None:
     assert "3 lobes" in str(emitter)
 
 
-def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane: MakePlane) -> None:
+def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: str, make_plane: MakePlane) -> None:
     """A ball shades the floor: visibility is 0 or 1, and the direct part is the closed form times it."""
     from graycard.synth._direct_light import direct_light
     from graycard.synth._mitsuba import load_scene
@@ -171,7 +162,7 @@ def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: None, make_plane:
     assert direct[floor].sum() == pytest.approx(whole, rel=0.05)  # the light is chosen at random
 
 
-def test_a_sampling_weight_changes_no_mean(llvm: None, make_plane: MakePlane) -> None:
+def test_a_sampling_weight_changes_no_mean(llvm: str, make_plane: MakePlane) -> None:
     scene = make_plane((WORLD,))
     weighted = replace(scene, light_weights={"lamp": 5.0})
     np.testing.assert_array_equal(rendered(weighted), rendered(scene))

@@ -136,7 +136,7 @@ def test_exposures_of_nothing_are_refused() -> None:
         gc.Sensor(exposures={"train_000": 0.0})
 
 
-def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: Path, no_llvm: None) -> None:
+def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: Path, no_llvm: str) -> None:
     faults = CaptureSettings(bits=8, shot_noise=4000, read_noise=4, exposure_spread=0.5)
     clean = RenderSettings(20, 16, 3, 1, 16, 3)
     spec = SceneSpec("tabletop", "glossy-table", 1000)

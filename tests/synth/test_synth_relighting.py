@@ -41,14 +41,6 @@ POINT = gc.PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
 SKY = gc.EnvironmentLight("sky", "environment.exr")
 
 
-@pytest.fixture
-def llvm() -> None:
-    try:
-        use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
-
-
 def corner() -> Scene:
     """A floor and a ball that shine a little; the bulb and the sky are in the picture."""
     material = LambertGGX((0.6, 0.5, 0.2), 0.4)
@@ -94,7 +86,7 @@ def agree(found: dict[str, np.ndarray], expected: dict[str, np.ndarray], tests: 
     return bool(np.abs(z).max() < 1.1 * bar)
 
 
-def test_what_lights_give_adds_up_to_the_picture(llvm: None) -> None:
+def test_what_lights_give_adds_up_to_the_picture(llvm: str) -> None:
     from graycard.synth._light_shares import emitted_images, light_shares
     from graycard.synth._mitsuba import load_scene
     from graycard.synth._separation import light_names, separated_images
@@ -112,7 +104,7 @@ def test_what_lights_give_adds_up_to_the_picture(llvm: None) -> None:
     np.testing.assert_allclose(shares.sum(axis=1), images[:, 0], rtol=2e-5, atol=1e-6)
 
 
-def test_sums_are_what_rendering_the_changed_scene_anew_gives(llvm: None) -> None:
+def test_sums_are_what_rendering_the_changed_scene_anew_gives(llvm: str) -> None:
     edits = linear_edits()
     assert len(edits) == 5
     found = sums(edits)
@@ -123,7 +115,7 @@ def test_sums_are_what_rendering_the_changed_scene_anew_gives(llvm: None) -> Non
     assert not any(agree(found[edit.record.name], dark, 1) for edit in edits)
 
 
-def test_with_the_same_random_numbers_they_are_equal_to_rounding(llvm: None) -> None:
+def test_with_the_same_random_numbers_they_are_equal_to_rounding(llvm: str) -> None:
     """A light that is off is left in at radiance 0, so that the others are given the same samples."""
     from graycard.synth._views import sub_buffer_seeds
 
@@ -140,7 +132,7 @@ def test_with_the_same_random_numbers_they_are_equal_to_rounding(llvm: None) -> 
     assert np.quantile(off, 0.95) < 1e-5
 
 
-def test_without_a_light_nothing_of_it_is_left(llvm: None) -> None:
+def test_without_a_light_nothing_of_it_is_left(llvm: str) -> None:
     """All lights but one off, one after the other: the rest is what this light alone gives."""
     from graycard.synth._relighting import view_with_edits
 
@@ -156,7 +148,7 @@ def test_without_a_light_nothing_of_it_is_left(llvm: None) -> None:
         assert visible.any() == (light.name in ("bulb", "sky")), light.name
 
 
-def test_halves_and_variance_are_those_of_the_sum(llvm: None) -> None:
+def test_halves_and_variance_are_those_of_the_sum(llvm: str) -> None:
     """On the floor and the ball, where light is estimated at all."""
     settings = replace(SETTINGS, samples=64)
     for layers in sums(linear_edits(), settings).values():
@@ -316,7 +308,7 @@ def test_a_truth_of_before_has_no_edits(studio: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", families())
-def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: None) -> None:
+def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: str) -> None:
     """Nothing is a sum there: all edits are rendered."""
     settings = RenderSettings(8, 8, 2, 1, 4, 2)
     spec = SceneSpec(families()[name].track, name, SEED)
@@ -327,7 +319,7 @@ def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: 
         assert truth.relit(edit.name, view)["radiance"].shape == (8, 8, 3)
 
 
-def test_pictures_are_the_same_to_the_bit_with_any_number_of_threads(llvm: None) -> None:
+def test_pictures_are_the_same_to_the_bit_with_any_number_of_threads(llvm: str) -> None:
     """With enough samples for several blocks of work, and none that fill a block evenly."""
     from graycard.synth._relighting import composed_view, relit_view
     from graycard.synth._views import render_view

@@ -78,7 +78,7 @@ def rendered(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture
-def table(rendered: dict[str, Path], tmp_path: Path, no_llvm: None) -> Path:
+def table(rendered: dict[str, Path], tmp_path: Path, no_llvm: str) -> Path:
     """A copy of the tabletop scene in a dataset of its own."""
     target = tmp_path / "dataset" / "tabletop" / rendered["tabletop"].name
     shutil.copytree(rendered["tabletop"], target)
@@ -261,7 +261,7 @@ def test_llvm_gives_the_same_bits_with_one_and_two_threads(tmp_path: Path, in_pr
 
 @pytest.mark.parametrize("kill_at", ["train_000", "test_002", "train_003", "test_002 without-room"])
 def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
-    rendered: dict[str, Path], tmp_path: Path, kill_at: str, no_llvm: None, in_process: RunPython
+    rendered: dict[str, Path], tmp_path: Path, kill_at: str, no_llvm: str, in_process: RunPython
 ) -> None:
     killed = in_process(tmp_path, kill_at=kill_at)
     assert killed.returncode == -signal.SIGKILL
@@ -277,7 +277,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
 
 
 def test_a_broken_view_of_a_killed_run_is_made_anew(
-    rendered: dict[str, Path], tmp_path: Path, no_llvm: None, in_process: RunPython
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: str, in_process: RunPython
 ) -> None:
     in_process(tmp_path, kill_at="train_003")
     views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth" / "views"
@@ -289,7 +289,7 @@ def test_a_broken_view_of_a_killed_run_is_made_anew(
 
 
 def test_leftovers_of_another_spec_are_not_used(
-    rendered: dict[str, Path], tmp_path: Path, no_llvm: None
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: str
 ) -> None:
     place = Place(tmp_path, "tabletop", scene_name(TABLE))
     views = place.partial / "truth" / "views"
@@ -344,7 +344,7 @@ def test_damage_is_mended_to_the_same_bits(
 
 
 def test_a_run_cut_off_between_seal_and_name_goes_on(
-    rendered: dict[str, Path], tmp_path: Path, no_llvm: None, monkeypatch: pytest.MonkeyPatch
+    rendered: dict[str, Path], tmp_path: Path, no_llvm: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupted(place: Place) -> None:
         raise KeyboardInterrupt
@@ -485,14 +485,14 @@ def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
         render_scene(TABLE, TINY, tmp_path / "out")
 
 
-def test_a_black_scene_is_refused(tmp_path: Path, no_llvm: None) -> None:
+def test_a_black_scene_is_refused(tmp_path: Path, no_llvm: str) -> None:
     spec = SceneSpec("tabletop", "glossy-table", 0, {"lamp": 0.0, "daylight": 0.0})
     with pytest.raises(gc.RenderError, match="expected a scene with light in it"):
         render_scene(spec, TINY, tmp_path)
     assert gc.scene_folders(tmp_path) == []
 
 
-def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: None) -> None:
+def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: str) -> None:
     heard: list[tuple[float, str]] = []
     render_scene(TABLE, TINY, tmp_path, lambda done, doing: heard.append((done, doing)))
     shares = [share for share, _ in heard]

@@ -21,21 +21,12 @@ from graycard.synth import (
     Texture,
     Thing,
     families,
-    use_renderer,
 )
 from graycard.synth._material_layers import material_layers
 from graycard.synth._scene import surface_of
 
 MakePlane = Callable[..., Scene]
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
-
-
-@pytest.fixture
-def llvm() -> None:
-    try:
-        use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
 
 
 def loaded(scene: Scene, without: str = "") -> tuple[Any, gc.Camera]:
@@ -94,7 +85,7 @@ def test_material_layers_of_each_material() -> None:
 
 
 @pytest.mark.parametrize("family", families().values(), ids=families().keys())
-def test_material_layers_are_what_the_renderer_shades_with(llvm: None, family: Any) -> None:
+def test_material_layers_are_what_the_renderer_shades_with(llvm: str, family: Any) -> None:
     """Against the attributes of Mitsuba's own materials at the same points."""
     import drjit as dr
 
@@ -170,7 +161,7 @@ def test_pixels_that_mix_colors_are_not_pure(variant: str) -> None:
         assert (found[:, [0, 1, 3, 4]] == 1).all()
 
 
-def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: None, make_plane: MakePlane) -> None:
+def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: str, make_plane: MakePlane) -> None:
     centre, radius, light = np.array((0.2, 0.1, 0.6)), 0.6, gc.PointLight("lamp", (1.6, 0.4, 2.0), (9, 9, 9))
     scene = make_plane((light,), ball=Ball((0.2, 0.1, 0.6), radius))
     layers = surfaces(scene)
@@ -189,7 +180,7 @@ def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: None, make_
     assert 10 < (found[floor] == 0).sum() < floor.sum() / 2
 
 
-def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: None, make_plane: MakePlane) -> None:
+def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: str, make_plane: MakePlane) -> None:
     """Against the path tracer: direct shading of the floor with the ball over that without it."""
     from graycard.synth._scattering import white_first
     from graycard.synth._separation import separated_images
@@ -211,7 +202,7 @@ def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: None, make_
     assert 0.02 < ((found > 0) & (found < 1))[floor].mean() < 0.5
 
 
-def test_a_light_behind_a_surface_is_not_seen_and_an_open_sky_is(llvm: None, make_plane: MakePlane) -> None:
+def test_a_light_behind_a_surface_is_not_seen_and_an_open_sky_is(llvm: str, make_plane: MakePlane) -> None:
     below = gc.PointLight("below", (0.0, 0.0, -1.0), (9, 9, 9))
     sky = gc.EnvironmentLight("sky", "environment.exr")
     found = visibility(make_plane((below, sky), sky=np.ones((8, 16, 3))))
@@ -226,7 +217,7 @@ def render(track_family: str) -> tuple[Scene, dict[str, np.ndarray]]:
     return scene, render_view(scene, 0, 0, TINY)
 
 
-def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: None) -> None:
+def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: str) -> None:
     scene, layers = render("studio")
     for light in scene.lights:
         for stem in ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular"):
@@ -239,7 +230,7 @@ def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: None) -> No
     np.testing.assert_allclose(np.sum(parts, axis=0), layers["radiance"], rtol=1e-6, atol=1e-7)
 
 
-def test_halves_of_the_samples_average_to_the_whole(llvm: None) -> None:
+def test_halves_of_the_samples_average_to_the_whole(llvm: str) -> None:
     _, layers = render("glossy-table")
     for name in ("radiance", "counterfactual.radiance"):
         one, other = layers[f"{name}.half_a"], layers[f"{name}.half_b"]
@@ -249,7 +240,7 @@ def test_halves_of_the_samples_average_to_the_whole(llvm: None) -> None:
         assert 0.7 < ratio < 1.4
 
 
-def test_irradiance_of_all_lights_is_pi_times_shading(llvm: None) -> None:
+def test_irradiance_of_all_lights_is_pi_times_shading(llvm: str) -> None:
     scene, layers = render("studio")
     total = sum(layers[f"irradiance.{light.name}"] for light in scene.lights)
     np.testing.assert_allclose(total, np.pi * layers["shading"], rtol=1e-5, atol=1e-6)
@@ -263,7 +254,7 @@ def test_irradiance_of_all_lights_is_pi_times_shading(llvm: None) -> None:
     assert (layers["direct.irradiance.lamp-4"][~hidden].min(axis=-1) > 0).all()
 
 
-def test_paths_of_one_segment_light_nothing(llvm: None) -> None:
+def test_paths_of_one_segment_light_nothing(llvm: str) -> None:
     from graycard.synth._views import render_view
 
     settings = replace(TINY, max_depth=1)
@@ -274,7 +265,7 @@ def test_paths_of_one_segment_light_nothing(llvm: None) -> None:
 
 
 def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(
-    llvm: None, make_plane: MakePlane
+    llvm: str, make_plane: MakePlane
 ) -> None:
     found = albedo(make_plane((gc.PointLight("lamp", (0, 0, 2), (1, 1, 1)),)))
     seen = found.max(axis=-1) > 0
@@ -284,7 +275,7 @@ def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(
 
 @pytest.mark.parametrize(("roughness", "metallic"), [(0.1, 1.0), (0.3, 0.0), (0.7, 0.5)])
 def test_albedo_of_a_shiny_surface_is_the_integral_of_its_formula(
-    llvm: None, make_plane: MakePlane, roughness: float, metallic: float
+    llvm: str, make_plane: MakePlane, roughness: float, metallic: float
 ) -> None:
     """Against a quadrature in float64 of the Lambert and GGX formula (Walter 2007, Schlick 1994)."""
     color = np.array([0.5, 0.4, 0.3])
@@ -340,7 +331,7 @@ def albedo(scene: Scene) -> np.ndarray:
     return directional_albedo(made, camera, 7)["albedo"]
 
 
-def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: None) -> None:
+def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: str) -> None:
     scene, layers = render("glossy-table")
     same = (layers["radiance"] == layers["counterfactual.radiance"]).all(axis=-1)
     on_target = layers["object_id"] == scene.target_id

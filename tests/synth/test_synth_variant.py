@@ -88,7 +88,7 @@ def test_the_newest_that_was_found_is_refused_when_too_old(
     assert "version 15 aborts" in find_llvm().reason
 
 
-def test_a_missing_library_is_named(no_llvm: None) -> None:
+def test_a_missing_library_is_named(no_llvm: str) -> None:
     assert "names /nowhere/libLLVM.so.19.1, which is no file" in find_llvm().reason
     assert not can_render(LLVM_RGB)
     assert can_render(SCALAR)
@@ -105,12 +105,12 @@ def test_no_library_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("platform", ["linux", "darwin"])
-def test_the_advice_suits_the_platform(no_llvm: None, monkeypatch: pytest.MonkeyPatch, platform: str) -> None:
+def test_the_advice_suits_the_platform(no_llvm: str, monkeypatch: pytest.MonkeyPatch, platform: str) -> None:
     monkeypatch.setattr(sys, "platform", platform)
     assert ("brew install llvm" in find_llvm().advice) == (platform == "darwin")
 
 
-def test_scalar_rgb_is_used_without_llvm(no_llvm: None) -> None:
+def test_scalar_rgb_is_used_without_llvm(no_llvm: str) -> None:
     renderer = use_renderer(threads=2)
     assert (renderer.variant, renderer.threads) == (SCALAR, 2)
     assert renderer.advice.startswith("LLVM is not used")
@@ -124,7 +124,7 @@ def test_llvm_is_used_where_it_is(run_python: RunPython) -> None:
     assert done.stdout.split() == [LLVM_RGB, "''"]
 
 
-def test_insisting_on_llvm_without_it_fails(no_llvm: None) -> None:
+def test_insisting_on_llvm_without_it_fails(no_llvm: str) -> None:
     with pytest.raises(gc.RenderError, match="expected an LLVM library for llvm_ad_rgb, got none"):
         use_renderer(variant=LLVM_RGB)
 
