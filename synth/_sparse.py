@@ -12,8 +12,8 @@ import numpy as np
 from skimage.feature import corner_peaks, corner_shi_tomasi
 
 import graycard as gc
-from graycard.synth._family import stream
 from graycard.synth._spec import CaptureSettings
+from graycard.synth._stream import stream
 
 MIN_VIEWS = 3
 """A track of two is as often a wrong match as a right one; incremental mappers want three."""

@@ -16,7 +16,7 @@ import graycard as gc
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
 from graycard.synth import find_llvm, use_renderer
-from graycard.synth._corridor import Corridor
+from graycard.synth.families._corridor import Corridor
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]

@@ -213,8 +213,8 @@ def test_the_chart_shows_its_measured_colors() -> None:
     from graycard.synth import Quad, Scene, use_renderer
     from graycard.synth._mitsuba import load_scene
     from graycard.synth._spectra import chart_patches
-    from graycard.synth._studio import _chart
     from graycard.synth._views import surface_layers
+    from graycard.synth.families._studio import _chart
 
     use_renderer(variant="scalar_rgb")
     chart = _chart()

@@ -9,8 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 import graycard as gc
-from graycard.synth import _textures as textures
-from graycard.synth._family import check_knobs, choice, interleaved, knob
 from graycard.synth._scene import (
     MATERIALS,
     Color,
@@ -27,13 +25,15 @@ from graycard.synth._scene import (
 )
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, scaled
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._family import Knobs, choice, interleaved, knob
 
 _INTENSITY = 8.0
 """Of the lamp along its axis, W/sr."""
 
 
 @dataclass(frozen=True, slots=True)
-class FlashRoom(ABC):
+class FlashRoom(Knobs, ABC):
     """A dark room, seen by a camera that carries its own lamp.
 
     Raises:
@@ -56,9 +56,6 @@ class FlashRoom(ABC):
     """What glossy objects are made of."""
 
     track: ClassVar[str] = "dark"
-
-    def __post_init__(self) -> None:
-        check_knobs(self)
 
     @abstractmethod
     def build(self, seed: int, settings: RenderSettings) -> Scene:

@@ -4,7 +4,7 @@
 import numpy as np
 
 from graycard.synth._mesh import Mesh, box, grid, merge
-from graycard.synth._props import Profile, crate, turned
+from graycard.synth.families._props import Profile, crate, turned
 
 
 def cylinder(height: float, radius: float) -> Mesh:

@@ -10,11 +10,11 @@ import pytest
 
 import graycard as gc
 from graycard.synth import Ball, Glossy, LambertGGX, Matte, RenderSettings, Scene, Thing, families
-from graycard.synth import _furniture as furniture
-from graycard.synth import _interior as interior
-from graycard.synth import _stock as stock
-from graycard.synth._flash_room import FlashRoom, Room
 from graycard.synth._mesh import Mesh
+from graycard.synth.families import _furniture as furniture
+from graycard.synth.families import _interior as interior
+from graycard.synth.families import _stock as stock
+from graycard.synth.families._flash_room import FlashRoom, Room
 
 SETTINGS = RenderSettings(24, 24, 6, 2, 16)
 DARK = {name: family for name, family in families().items() if issubclass(family, FlashRoom)}

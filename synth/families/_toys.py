@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from graycard.synth._mesh import Mesh, box, grid, lathe, merge
-from graycard.synth._props import Profile
+from graycard.synth.families._props import Profile
 
 
 def studded_brick(columns: int, rows: int, unit: float) -> Mesh:

@@ -21,9 +21,9 @@ from graycard.synth import (
     family_of,
 )
 from graycard.synth._mesh import Mesh, box
-from graycard.synth._metals import METALS, conductor
-from graycard.synth._table_surfaces import HEIGHT, Dome, Flat, Surface
-from graycard.synth._tabletop import Tabletop
+from graycard.synth.families._metals import METALS, conductor
+from graycard.synth.families._table_surfaces import HEIGHT, Dome, Flat, Surface
+from graycard.synth.families._tabletop import Tabletop
 
 SETTINGS = RenderSettings(32, 32, 8, 3, 16)
 TABLES = tuple(name for name, family in families().items() if family.track == "tabletop")

@@ -16,8 +16,9 @@ from graycard.synth import (
     families,
     family_of,
 )
-from graycard.synth._family import interleaved, stream
 from graycard.synth._mesh import Mesh
+from graycard.synth._stream import stream
+from graycard.synth.families._family import interleaved
 
 SETTINGS = RenderSettings(32, 32, 8, 3, 16)
 NAMES = tuple(families())

@@ -8,10 +8,6 @@ from typing import ClassVar
 import numpy as np
 
 import graycard as gc
-from graycard.synth import _props as props
-from graycard.synth import _textures as textures
-from graycard.synth._family import stream
-from graycard.synth._flash_room import FlashRoom, Room, color_chart
 from graycard.synth._mesh import Mesh, blob, merge
 from graycard.synth._scene import (
     Ball,
@@ -24,6 +20,10 @@ from graycard.synth._scene import (
 )
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import chart_patches, scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _props as props
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._flash_room import FlashRoom, Room, color_chart
 
 LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
 

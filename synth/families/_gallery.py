@@ -8,15 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 import graycard as gc
-from graycard.synth import _props as props
-from graycard.synth import _textures as textures
-from graycard.synth._family import interleaved, stream
-from graycard.synth._many_lights import ManyLights, Stand, lit
 from graycard.synth._mesh import blob, box, torus
 from graycard.synth._scene import Ball, Matte, Quad, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import blackbody, illuminant, paint, scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _props as props
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._family import interleaved
+from graycard.synth.families._many_lights import ManyLights, Stand, lit
 
 WIDTH, DEPTH, HEIGHT = 4.6, 4.2, 2.9
 """Of the room, metres: x is across, the back wall lies at y = DEPTH / 2, the side at -DEPTH / 2 is open."""

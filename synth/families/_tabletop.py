@@ -9,8 +9,6 @@ from typing import ClassVar
 import numpy as np
 
 import graycard as gc
-from graycard.synth import _textures as textures
-from graycard.synth._family import check_knobs, choice, count, interleaved, knob, stream
 from graycard.synth._scene import (
     MATERIALS,
     Color,
@@ -27,15 +25,18 @@ from graycard.synth._scene import (
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import blackbody, illuminant, scaled
-from graycard.synth._table_objects import Piece, others_of, places, target_of
-from graycard.synth._table_surfaces import HEIGHT, Surface
+from graycard.synth._stream import stream
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._family import Knobs, choice, count, interleaved, knob
+from graycard.synth.families._table_objects import Piece, others_of, places, target_of
+from graycard.synth.families._table_surfaces import HEIGHT, Surface
 
 _WALK = 2.6
 """Angle around the table that the camera covers, radians."""
 
 
 @dataclass(frozen=True, slots=True)
-class Tabletop(ABC):
+class Tabletop(Knobs, ABC):
     """Objects on a surface in a room with windows; the tallest is the target.
 
     Raises:
@@ -54,9 +55,6 @@ class Tabletop(ABC):
     """Factor on the lamp above the table."""
 
     track: ClassVar[str] = "tabletop"
-
-    def __post_init__(self) -> None:
-        check_knobs(self)
 
     @abstractmethod
     def surface(self, seed: int) -> Surface:

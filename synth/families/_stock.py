@@ -3,13 +3,13 @@
 
 import numpy as np
 
-from graycard.synth import _furniture as furniture
-from graycard.synth import _interior as interior
-from graycard.synth import _props as props
-from graycard.synth import _textures as textures
 from graycard.synth._mesh import Mesh, merge, torus
 from graycard.synth._scene import Ball, Color, Geometry, Texture, Vector
 from graycard.synth._spectra import chart_patches, paint, scaled
+from graycard.synth.families import _furniture as furniture
+from graycard.synth.families import _interior as interior
+from graycard.synth.families import _props as props
+from graycard.synth.families import _textures as textures
 
 PAINTS = ("moderate red", "blue sky", "foliage", "orange", "purplish blue", "yellow green", "light skin")
 

@@ -17,11 +17,11 @@ from graycard.synth import (
     families,
     family_of,
 )
-from graycard.synth._gallery import STANDS as GALLERY
-from graycard.synth._gallery import Gallery
-from graycard.synth._many_lights import _shares, gaussian_light
-from graycard.synth._studio import STANDS as STUDIO
-from graycard.synth._studio import Studio
+from graycard.synth.families._gallery import STANDS as GALLERY
+from graycard.synth.families._gallery import Gallery
+from graycard.synth.families._many_lights import _shares, gaussian_light
+from graycard.synth.families._studio import STANDS as STUDIO
+from graycard.synth.families._studio import Studio
 
 SETTINGS = RenderSettings(16, 16, 2, 1, 16)
 ROOMS = "studio", "gallery"

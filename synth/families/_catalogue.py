@@ -12,15 +12,15 @@ from itertools import pairwise
 from typing import Any
 
 import graycard as gc
-from graycard.synth._cluttered_lab import ClutteredLab
-from graycard.synth._corridor import Corridor
-from graycard.synth._family import Family
-from graycard.synth._gallery import Gallery
-from graycard.synth._objects import Objects
-from graycard.synth._shelf_room import ShelfRoom
 from graycard.synth._spec import SceneSpec
-from graycard.synth._studio import Studio
-from graycard.synth._tables import CurvedTable, GlossyTable, MarbleTable, MatteTable, MetalTable
+from graycard.synth.families._cluttered_lab import ClutteredLab
+from graycard.synth.families._corridor import Corridor
+from graycard.synth.families._family import Family
+from graycard.synth.families._gallery import Gallery
+from graycard.synth.families._objects import Objects
+from graycard.synth.families._shelf_room import ShelfRoom
+from graycard.synth.families._studio import Studio
+from graycard.synth.families._tables import CurvedTable, GlossyTable, MarbleTable, MatteTable, MetalTable
 
 _FAMILIES: tuple[type[Family], ...] = (
     Corridor,

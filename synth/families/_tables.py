@@ -4,13 +4,14 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-from graycard.synth import _textures as textures
-from graycard.synth._family import choice, knob, stream
-from graycard.synth._metals import METALS, conductor
 from graycard.synth._scene import MATERIALS, Color, Material, Matte, Texture, polished
 from graycard.synth._spectra import scaled
-from graycard.synth._table_surfaces import Dome, Flat, Surface
-from graycard.synth._tabletop import PolishedTabletop, Tabletop
+from graycard.synth._stream import stream
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._family import choice, knob
+from graycard.synth.families._metals import METALS, conductor
+from graycard.synth.families._table_surfaces import Dome, Flat, Surface
+from graycard.synth.families._tabletop import PolishedTabletop, Tabletop
 
 
 @dataclass(frozen=True, slots=True)

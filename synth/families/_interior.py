@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Procedural surfaces of workshops and stores: floors, sheet metal, pegboard, posters, instrument panels.
 
-As in :mod:`graycard.synth._textures`: linear Rec.709 reflectances of shape ``(size, size, 3)``.
+As in :mod:`graycard.synth.families._textures`: linear Rec.709 reflectances of shape ``(size, size, 3)``.
 """
 
 import numpy as np
 
-from graycard.synth._textures import BRIGHTEST, DARKEST, SIZE, Vector, fractal_noise, painted
+from graycard.synth.families._textures import BRIGHTEST, DARKEST, SIZE, Vector, fractal_noise, painted
 
 _INK = (0.03, 0.03, 0.035)
 _PAPER = (0.72, 0.70, 0.64)

@@ -8,15 +8,16 @@ from typing import ClassVar
 import numpy as np
 
 import graycard as gc
-from graycard.synth import _props as props
-from graycard.synth import _textures as textures
-from graycard.synth import _toys as toys
-from graycard.synth._family import check_knobs, choice, count, interleaved, knob, stream
 from graycard.synth._mesh import blob, lathe
 from graycard.synth._scene import MATERIALS, Color, Material, Matte, Scene, Texture, Thing, polished
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import Vector, blackbody, illuminant, paint, scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _props as props
+from graycard.synth.families import _textures as textures
+from graycard.synth.families import _toys as toys
+from graycard.synth.families._family import Knobs, choice, count, interleaved, knob
 
 RADIUS = 1.1
 """Of the disc on which the objects stand, metres; its upper side is at z = 0."""
@@ -26,7 +27,7 @@ _PLACES = ((0.34, 0.3), (-0.36, 0.32), (-0.32, -0.34), (0.36, -0.3))
 
 
 @dataclass(frozen=True, slots=True)
-class Objects:
+class Objects(Knobs):
     """Objects of many shapes and materials under an environment, seen from half a circle around.
 
     Raises:
@@ -48,9 +49,6 @@ class Objects:
     track: ClassVar[str] = "multilight"
     name: ClassVar[str] = "objects"
     title: ClassVar[str] = "bricks, a toy, a plant and a helmet on a disc under an environment alone"
-
-    def __post_init__(self) -> None:
-        check_knobs(self)
 
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The objects of a seed."""

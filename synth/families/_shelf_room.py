@@ -7,17 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from graycard.synth import _furniture as furniture
-from graycard.synth import _interior as interior
-from graycard.synth import _props as props
-from graycard.synth import _stock as stock
-from graycard.synth import _textures as textures
-from graycard.synth._family import stream
-from graycard.synth._flash_room import FlashRoom, Room, color_chart, walk
 from graycard.synth._mesh import merge, turn_about_z
 from graycard.synth._scene import Matte, Scene, Texture, Thing
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _furniture as furniture
+from graycard.synth.families import _interior as interior
+from graycard.synth.families import _props as props
+from graycard.synth.families import _stock as stock
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._flash_room import FlashRoom, Room, color_chart, walk
 
 _ROOM = Room(7.0, 4.2, 3.2)
 

@@ -2,7 +2,7 @@
 """What a scene family is: a frozen dataclass of knobs that builds a scene from a seed."""
 
 import dataclasses
-import zlib
+from collections.abc import Mapping
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
@@ -41,27 +41,28 @@ def choice(default: str, *others: str) -> Any:
     return dataclasses.field(default=default, metadata={"words": (default, *others)})
 
 
-def check_knobs(family: Any) -> None:
-    """Hold each knob against its range.
+@dataclasses.dataclass(frozen=True, slots=True)
+class Knobs:
+    """Base of the families: each knob is held against its range when they are made.
 
     Raises:
-        ValueError: One lies outside.
+        ValueError: A knob is out of its range.
     """
-    for field in dataclasses.fields(family):
-        value = getattr(family, field.name)
-        if "words" in field.metadata:
-            words = field.metadata["words"]
-            if value not in words:
-                raise ValueError(f"expected {field.name} to be one of {', '.join(words)}, got {value!r}")
-            continue
-        low, high = field.metadata["range"]
-        if not low <= value <= high:
-            raise ValueError(f"expected {field.name} in [{low}, {high}], got {value}")
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            _check_knob(field.name, getattr(self, field.name), field.metadata)
 
 
-def stream(seed: int, subject: str) -> np.random.Generator:
-    """Randomness for one subject of a scene: a change to one subject leaves all others as they are."""
-    return np.random.default_rng(np.random.SeedSequence([seed, zlib.crc32(subject.encode())]))
+def _check_knob(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
+    if "words" in metadata:
+        words = metadata["words"]
+        if value not in words:
+            raise ValueError(f"expected {name} to be one of {', '.join(words)}, got {value!r}")
+        return
+    low, high = metadata["range"]
+    if not low <= value <= high:
+        raise ValueError(f"expected {name} in [{low}, {high}], got {value}")
 
 
 def interleaved(cameras: list[gc.Camera], test_views: int) -> tuple[gc.View, ...]:

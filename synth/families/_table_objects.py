@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from graycard.synth import _props as props
-from graycard.synth import _textures as textures
-from graycard.synth._family import stream
 from graycard.synth._mesh import Mesh, blob, torus
 from graycard.synth._scene import Texture
 from graycard.synth._spectra import paint, scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _props as props
+from graycard.synth.families import _textures as textures
 
 _SHADES = ("moderate red", "orange", "purplish blue", "foliage", "blue sky", "yellow green", "light skin")
 CREAM, NAVY = (0.6, 0.55, 0.45), (0.05, 0.07, 0.16)

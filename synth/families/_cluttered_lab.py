@@ -8,17 +8,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from graycard.synth import _furniture as furniture
-from graycard.synth import _interior as interior
-from graycard.synth import _props as props
-from graycard.synth import _stock as stock
-from graycard.synth import _textures as textures
-from graycard.synth._family import stream
-from graycard.synth._flash_room import FlashRoom, Room, color_chart, walk
 from graycard.synth._mesh import merge, torus
 from graycard.synth._scene import Matte, Quad, Scene, Texture, Thing, Vector
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import paint, scaled
+from graycard.synth._stream import stream
+from graycard.synth.families import _furniture as furniture
+from graycard.synth.families import _interior as interior
+from graycard.synth.families import _props as props
+from graycard.synth.families import _stock as stock
+from graycard.synth.families import _textures as textures
+from graycard.synth.families._flash_room import FlashRoom, Room, color_chart, walk
 
 _ROOM = Room(6.6, 4.4, 3.1)
 _BENCH, _HOOD_AT = 0.9, (6.2, 0.95)

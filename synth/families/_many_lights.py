@@ -8,7 +8,6 @@ from itertools import cycle
 import numpy as np
 
 import graycard as gc
-from graycard.synth._family import check_knobs, choice, count, knob, stream
 from graycard.synth._scene import (
     MATERIALS,
     Color,
@@ -21,6 +20,8 @@ from graycard.synth._scene import (
     triple,
 )
 from graycard.synth._spectra import Vector, blackbody
+from graycard.synth._stream import stream
+from graycard.synth.families._family import Knobs, choice, count, knob
 
 MOST_LIGHTS = 8
 
@@ -46,7 +47,7 @@ class Stand:
 
 
 @dataclass(frozen=True, slots=True)
-class ManyLights:
+class ManyLights(Knobs):
     """Knobs of a room under several local lights and dim surroundings.
 
     Raises:
@@ -73,9 +74,6 @@ class ManyLights:
     caustics, whose noise lowers the noise ceiling of the truth by several dB."""
     material: str = choice(*MATERIALS)
     """What shines is made of: the papers' material, or Disney's."""
-
-    def __post_init__(self) -> None:
-        check_knobs(self)
 
     def surface(self, seed: int, name: str, color: Color, roughness: float) -> Material:
         """The material of an object: shining if the seed has it among the share of :attr:`gloss`."""
