@@ -110,15 +110,6 @@ def triangulate(points: gc.Points, cameras: dict[int, gc.Camera]) -> np.ndarray:
     return found
 
 
-def covariance(points: gc.Points, cameras: dict[int, gc.Camera], noise: float) -> np.ndarray:
-    """Covariance of triangulated positions, shape ``(N, 3, 3)``, m², for a noise in pixels; to first order.
-
-    ``sigma² (Σ JᵀJ)⁻¹``, so the error in depth grows with distance² over baseline.
-    """
-    slope = _residuals(points.positions, points, cameras)[1]
-    return noise**2 * np.linalg.inv(_sums(np.einsum("mij,mik->mjk", slope, slope), points))
-
-
 def _residuals(
     positions: np.ndarray, points: gc.Points, cameras: dict[int, gc.Camera]
 ) -> tuple[np.ndarray, np.ndarray]:
