@@ -6,6 +6,7 @@ imported here: :mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.ev
 :mod:`graycard.benchmarks`, :mod:`graycard.reports`.
 """
 
+from graycard._angles import angles as angles
 from graycard._camera import Camera as Camera
 from graycard._camera import look_at as look_at
 from graycard._colour import display_variance as display_variance
