@@ -10,18 +10,15 @@ import numpy as np
 import graycard as gc
 from graycard.synth._scene import (
     MATERIALS,
-    Color,
-    Material,
-    Matte,
     Scene,
     Thing,
-    polished,
     surface_of,
     triple,
 )
 from graycard.synth._spectra import Vector, blackbody
 from graycard.synth._stream import stream
 from graycard.synth.families._family import Knobs, choice, count, knob
+from graycard.synth.families._gloss import PartlyGlossy
 
 MOST_LIGHTS = 8
 
@@ -30,8 +27,6 @@ IRRADIANCE = 3.0
 
 KINDS = ("rectangle", "sphere", "spot", "point")
 """Of "mixed" lights, in turn."""
-
-BRASS = (0.60, 0.44, 0.20)
 
 _JITTER = 0.12
 """How far a seed moves a lamp and its aim along each axis, metres."""
@@ -47,7 +42,7 @@ class Stand:
 
 
 @dataclass(frozen=True, slots=True)
-class ManyLights(Knobs):
+class ManyLights(PartlyGlossy, Knobs):
     """Knobs of a room under several local lights and dim surroundings.
 
     Raises:
@@ -74,16 +69,6 @@ class ManyLights(Knobs):
     caustics, whose noise lowers the noise ceiling of the truth by several dB."""
     material: str = choice(*MATERIALS)
     """What shines is made of: the papers' material, or Disney's."""
-
-    def surface(self, seed: int, name: str, color: Color, roughness: float) -> Material:
-        """The material of an object: shining if the seed has it among the share of :attr:`gloss`."""
-        if stream(seed, f"gloss of {name}").random() < self.gloss:
-            return polished(self.material, color, roughness)
-        return Matte(color)
-
-    def metal(self, color: Color = BRASS) -> Material:
-        """The material of what is made of metal."""
-        return polished(self.material, color, self.metal_roughness, 1.0) if self.gloss else Matte(color)
 
     def lamps(self, seed: int, stands: Sequence[Stand]) -> tuple[gc.LocalLight, ...]:
         """The local lights ``lamp-1``, ``lamp-2`` ... of a seed, on the first of the stands."""

@@ -9,7 +9,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.synth._mesh import blob, lathe
-from graycard.synth._scene import MATERIALS, Color, Material, Matte, Scene, Texture, Thing, polished
+from graycard.synth._scene import MATERIALS, Matte, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import Vector, blackbody, illuminant, paint, scaled
@@ -18,16 +18,19 @@ from graycard.synth.families import _props as props
 from graycard.synth.families import _textures as textures
 from graycard.synth.families import _toys as toys
 from graycard.synth.families._family import Knobs, choice, count, interleaved, knob
+from graycard.synth.families._gloss import BRASS, PartlyGlossy
 
 RADIUS = 1.1
 """Of the disc on which the objects stand, metres; its upper side is at z = 0."""
+
+_STEEL = (0.56, 0.55, 0.53)
 
 _PLACES = ((0.34, 0.3), (-0.36, 0.32), (-0.32, -0.34), (0.36, -0.3))
 """Where the bricks, the tower, the plant and the helmet stand before the group is turned, metres."""
 
 
 @dataclass(frozen=True, slots=True)
-class Objects(Knobs):
+class Objects(PartlyGlossy, Knobs):
     """Objects of many shapes and materials under an environment, seen from half a circle around.
 
     Raises:
@@ -66,12 +69,6 @@ class Objects(Knobs):
             views=interleaved(_cameras(seed, settings), settings.test_views),
             sky=_surroundings(seed, self.windows, self.daylight),
         )
-
-    def surface(self, seed: int, name: str, color: Color, roughness: float) -> Material:
-        """The material of an object: shining if the seed has it among the share of :attr:`gloss`."""
-        if stream(seed, f"gloss of {name}").random() < self.gloss:
-            return polished(self.material, color, roughness)
-        return Matte(color)
 
 
 def _place(number: int, seed: int) -> Vector:
@@ -132,11 +129,9 @@ def _plant(knobs: Objects, seed: int) -> Iterator[Thing]:
 
 def _helmet(knobs: Objects, seed: int) -> Thing:
     rng, at = stream(seed, "helmet"), _place(3, seed)
-    steel, brass = (0.56, 0.55, 0.53), (0.60, 0.44, 0.20)
-    color = textures.plaster(rng, (steel, brass)[rng.integers(2)], 0.08)
-    metal = polished(knobs.material, Texture(color), knobs.metal_roughness, 1.0)
+    color = textures.plaster(rng, (_STEEL, BRASS)[rng.integers(2)], 0.08)
     shape = toys.helmet(0.17).moved(at, rng.uniform(0, 6))
-    return Thing("helmet", shape, metal if knobs.gloss else Matte(Texture(color)))
+    return Thing("helmet", shape, knobs.metal(Texture(color)))
 
 
 def _in_the_middle(knobs: Objects, seed: int) -> Iterator[Thing]:

@@ -21,9 +21,8 @@ class GlossyTable(PolishedTabletop):
     name: ClassVar[str] = "glossy-table"
     title: ClassVar[str] = "objects on a lacquered wooden table by a window; the tallest is to be removed"
 
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """Flat."""
-        del seed
         return Flat()
 
     def finish(self, seed: int) -> Material:
@@ -44,9 +43,8 @@ class MetalTable(PolishedTabletop):
     name: ClassVar[str] = "metal-table"
     title: ClassVar[str] = "objects on a metal table by a window; the tallest is to be removed"
 
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """Flat."""
-        del seed
         return Flat()
 
     def finish(self, seed: int) -> Material:
@@ -66,9 +64,8 @@ class MarbleTable(PolishedTabletop):
     name: ClassVar[str] = "marble-table"
     title: ClassVar[str] = "objects on a polished marble table by a window; the tallest is to be removed"
 
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """Flat."""
-        del seed
         return Flat()
 
     def finish(self, seed: int) -> Material:
@@ -94,9 +91,8 @@ class CurvedTable(PolishedTabletop):
     name: ClassVar[str] = "curved-table"
     title: ClassVar[str] = "objects on a bulging, glazed round table; the tallest is to be removed"
 
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """A cap of a sphere."""
-        del seed
         return Dome(self.curvature)
 
     def finish(self, seed: int) -> Material:
@@ -120,9 +116,8 @@ class MatteTable(Tabletop):
         "objects on a table with a linen cloth, all of it matte; the tallest is to be removed"
     )
 
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """Flat."""
-        del seed
         return Flat()
 
     def finish(self, seed: int) -> Material:

@@ -57,7 +57,7 @@ class Tabletop(Knobs, ABC):
     track: ClassVar[str] = "tabletop"
 
     @abstractmethod
-    def surface(self, seed: int) -> Surface:
+    def surface(self) -> Surface:
         """The shape of what the objects stand on."""
 
     @abstractmethod
@@ -71,7 +71,7 @@ class Tabletop(Knobs, ABC):
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The table of a seed."""
         lamp = _lamp(seed, self.lamp)
-        surface, target = self.surface(seed), target_of(seed, self.target_size)
+        surface, target = self.surface(), target_of(seed, self.target_size)
         pieces = [target, *others_of(seed, self.objects - 1)]
         table = Thing("table", surface.top(), self.finish(seed))
         foot = Thing("foot", surface.foot(), Matte((0.12, 0.11, 0.11)))

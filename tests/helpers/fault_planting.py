@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -97,6 +98,14 @@ def edit_lights(scene: Path, change: Callable[[gc.Light], gc.Light]) -> None:
 def edit_index(scene: Path, name: str, **values: object) -> None:
     path = scene / name
     gc.write_json(path, gc.read_json(path) | values)
+
+
+def edit_manifest(scene: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Change what the manifest of the truth says of where the scene comes from."""
+    path = scene / "truth" / "manifest.json"
+    data = gc.read_json(path)
+    change(data)
+    gc.write_json(path, data)
 
 
 def swap(layers: Layers, a: str, b: str) -> None:
