@@ -12,8 +12,7 @@ from graycard.benchmarks._gate import judge as judge
 from graycard.benchmarks._gate import make_baseline as make_baseline
 from graycard.benchmarks._gate import read_baseline as read_baseline
 from graycard.benchmarks._gate import write_baseline as write_baseline
-from graycard.benchmarks._runner import RunError as RunError
-from graycard.benchmarks._runner import run_all as run_all
+from graycard.benchmarks._run_record import RunError as RunError
 from graycard.benchmarks._runner import run_bench as run_bench
 from graycard.benchmarks._sources import environment as environment
 from graycard.benchmarks._sources import usable_cores as usable_cores
@@ -22,3 +21,4 @@ from graycard.benchmarks._suites import SuiteMethod as SuiteMethod
 from graycard.benchmarks._suites import load_suite as load_suite
 from graycard.benchmarks._suites import narrow as narrow
 from graycard.benchmarks._suites import suite_names as suite_names
+from graycard.benchmarks._workers import run_all as run_all

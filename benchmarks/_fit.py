@@ -5,8 +5,7 @@ import random
 import resource
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,8 +16,6 @@ from graycard import (
     Capture,
     Cost,
     DatasetError,
-    GraycardError,
-    MethodError,
     Progress,
     Truth,
     clear_predictions,
@@ -26,7 +23,7 @@ from graycard import (
     open_truth,
     writable_folder,
 )
-from graycard.methods import LIGHTS, Method, Priors, load_method, settings_of, write_predictions
+from graycard.methods import LIGHTS, Method, Priors, blame, load_method, settings_of, write_predictions
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Truth that only scenes with a target have."""
@@ -70,9 +67,9 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
         writable_folder(save)
     seed_everything(spec.seed)
     start = time.perf_counter()
-    with _blame(spec.method):
+    with blame(spec.method):
         decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-        write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
+    write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
     cost = Cost(time.perf_counter() - start, peak_memory_mib())
     if save is not None:
         decomposition.save(save)
@@ -115,27 +112,6 @@ def peak_memory_mib() -> float:
         return int(lines["VmHWM"].split()[0]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
-
-
-@contextmanager
-def _blame(method: str) -> Iterator[None]:
-    """Whatever a method raises is an error of the method; a full disk and the like are not."""
-    try:
-        yield
-    except (GraycardError, KeyboardInterrupt):
-        raise
-    except BaseException as cause:  # SystemExit too: a method must not end the run of the others
-        raise MethodError(
-            f"expected method {method!r} to fit, got {type(cause).__name__}: {_words(cause)}"
-        ) from cause
-
-
-def _words(error: BaseException) -> str:
-    """What an exception says, even if saying it fails."""
-    try:
-        return str(error)
-    except Exception:  # a method's own exception may be broken too
-        return "(it cannot say what)"
 
 
 def _pick(truth: Truth, view: str, wanted: set[str]) -> dict[str, np.ndarray]:

@@ -35,6 +35,7 @@ from graycard import (
 from graycard.benchmarks._fit import FitSpec, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
+from graycard.methods import words_of
 from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
 R = TypeVar("R")
@@ -193,12 +194,12 @@ def _guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
     except OutputError as error:
         return Outcome(reason=str(error), fatal=True)  # a full disk is no fault of the method
     except GraycardError as error:
-        return Outcome(reason=f"{error or type(error).__name__}{_logged(log, error)}")
-    except Exception as error:
-        return Outcome(reason=f"{type(error).__name__}: {error}{_logged(log, error)}")
+        return Outcome(reason=f"{words_of(error) or type(error).__name__}{_logged(log, error)}")
+    except BaseException as error:  # Ctrl+C does not reach a worker: whoever raised it here is the job
+        return Outcome(reason=f"{type(error).__name__}: {words_of(error)}{_logged(log, error)}")
 
 
-def _logged(log: Path | None, error: Exception) -> str:
+def _logged(log: Path | None, error: BaseException) -> str:
     """Keep the traceback of what is not ours, and say where."""
     ours = isinstance(error, GraycardError) and isinstance(error.__cause__, GraycardError | None)
     if log is None or ours:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions against truth: metrics, gauges, scores."""
 
-from graycard.eval._angles import angles as angles
+from graycard import angles as angles
 from graycard.eval._flip import flip as flip
 from graycard.eval._flip import flip_map as flip_map
 from graycard.eval._gauge import Moments as Moments

@@ -3,40 +3,14 @@
 
 import numpy as np
 
-
-def angles(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """Angle between two fields of directions, shape ``(...)``, degrees, float64.
-
-    ``atan2(|p x t|, p . t)``: exact at 0° and 180°, where the arc cosine loses half its digits, and
-    the same whatever the lengths. A prediction of length zero points nowhere; it is counted as 90°,
-    the mean angle of a random direction, where the formula alone would call it perfect.
-
-    Args:
-        predicted: shape ``(..., 3)``, of any length.
-        true: shape ``(..., 3)``, not of length zero.
-
-    Raises:
-        ValueError: The shapes differ or are no vectors.
-
-    Example:
-        >>> import numpy as np
-        >>> angles(np.array([[0, 0, 2.0], [0, 1, 0], [0, 0, 0]]), np.array([[0, 0, 1.0]] * 3)).tolist()
-        [0.0, 90.0, 90.0]
-    """
-    p, t = np.asarray(predicted, np.float64), np.asarray(true, np.float64)
-    if p.shape != t.shape or p.shape[-1] != 3:
-        raise ValueError(f"expected two fields of vectors (..., 3) of one shape, got {p.shape} and {t.shape}")
-    # A power of two rounds nothing, and keeps the squares of tiny and huge vectors representable.
-    p = np.ldexp(p, -np.frexp(np.abs(p).max(axis=-1, keepdims=True))[1])
-    turned = np.degrees(np.arctan2(np.linalg.norm(np.cross(p, t), axis=-1), (p * t).sum(axis=-1)))
-    return np.where((p == 0).all(axis=-1), 90.0, turned)
+from graycard import angles
 
 
 def mean_angle(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
-    """Mean of :func:`angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
+    """Mean of :func:`graycard.angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
     return float(angles(predicted[mask], true[mask]).mean())
 
 
 def median_angle(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
-    """Median of :func:`angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
+    """Median of :func:`graycard.angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
     return float(np.median(angles(predicted[mask], true[mask])))

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Methods that take photographs apart, behind one contract; nothing here is imported to list them."""
 
+from graycard.methods._blame import blame as blame
+from graycard.methods._blame import words_of as words_of
 from graycard.methods._contract import LIGHTS as LIGHTS
 from graycard.methods._contract import Decomposition as Decomposition
 from graycard.methods._contract import Method as Method

@@ -18,6 +18,7 @@ from graycard import (
     shape_of,
     write_view,
 )
+from graycard.methods._blame import blame
 from graycard.methods._contract import Decomposition, Removable
 
 
@@ -31,16 +32,20 @@ def write_predictions(
 
     Raises:
         UnknownNameError: The decomposition provides a layer that is not in the vocabulary.
-        MethodError: It is none, or does not give what it claims.
+        MethodError: It is none, breaks, or does not give what it claims.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    _check(method, decomposition)
-    without = _without_target(decomposition, capture)
+    with blame(method):
+        _check(method, decomposition)
+        without = _without_target(decomposition, capture)
     for done, view in enumerate(capture.views):
         progress(done / len(capture.views), f"rendering {view.name}")
-        write_view(folder, view.name, _layers(decomposition, without, view))
-    index = Predictions(method, capture.track, capture.scene)
-    finish_predictions(folder, index, _lights(decomposition))
+        with blame(method):
+            layers = _layers(decomposition, without, view)
+        write_view(folder, view.name, layers)
+    with blame(method):
+        lights = _lights(decomposition)
+    finish_predictions(folder, Predictions(method, capture.track, capture.scene), lights)
 
 
 def _without_target(decomposition: Decomposition, capture: Capture) -> Decomposition | None:

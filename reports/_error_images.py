@@ -38,7 +38,7 @@ def error_image(
     p, t = predicted.astype(np.float64), true.astype(np.float64)
     match layer:
         case "normal":
-            error = angle_degrees(p, t)
+            error = gc.angles(p, t)
         case "depth":
             error = _absolute_difference(p, t)
         case "base_color":
@@ -46,16 +46,6 @@ def error_image(
         case _:
             error = np.abs(gc.srgb_encode(p * exposure) - gc.srgb_encode(t * exposure)).max(axis=-1)
     return np.where(mask, error, np.nan)
-
-
-def angle_degrees(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle between vectors, shape ``(..., 3)`` to ``(...)``, degrees; 90 where one is zero.
-
-    ``atan2(|a x b|, a · b)`` is exact for small angles, where the arc cosine is not.
-    """
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))) + 90 * (
-        ~(a.any(axis=-1) & b.any(axis=-1))
-    )
 
 
 def shared_scale(errors: Sequence[np.ndarray]) -> float:

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import graycard as gc
-from graycard.synth._families import family_of, resolved_knobs
-from graycard.synth._family import stream
 from graycard.synth._free_space import Obstacles, bounds, in_picture, obstacles
 from graycard.synth._mesh import Mesh, turn_about_z
 from graycard.synth._scene import Ball, Geometry, Quad, Scene, Thing
 from graycard.synth._spec import RenderSettings, SceneSpec
+from graycard.synth._stream import stream
+from graycard.synth.families import family_of, resolved_knobs
 
 _SIZE = (0.18, 0.75)
 """Longest side of what is put into a scene, metres."""

@@ -5,7 +5,6 @@ Import it only after ``use_renderer``. It runs in every variant with the same va
 a surface, as path tracers from the camera do, but not traced from the light.
 """
 
-from functools import cache
 from typing import Any
 
 import drjit as dr
@@ -13,6 +12,7 @@ import mitsuba as mi
 import numpy as np
 
 import graycard as gc
+from graycard.synth._plugin import register_plugin
 from graycard.synth._variant import SCALAR
 
 PLUGIN = "spherical_gaussians"
@@ -26,7 +26,7 @@ def gaussian_emitter(light: gc.GaussianLight, camera: gc.Camera, weight: dict[st
         camera: Where a light of the ``camera`` frame is mounted.
         weight: ``sampling_weight`` of the emitter.
     """
-    _register(mi.variant())
+    _register()
     content: dict[str, Any] = {"type": PLUGIN, "position": gc.world_position(light, camera).tolist()}
     for number, lobe in enumerate(light.lobes):
         axis = np.array(lobe.axis) / np.linalg.norm(lobe.axis)
@@ -37,9 +37,7 @@ def gaussian_emitter(light: gc.GaussianLight, camera: gc.Camera, weight: dict[st
     return content | {"lobes": len(light.lobes)} | weight
 
 
-@cache
-def _register(variant: str) -> Any:
-    """The plugin's class in a variant: each variant has base classes of its own."""
+def _register() -> None:
     methods = {
         "__init__": _initialise,
         "sample_direction": _sample_direction,
@@ -49,9 +47,7 @@ def _register(variant: str) -> Any:
         "bbox": _bbox,
         "to_string": _to_string,
     }
-    made = type(f"SphericalGaussians[{variant}]", (mi.Emitter,), methods)
-    mi.register_emitter(PLUGIN, made)
-    return made
+    register_plugin(PLUGIN, "Emitter", methods)
 
 
 def _initialise(self: Any, properties: Any) -> None:

@@ -16,11 +16,12 @@ It runs in every variant with the same values. With LLVM it costs what a compile
 ``scalar_rgb`` each evaluation passes through the Python interpreter, some fifty times slower.
 """
 
-from functools import cache
 from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
+
+from graycard.synth._plugin import register_plugin
 
 PLUGIN = "lambert_ggx"
 
@@ -44,13 +45,6 @@ class _Surface(NamedTuple):
 
 def register() -> str:
     """Make the material known to the variant in use; the name of its plugin."""
-    _register(mi.variant())
-    return PLUGIN
-
-
-@cache
-def _register(variant: str) -> Any:
-    """The plugin's class in a variant: each variant has base classes of its own."""
     methods = {
         "__init__": _initialise,
         "sample": _sample,
@@ -65,9 +59,8 @@ def _register(variant: str) -> Any:
         "eval_diffuse_reflectance": _eval_diffuse_reflectance,
         "to_string": _to_string,
     }
-    made = type(f"LambertGGX[{variant}]", (mi.BSDF,), methods)
-    mi.register_bsdf(PLUGIN, made)
-    return made
+    register_plugin(PLUGIN, "BSDF", methods)
+    return PLUGIN
 
 
 def _initialise(self: Any, properties: mi.Properties) -> None:

@@ -19,11 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import graycard as gc
-from graycard.synth._family import stream
 from graycard.synth._free_space import Obstacles, is_seen, looked_at, obstacles
 from graycard.synth._scene import Scene, Thing, surface_of, triple
 from graycard.synth._sky import Window, room
 from graycard.synth._spectra import Vector, blackbody, illuminant, scaled
+from graycard.synth._stream import stream
 
 _COLORS = {"2600 K": 2600.0, "4200 K": 4200.0, "7500 K": 7500.0, "15000 K": 15000.0}
 """Temperatures of the black bodies whose colours lights are given."""

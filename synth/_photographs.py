@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 import graycard as gc
-from graycard.synth._family import stream
 from graycard.synth._spec import CaptureSettings
+from graycard.synth._stream import stream
 
 
 def sensor_of(settings: CaptureSettings, views: Sequence[str], seed: int) -> gc.Sensor | None:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import graycard as gc
-from graycard.synth._families import family_of, resolved_knobs, scene_name
 from graycard.synth._finish import finish
 from graycard.synth._renderings import content_of, missing, renderings, write_missing
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
@@ -20,6 +19,7 @@ from graycard.synth._store import (
     stamped,
 )
 from graycard.synth._variant import can_render, use_renderer
+from graycard.synth.families import family_of, resolved_knobs, scene_name
 
 
 def render_scene(

@@ -12,8 +12,8 @@ import numpy as np
 from skimage.feature import corner_peaks, corner_shi_tomasi
 
 import graycard as gc
-from graycard.synth._family import stream
 from graycard.synth._spec import CaptureSettings
+from graycard.synth._stream import stream
 
 MIN_VIEWS = 3
 """A track of two is as often a wrong match as a right one; incremental mappers want three."""
@@ -108,15 +108,6 @@ def triangulate(points: gc.Points, cameras: dict[int, gc.Camera]) -> np.ndarray:
         rhs = _sums(np.einsum("mij,mi->mj", slope, miss), points)
         found = found + np.linalg.solve(normal, rhs[..., None])[..., 0]
     return found
-
-
-def covariance(points: gc.Points, cameras: dict[int, gc.Camera], noise: float) -> np.ndarray:
-    """Covariance of triangulated positions, shape ``(N, 3, 3)``, m², for a noise in pixels; to first order.
-
-    ``sigma² (Σ JᵀJ)⁻¹``, so the error in depth grows with distance² over baseline.
-    """
-    slope = _residuals(points.positions, points, cameras)[1]
-    return noise**2 * np.linalg.inv(_sums(np.einsum("mij,mik->mjk", slope, slope), points))
 
 
 def _residuals(

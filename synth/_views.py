@@ -107,14 +107,6 @@ def _seed_of(seed: int, view: int, number: int) -> int:
     return int(np.random.SeedSequence([seed, view, number]).generate_state(1)[0])
 
 
-def radiance(
-    loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
-) -> tuple[np.ndarray, np.ndarray]:
-    """The radiance of a view and the variance of this mean, each ``(H, W, 3)``, float32, by ``path``."""
-    layers = estimate("radiance", radiance_images(loaded, camera, seeds, settings))
-    return layers["radiance"], layers["radiance.var"]
-
-
 def radiance_images(
     loaded: mi.Scene, camera: gc.Camera, seeds: list[int], settings: RenderSettings
 ) -> np.ndarray:

@@ -16,7 +16,7 @@ import graycard as gc
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
 from graycard.synth import find_llvm, use_renderer
-from graycard.synth._corridor import Corridor
+from graycard.synth.families._corridor import Corridor
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]
@@ -285,7 +285,7 @@ def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Cap
     assert main(["look", str(dataset)]) == 0
     assert last_line(capsys) == f"look: 1 contact sheet in {dataset / 'look'}"
     assert (dataset / "look" / "tabletop-tiny-0000.png").is_file()
-    assert gc.scene_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
+    assert gc.capture_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
     assert main(["look", str(dataset / "nowhere")]) == 2
     assert "got no whole scene there" in capsys.readouterr().err
 

@@ -6,8 +6,11 @@ imported here: :mod:`graycard.synth`, :mod:`graycard.methods`, :mod:`graycard.ev
 :mod:`graycard.benchmarks`, :mod:`graycard.reports`.
 """
 
+from graycard._angles import angles as angles
 from graycard._camera import Camera as Camera
 from graycard._camera import look_at as look_at
+from graycard._capture import Capture as Capture
+from graycard._capture import View as View
 from graycard._colour import display_variance as display_variance
 from graycard._colour import luminance as luminance
 from graycard._colour import srgb_decode as srgb_decode
@@ -15,18 +18,11 @@ from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope
 from graycard._dataset import IMPORTER as IMPORTER
 from graycard._dataset import TRACKS as TRACKS
-from graycard._dataset import Capture as Capture
-from graycard._dataset import SceneObject as SceneObject
-from graycard._dataset import Truth as Truth
-from graycard._dataset import View as View
 from graycard._dataset import capture_folders as capture_folders
 from graycard._dataset import manifest_of as manifest_of
 from graycard._dataset import open_capture as open_capture
 from graycard._dataset import open_truth as open_truth
-from graycard._dataset import read_lights as read_lights
-from graycard._dataset import scene_folders as scene_folders
 from graycard._dataset import write_index as write_index
-from graycard._dataset import write_lights as write_lights
 from graycard._edits import Composition as Composition
 from graycard._edits import Donor as Donor
 from graycard._edits import LightEdit as LightEdit
@@ -74,7 +70,9 @@ from graycard._lights import SphericalGaussian as SphericalGaussian
 from graycard._lights import SpotLight as SpotLight
 from graycard._lights import light_from_json as light_from_json
 from graycard._lights import light_to_json as light_to_json
+from graycard._lights import read_lights as read_lights
 from graycard._lights import world_position as world_position
+from graycard._lights import write_lights as write_lights
 from graycard._lock import alone as alone
 from graycard._manifest import FORMAT_VERSION as FORMAT_VERSION
 from graycard._manifest import Manifest as Manifest
@@ -110,5 +108,7 @@ from graycard._sensor import Sensor as Sensor
 from graycard._transfer import ExchangeFormat as ExchangeFormat
 from graycard._transfer import export_capture as export_capture
 from graycard._transfer import import_capture as import_capture
+from graycard._truth import SceneObject as SceneObject
+from graycard._truth import Truth as Truth
 
 __version__ = "0.1.0"

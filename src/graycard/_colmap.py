@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from graycard._camera import Camera
+from graycard._capture import Capture, View
 from graycard._colmap_points import PointLines, parse_points, point_lines
-from graycard._dataset import Capture, View
 from graycard._errors import DatasetError
 from graycard._exchange import Shot, make_camera, view_name, write_photographs
 from graycard._files import write_bytes

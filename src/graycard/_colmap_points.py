@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard._dataset import Capture
+from graycard._capture import Capture
 from graycard._errors import DatasetError
 from graycard._points import Points, no_points
 

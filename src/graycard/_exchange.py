@@ -12,7 +12,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from graycard._camera import Camera
-from graycard._dataset import Capture, View
+from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard._photographs import write_mask, write_photograph
 

@@ -5,13 +5,14 @@ Each kind of light is a type of its own. On disk a light is a JSON object whose 
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from graycard._camera import Camera
 from graycard._errors import DatasetError, GraycardError, UnknownNameError
-from graycard._json import decode, encode
+from graycard._json import decode, encode, read_json, write_json
 
 Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]
@@ -238,3 +239,24 @@ def light_from_json(data: Any, error: type[GraycardError] = DatasetError, source
     if kind not in _TYPES:
         raise UnknownNameError("light type", kind, _TYPES)
     return decode(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)
+
+
+def read_lights(path: Path) -> tuple[Light, ...]:
+    """The lights in a JSON list.
+
+    Raises:
+        DatasetError: The file is missing or broken, or a light has an unknown key or type.
+    """
+    data = read_json(path, DatasetError)
+    if not isinstance(data, list):
+        raise DatasetError(f"expected a JSON list of lights in {path}, got {type(data).__name__}")
+    return tuple(light_from_json(item, DatasetError, str(path)) for item in data)
+
+
+def write_lights(path: Path, lights: tuple[Light, ...]) -> None:
+    """Write lights as a JSON list.
+
+    Raises:
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_json(path, [light_to_json(light) for light in lights])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from graycard._camera import Camera
-from graycard._dataset import Capture, View
+from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard._exchange import Shot, image_name, make_camera, view_name, write_photographs
 from graycard._json import read_json, write_json

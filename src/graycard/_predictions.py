@@ -14,12 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard._dataset import read_lights, write_lights
 from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard._exr import read_layers, write_layers
 from graycard._files import sha256, sha256_of_files, writable_folder
 from graycard._json import IN_MEMORY, check_version, decode, read_json, write_json
-from graycard._lights import Light
+from graycard._lights import Light, read_lights, write_lights
 
 INDEX, LIGHTS, VIEWS = "predictions.json", "lights.json", "views"
 PREDICTIONS_VERSION = 1

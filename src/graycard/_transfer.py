@@ -9,8 +9,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from graycard._capture import POINTS, Capture, View
 from graycard._colmap import find_model, read_colmap, read_colmap_points, write_colmap
-from graycard._dataset import IMPORTER, POINTS, TRACKS, Capture, View, open_capture, write_index
+from graycard._dataset import IMPORTER, TRACKS, open_capture, write_index
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._exchange import Shot, check_names
 from graycard._exr import write_layers, write_rgb

@@ -10,9 +10,6 @@ from graycard.synth.verify._check import Check
 from graycard.synth.verify._closed_forms import sky_towards, unblocked_irradiance
 from graycard.synth.verify._subject import Picture, Subject
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Of linear Rec.709."""
-
 _POINTS, _SKY_POINTS = 1024, 400
 """About how many pixels of a view integrals over lights are computed at: a sky has thousands of pixels."""
 
@@ -114,7 +111,7 @@ def _judge_formula(
     picture: Picture, light: gc.Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Check:
     """Visibility is a share of luminance, so luminance is what is compared."""
-    got, wanted = found @ LUMINANCE, visible * (sent @ LUMINANCE)
+    got, wanted = gc.luminance(found), visible * gc.luminance(sent)
     exact = isinstance(light, gc.PointLight | gc.SpotLight | gc.GaussianLight)
     if isinstance(light, gc.EnvironmentLight):
         figure = float(np.sqrt(((got - wanted) ** 2).mean() / max(float((got**2).mean()), 1e-30)))

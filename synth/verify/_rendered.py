@@ -19,7 +19,6 @@ from graycard.synth.verify._again import (
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._closed_forms import unblocked_irradiance
 from graycard.synth.verify._comparison import Pair, compare
-from graycard.synth.verify._irradiance import LUMINANCE
 from graycard.synth.verify._relit import edits_of
 from graycard.synth.verify._subject import Picture, Rebuilt, Subject
 from graycard.synth.verify._values import ESTIMATES, PARTS
@@ -218,5 +217,5 @@ def _check_shadows(
 
 def _is_lit(sent: np.ndarray | None) -> np.ndarray:
     """Where a light sends more than what rounding leaves at the rim of its cone and at grazing angles."""
-    level = np.zeros(1) if sent is None else sent @ LUMINANCE
+    level = np.zeros(1) if sent is None else gc.luminance(sent)
     return level > _RIM * level.max(initial=0)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 import graycard as gc
-from graycard.synth._families import family_of
 from graycard.synth._scene import Scene
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
 from graycard.synth._variant import LLVM_RGB
+from graycard.synth.families import family_of
 from graycard.synth.verify._check import At
 
 Layers = Mapping[str, np.ndarray]

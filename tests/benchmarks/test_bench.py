@@ -13,6 +13,7 @@ import pytest
 
 import graycard as gc
 from graycard.__main__ import main
+from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks._runner import job_hash
 
 TRACKS = ("dark", "tabletop", "multilight")
@@ -219,6 +220,7 @@ def test_gate_fails_when_less_was_measured(
 
 BROKEN = """
 import os
+from graycard import GraycardError, OutputError
 from graycard.methods import NoSettings
 class Raises:
     summary, needs, settings_type = "Raises in fit", (), NoSettings
@@ -234,6 +236,20 @@ class Hangs(Raises):
 class Dies(Raises):
     summary = "Takes its process down"
     def fit(self, capture, priors, settings, seed, progress): os._exit(9)
+class CannotWrite(Raises):
+    summary = "Has no room for its own files"
+    def fit(self, capture, priors, settings, seed, progress): raise OutputError("no room for a checkpoint")
+class Interrupts(Raises):
+    summary = "Raises what Ctrl+C raises"
+    def fit(self, capture, priors, settings, seed, progress): raise KeyboardInterrupt
+class Speechless(GraycardError):
+    def __str__(self): raise RuntimeError("no words")
+class CannotSay(Raises):
+    summary = "Raises what has no words"
+    def fit(self, capture, priors, settings, seed, progress): raise Speechless
+class NoText(Raises):
+    summary = "Raises words that are no text"
+    def fit(self, capture, priors, settings, seed, progress): raise ValueError("file " + chr(0xDCFF))
 """
 
 
@@ -244,6 +260,48 @@ def broken_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[s
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     yield "broken_methods"
     sys.modules.pop("broken_methods", None)
+
+
+BREAKS = {
+    "Raises": "RuntimeError: no convergence (traceback in error.txt)",
+    "Exits": "got SystemExit: 0",
+    "CannotWrite": "got OutputError: no room for a checkpoint",
+    "Interrupts": "KeyboardInterrupt",
+    "CannotSay": "(it cannot say what)",
+    "NoText": "got ValueError: file ?",
+}
+
+
+@pytest.fixture
+def threads(monkeypatch: pytest.MonkeyPatch) -> int:
+    """A number of threads for jobs that run in this very process, whose environment is put back."""
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        monkeypatch.setenv(name, "1")
+    return 1
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_whatever_a_method_raises_fails_its_job(
+    make_scene: Callable[..., Path], tmp_path: Path, broken_module: str, threads: int, name: str
+):
+    scene, method = make_scene(), f"{broken_module}:{name}"
+    job = gc.Job("dark", scene.name, method, 0, {}, method)
+    outcome = run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads))
+    assert BREAKS[name] in outcome.reason
+    assert not outcome.fatal
+    log = tmp_path / "job" / "error.txt"
+    assert log.is_file() == ("error.txt" in outcome.reason)
+    gc.write_json(tmp_path / "record.json", outcome.reason)
+
+
+def test_where_the_run_cannot_be_written_it_ends(
+    make_scene: Callable[..., Path], tmp_path: Path, threads: int
+):
+    scene = make_scene()
+    (tmp_path / "job").mkdir()
+    (tmp_path / "job" / "predictions").write_text("in the way")
+    job = gc.Job("dark", scene.name, "gray", 0, {}, "gray")
+    assert run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads)).fatal
 
 
 def test_a_method_that_breaks_fails_alone(
@@ -262,13 +320,13 @@ def test_a_method_that_breaks_fails_alone(
         "--dataset",
         str(tiny_run / "dataset"),
     ]
-    methods = [f"{broken_module}:{name}" for name in ("Raises", "Dies", "Exits", "Hangs")]
+    methods = [f"{broken_module}:{name}" for name in ("Raises", "Dies", "CannotWrite", "Hangs", "NoText")]
     assert main([*command, "--methods", *methods, "gray", "--timeout", "12"]) == 1
-    raised, died, exited, hung, gray = gc.read_run(run).results
-    assert {r.status for r in (raised, died, exited, hung)} == {"failed"}
+    raised, died, unwritten, hung, no_text, gray = gc.read_run(run).results
+    assert {r.status for r in (raised, died, unwritten, hung, no_text)} == {"failed"}
     assert gray.status == "done"
-    assert "RuntimeError: no convergence (traceback in error.txt)" in raised.reason
-    assert "got SystemExit: 0" in exited.reason
+    assert BREAKS["Raises"] in raised.reason
+    assert BREAKS["CannotWrite"] in unwritten.reason
     assert "expected an end within 12 s, got none" in hung.reason
     assert "no convergence" in (run / raised.folder / "error.txt").read_text()
     assert "expected the worker to come back, got its death (exit code 9)" in died.reason

@@ -6,7 +6,7 @@ import importlib
 
 import pytest
 
-MODULES = ("_angles", "_gauge", "_mask", "_psnr", "_ssim")
+MODULES = ("_gauge", "_mask", "_psnr", "_ssim")
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -64,3 +64,17 @@ def test_what_does_not_is_named(
 def test_a_fit_must_give_a_decomposition(make_scene: Callable[..., Path], tmp_path: Path):
     with pytest.raises(gc.MethodError, match="expected fit of 'mine' to give a decomposition, got None"):
         write(make_scene(), tmp_path / "p", None)
+
+
+@pytest.mark.parametrize("member", ["render", "lights"])
+def test_a_method_that_cannot_write_is_told_from_an_output_that_cannot_be_written(
+    make_scene: Callable[..., Path], tmp_path: Path, member: str
+):
+    def raises(*arguments: object) -> None:
+        raise gc.OutputError("no room for a cache")
+
+    with pytest.raises(gc.MethodError, match="method 'mine' to fit, got OutputError: no room for a cache"):
+        write(make_scene(), tmp_path / "p", make(**{member: raises}))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(gc.OutputError):
+        write(make_scene(), tmp_path / "file", make())

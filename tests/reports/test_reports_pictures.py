@@ -10,7 +10,7 @@ from skimage.color import rgb2lab
 
 import graycard as gc
 from graycard.reports._colour_maps import STEPS, ColourMap, colour_map, to_index
-from graycard.reports._error_images import angle_degrees, error_image, error_unit, shared_scale
+from graycard.reports._error_images import error_image, error_unit, shared_scale
 from graycard.reports._pictures import (
     KNEE,
     LEVELS,
@@ -105,13 +105,6 @@ def test_shrink_is_the_mean_of_whole_blocks() -> None:
     np.testing.assert_allclose(small[1, 2], image[2:4, 4:6].mean(axis=(0, 1)))
     assert shrink(image, 10) is image
     assert shrink(np.ones((40, 2)), 10).tolist() == np.ones((10, 1)).tolist()
-
-
-def test_angles_are_exact_where_the_arc_cosine_is_not() -> None:
-    tilt = 1e-6
-    a = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    b = np.array([[np.sin(tilt), 0.0, np.cos(tilt)], [0.0, 3.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(angle_degrees(a, b), [np.degrees(tilt), 90, 180, 90], rtol=1e-9)
 
 
 def test_errors_by_layer() -> None:

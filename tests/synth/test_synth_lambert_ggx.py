@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from graycard.synth import LambertGGX
+from surface_interaction import directions, interaction
 
 BASE = (0.6, 0.3, 0.1)
 COUNT = 20_000
@@ -17,13 +18,6 @@ def material(roughness: float, metallic: float, base: tuple[float, float, float]
     from graycard.synth._mitsuba import _bsdf
 
     return _bsdf(LambertGGX(base, roughness, metallic))
-
-
-def directions(seed: int, count: int = COUNT) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    z, azimuth = rng.uniform(0.02, 1, count), rng.uniform(0, 2 * np.pi, count)
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z])
 
 
 def evaluate(content: dict[str, Any], wi: np.ndarray, wo: np.ndarray, lobe: str = "All") -> np.ndarray:
@@ -36,15 +30,6 @@ def evaluate(content: dict[str, Any], wi: np.ndarray, wo: np.ndarray, lobe: str 
     ctx.type_mask = getattr(mi.BSDFFlags, lobe)
     value = load(content).eval(ctx, si, mi.Vector3f(wo.astype(np.float32)))
     return np.array(value, dtype=np.float64) / wo[2]
-
-
-def interaction(wi: np.ndarray) -> Any:
-    import drjit as dr
-    import mitsuba as mi
-
-    si: Any = dr.zeros(mi.SurfaceInteraction3f, wi.shape[1])
-    si.wi = mi.Vector3f(wi.astype(np.float32))
-    return si
 
 
 def formula(wi: np.ndarray, wo: np.ndarray, roughness: float, metallic: float) -> np.ndarray:

@@ -9,6 +9,7 @@ import pytest
 
 from graycard.synth import Conductor, Glossy, LambertGGX, Matte
 from graycard.synth._scene import Material
+from surface_interaction import directions, interaction
 
 COUNT = 20_000
 COLOR = (0.5, 0.3, 0.1)
@@ -38,22 +39,6 @@ def made(material: Material) -> Any:
     from graycard.synth._mitsuba import _bsdf, load
 
     return load(_bsdf(material))
-
-
-def interaction(wi: np.ndarray) -> Any:
-    import drjit as dr
-    import mitsuba as mi
-
-    si: Any = dr.zeros(mi.SurfaceInteraction3f, wi.shape[1])
-    si.wi = mi.Vector3f(wi.astype(np.float32))
-    return si
-
-
-def directions(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    z, azimuth = rng.uniform(0.02, 1, COUNT), rng.uniform(0, 2 * np.pi, COUNT)
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z])
 
 
 def towards(degrees: float, count: int) -> np.ndarray:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from graycard.synth import _props as props
-from graycard.synth import _toys as toys
 from graycard.synth._mesh import Mesh, blob, box, lathe, merge, torus
+from graycard.synth.families import _props as props
+from graycard.synth.families import _toys as toys
 
 
 def rng() -> np.random.Generator:

@@ -96,14 +96,15 @@ def test_a_bright_dot_lands_where_the_camera_projects_it(
 ) -> None:
     """A camera whose pixel centres were at whole numbers would be off by half a pixel."""
     from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance
+    from graycard.synth._views import radiance_images
 
     pose = gc.look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.3]))
     camera = gc.Camera.from_fov(96, 64, 60, pose)
     light = gc.SphereLight("dot", where, 0.07, (1, 1, 1))
     scene = Scene((surface_of(light),), (light,), (gc.View("train_000", "train", camera),))
     settings = RenderSettings(96, 64, samples=256, max_depth=1)
-    image = radiance(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)[0][..., 0]
+    images = radiance_images(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)
+    image = images.mean(axis=0)[..., 0]
     x, y = np.meshgrid(np.arange(96) + 0.5, np.arange(64) + 0.5)
     found = np.array([(x * image).sum(), (y * image).sum()]) / image.sum()
     expected, z = camera.project(np.array(where))
@@ -177,7 +178,8 @@ def test_a_camera_that_mitsuba_cannot_have_is_refused(scalar: str) -> None:
 def test_the_variance_is_that_of_the_mean(scalar: str, make_plane: MakePlane) -> None:
     """Predicted from four sub-buffers against found from repeated renders: ratio 1 within its own error."""
     from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance
+    from graycard.synth._separation import estimate
+    from graycard.synth._views import radiance_images
 
     light = gc.RectangleLight("panel", (0.4, -0.3, 1.2), (0, 0.4, 0), (0.4, 0, 0), (5, 5, 5))
     scene = with_surface(make_plane((light,), ball=Ball((0.2, 0.1, 0.5), 0.5)), light)
@@ -186,9 +188,12 @@ def test_the_variance_is_that_of_the_mean(scalar: str, make_plane: MakePlane) ->
     settings = RenderSettings(24, 20, samples=16, max_depth=4)
     repeats = 32
     runs = [
-        radiance(loaded, camera, [1000 * k + i for i in range(4)], settings) for k in range(1, repeats + 1)
+        estimate("radiance", radiance_images(loaded, camera, [1000 * k + i for i in range(4)], settings))
+        for k in range(1, repeats + 1)
     ]
-    means, predicted = (np.stack([run[k] for run in runs]).astype(np.float64) for k in (0, 1))
+    means, predicted = (
+        np.stack([run[name] for run in runs]).astype(np.float64) for name in ("radiance", "radiance.var")
+    )
     empirical = means.var(axis=0, ddof=1)
     # both estimate one number: the average over 480 pixels x 3 leaves an error of about 2 %
     assert predicted.mean() / empirical.mean() == pytest.approx(1, abs=0.06)

@@ -213,8 +213,8 @@ def test_the_chart_shows_its_measured_colors() -> None:
     from graycard.synth import Quad, Scene, use_renderer
     from graycard.synth._mitsuba import load_scene
     from graycard.synth._spectra import chart_patches
-    from graycard.synth._studio import _chart
     from graycard.synth._views import surface_layers
+    from graycard.synth.families._studio import _chart
 
     use_renderer(variant="scalar_rgb")
     chart = _chart()
@@ -265,7 +265,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
 ) -> None:
     killed = in_process(tmp_path, kill_at=kill_at)
     assert killed.returncode == -signal.SIGKILL
-    assert gc.scene_folders(tmp_path) == []
+    assert gc.capture_folders(tmp_path) == []
     assert find_scene(TABLE, TINY, tmp_path) is None
     truth = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth"
     kept = {p: p.stat().st_mtime_ns for p in truth.rglob("views/*.exr")}
@@ -353,7 +353,7 @@ def test_a_run_cut_off_between_seal_and_name_goes_on(
         patch.setattr("graycard.synth._render.promote", interrupted)
         with pytest.raises(KeyboardInterrupt):
             render_scene(TABLE, TINY, tmp_path)
-    assert gc.scene_folders(tmp_path) == []
+    assert gc.capture_folders(tmp_path) == []
     folder = render_scene(TABLE, TINY, tmp_path)
     assert bits(folder.parent) == bits(rendered["tabletop"].parent)
 
@@ -489,7 +489,7 @@ def test_a_black_scene_is_refused(tmp_path: Path, no_llvm: str) -> None:
     spec = SceneSpec("tabletop", "glossy-table", 0, {"lamp": 0.0, "daylight": 0.0})
     with pytest.raises(gc.RenderError, match="expected a scene with light in it"):
         render_scene(spec, TINY, tmp_path)
-    assert gc.scene_folders(tmp_path) == []
+    assert gc.capture_folders(tmp_path) == []
 
 
 def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import graycard as gc
 from graycard.synth import CaptureSettings
-from graycard.synth._sparse import MIN_VIEWS, Sighting, covariance, sparse_points, triangulate
+from graycard.synth._sparse import MIN_VIEWS, Sighting, sparse_points, triangulate
 
 SIZE, FOV = 96, 50
 EXACT = CaptureSettings(point_noise=0, outliers=0)
@@ -51,6 +51,21 @@ def test_without_noise_points_lie_on_the_floor(views: list[Sighting], cameras: d
         assert np.abs(pixel - points.pixel[here]).max() < 1e-6
         assert (depth > 0).all()
         assert ((pixel >= 0) & (pixel < SIZE)).all()
+
+
+def covariance(points: gc.Points, cameras: dict[int, gc.Camera], noise: float) -> np.ndarray:
+    """Of triangulated positions, ``(N, 3, 3)``, m², for a noise in pixels; to first order ``σ² (Σ JᵀJ)⁻¹``.
+
+    The slope J of the projection is found by central differences.
+    """
+    information = np.zeros((len(points), 3, 3))
+    for index, camera in cameras.items():
+        here = points.view == index
+        places = points.positions[points.point[here]]
+        apart = [camera.project(places + d)[0] - camera.project(places - d)[0] for d in 1e-4 * np.eye(3)]
+        slope = np.stack(apart, axis=-1) / 2e-4
+        np.add.at(information, points.point[here], np.einsum("mij,mik->mjk", slope, slope))
+    return noise**2 * np.linalg.inv(information)
 
 
 def test_noise_is_that_of_the_propagated_covariance(

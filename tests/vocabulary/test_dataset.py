@@ -53,8 +53,7 @@ def test_views_and_scenes_are_found_by_name(tiny_scenes: dict[str, Path]):
     with pytest.raises(gc.UnknownNameError, match="did you mean 'test_001'"):
         truth.view("test_01")
     dataset = tiny_scenes["dark"].parents[1]
-    assert gc.scene_folders(dataset) == [tiny_scenes[t] for t in gc.TRACKS]
-    assert gc.scene_folders(dataset, "dark") == [tiny_scenes["dark"]]
+    assert gc.capture_folders(dataset) == [tiny_scenes[t] for t in gc.TRACKS]
 
 
 def test_a_changed_file_is_named(make_scene: Callable[..., Path]):
@@ -83,7 +82,7 @@ def test_a_half_written_scene_is_not_read(make_scene: Callable[..., Path], tmp_p
     (scene / "truth" / "manifest.json").unlink()
     with pytest.raises(gc.DatasetError, match=r"rendering was cut off.*graycard render"):
         gc.open_truth(scene / "truth")
-    assert gc.scene_folders(scene.parents[1]) == []
+    assert gc.capture_folders(scene.parents[1]) == []
     with pytest.raises(gc.DatasetError, match="got nothing"):
         gc.open_capture(tmp_path / "nowhere")
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import graycard as gc
+from fault_planting import edit_manifest, reseal
 from graycard.__main__ import main
 from graycard.synth import RenderSettings, SceneSpec, render_scene, use_renderer
 from graycard.synth.verify import Check, verify_dataset, worst
@@ -129,8 +130,7 @@ def test_an_odd_scene_fails_and_the_others_go_on(copied: Copied, plant: Callable
     whole = copied("dark")
     odd = Path(shutil.copytree(whole, whole.with_name("corridor-1001")))
     plant(odd)
-    for part in ("capture", "truth"):
-        gc.seal(odd / part, gc.read_manifest(odd / part, f"graycard-{part}"))
+    reseal(odd)
     verdict = verify_dataset(whole.parents[1], render=False)
     failed = [check for check in verdict.checks if check.status == "failed"]
     assert {check.scene for check in failed} == {"dark/corridor-1001"}
@@ -140,10 +140,7 @@ def test_an_odd_scene_fails_and_the_others_go_on(copied: Copied, plant: Callable
 
 def test_a_scene_of_another_generator_is_not_rendered_again(copied: Copied):
     scene = copied("dark")
-    path = scene / "truth" / "manifest.json"
-    data = gc.read_json(path)
-    data["generator"]["generator"] = 1
-    gc.write_json(path, data)
+    edit_manifest(scene, lambda data: data["generator"].update(generator=1))
     verdict = verify_dataset(scene.parents[1])
     assert verdict.count("failed") == 0
     (reason,) = reasons(verdict.checks, "rendered again")
@@ -153,10 +150,7 @@ def test_a_scene_of_another_generator_is_not_rendered_again(copied: Copied):
 
 def test_a_spec_that_is_not_known_here_is_not_rendered_again(copied: Copied):
     scene = copied("dark")
-    path = scene / "truth" / "manifest.json"
-    data = gc.read_json(path)
-    data["settings"]["knobs"]["fog"] = 1.0
-    gc.write_json(path, data)
+    edit_manifest(scene, lambda data: data["settings"]["knobs"].update(fog=1.0))
     verdict = verify_dataset(scene.parents[1])
     assert verdict.count("failed") == 0
     assert all("its spec cannot be built here" in r for r in reasons(verdict.checks, "rendered again"))
@@ -164,10 +158,7 @@ def test_a_spec_that_is_not_known_here_is_not_rendered_again(copied: Copied):
 
 def test_a_scene_of_another_spec_is_not_laid_side_by_side(copied: Copied):
     scene = copied("dark")
-    path = scene / "truth" / "manifest.json"
-    data = gc.read_json(path)
-    data["settings"]["render"]["train_views"] = 5
-    gc.write_json(path, data)
+    edit_manifest(scene, lambda data: data["settings"]["render"].update(train_views=5))
     verdict = verify_dataset(scene.parents[1])
     assert reasons(verdict.checks, "cameras of the spec", "failed")
     assert reasons(verdict.checks, "rendered again") == {

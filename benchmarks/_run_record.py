@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ``run.json`` says of a bench, and what an earlier bench has said there."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from graycard import (
+    GraycardError,
+    Job,
+    JobResult,
+    MethodRecord,
+    RecordError,
+    RunRecord,
+    SceneRecord,
+    manifest_of,
+    open_truth,
+    read_run,
+    sha256,
+)
+from graycard.benchmarks._jobs import FitJob, Outcome
+from graycard.benchmarks._suites import Suite, SuiteMethod
+from graycard.methods import load_method, settings_of
+from graycard.synth import SceneSpec, describe
+
+
+class RunError(GraycardError):
+    """A bench cannot go on: a scene was not rendered, or the run folder is of another suite."""
+
+
+def method_record(method: SuiteMethod) -> MethodRecord:
+    """A method as a suite names it, with the settings that it changes.
+
+    Raises:
+        UnknownNameError: It does not exist.
+        MethodError: It does not load, or does not take its settings.
+    """
+    loaded = load_method(method.name)
+    settings_of(loaded, method.settings)
+    changed = ", ".join(f"{name} {value}" for name, value in method.settings.items())
+    summary = f"{loaded.summary} ({changed})" if changed else loaded.summary
+    return MethodRecord(method.row, summary, loaded.needs, method.name)
+
+
+def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
+    """A rendered scene, with the hash of its truth."""
+    return SceneRecord(
+        track=spec.track,
+        scene=folder.name,
+        family=spec.family,
+        seed=spec.seed,
+        folder=_relative(folder, run),
+        truth_sha256=sha256(folder / "truth" / "manifest.json"),
+        title=describe(spec),
+    )
+
+
+def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
+    """How a job ended: its scores and its cost, or why there are none."""
+    reason = fitted.reason or (scored.reason if scored else "not scored")
+    return JobResult(
+        job=fit.job,
+        job_hash=fit.job_hash,
+        folder=_relative(fit.folder, run),
+        status="failed" if reason else "done",
+        reason=reason,
+        sheet=scored.value if scored and not reason else None,
+        cost=fitted.value,
+    )
+
+
+def renderers(scenes: list[tuple[SceneSpec, Path]]) -> list[Any]:
+    """The renderers that made the scenes, each once."""
+    found = [manifest_of(open_truth(folder / "truth", check=False)).generator for _, folder in scenes]
+    return [g for i, g in enumerate(found) if g not in found[:i]]
+
+
+def record_before(run: Path, suite: Suite) -> RunRecord | None:
+    """What an earlier bench left in this folder.
+
+    Raises:
+        RunError: It was of another suite.
+    """
+    if not (run / "run.json").is_file():
+        return None
+    try:
+        before = read_run(run)
+    except RecordError:
+        return None  # of an older format or damaged: it is written anew
+    if (before.suite, before.suite_version) != (suite.name, suite.version):
+        raise RunError(
+            f"expected {run} to be free or to hold a run of {suite.name!r} version {suite.version}, got "
+            f"one of {before.suite!r} version {before.suite_version}. Choose another --out"
+        )
+    return before
+
+
+def joined(record: RunRecord, before: RunRecord) -> RunRecord:
+    """A record with those results of an earlier one that this one has not, on scenes that are the same."""
+    truths = {(s.track, s.scene): s.truth_sha256 for s in record.scenes}
+    kept = [s for s in before.scenes if truths.get((s.track, s.scene), s.truth_sha256) == s.truth_sha256]
+    places = {(s.track, s.scene) for s in kept}
+    keys = {_key(r.job) for r in record.results}
+    old = [r for r in before.results if _key(r.job) not in keys and (r.job.track, r.job.scene) in places]
+    names = {m.name for m in record.methods}
+    return replace(
+        record,
+        scenes=record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths),
+        methods=record.methods + tuple(m for m in before.methods if m.name not in names),
+        results=record.results + tuple(old),
+    )
+
+
+def _key(job: Job) -> tuple[str, str, str, int]:
+    return job.track, job.scene, job.method, job.seed
+
+
+def _relative(path: Path, run: Path) -> str:
+    """Relative to the run where it lies in it, so that a run folder can be moved."""
+    path, run = path.resolve(), run.resolve()
+    return path.relative_to(run).as_posix() if path.is_relative_to(run) else path.as_posix()

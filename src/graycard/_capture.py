@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a method may see of a scene: views, photographs, granted masks and sparse points."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from graycard._camera import Camera
+from graycard._errors import DatasetError, UnknownNameError
+from graycard._exr import read_layers, read_rgb
+from graycard._json import IN_MEMORY
+from graycard._points import Points, no_points, read_points
+from graycard._sensor import Sensor
+
+POINTS = "points.ply"
+"""Sparse points, beside the index of a capture."""
+
+Split = Literal["train", "test"]
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One camera of a scene. A method fits on ``train`` views and is scored on ``test`` views."""
+
+    name: str
+    split: Split
+    camera: Camera
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """What a user with a camera would have: linear photographs, cameras, granted masks. Never truth."""
+
+    track: str
+    scene: str
+    views: tuple[View, ...]
+    exposure: float
+    """Factor that brings radiance to display range: the 99th percentile of the training photographs
+    becomes 1. All images of a scene are shown and compared with this one factor."""
+    light_on_camera: bool
+    """Whether the scene is lit by a light that moves with the camera."""
+    target: int | None = None
+    """The object id that the removal task names, if there is one; its mask is granted on training views."""
+    sensor: Sensor | None = None
+    """The camera's bits, noise and exposures; None for photographs as rendered, or where nobody says."""
+    root: Path | None = field(default=None, metadata=IN_MEMORY)
+    """Where the files are."""
+
+    @property
+    def train(self) -> tuple[View, ...]:
+        """The views with a photograph."""
+        return tuple(v for v in self.views if v.split == "train")
+
+    @property
+    def test(self) -> tuple[View, ...]:
+        """The held-out views: camera only."""
+        return tuple(v for v in self.views if v.split == "test")
+
+    def view(self, name: str) -> View:
+        """The view of a name.
+
+        Raises:
+            UnknownNameError: There is none.
+        """
+        return find_view(self.views, name)
+
+    def photograph(self, view: View) -> np.ndarray:
+        """The linear photograph of a training view, shape ``(H, W, 3)``, float32, W/m²/sr.
+
+        Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
+
+        Raises:
+            DatasetError: The view is held out, or the file is missing or broken.
+        """
+        if view.split != "train":
+            raise DatasetError(f"expected a training view, got {view.name}: its photograph is held out")
+        return read_rgb(file_of(self.root, f"photographs/{view.name}.exr"))
+
+    def points(self) -> Points:
+        """Sparse points, as structure from motion finds them; none where the capture holds none.
+
+        Raises:
+            DatasetError: The file is broken, or names a view that the capture has not.
+        """
+        path = file_of(self.root, POINTS)
+        found = read_points(path) if path.is_file() else no_points()
+        if len(found.view) and not (found.view.min() >= 0 and found.view.max() < len(self.views)):
+            raise DatasetError(f"expected views 0 to {len(self.views) - 1} in {path}, got {found.view.max()}")
+        return found
+
+    def target_mask(self, view: View) -> np.ndarray:
+        """Where a training view sees the target object, shape ``(H, W)``, bool.
+
+        Raises:
+            DatasetError: The scene has no target, the view is held out, or the file is broken.
+        """
+        if self.target is None or view.split != "train":
+            raise DatasetError(f"expected a training view of a scene with a target, got {view.name}")
+        return read_layers(file_of(self.root, f"masks/target/{view.name}.exr"))["object_id"] > 0
+
+
+def find_view(views: tuple[View, ...], name: str) -> View:
+    """The view of a name.
+
+    Raises:
+        UnknownNameError: There is none.
+    """
+    for view in views:
+        if view.name == name:
+            return view
+    raise UnknownNameError("view", name, (v.name for v in views))
+
+
+def file_of(root: Path | None, name: str) -> Path:
+    """A file of a capture or a truth that was opened.
+
+    Raises:
+        DatasetError: It is in memory only.
+    """
+    if root is None:
+        raise DatasetError("expected a capture or truth that was opened from a folder, got one in memory")
+    return root / name

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene is known to be: the true layers of each view, the lights, and pictures under other lights."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from graycard._capture import View, file_of, find_view
+from graycard._edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
+from graycard._errors import DatasetError
+from graycard._exr import read_layers
+from graycard._json import IN_MEMORY, decode, read_json
+from graycard._lights import Light, read_lights
+
+
+@dataclass(frozen=True, slots=True)
+class SceneObject:
+    """One object of a scene; ``object_id`` layers hold its id."""
+
+    id: int
+    """1 or more; 0 is where nothing is seen."""
+    name: str
+    emits: bool
+    """Whether it is the surface of a light."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Everything exact about a scene, with the variance of what is estimated."""
+
+    track: str
+    scene: str
+    views: tuple[View, ...]
+    exposure: float
+    diameter: float
+    """Diagonal of the box around the cameras and what they see, metres: the yardstick of positions."""
+    objects: tuple[SceneObject, ...]
+    target: int | None = None
+    noise_ceiling: float | None = None
+    """dB: PSNR, as displayed, of noise-free pictures of all views against those of the truth. No method can
+    score more but by chance. None where it was not measured."""
+    edits: tuple[LightEdit, ...] = ()
+    """Changes of the lights under which the held-out views are known."""
+    root: Path | None = field(default=None, metadata=IN_MEMORY)
+    """Where the files are."""
+
+    def view(self, name: str) -> View:
+        """The view of a name.
+
+        Raises:
+            UnknownNameError: There is none.
+        """
+        return find_view(self.views, name)
+
+    def layers(self, view: View) -> dict[str, np.ndarray]:
+        """All true layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
+
+        Raises:
+            DatasetError: The file is missing or broken.
+        """
+        return read_layers(file_of(self.root, f"views/{view.name}.exr"))
+
+    def lights(self) -> tuple[Light, ...]:
+        """The exact lights.
+
+        Raises:
+            DatasetError: The file is missing or broken.
+        """
+        return read_lights(file_of(self.root, "lights.json"))
+
+    def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
+        """A held-out view under changed lights: ``radiance`` with its variance and both its halves.
+
+        Args:
+            edit: Name of one of :attr:`edits`.
+            view: A ``test`` view.
+
+        Returns:
+            Layers by name, each ``(H, W, 3)``, float32.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        found = find_edit(self.edits, edit)
+        _refuse_training(view)
+        return read_layers(file_of(self.root, found.view_file(view.name)))
+
+    def relit_lights(self, edit: str) -> tuple[Light, ...]:
+        """The exact lights of an edit; the image of an environment lies beside their file.
+
+        Raises:
+            UnknownNameError: There is no such edit.
+            DatasetError: The file is missing or broken.
+        """
+        return read_lights(file_of(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
+
+    def composition(self) -> Composition | None:
+        """The object of another scene that is put into this one; None where none is.
+
+        Raises:
+            DatasetError: The file is broken.
+        """
+        path = file_of(self.root, f"{COMPOSITION}/composition.json")
+        if not path.is_file():
+            return None
+        return decode(Composition, read_json(path, DatasetError), DatasetError, str(path))
+
+    def composed(self, view: View) -> dict[str, np.ndarray]:
+        """A held-out view with the object of :meth:`composition` in it.
+
+        Returns:
+            ``radiance`` with its variance and both its halves, ``(H, W, 3)``, and ``object_id``, ``(H, W)``.
+
+        Raises:
+            DatasetError: It is a training view, or the file is missing or broken.
+        """
+        _refuse_training(view)
+        return read_layers(file_of(self.root, composed_file(view.name)))
+
+    def emitter_ids(self) -> frozenset[int]:
+        """Ids of the objects that are surfaces of lights."""
+        return frozenset(o.id for o in self.objects if o.emits)
+
+
+def _refuse_training(view: View) -> None:
+    if view.split != "test":
+        raise DatasetError(f"expected a held-out view, got {view.name}: only those are known changed")

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every family: repeatable, plausible, lit from out of sight, and held-out views that training covers."""
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.synth import (
+    Conductor,
+    Glossy,
+    LambertGGX,
+    RenderSettings,
+    Scene,
+    SceneSpec,
+    Texture,
+    families,
+    family_of,
+)
+from graycard.synth._mesh import Mesh
+from graycard.synth._stream import stream
+from graycard.synth.families._family import interleaved
+
+SETTINGS = RenderSettings(32, 32, 8, 3, 16)
+NAMES = tuple(families())
+
+
+def build(name: str, seed: int = 0, **knobs: float) -> Scene:
+    return family_of(SceneSpec(families()[name].track, name, seed, knobs)).build(seed, SETTINGS)
+
+
+def fingerprint(scene: Scene) -> list[object]:
+    parts: list[object] = [scene.lights, scene.views, scene.objects(), scene.target_id]
+    for thing in scene.things:
+        shape, material = thing.geometry, thing.material
+        color = material.f0 if isinstance(material, Conductor) else material.color
+        parts.append(shape.vertices.tobytes() if isinstance(shape, Mesh) else shape)
+        parts.append(color.pixels.tobytes() if isinstance(color, Texture) else color)
+    return [*parts, None if scene.sky is None else scene.sky.tobytes()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_seed_gives_one_scene_and_another_seed_another(name: str) -> None:
+    assert fingerprint(build(name)) == fingerprint(build(name))
+    first, other = build(name), build(name, 1)
+    assert fingerprint(first) != fingerprint(other)
+    assert first.lights != other.lights or first.views != other.views
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_objects_have_names_of_their_own_and_materials_keep_energy(name: str, seed: int) -> None:
+    scene = build(name, seed)
+    names = [thing.name for thing in scene.things]
+    assert len(set(names)) == len(names)
+    assert [o.id for o in scene.objects()] == list(range(1, len(names) + 1))
+    for thing in scene.things:
+        if isinstance(thing.material, Conductor):
+            continue
+        color = thing.material.color
+        values = color.pixels if isinstance(color, Texture) else np.array(color)
+        assert values.min() >= 0
+        assert values.max() <= (0.8 if isinstance(thing.material, Glossy) else 0.95)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_lights_are_named_once_and_area_lights_have_surfaces(name: str) -> None:
+    scene = build(name)
+    names = [light.name for light in scene.lights]
+    assert len(set(names)) == len(names)
+    area = {x.name for x in scene.lights if isinstance(x, gc.RectangleLight | gc.SphereLight)}
+    assert {thing.light for thing in scene.things if thing.light} == area
+    assert any(isinstance(x, gc.EnvironmentLight) for x in scene.lights) == (scene.sky is not None)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_views_are_interleaved_and_held_out_ones_lie_between(name: str) -> None:
+    views = build(name).views
+    assert [v.name for v in views] == [f"{v.split}_{i:03d}" for i, v in enumerate(views)]
+    assert sum(v.split == "test" for v in views) == 3
+    assert views[0].split == views[-1].split == "train"
+    assert len({v.camera.digest for v in views}) == 11
+
+
+@pytest.mark.parametrize(("count", "test"), [(3, 1), (4, 2), (7, 5), (11, 3), (40, 10)])
+def test_interleaving_holds_out_the_right_number(count: int, test: int) -> None:
+    cameras = [gc.Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(count)]
+    splits = [v.split for v in interleaved(cameras, test)]
+    assert splits.count("test") == test
+    assert splits[0] == splits[-1] == "train"
+
+
+def test_interleaving_needs_two_training_views() -> None:
+    cameras = [gc.Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(3)]
+    with pytest.raises(ValueError, match="expected 2 or more training views, got 1"):
+        interleaved(cameras, 2)
+
+
+def test_streams_are_independent_of_one_another() -> None:
+    assert stream(0, "a").random() == stream(0, "a").random()
+    assert len({stream(s, n).random() for s in (0, 1) for n in ("a", "b")}) == 4
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_what_is_held_out_was_seen_and_lamps_are_not_in_the_way(scalar: str, name: str, seed: int) -> None:
+    """Of what test views see, training views see most; lamps fill next to nothing of any view."""
+    from graycard.synth._mitsuba import load_scene
+    from graycard.synth._views import surface_layers
+
+    scene = build(name, seed)
+    layers = [surface_layers(load_scene(scene, v.camera), scene, v.camera) for v in scene.views]
+    lamps = [o.id for o in scene.objects() if o.emits]
+    for layer in layers:
+        assert np.isin(layer["object_id"], lamps).mean() < 0.06
+        assert (layer["object_id"] > 0).mean() > 0.6
+        assert layer["depth"].min() > 0.25
+    train = [i for i, v in enumerate(scene.views) if v.split == "train"]
+    for i, view in enumerate(scene.views):
+        if view.split == "test":
+            points = seen_points(view.camera, layers[i]["depth"])
+            covered = np.any([sees(scene.views[k].camera, layers[k]["depth"], points) for k in train], axis=0)
+            assert covered.mean() > 0.8
+
+
+def seen_points(camera: gc.Camera, depth: np.ndarray) -> np.ndarray:
+    seen, rays = np.isfinite(depth), camera.rays()
+    return camera.position + (depth[seen] / (rays[seen] @ camera.forward))[:, None] * rays[seen]
+
+
+def sees(camera: gc.Camera, depth: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Whether each point projects into the image and lies near the surface that is seen there."""
+    pixel, z = camera.project(points)
+    inside = (z > 0) & (pixel >= 0).all(-1) & (pixel < (camera.width, camera.height)).all(-1)
+    column, row = np.where(inside[:, None], pixel, 0).astype(int).T
+    return inside & (np.abs(depth[row, column] - z) < 0.12 * z)
+
+
+def test_the_lamp_of_the_corridor_moves_with_the_camera() -> None:
+    lamp = build("corridor", light_offset=0.4).lights[0]
+    assert isinstance(lamp, gc.SpotLight)
+    assert lamp.frame == "camera"
+    assert lamp.position[0] == 0.4
+
+
+@pytest.mark.parametrize("gloss", [0.0, 1.0])
+def test_gloss_turns_the_corridors_objects_glossy(gloss: float) -> None:
+    scene = build("corridor", gloss=gloss)
+    shown = [t for t in scene.things if t.name in ("drum", "stool", "crate 1")]
+    glossy = [isinstance(t.material, LambertGGX) for t in shown]
+    assert glossy == [gloss == 1.0] * 3
+
+
+def test_clutter_fills_the_shelves() -> None:
+    empty, full = (build("corridor", clutter=share) for share in (0.0, 1.0))
+    assert len(full.things) - len(empty.things) == 2 * 3 * 4
+
+
+def test_an_unlit_corridor_keeps_its_ceiling() -> None:
+    ceiling = build("corridor", ambient=0.0).lights[1]
+    assert isinstance(ceiling, gc.RectangleLight)
+    assert ceiling.radiance == (0, 0, 0)
+
+
+def test_a_target_is_one_of_the_things() -> None:
+    scene = build("glossy-table")
+    assert scene.target_id == scene.id_of(scene.target)
+    assert build("studio").target_id is None
+    with pytest.raises(ValueError, match="expected a thing of the scene, got 'cup'"):
+        scene.id_of("cup")

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Faults of the picture without the target and of the masks of its effects."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from fault_planting import Copied, Fault, Faults, Layers, render_otherwise, settings_of
+
+pytestmark = pytest.mark.usefixtures("llvm")
+FAULTS = Faults()
+
+
+@FAULTS.in_layers("tabletop", "footprint of the target", "looks like a mask that is lost")
+def no_effect_marked(layers: Layers, view: gc.View):
+    for name in [n for n in layers if n.startswith("effect.")]:
+        layers[name] = np.zeros_like(layers[name])
+
+
+@FAULTS.in_layers("tabletop", "untouched pixels marked", "looks like a mask that is lost")
+def nothing_untouched(layers: Layers, view: gc.View):
+    layers["effect.untouched"] = np.zeros_like(layers["effect.untouched"])
+
+
+@FAULTS.in_layers("tabletop", "effects marked", "looks like masks that are lost")
+def no_shadow_and_no_mirror_image(layers: Layers, view: gc.View):
+    for name in ("shadow", "mirror", "bleeding"):
+        layers[f"effect.{name}"] = np.zeros_like(layers[f"effect.{name}"])
+
+
+@FAULTS.in_layers("tabletop", "footprint at the target", "mask of another object or view")
+def footprint_of_everything(layers: Layers, view: gc.View):
+    layers["effect.footprint"] = np.ones_like(layers["effect.footprint"])
+
+
+@FAULTS.in_layers("tabletop", "effects again", "effect.shadow is where another rendering has it", views=1)
+def no_shadow(layers: Layers, view: gc.View):
+    layers["effect.shadow"] = np.zeros_like(layers["effect.shadow"])
+
+
+@FAULTS.in_scene("tabletop", "counterfactual's random numbers", "another seed")
+def counterfactual_with_another_seed(scene: Path):
+    render_otherwise(scene, "counterfactual.radiance", settings_of(scene), seed=5)
+
+
+@FAULTS.in_layers("tabletop", "target removed", "still there")
+def counterfactual_with_its_target(layers: Layers, view: gc.View):
+    for end in ("", ".var", ".half_a", ".half_b"):
+        layers[f"counterfactual.radiance{end}"] = layers[f"radiance{end}"]
+
+
+@pytest.mark.parametrize("fault", FAULTS.known, ids=str)
+def test_it_is_found_by_name(copied: Copied, fault: Fault):
+    fault.must_be_found(copied)
