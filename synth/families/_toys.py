@@ -6,21 +6,21 @@ from dataclasses import replace
 import numpy as np
 
 from graycard.synth._mesh import Mesh, box, grid, lathe, merge
-from graycard.synth.families._props import Profile
+from graycard.synth.families._props import Profile, turned
 
 
 def studded_brick(columns: int, rows: int, unit: float) -> Mesh:
     """A building brick with ``columns`` x ``rows`` round studs, ``unit`` apart and 1.2 units high."""
     body = box((columns * unit, rows * unit, 1.2 * unit), 0.04 * unit).moved((0, 0, 0.6 * unit))
     peg: Profile = [(0, 0), (0.3, 0), (0.3, 0.17), (0.27, 0.2), (0, 0.2)]
-    stud = lathe([(unit * r, unit * z) for r, z in peg], 20)
+    stud = turned([(unit * r, unit * z) for r, z in peg], 0.01 * unit, 20)
     spots = [(c - (columns - 1) / 2, r - (rows - 1) / 2) for c in range(columns) for r in range(rows)]
     return merge([body, *(stud.moved((unit * x, unit * y, 1.2 * unit)) for x, y in spots)])
 
 
 def ring_tower(rng: np.random.Generator, rings: int, width: float) -> list[Mesh]:
     """A child's tower: a foot, then rings that grow smaller, then a knob; one mesh for each."""
-    foot = lathe([(0, 0), (0.5 * width, 0), (0.5 * width, 0.1 * width), (0, 0.1 * width)])
+    foot = turned([(0, 0), (0.5 * width, 0), (0.5 * width, 0.1 * width), (0, 0.1 * width)], 0.01 * width, 64)
     parts, z = [foot], 0.1 * width
     for radius in np.linspace(0.48, 0.24, rings) * width:
         thick = rng.uniform(0.15, 0.2) * width
@@ -69,7 +69,8 @@ def plant(rng: np.random.Generator, leaves: int, size: float) -> Mesh:
 def flower_pot(height: float, radius: float) -> Mesh:
     """A pot with a rim, filled with earth up to a little under it."""
     outside = [(0.72, 0), (0.94, 0.76), (1.04, 0.77), (1.08, 1), (0.98, 1), (0.93, 0.86)]
-    return lathe([(0, 0), *((radius * r, height * z) for r, z in outside), (0, 0.86 * height)])
+    profile = [(0.0, 0.0), *((radius * r, height * z) for r, z in outside), (0.0, 0.86 * height)]
+    return turned(profile, 0.02 * radius, 64)
 
 
 def helmet(radius: float) -> Mesh:

@@ -69,11 +69,15 @@ def test_shapes_are_closed_outward_and_finite(name: str) -> None:
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_normals_agree_with_the_faces(name: str) -> None:
+    """Smooth normals stay on their side of every face, and bend away from it beside sharp edges only."""
     mesh = SHAPES[name]()
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     face = np.cross(b - a, c - a)
-    mean = sum(mesh.normals[mesh.faces[:, k]] for k in range(3))
-    assert ((face * mean).sum(-1) > 0).all()
+    area = np.linalg.norm(face, axis=1)
+    mean = np.sum([mesh.normals[mesh.faces[:, k]] for k in range(3)], axis=0)
+    cosine = (face * mean).sum(-1) / (area * np.linalg.norm(mean, axis=1))
+    assert (cosine > 0).all()
+    assert area[cosine < np.cos(np.radians(10))].sum() < 0.15 * area.sum()
 
 
 @pytest.mark.parametrize(
