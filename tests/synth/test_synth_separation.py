@@ -69,9 +69,12 @@ def separated(
 def by_path(
     scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
 ) -> tuple[np.ndarray, np.ndarray]:
-    from graycard.synth._views import radiance
+    """The radiance and its variance as Mitsuba's own integrator gives them, float32."""
+    from graycard.synth._separation import estimate
+    from graycard.synth._views import radiance_images
 
-    return radiance(*loaded(scene), seeds, settings)
+    layers = estimate("radiance", radiance_images(*loaded(scene), seeds, settings))
+    return layers["radiance"], layers["radiance.var"]
 
 
 def total_of(layers: dict[str, np.ndarray], *stems: str) -> np.ndarray:
