@@ -30,13 +30,3 @@ def angles(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     p = np.ldexp(p, -np.frexp(np.abs(p).max(axis=-1, keepdims=True))[1])
     turned = np.degrees(np.arctan2(np.linalg.norm(np.cross(p, t), axis=-1), (p * t).sum(axis=-1)))
     return np.where((p == 0).all(axis=-1), 90.0, turned)
-
-
-def mean_angle(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
-    """Mean of :func:`angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
-    return float(angles(predicted[mask], true[mask]).mean())
-
-
-def median_angle(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
-    """Median of :func:`angles` over the mask, degrees; images of shape ``(H, W, 3)``."""
-    return float(np.median(angles(predicted[mask], true[mask])))

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import graycard as gc
+from graycard.eval._breakdown import Comparison, breakdown, measure
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._metrics import IMAGE_METRICS, ImageMetric
-from graycard.eval._protocol import PROTOCOL
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, survey_training
+from graycard.eval.protocols import PROTOCOL
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Layers that the truth of some scenes does not have."""
@@ -33,6 +34,8 @@ class Finding:
     warnings: tuple[str, ...] = ()
     noise: float | None = None
     """Mean display variance of the truth over the mask; None where it is not known."""
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """The same by neighbouring rules, before ``finish``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +85,11 @@ def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: 
         if isinstance(gauge, str):
             return Finding(reason=gauge)
         values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
-        space = metric.space
-        value = metric.measure(
-            space(values, scene.exposure), space(reference.astype(np.float64), scene.exposure), mask
-        )
+        seen = Comparison(values, reference.astype(np.float64), mask, scene.exposure, true.pure())
+        value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
-    return Finding(value, warnings=_warnings(metric, values, mask, true.view.name), noise=noise)
+    return Finding(value, "", _warnings(metric, values, mask, true.view.name), noise, parts)
 
 
 def _applicable(truth: gc.Truth, tests: Sequence[gc.View]) -> list[ImageMetric]:
@@ -172,7 +173,13 @@ def _assemble(
         scored=len(values),
         reason=reason,
         warnings=warnings + _too_good(pooled, ceiling),
+        breakdown=_breakdown(metric, list(findings.values())) if status == "scored" else {},
     )
+
+
+def _breakdown(metric: ImageMetric, findings: Sequence[Finding]) -> dict[str, float]:
+    values = [f.value for f in findings if f.value is not None]
+    return breakdown(metric, values, [f.parts for f in findings], [f.noise for f in findings])
 
 
 def _status(

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The same number by neighbouring rules: other pixels, other colour space, other pooling, without noise."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from graycard.eval._metrics import ImageMetric, Space
+from graycard.eval._pixelwise import Pixelwise
+from graycard.eval._psnr import psnr
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One layer of one view, ready to be judged."""
+
+    predicted: np.ndarray
+    """shape ``(H, W, 3)``, linear, float64, with the gauge applied."""
+    true: np.ndarray
+    """shape ``(H, W, 3)``, linear, float64."""
+    mask: np.ndarray
+    """shape ``(H, W)``, bool."""
+    exposure: float
+    pure: np.ndarray | None = None
+    """shape ``(H, W)``, bool: pixels of one surface and colour; None where the truth does not say."""
+
+
+def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, float]]:
+    """The value of one view, and the same by neighbouring rules; all before ``finish``.
+
+    Raises:
+        DatasetError: The images are too small for the metric.
+    """
+    value_of = metric.measure
+    shown = _encoded(metric.space, seen)
+    if not isinstance(value_of, Pixelwise):
+        return value_of(*shown, seen.mask), {}
+    errors = value_of.errors(*shown, seen.mask)
+    parts = {name: float(value_of.statistic(errors[of])) for name, of in _regions(seen).items() if of.any()}
+    if metric.beside:
+        name, space = metric.beside
+        parts[name] = value_of(*_encoded(space, seen), seen.mask)
+    return float(value_of.statistic(errors)), parts
+
+
+def breakdown(
+    metric: ImageMetric,
+    values: Sequence[float],
+    parts: Sequence[Mapping[str, float]],
+    noise: Sequence[float | None],
+) -> dict[str, float]:
+    """The breakdown of a score from what :func:`measure` found in its views.
+
+    A view without a part, as one whose every pixel is interior has no boundary, does not enter that part.
+
+    Args:
+        metric: What was measured.
+        values: By view, before ``finish``.
+        parts: By view, before ``finish``.
+        noise: By view, the mean variance of the truth; None where it is not known.
+    """
+    names = dict.fromkeys(name for view in parts for name in view)
+    pooled = {n: metric.finish(_mean([view[n] for view in parts if n in view])) for n in names}
+    if metric.finish is psnr:
+        pooled["mean_of_views"] = _mean([psnr(value) for value in values])
+    known = [n for n in noise if n is not None]
+    if known and len(known) == len(noise):
+        pooled["debiased"] = metric.finish(max(_mean(values) - _mean(known), 0.0))
+    return pooled
+
+
+def _encoded(space: Space, seen: Comparison) -> tuple[np.ndarray, np.ndarray]:
+    return space(seen.predicted, seen.exposure), space(seen.true, seen.exposure)
+
+
+def _regions(seen: Comparison) -> dict[str, np.ndarray]:
+    """Which of the judged pixels belong to a region, each of shape ``(N,)``, bool."""
+    if seen.pure is None:
+        return {}
+    inside = seen.pure[seen.mask]
+    return {"interior": inside, "boundary": ~inside}
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
