@@ -20,6 +20,8 @@ from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
 from graycard.eval._sheet import score_predictions as score_predictions
 from graycard.eval._ssim import ssim as ssim
+from graycard.eval._tolerances import REFERENCES as REFERENCES
+from graycard.eval._tolerances import Reference as Reference
 from graycard.eval.protocols import PROTOCOL as PROTOCOL
 from graycard.eval.protocols import find_protocols as find_protocols
 from graycard.eval.protocols import protocols as protocols
