@@ -55,7 +55,7 @@ def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]
         DatasetError: The truth is broken, or no test view sees an object.
     """
     training = survey_training(predictions, truth)
-    scene = Scene(truth.exposure, training, _gauges(training))
+    scene = Scene(truth.exposure, training, fit_gauges(training))
     tests = [v for v in truth.views if v.split == "test"]
     table = _applicable(truth, tests)
     findings: dict[str, dict[str, Finding]] = {m.record.id: {} for m in table}
@@ -98,7 +98,7 @@ def _applicable(truth: gc.Truth, tests: Sequence[gc.View]) -> list[ImageMetric]:
     return [m for m in IMAGE_METRICS if m.layer not in absent]
 
 
-def _gauges(training: Training) -> dict[str, Factors | str]:
+def fit_gauges(training: Training) -> dict[str, Factors | str]:
     found: dict[str, Factors | str] = {}
     for kind in ("raw", "scalar", "channel"):
         try:
