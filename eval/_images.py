@@ -85,7 +85,9 @@ def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: 
         if isinstance(gauge, str):
             return Finding(reason=gauge)
         values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
-        seen = Comparison(values, reference.astype(np.float64), mask, scene.exposure, true.pure())
+        seen = Comparison(
+            values, reference.astype(np.float64), mask, scene.exposure, _variance(metric, true), true.pure()
+        )
         value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
@@ -119,11 +121,16 @@ def _checked(layer: str, true: TrueView) -> np.ndarray:
     return values
 
 
+def _variance(metric: ImageMetric, true: TrueView) -> np.ndarray | None:
+    name = f"{metric.layer}.var"
+    return true.take(name) if metric.noisy and name in true.layers else None
+
+
 def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    if not metric.noisy or f"{metric.layer}.var" not in true.layers:
+    variance = _variance(metric, true)
+    if variance is None:
         return None
-    radiance, variance = true.take(metric.layer), true.take(f"{metric.layer}.var")
-    return float(gc.display_variance(radiance, variance, exposure)[mask].mean())
+    return float(gc.display_variance(true.take(metric.layer), variance, exposure)[mask].mean())
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:
@@ -173,13 +180,10 @@ def _assemble(
         scored=len(values),
         reason=reason,
         warnings=warnings + _too_good(pooled, ceiling),
-        breakdown=_breakdown(metric, list(findings.values())) if status == "scored" else {},
+        breakdown=breakdown(metric, list(values.values()), [f.parts for f in findings.values()])
+        if status == "scored"
+        else {},
     )
-
-
-def _breakdown(metric: ImageMetric, findings: Sequence[Finding]) -> dict[str, float]:
-    values = [f.value for f in findings if f.value is not None]
-    return breakdown(metric, values, [f.parts for f in findings], [f.noise for f in findings])
 
 
 def _status(

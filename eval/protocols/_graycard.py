@@ -25,8 +25,9 @@ scene away (as in the OSPA metric of Schuhmacher, Vo and Vo 2008, order 1, cut o
 neither few good guesses nor very many pay.
 
 *Noise.* Where the truth is estimated, the breakdown of a PSNR has it ``debiased``: the mean square error
-less the truth's own mean variance, as displayed, to first order. Infinite: no error that the noise does
-not explain.
+less the truth's own mean variance, as displayed. Infinite: no error that the noise does not explain.
+Where the display clips most of a picture to black, up to a quarter of the noise stays in, on the safe
+side. An exact truth has no such number.
 
 *Faults.* A metric whose layer is missing in a view, of wrong size, not finite or unreadable has
 failed, with the reason; a view is never left out and nothing is put in its place. A layer that no
