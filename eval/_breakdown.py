@@ -46,7 +46,7 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
         parts[name] = value_of(*_encoded(space, seen), seen.mask)
     value = float(value_of.statistic(errors))
     if seen.variance is not None and seen.variance.any():
-        parts["debiased"] = value - _noise(metric.space, seen, seen.variance)
+        parts["debiased"] = value - _noise(metric.space, seen, seen.variance, shown[1])
     return value, parts
 
 
@@ -73,14 +73,15 @@ def breakdown(
     return pooled
 
 
-def _noise(space: Space, seen: Comparison, variance: np.ndarray) -> float:
+def _noise(space: Space, seen: Comparison, variance: np.ndarray, shown: np.ndarray) -> float:
     """Mean variance that the truth has in the space of comparison, over the mask and the channels.
 
     By three points of Gauss and Hermite (mean and √3 standard deviations to both sides): where the display
     clips black or bends, as in dark pictures, a slope alone would give too much.
     """
     true, deviation = seen.true[seen.mask], np.sqrt(3 * np.asarray(variance, np.float64)[seen.mask])
-    low, middle, high = (space(true + step * deviation, seen.exposure) for step in (-1, 0, 1))
+    low, high = (space(true + step * deviation, seen.exposure) for step in (-1, 1))
+    middle = shown[seen.mask]
     mean = (low + 4 * middle + high) / 6
     return float(np.mean((4 * (middle - mean) ** 2 + (low - mean) ** 2 + (high - mean) ** 2) / 6))
 
