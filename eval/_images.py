@@ -57,11 +57,15 @@ def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]
     training = survey_training(predictions, truth)
     scene = Scene(truth.exposure, training, fit_gauges(training))
     tests = [v for v in truth.views if v.split == "test"]
-    table = _applicable(truth, tests)
+    first = read_truth(truth, tests[0])
+    table = _applicable(first)
     findings: dict[str, dict[str, Finding]] = {m.record.id: {} for m in table}
     provided, unreadable = set(training.provided), list(training.unreadable)
     for view in tests:
-        predicted, true = read_prediction(predictions, view), read_truth(truth, view)
+        predicted, true = (
+            read_prediction(predictions, view),
+            first if view is tests[0] else read_truth(truth, view),
+        )
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
         for metric in table:
@@ -94,9 +98,9 @@ def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: 
     return Finding(value, "", _warnings(metric, values, mask, true.view.name), noise, parts)
 
 
-def _applicable(truth: gc.Truth, tests: Sequence[gc.View]) -> list[ImageMetric]:
+def _applicable(first: TrueView) -> list[ImageMetric]:
     """The metrics that a scene has; the first test view decides, and the others must have its layers."""
-    absent = OPTIONAL - read_truth(truth, tests[0]).layers.keys()
+    absent = OPTIONAL - first.layers.keys()
     return [m for m in IMAGE_METRICS if m.layer not in absent]
 
 
