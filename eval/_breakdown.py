@@ -3,12 +3,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from graycard.eval._metrics import ImageMetric, Space
-from graycard.eval._pixelwise import Pixelwise
+from graycard.eval._pixelwise import Errors, Pixelwise
 from graycard.eval._psnr import psnr
 
 
@@ -27,6 +28,20 @@ class Comparison:
     """shape ``(H, W, 3)``: of the truth, in its unit squared; None where the truth is exact, or no part."""
     pure: np.ndarray | None = None
     """shape ``(H, W)``, bool: pixels of one surface and colour; None where the truth does not say."""
+    kept: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
+    """What several metrics ask for: encoded images and errors of pixels."""
+
+    def shown(self, space: Space) -> tuple[np.ndarray, np.ndarray]:
+        """Prediction and truth in a space of comparison."""
+        if space not in self.kept:
+            self.kept[space] = space(self.predicted, self.exposure), space(self.true, self.exposure)
+        return self.kept[space]
+
+    def errors(self, of: Errors, space: Space) -> np.ndarray:
+        """The errors of the judged pixels, shape ``(N,)``."""
+        if (of, space) not in self.kept:
+            self.kept[of, space] = of(*self.shown(space), self.mask)
+        return self.kept[of, space]
 
 
 def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, float]]:
@@ -36,17 +51,16 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
         DatasetError: The images are too small for the metric.
     """
     value_of = metric.measure
-    shown = _encoded(metric.space, seen)
     if not isinstance(value_of, Pixelwise):
-        return value_of(*shown, seen.mask), {}
-    errors = value_of.errors(*shown, seen.mask)
+        return value_of(*seen.shown(metric.space), seen.mask), {}
+    errors = seen.errors(value_of.errors, metric.space)
     parts = {name: float(value_of.statistic(errors[of])) for name, of in _regions(seen).items() if of.any()}
     if metric.beside:
         name, space = metric.beside
-        parts[name] = value_of(*_encoded(space, seen), seen.mask)
+        parts[name] = float(value_of.statistic(seen.errors(value_of.errors, space)))
     value = float(value_of.statistic(errors))
-    if seen.variance is not None and seen.variance.any():
-        parts["debiased"] = value - _noise(metric.space, seen, seen.variance, shown[1])
+    if metric.noisy and seen.variance is not None and seen.variance.any():
+        parts["debiased"] = value - _noise(metric.space, seen, seen.variance)
     return value, parts
 
 
@@ -73,7 +87,7 @@ def breakdown(
     return pooled
 
 
-def _noise(space: Space, seen: Comparison, variance: np.ndarray, shown: np.ndarray) -> float:
+def _noise(space: Space, seen: Comparison, variance: np.ndarray) -> float:
     """Mean variance that the truth has in the space of comparison, over the mask and the channels.
 
     By three points of Gauss and Hermite (mean and √3 standard deviations to both sides): where the display
@@ -81,13 +95,9 @@ def _noise(space: Space, seen: Comparison, variance: np.ndarray, shown: np.ndarr
     """
     true, deviation = seen.true[seen.mask], np.sqrt(3 * np.asarray(variance, np.float64)[seen.mask])
     low, high = (space(true + step * deviation, seen.exposure) for step in (-1, 1))
-    middle = shown[seen.mask]
+    middle = seen.shown(space)[1][seen.mask]
     mean = (low + 4 * middle + high) / 6
     return float(np.mean((4 * (middle - mean) ** 2 + (low - mean) ** 2 + (high - mean) ** 2) / 6))
-
-
-def _encoded(space: Space, seen: Comparison) -> tuple[np.ndarray, np.ndarray]:
-    return space(seen.predicted, seen.exposure), space(seen.true, seen.exposure)
 
 
 def _regions(seen: Comparison) -> dict[str, np.ndarray]:

@@ -23,6 +23,10 @@ _SUSPICIOUS = 1.0
 """dB above the noise ceiling: no estimate of the noise-free image scores that high by chance."""
 
 
+Comparisons = dict[tuple[str, Factors], Comparison]
+"""By layer and gauge."""
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """What one metric says about one test view."""
@@ -68,15 +72,25 @@ def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]
         )
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
+        comparisons: Comparisons = {}
         for metric in table:
             if true.mask(metric.layer).any():
-                findings[metric.record.id][view.name] = judge(metric, predicted, true, scene)
+                findings[metric.record.id][view.name] = judge(metric, predicted, true, scene, comparisons)
     extra = _unknown_views(predictions, truth)
     return [_assemble(m, findings[m.record.id], scene, m.layer in provided, unreadable, extra) for m in table]
 
 
-def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: Scene) -> Finding:
+def judge(
+    metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: Scene, comparisons: Comparisons
+) -> Finding:
     """Judge one view by one metric; a fault of the prediction is found, not raised.
+
+    Args:
+        metric: What to measure.
+        predicted: The prediction of the view.
+        true: Its truth.
+        scene: What is the same for all views.
+        comparisons: What other metrics have computed for this view; it grows.
 
     Raises:
         DatasetError: The truth of the view is broken.
@@ -88,14 +102,16 @@ def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: 
         values = predicted.take(metric.layer)
         if isinstance(gauge, str):
             return Finding(reason=gauge)
-        values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
-        seen = Comparison(
-            values, reference.astype(np.float64), mask, scene.exposure, _variance(metric, true), true.pure()
-        )
+        key = metric.layer, gauge
+        if key not in comparisons:
+            values = apply_gauge(values, gauge)
+            images = values, reference.astype(np.float64), mask
+            comparisons[key] = Comparison(*images, scene.exposure, _variance(true, metric.layer), true.pure())
+        seen = comparisons[key]
         value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
-    return Finding(value, "", _warnings(metric, values, mask, true.view.name), noise, parts)
+    return Finding(value, "", _warnings(metric, seen.predicted, mask, true.view.name), noise, parts)
 
 
 def _applicable(first: TrueView) -> list[ImageMetric]:
@@ -125,13 +141,12 @@ def _checked(layer: str, true: TrueView) -> np.ndarray:
     return values
 
 
-def _variance(metric: ImageMetric, true: TrueView) -> np.ndarray | None:
-    name = f"{metric.layer}.var"
-    return true.take(name) if metric.noisy and name in true.layers else None
+def _variance(true: TrueView, layer: str) -> np.ndarray | None:
+    return true.take(f"{layer}.var") if f"{layer}.var" in true.layers else None
 
 
 def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    variance = _variance(metric, true)
+    variance = _variance(true, metric.layer) if metric.noisy else None
     if variance is None:
         return None
     return float(gc.display_variance(true.take(metric.layer), variance, exposure)[mask].mean())

@@ -53,7 +53,7 @@ def image_score(metric: ImageMetric, factors: np.ndarray) -> float | None:
     sums = ge.moments(layers["base_color"], TRUE["base_color"], true.mask("base_color"))
     training = Training(frozenset(layers), (), (sums,), ())
     scene = Scene(1.2, training, fit_gauges(training))
-    return judge(metric, PredictedView(VIEW, layers), true, scene).value
+    return judge(metric, PredictedView(VIEW, layers), true, scene, {}).value
 
 
 @dataclass(frozen=True)
