@@ -3,7 +3,10 @@
 
 import numpy as np
 
-from graycard.eval._mask import with_true_background
+from graycard.eval._mask import box_around, with_true_background
+
+REACH = 10
+"""Radius in pixels of FLIP's widest filter at 67 pixels per degree."""
 
 
 def flip_map(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
@@ -25,15 +28,19 @@ def flip_map(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.nd
     shown = with_true_background(predicted, true, mask)
     if min(shown.min(), true.min()) < 0 or max(shown.max(), true.max()) > 1:
         raise ValueError(f"expected display values in [0, 1], got [{shown.min()}, {shown.max()}]")
+    # Beyond the filters' reach of the mask both images are equal and the error is 0.
+    box = box_around(mask, 2 * REACH)
     error, _, _ = evaluate(
-        np.ascontiguousarray(true, np.float32),
-        np.ascontiguousarray(shown, np.float32),
+        np.ascontiguousarray(true[box], np.float32),
+        np.ascontiguousarray(shown[box], np.float32),
         "LDR",
         inputsRGB=True,
         applyMagma=False,
         computeMeanError=False,
     )
-    return np.asarray(error, np.float64)[..., 0]
+    found = np.zeros(mask.shape)
+    found[box] = np.asarray(error)[..., 0]
+    return found
 
 
 def flip(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:

@@ -8,18 +8,23 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import graycard as gc
+from graycard.eval._breakdown import Comparison, breakdown, measure
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._metrics import IMAGE_METRICS, ImageMetric
-from graycard.eval._protocol import PROTOCOL
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, survey_training
+from graycard.eval.protocols import PROTOCOL
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Layers that the truth of some scenes does not have."""
 _SUSPICIOUS = 1.0
 """dB above the noise ceiling: no estimate of the noise-free image scores that high by chance."""
+
+
+Comparisons = dict[tuple[str, Factors], Comparison]
+"""By layer and gauge."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +38,8 @@ class Finding:
     warnings: tuple[str, ...] = ()
     noise: float | None = None
     """Mean display variance of the truth over the mask; None where it is not known."""
+    parts: Mapping[str, float] = field(default_factory=dict)
+    """The same by neighbouring rules, before ``finish``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,24 +59,38 @@ def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]
         DatasetError: The truth is broken, or no test view sees an object.
     """
     training = survey_training(predictions, truth)
-    scene = Scene(truth.exposure, training, _gauges(training))
+    scene = Scene(truth.exposure, training, fit_gauges(training))
     tests = [v for v in truth.views if v.split == "test"]
-    table = _applicable(truth, tests)
+    first = read_truth(truth, tests[0])
+    table = _applicable(first)
     findings: dict[str, dict[str, Finding]] = {m.record.id: {} for m in table}
     provided, unreadable = set(training.provided), list(training.unreadable)
     for view in tests:
-        predicted, true = read_prediction(predictions, view), read_truth(truth, view)
+        predicted, true = (
+            read_prediction(predictions, view),
+            first if view is tests[0] else read_truth(truth, view),
+        )
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
+        comparisons: Comparisons = {}
         for metric in table:
             if true.mask(metric.layer).any():
-                findings[metric.record.id][view.name] = judge(metric, predicted, true, scene)
+                findings[metric.record.id][view.name] = judge(metric, predicted, true, scene, comparisons)
     extra = _unknown_views(predictions, truth)
     return [_assemble(m, findings[m.record.id], scene, m.layer in provided, unreadable, extra) for m in table]
 
 
-def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: Scene) -> Finding:
+def judge(
+    metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: Scene, comparisons: Comparisons
+) -> Finding:
     """Judge one view by one metric; a fault of the prediction is found, not raised.
+
+    Args:
+        metric: What to measure.
+        predicted: The prediction of the view.
+        true: Its truth.
+        scene: What is the same for all views.
+        comparisons: What other metrics have computed for this view; it grows.
 
     Raises:
         DatasetError: The truth of the view is broken.
@@ -81,23 +102,25 @@ def judge(metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: 
         values = predicted.take(metric.layer)
         if isinstance(gauge, str):
             return Finding(reason=gauge)
-        values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
-        space = metric.space
-        value = metric.measure(
-            space(values, scene.exposure), space(reference.astype(np.float64), scene.exposure), mask
-        )
+        key = metric.layer, gauge
+        if key not in comparisons:
+            values = apply_gauge(values, gauge)
+            images = values, reference.astype(np.float64), mask
+            comparisons[key] = Comparison(*images, scene.exposure, _variance(true, metric.layer), true.pure())
+        seen = comparisons[key]
+        value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
-    return Finding(value, warnings=_warnings(metric, values, mask, true.view.name), noise=noise)
+    return Finding(value, "", _warnings(metric, seen.predicted, mask, true.view.name), noise, parts)
 
 
-def _applicable(truth: gc.Truth, tests: Sequence[gc.View]) -> list[ImageMetric]:
+def _applicable(first: TrueView) -> list[ImageMetric]:
     """The metrics that a scene has; the first test view decides, and the others must have its layers."""
-    absent = OPTIONAL - read_truth(truth, tests[0]).layers.keys()
+    absent = OPTIONAL - first.layers.keys()
     return [m for m in IMAGE_METRICS if m.layer not in absent]
 
 
-def _gauges(training: Training) -> dict[str, Factors | str]:
+def fit_gauges(training: Training) -> dict[str, Factors | str]:
     found: dict[str, Factors | str] = {}
     for kind in ("raw", "scalar", "channel"):
         try:
@@ -118,11 +141,15 @@ def _checked(layer: str, true: TrueView) -> np.ndarray:
     return values
 
 
+def _variance(true: TrueView, layer: str) -> np.ndarray | None:
+    return true.take(f"{layer}.var") if f"{layer}.var" in true.layers else None
+
+
 def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    if not metric.noisy or f"{metric.layer}.var" not in true.layers:
+    variance = _variance(true, metric.layer) if metric.noisy else None
+    if variance is None:
         return None
-    radiance, variance = true.take(metric.layer), true.take(f"{metric.layer}.var")
-    return float(gc.display_variance(radiance, variance, exposure)[mask].mean())
+    return float(gc.display_variance(true.take(metric.layer), variance, exposure)[mask].mean())
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:
@@ -172,6 +199,9 @@ def _assemble(
         scored=len(values),
         reason=reason,
         warnings=warnings + _too_good(pooled, ceiling),
+        breakdown=breakdown(metric, list(values.values()), [f.parts for f in findings.values()])
+        if status == "scored"
+        else {},
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import graycard as gc
 from graycard.eval._light_errors import LightMatch, intensity_error, match_lights
 from graycard.eval._metrics import LIGHT_METRICS
-from graycard.eval._protocol import PROTOCOL
+from graycard.eval.protocols import PROTOCOL
 
 _INDEX = "lights.json"
 _NEEDS_PAIRS = ("light.position", "light.intensity")

@@ -43,6 +43,24 @@ def with_true_background(predicted: np.ndarray, true: np.ndarray, mask: np.ndarr
     return np.where(mask[..., None], predicted, true).astype(np.float64)
 
 
+def box_around(mask: np.ndarray, margin: int) -> tuple[slice, slice]:
+    """Rows and columns of the least box that holds the mask and a margin of pixels, cut off at the image.
+
+    What a filter says inside the mask is the same in the box, if the margin is not less than its reach.
+
+    Example:
+        >>> import numpy as np
+        >>> box_around(np.eye(9)[::-1] * np.arange(9) > 7, 2)
+        (slice(0, 3, None), slice(6, 11, None))
+    """
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    return _widened(rows, margin), _widened(columns, margin)
+
+
+def _widened(seen: np.ndarray, margin: int) -> slice:
+    return slice(max(int(seen[0]) - margin, 0), int(seen[-1]) + 1 + margin)
+
+
 def check_images(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> None:
     """Raise ValueError unless the images have one shape that fits a mask with pixels in it."""
     if predicted.shape != true.shape or mask.shape != true.shape[:2] or mask.dtype != np.bool_:

@@ -71,6 +71,14 @@ class TrueView:
         """
         return judged_mask(self.take("object_id"), self.emitters if layer == "base_color" else frozenset())
 
+    def pure(self) -> np.ndarray | None:
+        """Pixels that show one surface of one colour, shape ``(H, W)``, bool; None where none are named.
+
+        Raises:
+            DatasetError: The layer is of another size, or not finite.
+        """
+        return self.take("pure") > 0.5 if "pure" in self.layers else None
+
 
 def read_prediction(predictions: gc.Predictions, view: gc.View) -> PredictedView:
     """What is predicted for a view; a file that cannot be read becomes a fault."""

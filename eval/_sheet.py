@@ -6,10 +6,11 @@ from pathlib import Path
 import graycard as gc
 from graycard.eval._images import score_images
 from graycard.eval._light_scores import score_lights
+from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
-def score_predictions(predictions: Path, scene: Path) -> gc.ScoreSheet:
-    """Score a predictions folder by the rules of :data:`graycard.eval.PROTOCOL`.
+def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) -> gc.ScoreSheet:
+    """Score a predictions folder by the rules of a protocol.
 
     A pure function of the files in the two folders: the same files give the same sheet.
 
@@ -17,15 +18,20 @@ def score_predictions(predictions: Path, scene: Path) -> gc.ScoreSheet:
         predictions: The predictions folder.
         scene: The scene's folder, ``DATASET/<track>/<scene>``; each file of its truth is first
             compared with its SHA-256.
+        protocol: Name or id. By graycard's own, ``scores`` holds one score for each metric that the scene
+            has, in the order of :func:`graycard.eval.metrics`; a published one judges base colour
+            alone, into ``protocols``; ``"all"`` fills both.
 
     Returns:
-        One score for each metric that the scene has, in the order of :func:`graycard.eval.metrics`.
         What is wrong with a layer is in its scores; it raises nothing.
 
     Raises:
+        UnknownNameError: There is no such protocol.
         PredictionError: The folder has no index, or is for another scene.
         DatasetError: The truth is missing or damaged.
     """
+    chosen = find_protocols(protocol)
+    published = [p for p in chosen if isinstance(p, AlbedoProtocol)]
     truth = gc.open_truth(Path(scene) / "truth")
     found = gc.open_predictions(Path(predictions))
     if (found.track, found.scene) != (truth.track, truth.scene):
@@ -39,5 +45,6 @@ def score_predictions(predictions: Path, scene: Path) -> gc.ScoreSheet:
         found.method,
         gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth)),
+        (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
+        score_protocols(published, found, truth) if published else (),
     )

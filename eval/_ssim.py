@@ -4,7 +4,7 @@
 import numpy as np
 
 import graycard as gc
-from graycard.eval._mask import with_true_background
+from graycard.eval._mask import box_around, with_true_background
 
 WINDOW = 11
 """Side of the Gaussian window in pixels: sigma 1.5, cut off at 3.5 sigma."""
@@ -49,9 +49,10 @@ def ssim(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
             f"expected images of at least {WINDOW}x{WINDOW} pixels for SSIM, got "
             f"{true.shape[1]}x{true.shape[0]}. Render the scene larger"
         )
+    box = box_around(mask, WINDOW)
     _, similarity, *_ = structural_similarity(
-        with_true_background(predicted, true, mask),
-        np.asarray(true, np.float64),
+        with_true_background(predicted, true, mask)[box],
+        np.asarray(true, np.float64)[box],
         gaussian_weights=True,
         sigma=1.5,
         use_sample_covariance=False,
@@ -60,4 +61,4 @@ def ssim(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
         full=True,
     )
     inside = interior(mask)
-    return float(similarity[inside if inside.any() else mask].mean())
+    return float(similarity[(inside if inside.any() else mask)[box]].mean())

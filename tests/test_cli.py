@@ -163,6 +163,28 @@ def test_scores_are_not_cut_off_in_a_pipe(tiny_scenes: dict[str, Path], tmp_path
     assert "albedo.psnr.channel" in capsys.readouterr().out
 
 
+def test_one_prediction_by_every_protocol(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    scene, out, scores = str(tiny_scenes["dark"]), str(tmp_path / "p"), tmp_path / "s.json"
+    assert main(["fit", "input", scene, "--out", out]) == 0
+    assert main(["score", out, scene, "--protocol", "all", "--json", str(scores)]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"^tensoir-three-1 +[\d.]+ +dB +whole image +median ratio", shown, re.M)
+    assert re.search(r"^albedo.psnr.channel +[\d.]+ +[\d.]+ *$", shown, re.M), "sRGB, and the mean of views"
+    (spread,) = re.findall(
+        r"^spread: one prediction has .* dB by .* and .* dB by .*, ([\d.]+) dB apart", shown, re.M
+    )
+    sheet = gc.read_score_sheet(scores)
+    values = [s.value or 0 for s in (*sheet.scores, *sheet.protocols) if s.metric.startswith("albedo.psnr")]
+    assert float(spread) == pytest.approx(max(values) - min(values), abs=0.051)
+    assert main(["score", out, scene, "--protocol", "gs-ir"]) == 0
+    shown = capsys.readouterr().out
+    assert "gs-ir-1" in shown
+    assert "spread" not in shown
+    assert shown.endswith("score: input on dark/tiny-0000: 1 scored, 0 failed, 0 not provided\n")
+    assert main(["score", out, scene, "--protocol", "gsir"]) == 2
+    assert "did you mean 'gs-ir'" in capsys.readouterr().err
+
+
 def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
     scene = tiny_scenes["dark"]
     assert main(["fit", "input", str(scene), "--out", str(tmp_path)]) == 0

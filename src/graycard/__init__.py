@@ -93,6 +93,7 @@ from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
 from graycard._progress import silent as silent
 from graycard._records import Cost as Cost
+from graycard._records import Invariance as Invariance
 from graycard._records import Job as Job
 from graycard._records import JobResult as JobResult
 from graycard._records import MethodRecord as MethodRecord

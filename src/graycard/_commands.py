@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from graycard._commands_runs import Bench, Fit, Gate, Methods, Report, ScoreCommand
+from graycard._commands_runs import Bench, Fit, Gate, Methods, Report
 from graycard._commands_scenes import Export, Import, Look, Render, Scenes, Verify
+from graycard._commands_scores import ScoreCommand
 from graycard._screen import OK, Json, Screen, new_table, write_optional_json
 
 

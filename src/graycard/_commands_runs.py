@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that run methods, score what they predict, and compare and report runs."""
+"""The verbs that run methods, and compare and report runs."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.table import Table
 
-from graycard._records import RunRecord, ScoreSheet, read_run
+from graycard._records import RunRecord, read_run
 from graycard._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
 
 
@@ -86,37 +85,6 @@ class Fit:
             cost = fit_scene(spec, self.out, progress, self.save)
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         return OK
-
-
-@dataclass(frozen=True)
-class ScoreCommand:
-    """Score a predictions folder, from any code, against the truth of its scene."""
-
-    predictions: Annotated[Path, tyro.conf.Positional]
-    """The folder: docs/formats.md says what is in it."""
-    scene: Annotated[Path, tyro.conf.Positional]
-    """DATASET/<track>/<scene>."""
-    json: Json = None
-    """Also write the scores to this file."""
-
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Score; a score that failed makes the exit code 1."""
-        from graycard.eval import score_predictions
-
-        sheet = score_predictions(self.predictions, self.scene)
-        screen.out.print(_score_table(sheet))
-        write_optional_json(self.json, sheet)
-        failed = [score for score in sheet.scores if score.status == "failed"]
-        for reason in dict.fromkeys(score.reason for score in failed):
-            screen.err.print(f"failed: {reason}")
-        scored = sum(score.status == "scored" for score in sheet.scores)
-        if not scored:
-            screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
-        screen.out.print(
-            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
-            f"{len(sheet.scores) - scored - len(failed)} not provided"
-        )
-        return OK if scored and not failed else FAILED
 
 
 @dataclass(frozen=True)
@@ -210,17 +178,6 @@ class Report:
 
         screen.out.print(f"report: {write_report(self.run_folder).resolve()}")
         return OK
-
-
-def _score_table(sheet: ScoreSheet) -> Table:
-    table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
-    for score in sheet.scores:
-        value = f"{score.value:.4g}" if score.value is not None else score.status
-        ceiling = f"{score.noise_ceiling:.1f}" if score.noise_ceiling is not None else ""
-        gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
-        counts = f"{score.scored}/{score.expected}"
-        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)
-    return table
 
 
 def _failures(record: RunRecord) -> list[str]:

@@ -9,9 +9,13 @@ from typing import Any, Literal
 from graycard._errors import RecordError
 from graycard._json import check_version, decode, read_json
 
-RECORD_VERSION = 1
+RECORD_VERSION = 2
 
 Status = Literal["scored", "failed", "not provided"]
+
+Invariance = Literal["global gain", "channel gain", "sign"]
+"""A change of what is predicted (of a light: of its intensity) that may leave a score as it is: times one
+positive factor, times one such factor for each channel, times -1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +25,7 @@ class Score:
     metric: str
     """Id, as in ``albedo.psnr.channel``."""
     protocol: str
-    """Name and version of the rules (mask, gauge, colour space, pooling), as in ``graycard-0``."""
+    """Name and version of the rules (mask, gauge, colour space, pooling), as in ``graycard-1``."""
     status: Status
     value: float | None
     """None unless ``status`` is ``scored``."""
@@ -43,6 +47,10 @@ class Score:
     reason: str = ""
     """Why it failed, or what is not provided."""
     warnings: tuple[str, ...] = ()
+    breakdown: Mapping[str, float] = field(default_factory=dict)
+    """The same number by a neighbouring rule, in the same unit: ``interior`` and ``boundary`` (pixels of
+    one surface and colour, and the others), ``srgb`` or ``linear`` (the other colour space),
+    ``mean_of_views`` (of PSNRs), ``debiased`` (the truth's noise taken off)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +65,8 @@ class ScoreSheet:
     truth_sha256: str
     """Hash of the truth's manifest, which holds the hash of each file."""
     scores: tuple[Score, ...]
+    protocols: tuple[Score, ...] = ()
+    """Base colour by published protocols, one score for each that was asked for."""
     format: str = "graycard-scores"
     format_version: int = RECORD_VERSION
 
@@ -158,6 +168,8 @@ class MetricRecord:
     """Whether it stands in the leaderboard."""
     tolerance: float
     """By how much a score may get worse before the gate calls it a regression, in ``unit``."""
+    ignores: tuple[Invariance, ...] = ()
+    """The gauge groups under which the score does not change."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import graycard.eval as ge
-from graycard.eval._angles import mean_angle, median_angle
+from graycard.eval._pixelwise import Pixelwise, angle_errors
 
 RNG = np.random.default_rng(2)
 
@@ -65,8 +65,8 @@ def test_mean_and_median_are_over_the_mask_only() -> None:
     p[0] = [1, 0, 0]
     p[1, 0] = [0, 1, 1]
     mask = np.array([[True, False, False], [True, True, True]])
-    assert mean_angle(p, t, mask) == pytest.approx((90 + 45) / 4)
-    assert median_angle(p, t, mask) == pytest.approx(22.5)
+    assert Pixelwise(angle_errors, np.mean)(p, t, mask) == pytest.approx((90 + 45) / 4)
+    assert Pixelwise(angle_errors, np.median)(p, t, mask) == pytest.approx(22.5)
 
 
 @pytest.mark.parametrize("shape", [(4, 3), (5, 2)])

@@ -6,7 +6,7 @@ import importlib
 
 import pytest
 
-MODULES = ("_gauge", "_mask", "_psnr", "_ssim")
+MODULES = ("_colour_difference", "_gauge", "_mask", "_psnr", "_ssim", "protocols._find")
 
 
 @pytest.mark.parametrize("module", MODULES)

@@ -12,7 +12,9 @@ import graycard.eval as ge
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
-ALBEDO = ("albedo.psnr.raw", "albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip")
+UNGAUGED = ("albedo.psnr.raw", "albedo.lmse")
+GAUGED = ("albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip", "albedo.ciede2000")
+ALBEDO = UNGAUGED + GAUGED
 NORMAL = ("normal.mean_angle", "normal.median_angle")
 IMAGES = tuple(m.id for m in ge.metrics() if m.group not in ("light", "counterfactual"))
 LIGHTS = tuple(m.id for m in ge.metrics() if m.group == "light")
@@ -157,14 +159,14 @@ def test_a_gauge_needs_base_color_on_the_training_views(scene: Path, predict: Pr
 
     sheet = ge.score_predictions(predict(scene, test_only), scene)
     words = ("expected base_color on the training views, where the gauge is fitted, got 3", "train_000")
-    expect(sheet, "failed", ALBEDO[1:], *words)
+    expect(sheet, "failed", GAUGED, *words)
     assert sheet.score("albedo.psnr.raw").status == "scored"
     assert sheet.score("albedo.psnr.channel").gauge is None
 
 
 def test_one_faulty_training_view_is_not_left_out_of_the_gauge(scene: Path, predict: Predict) -> None:
     sheet = ge.score_predictions(predict(scene, edit("base_color", spoil(np.nan), "train_002")), scene)
-    expect(sheet, "failed", ALBEDO[1:], "got 1 of them without: train_002: expected finite values")
+    expect(sheet, "failed", GAUGED, "got 1 of them without: train_002: expected finite values")
 
 
 def test_a_black_prediction_has_no_gauge(scene: Path, predict: Predict) -> None:
@@ -172,7 +174,7 @@ def test_a_black_prediction_has_no_gauge(scene: Path, predict: Predict) -> None:
         return layers | {"base_color": 0 * layers["base_color"]}
 
     sheet = ge.score_predictions(predict(scene, black), scene)
-    expect(sheet, "failed", ALBEDO[1:], "black in channel R wherever an object is seen")
+    expect(sheet, "failed", GAUGED, "black in channel R wherever an object is seen")
     assert sheet.score("albedo.psnr.raw").value is not None
 
 
@@ -294,7 +296,7 @@ def test_training_views_that_see_nothing_fit_no_gauge(
     scene = make_scene()
     rewrite_truth(scene, lambda v, x: x | {"object_id": x["object_id"] * np.uint32(v.split == "test")})
     sheet = ge.score_predictions(predict(scene), scene)
-    expect(sheet, "failed", ALBEDO[1:], "no training view sees an object")
+    expect(sheet, "failed", GAUGED, "no training view sees an object")
 
 
 def test_a_test_view_that_sees_nothing_is_not_expected(

@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+from flip_evaluator import evaluate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -94,3 +95,16 @@ def test_it_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
 def test_values_that_no_display_shows() -> None:
     with pytest.raises(ValueError, match=r"expected display values in \[0, 1\], got"):
         ge.flip(PREDICTED + 0.5, TRUE, EVERYWHERE)
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (40, 50), (70, 5), (89, 79)])
+def test_what_is_computed_around_the_mask_is_what_the_whole_picture_says(corner: tuple[int, int]) -> None:
+    rng = np.random.default_rng(6)
+    predicted, true = rng.random((2, 90, 80, 3))
+    mask = np.zeros((90, 80), bool)
+    mask[corner[0] : corner[0] + 12, corner[1] : corner[1] + 9] = True
+    shown = np.where(mask[..., None], predicted, true)
+    images = np.ascontiguousarray(true, np.float32), np.ascontiguousarray(shown, np.float32)
+    whole = evaluate(*images, "LDR", applyMagma=False, computeMeanError=False)[0][..., 0]
+    assert ge.flip_map(predicted, true, mask) == pytest.approx(whole, abs=1e-6)
+    assert whole[~mask].max() > 0.01, "the filters reach beyond the mask"

@@ -51,7 +51,7 @@ def test_the_truth_reaches_the_optimum_of_every_metric(
         assert score.status == "scored", score.reason
         assert score.value == score.optimum, score.metric
         assert score.expected == score.scored > 0
-        assert score.protocol == ge.PROTOCOL == "graycard-0"
+        assert score.protocol == ge.PROTOCOL == "graycard-1"
     assert (sheet.track, sheet.scene, sheet.method) == (track, "tiny-0000", "truth")
 
 
@@ -66,7 +66,7 @@ def test_scores_stand_in_the_order_of_the_table(
 
 def test_the_table_is_consistent() -> None:
     table = ge.metrics()
-    assert len({m.id for m in table}) == len(table) == 17
+    assert len({m.id for m in table}) == len(table) == 19
     assert {m.id for m in table if m.headline} == {
         "novel_view.psnr",
         "counterfactual.psnr",

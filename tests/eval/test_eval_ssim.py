@@ -72,3 +72,19 @@ def test_images_smaller_than_the_window() -> None:
     small = TRUE[:10]
     with pytest.raises(gc.DatasetError, match=r"at least 11x11 pixels for SSIM, got 26x10\. Render"):
         ge.ssim(small, small, EVERYWHERE[:10])
+
+
+@pytest.mark.parametrize(("top", "left", "size"), [(0, 0, 14), (60, 51, 25), (30, 2, 6)])
+def test_what_is_computed_around_the_mask_is_what_the_whole_picture_says(
+    top: int, left: int, size: int
+) -> None:
+    predicted, true = np.random.default_rng(8).random((2, 80, 70, 3))
+    mask = np.zeros((80, 70), bool)
+    mask[top : top + size, left : left + size] = True
+    framed = np.where(mask[..., None], predicted, true)
+    maps = np.stack([reference_map(framed[..., c], true[..., c]) for c in range(3)], axis=-1)
+    inside = np.zeros_like(mask)
+    inside[top + 5 : top + size - 5, left + 5 : left + size - 5] = size > 10
+    inside[:5], inside[-5:], inside[:, :5], inside[:, -5:] = False, False, False, False
+    expected = maps[inside if inside.any() else mask].mean()
+    assert ge.ssim(predicted, true, mask) == pytest.approx(expected, abs=1e-12)

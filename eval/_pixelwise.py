@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measures that are a statistic of one error for each judged pixel."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from graycard import angles
+from graycard.eval._colour_difference import ciede2000
+from graycard.eval._flip import flip_map
+from graycard.eval._mask import judged_pixels
+
+Errors = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""``(predicted, true, mask)`` of shapes ``(H, W, 3)`` and ``(H, W)`` to the errors inside, ``(N,)``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pixelwise:
+    """A measure of one view: the errors of its judged pixels, and a statistic of them."""
+
+    errors: Errors
+    statistic: Callable[[np.ndarray], np.floating]
+
+    def __call__(self, predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
+        """The statistic over the mask."""
+        return float(self.statistic(self.errors(predicted, true, mask)))
+
+
+def square_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Mean over channels of the squared difference, shape ``(N,)``, in the unit squared."""
+    p, t = judged_pixels(predicted, true, mask)
+    return np.mean((p - t) ** 2, axis=-1)
+
+
+def angle_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Angles between directions, shape ``(N,)``, degrees."""
+    return angles(predicted[mask], true[mask])
+
+
+def colour_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """CIEDE2000 of linear colours, shape ``(N,)``."""
+    return ciede2000(*judged_pixels(predicted, true, mask))
+
+
+def flip_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """FLIP of display values, shape ``(N,)``, [0, 1]."""
+    return flip_map(predicted, true, mask)[mask]

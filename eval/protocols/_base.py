@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a protocol is: a name, a version, and rules that turn images into one number."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+import graycard as gc
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What a protocol does, in words for a table."""
+
+    pixels: str
+    """Which pixels the error is averaged over."""
+    gauge: str
+    """Which factors are taken off, and by which fit."""
+    fitted_on: str
+    """Which views the fit sees."""
+    space: str
+    """Colour space of the comparison."""
+    pooling: str
+    """How views become one number."""
+    channels: str
+    """How channels become one number."""
+    exposure: str
+    """What scales light to display range."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protocol(ABC):
+    """A named, versioned, immutable way of turning layers into one number."""
+
+    name: str
+    version: int = 1
+    summary: str
+    """One line: whose protocol it is."""
+    source: str
+    """Where its definition stands."""
+
+    @property
+    def id(self) -> str:
+        """Name and version, as scores carry them: ``tensoir-three-1``."""
+        return f"{self.name}-{self.version}"
+
+    @abstractmethod
+    def rules_of(self, metric: str) -> Rules:
+        """What it does to come to a metric, in words for a table."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlbedoView:
+    """One view of a predicted base colour; images linear, shape ``(H, W, 3)``."""
+
+    name: str
+    predicted: np.ndarray
+    true: np.ndarray
+    mask: np.ndarray
+    """shape ``(H, W)``, bool: where the truth sees an object that is no light."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlbedoViews:
+    """The views that an albedo protocol may look at."""
+
+    test: tuple[AlbedoView, ...]
+    """The scored ones."""
+    validation: AlbedoView | None = None
+    """One that is not scored: the first training view. None where its prediction cannot be used."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a protocol says about the views."""
+
+    value: float
+    per_view: Mapping[str, float] = field(default_factory=dict)
+    gauge: tuple[float, ...] | None = None
+    """The factors for R, G, B where all views share them; None where each view has its own, or none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlbedoProtocol(Protocol, ABC):
+    """A protocol that judges base colour."""
+
+    ignores: tuple[gc.Invariance, ...] = ()
+    """The gauge groups under which its score does not change."""
+
+    @property
+    @abstractmethod
+    def record(self) -> gc.MetricRecord:
+        """What its number is: unit, direction, optimum."""
+
+    @abstractmethod
+    def score(self, views: AlbedoViews) -> Outcome:
+        """Judge the test views.
+
+        Raises:
+            PredictionError: No factor can be fitted, or the view that it is fitted on cannot be used.
+            DatasetError: The views are too small, or the mask is too narrow, for the definition.
+        """

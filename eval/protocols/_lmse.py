@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The protocol that ends in a local mean square error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import graycard as gc
+from graycard.eval._lmse import SHIFT, WINDOW, lmse
+from graycard.eval.protocols._base import AlbedoProtocol, AlbedoViews, Outcome, Rules
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LmseProtocol(AlbedoProtocol):
+    """Local mean square error of the gray base colour: every window may have a brightness of its own."""
+
+    @property
+    def record(self) -> gc.MetricRecord:
+        """Albedo LMSE."""
+        return gc.MetricRecord(
+            "albedo.lmse", "Albedo LMSE", "albedo", "1", False, 0.0, self.summary,
+            headline=False, tolerance=0.01, ignores=self.ignores,
+        )  # fmt: skip
+
+    def rules_of(self, metric: str) -> Rules:
+        """What it does, in words for a table."""
+        return Rules(
+            pixels="mask",
+            gauge="least squares, one factor",
+            fitted_on=f"each window of {WINDOW}x{WINDOW}, step {SHIFT}",
+            space="linear",
+            pooling="mean of LMSEs",
+            channels="their mean, gray",
+            exposure="1 is white",
+        )
+
+    def score(self, views: AlbedoViews) -> Outcome:
+        """Judge the test views; see :class:`AlbedoProtocol`."""
+        each = {v.name: lmse(v.predicted, v.true, v.mask) for v in views.test}
+        return Outcome(float(np.mean(list(each.values()))), each)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every metric against a second library or a closed form, as closely as one table says."""
+
+import warnings
+from collections.abc import Callable
+from itertools import permutations
+from types import ModuleType
+
+import flip_evaluator
+import numpy as np
+import pytest
+from scipy.ndimage import convolve1d
+from skimage.color import deltaE_ciede2000
+from skimage.metrics import peak_signal_noise_ratio
+
+import graycard as gc
+import graycard.eval as ge
+from graycard.eval._colour_difference import REC709_TO_XYZ
+
+RNG = np.random.default_rng(31)
+TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
+PREDICTED = np.clip(TRUE * (1.1, 0.9, 1.0) + RNG.normal(0, 0.1, TRUE.shape), 0, 1)
+EVERYWHERE = np.ones((50, 42), bool)
+SHARMA = (
+    ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+    ((50.0, 3.1571, -77.2803), (50.0, 0.0, -82.7485), 2.8615),
+    ((50.0, 2.4900, -0.0010), (50.0, -2.4900, 0.0009), 7.1792),
+    ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+    ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+)
+"""Pairs 1, 2, 9, 17, 25 and 34 of the paper's test data: hue near blue, hues apart, dark."""
+Pair = tuple[np.ndarray | float, np.ndarray | float]
+
+
+def colour_science() -> ModuleType:
+    """The library, which warns about plotting when it is imported."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
+def psnr() -> Pair:
+    ours = ge.psnr(ge.mean_square_error(PREDICTED, TRUE, EVERYWHERE))
+    return ours, float(peak_signal_noise_ratio(TRUE, PREDICTED, data_range=1))
+
+
+def ssim() -> Pair:
+    bell = np.exp(-(np.arange(-5, 6) ** 2) / (2 * 1.5**2))
+
+    def mean(x: np.ndarray) -> np.ndarray:
+        return convolve1d(convolve1d(x, bell / bell.sum(), axis=0), bell / bell.sum(), axis=1)
+
+    a, b, c1, c2 = PREDICTED, TRUE, 0.01**2, 0.03**2
+    ma, mb = mean(a), mean(b)
+    va, vb, cov = mean(a * a) - ma**2, mean(b * b) - mb**2, mean(a * b) - ma * mb
+    found = (2 * ma * mb + c1) * (2 * cov + c2) / ((ma**2 + mb**2 + c1) * (va + vb + c2))
+    return ge.ssim(PREDICTED, TRUE, EVERYWHERE), float(found[5:-5, 5:-5].mean())
+
+
+def flip() -> Pair:
+    images = np.float32(TRUE), np.float32(PREDICTED)
+    _, mean, _ = flip_evaluator.evaluate(*images, "LDR", inputsRGB=True, applyMagma=False)
+    return ge.flip(PREDICTED, TRUE, EVERYWHERE), float(mean)
+
+
+def ciede2000() -> Pair:
+    colour = colour_science()
+    white = colour.XYZ_to_xy(REC709_TO_XYZ.sum(axis=1))
+    p, t = (colour.XYZ_to_Lab(image @ REC709_TO_XYZ.T, white) for image in (PREDICTED, TRUE))
+    return ge.ciede2000(PREDICTED, TRUE), colour.delta_E(p, t, method="CIE 2000")
+
+
+def published_pairs() -> Pair:
+    a, b, expected = (np.array(column) for column in zip(*SHARMA, strict=True))
+    return deltaE_ciede2000(a, b), expected
+
+
+def lmse() -> Pair:
+    p, t = PREDICTED.mean(axis=-1), TRUE.mean(axis=-1)
+    error = total = 0.0
+    for i in range(0, 31, 10):
+        for j in range(0, 23, 10):
+            pw, tw = p[i : i + 20, j : j + 20].ravel(), t[i : i + 20, j : j + 20].ravel()
+            error += np.linalg.lstsq(pw[:, None], tw)[1].item()
+            total += tw @ tw
+    return ge.lmse(PREDICTED, TRUE, EVERYWHERE), error / total
+
+
+def angle() -> Pair:
+    p, t = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in RNG.normal(size=(2, 300, 3)))
+    chord = np.linalg.norm(p - t, axis=-1)
+    return ge.angles(p, t), np.degrees(2 * np.arcsin(chord / 2))
+
+
+def assignment() -> Pair:
+    cameras = [gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))]
+    ours, best = [], []
+    for _ in range(20):
+        places = RNG.normal(size=(2, 5, 3))
+        p, t = ([gc.PointLight("l", tuple(x), (1, 1, 1)) for x in side.tolist()] for side in places)
+        cost = np.linalg.norm(places[0][:, None] - places[1][None], axis=-1)
+        ours.append(sum(ge.match_lights(p, t, cameras).distances))
+        best.append(min(cost[range(5), list(order)].sum() for order in permutations(range(5))))
+    return np.array(ours), np.array(best)
+
+
+def gauge() -> Pair:
+    found = ge.fit_gauge([ge.moments(PREDICTED, TRUE, EVERYWHERE)], "channel")
+    p, t = PREDICTED.reshape(-1, 3), TRUE.reshape(-1, 3)
+    return np.array(found), np.array([np.linalg.lstsq(p[:, [c]], t[:, c])[0].item() for c in range(3)])
+
+
+def encoding() -> Pair:
+    x = np.linspace(0, 1, 1001)
+    return gc.srgb_encode(x), colour_science().models.eotf_inverse_sRGB(x)
+
+
+COMPUTED: dict[str, Callable[[], Pair]] = {
+    "PSNR": psnr,
+    "SSIM": ssim,
+    "FLIP": flip,
+    "CIEDE2000": ciede2000,
+    "CIEDE2000, published pairs": published_pairs,
+    "LMSE": lmse,
+    "angle between normals": angle,
+    "assignment of lights": assignment,
+    "gauge": gauge,
+    "display encoding": encoding,
+}
+
+
+@pytest.mark.parametrize("reference", ge.REFERENCES, ids=lambda r: r.name)
+def test_a_metric_agrees_with_its_reference(reference: ge.Reference) -> None:
+    ours, other = COMPUTED[reference.name]()
+    assert np.abs(np.asarray(ours) - np.asarray(other)).max() <= reference.tolerance
+    assert np.abs(np.asarray(other)).max() > 100 * reference.tolerance, "something to disagree about"
+
+
+def test_the_table_is_whole() -> None:
+    assert [r.name for r in ge.REFERENCES] == list(COMPUTED)
+    assert all(r.tolerance <= 1e-6 or "digits" in r.against for r in ge.REFERENCES)
