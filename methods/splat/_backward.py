@@ -16,6 +16,7 @@ from graycard.methods.splat._blocks import (
     GROUP,
     LANES,
     PIXELS,
+    aligned,
     centre_in_tile,
     depth_at,
     exponent_of,
@@ -225,8 +226,8 @@ def gradient_part(
     stride,
 ):  # fmt: skip
     """Every so manyth tile."""
-    positions, through = lane_positions(), np.empty(PIXELS, np.float32)
-    suffix, gradients = np.empty(PIXELS, np.float32), np.empty(channels * PIXELS, np.float32)
+    positions, through = lane_positions(), aligned(PIXELS)
+    suffix, gradients = aligned(PIXELS), aligned(channels * PIXELS)
     planes = floats_for(shape, PLANES * PIXELS)
     weights, wide = floats_for(to_channels, PIXELS), floats_for(to_channels, stride * PIXELS)
     columns = (image.shape[1] + TILE - 1) // TILE
@@ -284,6 +285,6 @@ def backward(
     for part in prange(parts):
         gradient_part(
             part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template,
-            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape, to_geometry,
-            to_channels, stride,
+            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape,
+            to_geometry, to_channels, stride,
         )  # fmt: skip

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the slots of the pairs back to surfels: the kernel that goes over surfels, backward.
 
-The derivatives are those of ``_project_forward``, by hand. Names: ``to_x`` is the derivative of the loss by x.
+The derivatives are those of ``_project_forward``, by hand; ``to_x`` is the derivative of the loss by x.
 """
 
 import numpy as np
@@ -64,7 +64,7 @@ def axis_gradient(to_form, axis, away, height, centre, scale):
 
 @njit(forceinline=True, error_model="numpy")
 def column_gradient(sign, column, K, to_middle, to_norm):
-    """Of a column a of (u, v, centre), from those of ``sum f m d`` (x and y) and ``sum f d d``, see ``rim``."""
+    """Of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``, see ``rim``."""
     x, y, _z = turned(K, column)
     depth = sign * (x * to_middle[0] + y * to_middle[1] + 2 * column[2] * to_norm)
     to_image = sign * column[2]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stages of the engine, one by one: the differentiable rasteriser strings them together, benchmarks time them.
+"""The stages of the engine: the differentiable rasteriser strings them together, benchmarks time them.
 
 ``project`` surfels, ``list_tiles``, ``draw``; then ``draw_backward`` and ``project_backward``.
 """
@@ -152,12 +152,10 @@ def working_bytes(*stages: object) -> int:
     """Memory of all arrays that the results of stages hold, nested ones included."""
     total = 0
     for stage in stages:
-        values = stage if isinstance(stage, tuple) else (getattr(stage, f.name) for f in fields(stage))  # type: ignore[arg-type]
-        for value in values:
-            if isinstance(value, np.ndarray):
-                total += value.nbytes
-            elif isinstance(value, TileLists | Shape):
-                total += working_bytes(value)
+        values = stage if isinstance(stage, tuple) else list(vars(stage).values())
+        arrays = [value for value in values if isinstance(value, np.ndarray)]
+        nested = [value for value in values if isinstance(value, TileLists | Shape)]
+        total += sum(array.nbytes for array in arrays) + working_bytes(*nested)
     return total
 
 
@@ -171,7 +169,7 @@ def project(scene: Scene) -> Projected:
     per_surfel = 4 * COLUMNS + 16 + 8 + 12 + 8 + 16
     check_memory(per_surfel * count, f"{count} surfels")
     result = Projected(
-        np.empty((count, COLUMNS), np.float32),
+        _vectors(count, COLUMNS),
         np.empty((count, 4), np.int32),
         np.empty(count),
         np.empty((count, 3), np.float32),
@@ -259,8 +257,8 @@ def draw_backward(
     """
     pairs, stride = lists.tiles.surfels.size, _stride(scene)
     result = Slots(
-        np.empty((pairs, LANES), np.float32),
-        np.empty((pairs, stride), np.float32) if stride else None,
+        _vectors(pairs, LANES),
+        _vectors(pairs, stride) if stride else None,
         stride,
     )
     shape = None
@@ -312,6 +310,13 @@ def _stride(scene: Scene) -> int:
     """Floats of a pair's channels and normals if they have slots of their own, else 0."""
     channels = scene.features.shape[1] + (3 if scene.shaped else 0)
     return -(-channels // LANES) * LANES if channels > NARROW or scene.shaped else 0
+
+
+def _vectors(count: int, width: int) -> np.ndarray:
+    """Rows of float32 that begin with lines of the cache, for widths that are multiples of ``LANES``."""
+    room = np.empty(count * width + LANES, np.float32)
+    first = (-room.ctypes.data % 64) // 4
+    return room[first : first + count * width].reshape(count, width)
 
 
 def _empty_shape(size: tuple[int, int]) -> Shape:
