@@ -2,10 +2,12 @@
 """Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them."""
 
 from graycard.methods.splat._initialise import surfels_from_points as surfels_from_points
+from graycard.methods.splat._maps import FeatureMaps as FeatureMaps
 from graycard.methods.splat._maps import Maps as Maps
 from graycard.methods.splat._maps import ndc_depth as ndc_depth
 from graycard.methods.splat._rasterize import Backend as Backend
 from graycard.methods.splat._rasterize import rasterize as rasterize
+from graycard.methods.splat._rasterize import rasterize_features as rasterize_features
 from graycard.methods.splat._store import export_ply as export_ply
 from graycard.methods.splat._store import load_surfels as load_surfels
 from graycard.methods.splat._store import save_surfels as save_surfels
