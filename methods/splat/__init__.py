@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them."""
 
+from graycard.methods.splat._depth_normal import depth_normal_map as depth_normal_map
+from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_normals
 from graycard.methods.splat._initialise import surfels_from_points as surfels_from_points
+from graycard.methods.splat._losses import l1_map as l1_map
+from graycard.methods.splat._losses import photometric_map as photometric_map
+from graycard.methods.splat._losses import ssim_map as ssim_map
 from graycard.methods.splat._maps import Maps as Maps
 from graycard.methods.splat._maps import ndc_depth as ndc_depth
 from graycard.methods.splat._rasterize import Backend as Backend
