@@ -121,7 +121,8 @@ class _Normals(torch.autograd.Function):
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         """The gradient of the depth."""
-        return _to_depth(*ctx.saved_tensors, ctx.frame, grad_outputs[0]), None
+        (depth,) = ctx.saved_tensors
+        return _to_depth(depth, ctx.frame, grad_outputs[0]), None
 
 
 class _Mismatch(torch.autograd.Function):
