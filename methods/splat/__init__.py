@@ -7,10 +7,12 @@ from graycard.methods.splat._initialise import surfels_from_points as surfels_fr
 from graycard.methods.splat._losses import l1_map as l1_map
 from graycard.methods.splat._losses import photometric_map as photometric_map
 from graycard.methods.splat._losses import ssim_map as ssim_map
+from graycard.methods.splat._maps import FeatureMaps as FeatureMaps
 from graycard.methods.splat._maps import Maps as Maps
 from graycard.methods.splat._maps import ndc_depth as ndc_depth
 from graycard.methods.splat._rasterize import Backend as Backend
 from graycard.methods.splat._rasterize import rasterize as rasterize
+from graycard.methods.splat._rasterize import rasterize_features as rasterize_features
 from graycard.methods.splat._store import export_ply as export_ply
 from graycard.methods.splat._store import load_surfels as load_surfels
 from graycard.methods.splat._store import save_surfels as save_surfels
