@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, Literal
 
 import graycard as gc
-from graycard.benchmarks._sources import environment, package_version, usable_cores
+from graycard.benchmarks._sources import environment, package_version
 from graycard.benchmarks.speed._engine_calls import scene_of, time_both
 from graycard.benchmarks.speed._engine_losses import measure_losses
 from graycard.benchmarks.speed._engine_pairs import count_pairs
@@ -21,7 +21,16 @@ from graycard.benchmarks.speed._engine_records import (
 )
 from graycard.benchmarks.speed._engine_scaling import ScalingPlan, measure_scaling
 from graycard.benchmarks.speed._engine_scenes import WORKLOADS, Workload, engine_camera, engine_surfels
-from graycard.benchmarks.speed._machine import QUICK, Patience, Peak, Timing, fma_peak, threads, time_calls
+from graycard.benchmarks.speed._machine import (
+    QUICK,
+    Patience,
+    Peak,
+    Timing,
+    fma_peak,
+    most_threads,
+    threads,
+    time_calls,
+)
 
 Part = Literal["stages", "scaling", "peers", "losses"]
 PARTS: tuple[Part, ...] = ("stages", "scaling", "peers", "losses")
@@ -89,7 +98,7 @@ def measure_engine(plan: SpeedPlan | None = None, progress: gc.Progress = gc.sil
         progress: Told about each part.
     """
     plan = plan or SpeedPlan()
-    cores = usable_cores()
+    cores = most_threads()
     progress(0.0, "peak of the machine")
     peaks = tuple(fma_peak(count, plan.patience, plan.rounds) for count in sorted({1, cores}))
     started = datetime.now(UTC).isoformat(timespec="seconds")

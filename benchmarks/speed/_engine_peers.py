@@ -12,7 +12,6 @@ import graycard as gc
 from graycard.benchmarks.speed._engine_calls import (
     Draw,
     Scene,
-    call_forward,
     memory_of,
     scene_of,
     time_both,
@@ -61,11 +60,19 @@ def measure_peers(
 
 def _beside(peer: Peer, scene: Scene, workload: Workload, patience: Patience) -> PeerCost:
     """Ours is timed right after the peer."""
-    call_forward(scene, peer.draw)
     theirs, ours = (time_both(scene, patience, draw) for draw in (peer.draw, rasterize_features))
-    memory = (memory_of(scene, draw) for draw in (peer.draw, rasterize_features))
-    channels = scene.surfels.features.shape[1]
-    return PeerCost(peer.name, workload.name, channels, *theirs, *ours, *memory, peer.note)
+    return PeerCost(
+        peer=peer.name,
+        workload=workload.name,
+        channels=scene.surfels.features.shape[1],
+        theirs_forward=theirs[0],
+        theirs_both=theirs[1],
+        ours_forward=ours[0],
+        ours_both=ours[1],
+        theirs_mib=memory_of(scene, peer.draw),
+        ours_mib=memory_of(scene, rasterize_features),
+        note=peer.note,
+    )
 
 
 def _reference(scene: Scene) -> Peer | str:

@@ -54,8 +54,9 @@ def _draw_bars(picture: Xml.Element, costs: Sequence[EngineCost], top: float) ->
     names = list(dict.fromkeys(name for cost in costs for name in cost.stages))
     longest = max(sum(timing.ms for timing in cost.stages.values()) for cost in costs)
     scale = (WIDTH - LEFT - 90) / longest
+    step = min(145.0, (WIDTH - LEFT) / len(names))
     for number, name in enumerate(names):
-        x = LEFT + number * 145.0
+        x = LEFT + number * step
         _box(picture, (x, top), (10, 10), COLOURS[number % len(COLOURS)])
         _text(picture, (x + 14, top + 10), name)
     for number, cost in enumerate(costs):
@@ -117,7 +118,7 @@ def _draw_panel(
     times = [time for point in points for time in (point.forward.ms, point.both.ms)]
     axes = _Axes(left, top + 20, width, _range(p.value for p in points), _range(times))
     _box(picture, (left, top + 20), (width, PANEL - 60), "#f4f4f4")
-    _text(picture, (left, top + 12), f"ms by {last.along}")
+    _text(picture, (left, top + 12), f"ms by {last.along}, logarithmic")
     linear = [(p.value, last.both.ms * p.value / last.value) for p in points]
     inside = [(x, y) for x, y in linear if axes.y[0] <= y <= axes.y[1]]
     lines = [

@@ -111,18 +111,20 @@ def _kernels(speed: EngineSpeed) -> SpeedTable:
 
 
 def _scaling(speed: EngineSpeed) -> SpeedTable:
-    """Each against the first point of its axis: 1 is linear (for threads: no gain lost)."""
-    first: dict[str, ScalingPoint] = {}
     rows = []
-    for point in speed.scaling:
-        start = first.setdefault(point.along, point)
-        more = point.value / start.value
-        linear = 1 / more if point.along == "threads" else more
-        against = point.both.ms / start.both.ms / linear
+    for number, point in enumerate(speed.scaling):
+        before = [other for other in speed.scaling[:number] if other.along == point.along]
+        against = max((_over_linear(point, other) for other in before), default=1.0)
         times = _ms(point.forward), _ms(point.both)
         rows.append((point.along, f"{point.value:,}", point.workload, *times, f"{against:.2f}"))
     heads = ("along", "value", "workload", "f ms", "f+b ms", "f+b over linear")
-    return SpeedTable("Scaling, from the first of each axis", heads, tuple(rows))
+    return SpeedTable("Scaling, against whatever smaller value makes it look worst", heads, tuple(rows))
+
+
+def _over_linear(point: ScalingPoint, smaller: ScalingPoint) -> float:
+    """Growth of the time over growth of the work, 1 if they are in proportion; threads divide the work."""
+    more = point.value / smaller.value
+    return point.both.ms / smaller.both.ms / (1 / more if point.along == "threads" else more)
 
 
 def _peers(speed: EngineSpeed) -> SpeedTable:

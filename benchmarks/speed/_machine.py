@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import psutil
 
+from graycard.benchmarks._sources import usable_cores
+
 QUIET = 0.15
 """Cores that all other processes together may use while a repetition counts."""
 SAMPLE_S = 0.002
@@ -143,6 +145,13 @@ def peak_memory_mib(call: Callable[[], object]) -> float:
     return (max(peak, process.memory_info().rss) - before) / 2**20
 
 
+def most_threads() -> int:
+    """Threads that Numba and this process may use."""
+    from numba.core import config
+
+    return min(usable_cores(), int(config.NUMBA_NUM_THREADS))  # pyright: ignore[reportAttributeAccessIssue]
+
+
 @contextmanager
 def threads(count: int) -> Iterator[None]:
     """Let Numba and torch use so many threads for the length of a block."""
@@ -150,7 +159,7 @@ def threads(count: int) -> Iterator[None]:
     import torch
 
     before = numba.get_num_threads(), torch.get_num_threads()
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(count)
     torch.set_num_threads(count)
     try:
         yield

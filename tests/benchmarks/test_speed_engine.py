@@ -151,12 +151,12 @@ def test_parts_that_were_not_measured_have_no_table(record: speed.EngineSpeed):
 def test_scaling_is_told_against_proportion(record: speed.EngineSpeed):
     time = Timing(1.0, 1.0, 1, 0, 0.0)
     point = replace(record.scaling[0], along="surfels", value=10, forward=time, both=time)
-    more = replace(point, value=20, both=replace(time, ms=3.0))
+    less, more = (replace(point, value=n, both=replace(time, ms=ms)) for n, ms in ((20, 0.5), (40, 1.5)))
     one = replace(point, along="threads", value=1)
     two = replace(one, value=2, both=replace(time, ms=0.6))
-    tables = speed.engine_tables(replace(record, scaling=(point, more, one, two)))
+    tables = speed.engine_tables(replace(record, scaling=(point, less, more, one, two)))
     scaling = next(table for table in tables if table.title.startswith("Scaling"))
-    assert [row[-1] for row in scaling.rows] == ["1.00", "1.50", "1.00", "1.20"]
+    assert [row[-1] for row in scaling.rows] == ["1.00", "0.25", "1.50", "1.00", "1.20"]
 
 
 def test_times_without_quiet_are_marked(record: speed.EngineSpeed):
@@ -175,7 +175,7 @@ def test_the_picture_shows_stages_and_growth(run: dict[str, Path], record: speed
     words = [element.text or "" for element in picture.iter("{http://www.w3.org/2000/svg}text")]
     assert set(record.engine[0].stages) <= set(words)
     assert "tiny, C = 3" in words
-    assert {"ms by surfels", "ms by pixels", "ms by channels"} <= set(words)
+    assert {f"ms by {axis}, logarithmic" for axis in ("surfels", "pixels", "channels")} <= set(words)
     assert len(list(picture.iter("{http://www.w3.org/2000/svg}polyline"))) == 9
     assert not any("nan" in str(value) for element in picture.iter() for value in element.attrib.values())
 
