@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+import numpy as np
 import torch
 
 import graycard as gc
@@ -95,7 +96,7 @@ def torch_depth_normal(
     """The depth-normal loss as the code of 2D Gaussian Splatting has it, ``(H, W)``."""
     y, x = torch.meshgrid(torch.arange(camera.height), torch.arange(camera.width), indexing="ij")
     pixels = torch.stack([x + 0.5, y + 0.5, torch.ones_like(x)], dim=-1)
-    to_world = camera.camera_to_world[:3, :3] @ torch.linalg.inv(torch.from_numpy(camera.K)).numpy()
+    to_world = camera.camera_to_world[:3, :3] @ np.linalg.inv(camera.K)
     points = (pixels @ torch.from_numpy(to_world.T.copy()).float()) * depth[..., None]
     down, right = points[2:, 1:-1] - points[:-2, 1:-1], points[1:-1, 2:] - points[1:-1, :-2]
     normals = torch.nn.functional.normalize(torch.linalg.cross(down, right), dim=-1)

@@ -29,7 +29,7 @@ def depth_to_normals(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
         ValueError: A depth of another shape or dtype, or not on the CPU.
     """
     _check("depth", depth, (camera.height, camera.width), depth.dtype)
-    return cast(torch.Tensor, _Normals.apply(depth, _frame(camera)))
+    return cast(torch.Tensor, _Normals.apply(depth, _frame(camera, depth.dtype)))
 
 
 def depth_normal_map(
@@ -56,7 +56,7 @@ def depth_normal_map(
     size = (camera.height, camera.width)
     for name, one, tail in (("depth", depth, ()), ("normal", normal, (3,)), ("alpha", alpha, ())):
         _check(name, one, size + tail, depth.dtype)
-    return cast(torch.Tensor, _Mismatch.apply(depth, normal, alpha.detach(), _frame(camera)))
+    return cast(torch.Tensor, _Mismatch.apply(depth, normal, alpha.detach(), _frame(camera, depth.dtype)))
 
 
 def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], dtype: torch.dtype) -> None:
@@ -72,37 +72,28 @@ def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], dtype: torch.
 
 
 class _Frame(NamedTuple):
-    """How pixels lie in the world."""
+    """How pixels lie in the world, in the dtype of the images; see ``normals_forward``."""
 
-    to_rays: np.ndarray
+    rays: np.ndarray
+    lens: np.ndarray
     to_world: np.ndarray
+    to_camera: np.ndarray
 
 
-def _frame(camera: Camera) -> _Frame:
-    return _Frame(np.linalg.inv(camera.K), np.ascontiguousarray(camera.camera_to_world[:3, :3]))
+def _frame(camera: Camera, dtype: torch.dtype) -> _Frame:
+    to_rays, middles = np.linalg.inv(camera.K), np.arange(max(camera.width, camera.height)) + 0.5
+    rays = (
+        to_rays[[0, 0, 1], [0, 1, 1]][:, None] * middles
+        + np.array([to_rays[0, 2], 0, to_rays[1, 2]])[:, None]
+    )
+    lens = np.array([1 / to_rays[0, 0], 1 / to_rays[1, 1], to_rays[0, 1] / to_rays[1, 1], 1.0])
+    to_world = camera.camera_to_world[:3, :3]
+    numbers = np.float32 if dtype == torch.float32 else np.float64
+    return _Frame(*(np.ascontiguousarray(one, numbers) for one in (rays, lens, to_world, to_world.T)))
 
 
 def _numbers(values: torch.Tensor) -> np.ndarray:
     return values.detach().contiguous().numpy()
-
-
-def _normals(depth: torch.Tensor, frame: _Frame) -> torch.Tensor:
-    from graycard.methods.splat._depth_normal_forward import normals_forward  # Numba takes long to import
-
-    normals = torch.empty((*depth.shape, 3), dtype=depth.dtype)
-    normals_forward(_numbers(depth), frame.to_rays, frame.to_world, normals.numpy())
-    return normals
-
-
-def _to_depth(depth: torch.Tensor, frame: _Frame, to_normals: torch.Tensor) -> torch.Tensor:
-    """The gradient of the depth by that of the normals."""
-    from graycard.methods.splat._depth_normal_backward import normals_backward
-
-    to_camera, steps = np.ascontiguousarray(frame.to_world.T), np.empty((*depth.shape, 2, 3))
-    gradient = torch.empty(depth.shape, dtype=depth.dtype)
-    images = _numbers(to_normals), steps, gradient.numpy()
-    normals_backward(_numbers(depth), frame.to_rays, to_camera, *images)
-    return gradient
 
 
 class _Normals(torch.autograd.Function):
@@ -111,9 +102,13 @@ class _Normals(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, depth: torch.Tensor, frame: _Frame) -> torch.Tensor:
         """As :func:`depth_to_normals`."""
+        from graycard.methods.splat._depth_normal_forward import normals_forward  # Numba takes long to import
+
+        normals = torch.zeros((*depth.shape, 3), dtype=depth.dtype)
+        normals_forward(_numbers(depth), frame.rays, frame.lens, frame.to_world, normals.numpy())
         ctx.save_for_backward(depth)
         ctx.frame = frame
-        return _normals(depth, frame)
+        return normals
 
     @staticmethod
     @once_differentiable
@@ -121,8 +116,14 @@ class _Normals(torch.autograd.Function):
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         """The gradient of the depth."""
+        from graycard.methods.splat._depth_normal_backward import normals_backward
+
         (depth,) = ctx.saved_tensors
-        return _to_depth(depth, ctx.frame, grad_outputs[0]), None
+        frame, pulls = ctx.frame, torch.zeros((2, *depth.shape), dtype=depth.dtype)
+        to_depth = torch.empty(depth.shape, dtype=depth.dtype)
+        room = _numbers(grad_outputs[0]), pulls.numpy(), to_depth.numpy()
+        normals_backward(_numbers(depth), frame.rays, frame.lens, frame.to_camera, *room)
+        return to_depth, None
 
 
 class _Mismatch(torch.autograd.Function):
@@ -135,9 +136,10 @@ class _Mismatch(torch.autograd.Function):
         """As :func:`depth_normal_map`."""
         from graycard.methods.splat._depth_normal_forward import mismatch_forward
 
-        normals, values = _normals(depth, frame), torch.empty(depth.shape, dtype=depth.dtype)
-        mismatch_forward(normals.numpy(), _numbers(normal), _numbers(alpha), values.numpy())
-        ctx.save_for_backward(depth, normal, alpha, normals)
+        values = torch.ones(depth.shape, dtype=depth.dtype)
+        images = _numbers(normal), _numbers(alpha), values.numpy()
+        mismatch_forward(_numbers(depth), frame.rays, frame.lens, frame.to_world, *images)
+        ctx.save_for_backward(depth, normal, alpha)
         ctx.frame = frame
         return values
 
@@ -149,8 +151,10 @@ class _Mismatch(torch.autograd.Function):
         """The gradients of depth and normal."""
         from graycard.methods.splat._depth_normal_backward import mismatch_backward
 
-        depth, normal, alpha, normals = ctx.saved_tensors
-        to_normals, to_normal = torch.empty_like(normals), torch.empty_like(normals)
-        given = _numbers(normals), _numbers(normal), _numbers(alpha), _numbers(grad_outputs[0])
-        mismatch_backward(*given, to_normals.numpy(), to_normal.numpy())
-        return _to_depth(depth, ctx.frame, to_normals), to_normal, None, None
+        depth, normal, alpha = ctx.saved_tensors
+        pulls, to_normal = torch.zeros((2, *depth.shape), dtype=depth.dtype), torch.zeros_like(normal)
+        to_depth = torch.empty(depth.shape, dtype=depth.dtype)
+        given = _numbers(normal), _numbers(alpha), _numbers(grad_outputs[0])
+        made = pulls.numpy(), to_depth.numpy(), to_normal.numpy()
+        mismatch_backward(_numbers(depth), *ctx.frame, *given, *made)
+        return to_depth, to_normal, None, None

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The forward kernels of normals from depth, and of how far a normal is from them.
 
-Differences of neighbouring points lose digits: they are taken in float64, whatever the images' dtype.
+With the ray ``(x, y, 1)`` of a pixel, the points to its left and right at depths l and r differ by ``(r - l)
+(x, y, 1) + (r + l) e``, e being the step from ray to ray; likewise above and below. The cross product of both
+is along ``(p, q, -1 - x p - y q)``, where p is ``(r - l) / (r + l)`` over the length of e, and q likewise but
+for the skew. Depths are only subtracted from their neighbours: no digits are lost, float32 is enough.
 """
 
 from math import inf, sqrt
@@ -9,54 +12,42 @@ from math import inf, sqrt
 from numba import njit, prange
 
 
-@njit(forceinline=True)
+@njit(forceinline=True, error_model="numpy")
 def is_surface(z):
     """Whether there is a point at this depth; NaN passes, so that it shows in the result."""
-    return not (z <= 0 or z == inf)
+    return not ((z <= 0) | (z == inf))
+
+
+@njit(forceinline=True, error_model="numpy")
+def meet(left, right, above, below, x, y, lens):
+    """The normal at a pixel.
+
+    Args:
+        left: depth of this neighbour, and
+        right: of this, and
+        above: of this, and
+        below: of this.
+        x: of the ray, and
+        y: of the ray.
+        lens: steps of x by column, of y by row, of x by row over that; inverted the first two.
+
+    Returns:
+        Its x, y and z in the camera's frame times its length before it is scaled to one; one over that
+        length; whether all four neighbours are points: else all is zero.
+    """
+    there = is_surface(left) & is_surface(right) & is_surface(above) & is_surface(below)
+    nothing = x - x
+    p = (right - left) / (right + left) * lens[0]
+    q = (below - above) / (below + above) * lens[1] - p * lens[2]
+    p, q = p if there else nothing, q if there else nothing
+    z = -(x * p + y * q) - lens[3]
+    over = lens[3] / sqrt(p * p + q * q + z * z)
+    return p, q, z, over if there else nothing, there
 
 
 @njit(forceinline=True)
-def has_normal(depth, row, column):
-    """Whether all four neighbours are in the image, and points."""
-    height, width = depth.shape
-    if not (0 < row < height - 1 and 0 < column < width - 1):
-        return False
-    across = is_surface(depth[row, column - 1]) and is_surface(depth[row, column + 1])
-    return across and is_surface(depth[row - 1, column]) and is_surface(depth[row + 1, column])
-
-
-@njit(forceinline=True)
-def ray_at(to_rays, row, column):
-    """Slopes x and y of the ray through a pixel's centre, whose z is one; no K has more than a triangle."""
-    x, y = column + 0.5, row + 0.5
-    return to_rays[0, 0] * x + to_rays[0, 1] * y + to_rays[0, 2], to_rays[1, 1] * y + to_rays[1, 2]
-
-
-@njit(forceinline=True)
-def cross(a, b):
-    """Vector product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@njit(forceinline=True)
-def dot(a, b):
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(forceinline=True)
-def step_between(depth, to_rays, row, column, down, right):
-    """From the point before to the point after a pixel, twice the central difference."""
-    ahead, behind = float(depth[row + down, column + right]), float(depth[row - down, column - right])
-    x_ahead, y_ahead = ray_at(to_rays, row + down, column + right)
-    x_behind, y_behind = ray_at(to_rays, row - down, column - right)
-    return x_ahead * ahead - x_behind * behind, y_ahead * ahead - y_behind * behind, ahead - behind
-
-
-@njit(forceinline=True)
-def turned(matrix, vector):
+def turned(matrix, x, y, z):
     """Matrix times vector."""
-    x, y, z = vector
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z,
         matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z,
@@ -64,37 +55,53 @@ def turned(matrix, vector):
     )
 
 
-@njit(parallel=True, cache=True)
-def normals_forward(depth, to_rays, to_world, normals):
+@njit(forceinline=True)
+def unit_normal(depth, row, column, rays, lens, to_world):
+    """The unit normal in the world at a pixel inside the border, zero where there is none."""
+    x, y, z, over, _there = meet(
+        depth[row, column - 1], depth[row, column + 1], depth[row - 1, column], depth[row + 1, column],
+        rays[0, column] + rays[1, row], rays[2, row], lens,
+    )  # fmt: skip
+    return turned(to_world, x * over, y * over, z * over)
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def normals_forward(depth, rays, lens, to_world, normals):
     """Unit normals of the surface through the points at given depths.
 
     Args:
-        depth: ``(H, W)``, metres.
-        to_rays: float64 ``(3, 3)``, inverse of K.
-        to_world: float64 ``(3, 3)``, rotation of the camera.
-        normals: ``(H, W, 3)``, to be written.
+        depth: ``(H, W)``, metres; all arrays are of its dtype.
+        rays: ``(3, max(H, W))``: x by column, what a row adds to it, y by row.
+        lens: ``(4,)``, see ``meet``; the last is one.
+        to_world: ``(3, 3)``, rotation of the camera.
+        normals: ``(H, W, 3)``, zero, to be written inside the border.
     """
     height, width = depth.shape
-    for row in prange(height):
-        for column in range(width):
-            normals[row, column, :] = 0
-            if has_normal(depth, row, column):
-                down = step_between(depth, to_rays, row, column, 1, 0)
-                right = step_between(depth, to_rays, row, column, 0, 1)
-                normal = cross(down, right)
-                length = sqrt(dot(normal, normal))
-                if length != 0:
-                    x, y, z = turned(to_world, normal)
-                    normals[row, column, 0] = x / length
-                    normals[row, column, 1] = y / length
-                    normals[row, column, 2] = z / length
+    for row in prange(1, height - 1):
+        for column in range(1, width - 1):
+            x, y, z = unit_normal(depth, row, column, rays, lens, to_world)
+            normals[row, column, 0] = x
+            normals[row, column, 1] = y
+            normals[row, column, 2] = z
 
 
-@njit(parallel=True, cache=True)
-def mismatch_forward(normals, normal, alpha, values):
-    """``1 - alpha * normals . normal`` at each pixel: ``(H, W, 3)`` twice, ``(H, W)``, to be written."""
-    height, width = alpha.shape
-    for row in prange(height):
-        for column in range(width):
-            together = dot(normals[row, column], normal[row, column])
-            values[row, column] = 1 - alpha[row, column] * together
+@njit(parallel=True, cache=True, error_model="numpy")
+def mismatch_forward(depth, rays, lens, to_world, normal, alpha, values):
+    """``1 - alpha * n . normal`` at each pixel, n being that of ``normals_forward``.
+
+    Args:
+        depth: as there.
+        rays: as there.
+        lens: as there.
+        to_world: as there.
+        normal: ``(H, W, 3)``.
+        alpha: ``(H, W)``.
+        values: ``(H, W)``, one, to be written inside the border.
+    """
+    height, width = depth.shape
+    for row in prange(1, height - 1):
+        for column in range(1, width - 1):
+            x, y, z = unit_normal(depth, row, column, rays, lens, to_world)
+            given = normal[row, column]
+            together = x * given[0] + y * given[1] + z * given[2]
+            values[row, column] = lens[3] - alpha[row, column] * together

@@ -399,16 +399,6 @@ def test_gradients_of_normals_are_those_of_finite_differences():
     assert cast(torch.Tensor, depth.grad)[2, 3] == 0
 
 
-def test_a_depth_without_extent_has_no_normal():
-    """K can make all rays the same but for rounding; then no direction is better than another."""
-    camera = gc.Camera(3, 3, np.array([[1e200, 0, 1.5], [0, 1e200, 1.5], [0, 0, 1]]), np.eye(4))
-    depth = torch.ones(3, 3, dtype=torch.float64, requires_grad=True)
-    normals = splat.depth_to_normals(depth, camera)
-    assert (normals == 0).all()
-    normals.sum().backward()
-    assert (cast(torch.Tensor, depth.grad) == 0).all()
-
-
 @pytest.mark.parametrize(
     ("change", "match"),
     [
