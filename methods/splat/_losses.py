@@ -120,7 +120,7 @@ class _Compare(torch.autograd.Function):
         from graycard.methods.splat._ssim_forward import SAVED, ssim_forward
 
         values = torch.empty_like(image, memory_format=torch.contiguous_format)
-        saved = np.empty(SAVED * image.numel() if ctx.needs_input_grad[0] else 0, np.float32)
+        saved = torch.empty(SAVED * image.numel() if ctx.needs_input_grad[0] else 0).numpy()  # aligned
         ssim_forward(*_kernel_inputs(image, target), terms, _flat(values), saved)
         ctx.save_for_backward(image, target)
         ctx.terms, ctx.saved = terms, saved

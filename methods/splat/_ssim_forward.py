@@ -5,9 +5,9 @@ With ``d = x - y`` SSIM is ``(1 - a) (1 - b)``, ``a = mean(d)^2 / (mean(x)^2 + m
 ``b = var(d) / (var(x) + var(y) + C2)``: the usual fraction, but equal images give one to the last bit,
 and what is missing to one keeps its digits.
 
-Variances are sums of squared deviations from a mean that is known, first down a column and then along the
-row of columns (whose own variances add up with those of their means): ``mean(x^2) - mean(x)^2`` would lose
-all digits on a bright wall, where it matters.
+All deviations are taken from the window's middle, first down a column and then along the row of columns,
+whose own variances add up with that of their means: ``mean(x^2) - mean(x)^2`` would lose all digits on a
+bright wall, where it matters.
 
 Rows lie flat, channels last: a step of one column is a step of ``channels`` floats, whatever their number.
 """
@@ -47,62 +47,65 @@ def last_start(at, length):
 
 
 @njit(forceinline=True)
-def column_means(image, target, begin, length, first, past):
-    """Weighted means of x and d down sixteen columns; ``begin`` is a place in the window's first row."""
-    mean_x, mean_d = simd.broadcast(0.0), simd.broadcast(0.0)
-    for tap in range(first, past):
-        weight = simd.load_scalar(WEIGHTS, tap)
-        x = simd.load(image, begin + tap * length)
-        mean_x = simd.fma(weight, x, mean_x)
-        mean_d = simd.fma(weight, x - simd.load(target, begin + tap * length), mean_d)
-    return mean_x, mean_d
-
-
-@njit(forceinline=True)
-def column_variances(image, target, begin, length, first, past, mean_x, mean_d):
-    """Variances of x plus y, and of d, down sixteen columns; beyond the image all is zero."""
+def rows_beyond(first, past):
+    """Weight of the window's rows that lie beyond the image, in all lanes."""
+    if past - first == WINDOW:
+        return simd.broadcast(0.0)
     beyond = np.float32(1)
     for tap in range(first, past):
         beyond -= WEIGHTS[tap]
-    if past - first == WINDOW:
-        beyond = np.float32(0)
-    mean_y = mean_x - mean_d
-    both = simd.broadcast(beyond) * simd.fma(mean_x, mean_x, mean_y * mean_y)
-    difference = simd.broadcast(beyond) * mean_d * mean_d
+    return simd.broadcast(beyond)
+
+
+@njit(forceinline=True)
+def column_statistics(image, target, begin, length, first, past):
+    """Means of x and d, variances of x plus y and of d, down sixteen columns.
+
+    ``begin`` is a place in the window's first row; the taps from ``first`` to before ``past`` lie in the
+    image, beyond which all is zero.
+    """
+    middle, beyond = begin + REACH * length, rows_beyond(first, past)
+    middle_x = simd.load(image, middle)
+    middle_d = middle_x - simd.load(target, middle)
+    middle_y = middle_x - middle_d
+    more_x, more_d = simd.broadcast(0.0) - beyond * middle_x, simd.broadcast(0.0) - beyond * middle_d
+    both = beyond * simd.fma(middle_x, middle_x, middle_y * middle_y)
+    difference = beyond * middle_d * middle_d
     for tap in range(first, past):
-        weight = simd.load_scalar(WEIGHTS, tap)
-        x = simd.load(image, begin + tap * length)
-        d = x - simd.load(target, begin + tap * length) - mean_d
-        x = x - mean_x
+        weight, x = simd.load_scalar(WEIGHTS, tap), simd.load(image, begin + tap * length)
+        d = x - simd.load(target, begin + tap * length) - middle_d
+        x = x - middle_x
         y = x - d
+        more_x, more_d = simd.fma(weight, x, more_x), simd.fma(weight, d, more_d)
         both = simd.fma(weight, simd.fma(x, x, y * y), both)
         difference = simd.fma(weight, d * d, difference)
-    return both, difference
+    more_y = more_x - more_d
+    both = both - simd.fma(more_x, more_x, more_y * more_y)
+    return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
 @njit(forceinline=True)
 def row_statistics(lines, stride, at, channels):
-    """Means of x and d, variances of x plus y and of d, over the windows around sixteen places.
+    """The same over the windows around sixteen places.
 
-    ``lines`` are those four down the columns, each ``stride`` floats long, the windows' first column at
-    ``at``.
+    ``lines`` are those of the columns, each ``stride`` floats long, the windows' first column at ``at``.
     """
-    mean_x, mean_d = simd.broadcast(0.0), simd.broadcast(0.0)
+    middle = at + REACH * channels
+    middle_x, middle_d = simd.load(lines, middle), simd.load(lines, middle + stride)
+    more_x, more_d = simd.broadcast(0.0), simd.broadcast(0.0)
     both, difference = simd.broadcast(0.0), simd.broadcast(0.0)
     for tap in range(WINDOW):
         weight, place = simd.load_scalar(WEIGHTS, tap), at + tap * channels
-        mean_x = simd.fma(weight, simd.load(lines, place), mean_x)
-        mean_d = simd.fma(weight, simd.load(lines, place + stride), mean_d)
-    for tap in range(WINDOW):
-        weight, place = simd.load_scalar(WEIGHTS, tap), at + tap * channels
-        x = simd.load(lines, place) - mean_x
-        d = simd.load(lines, place + stride) - mean_d
+        x, d = simd.load(lines, place) - middle_x, simd.load(lines, place + stride) - middle_d
         y = x - d
+        more_x, more_d = simd.fma(weight, x, more_x), simd.fma(weight, d, more_d)
         squares = simd.fma(x, x, simd.fma(y, y, simd.load(lines, place + 2 * stride)))
         both = simd.fma(weight, squares, both)
         squares = simd.fma(d, d, simd.load(lines, place + 3 * stride))
         difference = simd.fma(weight, squares, difference)
-    return mean_x, mean_d, both, difference
+    more_y = more_x - more_d
+    both = both - simd.fma(more_x, more_x, more_y * more_y)
+    return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
 @njit(forceinline=True)
@@ -151,8 +154,8 @@ def ssim_forward(image, target, height, length, channels, terms, values, saved):
             for place in range(0, length, LANES):
                 at = last_start(place, length)
                 begin = (row - REACH) * length + at
-                mean_x, mean_d = column_means(image, target, begin, length, first, past)
-                both, difference = column_variances(image, target, begin, length, first, past, mean_x, mean_d)
+                columns = column_statistics(image, target, begin, length, first, past)
+                mean_x, mean_d, both, difference = columns
                 middle = REACH * channels + at
                 simd.store(lines, middle, mean_x)
                 simd.store(lines, middle + stride, mean_d)
