@@ -260,6 +260,18 @@ def test_float32_and_features_of_ones_own():
         np.testing.assert_allclose(maps.features, truth.features, atol=2e-5)
 
 
+@needs_gsplat
+def test_the_public_functions_draw_with_gsplats(monkeypatch: pytest.MonkeyPatch):
+    """As on a GPU, but for the place of the tensors."""
+    monkeypatch.setattr(_cuda, "gsplat_kernels", stand_ins)
+    monkeypatch.setattr(_cuda, "_check_device", lambda surfels: None)
+    surfels = random_surfels(20)
+    truth = splat.rasterize(surfels, camera_of(), backend="reference")
+    np.testing.assert_allclose(_cuda.rasterize_cuda(surfels, camera_of()).depth, truth.depth, atol=1e-9)
+    features = _cuda.rasterize_features_cuda(surfels, camera_of()).features
+    np.testing.assert_allclose(features, truth.features, atol=1e-5)
+
+
 @pytest.mark.parametrize("draw", [_cuda.draw_maps, _cuda.draw_features])
 def test_what_does_not_fit_is_refused(draw: Any):
     kernels: Any = None
