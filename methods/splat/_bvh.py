@@ -2,10 +2,10 @@
 """A tree of boxes around surfels, in which a ray finds the few that it may meet."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-import torch
 
 from graycard.methods.splat._bvh_kernels import (
     AXIS_BITS,
@@ -83,7 +83,7 @@ def bvh_of(surfels: Surfels) -> Bvh:
     records = np.empty(leaves * RECORD * LANES, np.float32)
     boxes = np.empty((int(levels[-1]) + 1) * BOX * LANES, np.float32)
     fill_leaves(rows, order, records, boxes)
-    for below, above in zip(levels[:-1], levels[1:], strict=True):
+    for below, above in pairwise(levels):
         fill_level(boxes, above - below, below, above)
     return Bvh(Tree(records, boxes, levels, order, *_extent(boxes, levels)), geometry)
 

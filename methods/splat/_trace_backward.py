@@ -37,7 +37,7 @@ LN_2 = np.float32(log(2))
 
 @njit(cache=True)
 def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments):
-    """Bring a packet's gradients into vectors: of the channels; of the sums of w and of w t, and of what passes.
+    """Bring a packet's gradients into vectors: of the channels, of the sums of w and w t, of what passes.
 
     Depth is the second of those sums by the first.
     """
@@ -58,10 +58,11 @@ def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradien
 @njit(cache=True)
 def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
     """Derivative of the loss by each weight."""
+    places, distance = hits.places, hits.distance
     to_weight, to_way = simd.load(to_moments, 0), simd.load(to_moments, LANES)
     for row in range(rows):
-        total = simd.fma(to_way, simd.load(hits.distance, row * LANES), to_weight)
-        first = order[hits.places[row]] * channels
+        total = simd.fma(to_way, simd.load(distance, row * LANES), to_weight)
+        first = order[places[row]] * channels
         for channel in range(channels):
             value = simd.load_scalar(features, first + channel)
             total = simd.fma(value, simd.load(gradients, channel * LANES), total)
@@ -71,23 +72,24 @@ def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
 @njit(cache=True, error_model="numpy")
 def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
     """Derivative by each alpha, along each ray from its end: what it adds, less what it takes from behind."""
-    to_alpha[: rows * LANES] = 0
+    places, _, _, alpha, before, sequence, counts = hits
+    for at in range(rows * LANES):
+        to_alpha[at] = 0
     for lane in range(LANES):
         behind = to_moments[2 * LANES + lane] * passing[lane]
-        sequence = hits.sequence[lane]
-        for step in range(hits.counts[lane] - 1, -1, -1):
+        first = lane * places.size
+        for step in range(first + counts[lane] - 1, first - 1, -1):
             at = sequence[step] * LANES + lane
-            before, alpha = hits.before[at], hits.alpha[at]
-            if before > 0:
-                to_alpha[at] = before * pull[at] - behind / (np.float32(1) - alpha)
-                behind += before * alpha * pull[at]
+            if before[at] > 0:
+                to_alpha[at] = before[at] * pull[at] - behind / (np.float32(1) - alpha[at])
+                behind += before[at] * alpha[at] * pull[at]
 
 
 @njit(forceinline=True)
 def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     """From the gradients of alpha and of the sum of w t to pulls on the record, for sixteen hits.
 
-    With the point p from the disc's centre, t = -N . x / N . d and p = x + t d, all that follows from the pulls
+    With x the origin from the disc's centre, t = -N . x / N . d and p = x + t d, all follows from the pulls
     on U . p, V . p and N . p: each moves its vector by itself times p, and the origin by itself times the
     vector; the direction is moved t times as much as the origin.
 
@@ -122,12 +124,13 @@ def moved(record, to_u, to_v, to_n, k):
 @njit(cache=True)
 def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays):
     """Add what a packet's discs receive to their sums, but for the outer channels; and the rays' own."""
+    places, _, _, alphas, before, _, _ = hits
     ray, to_way = all_rays(rays), simd.load(to_moments, LANES)
     red, green, blue = simd.load(gradients, 0), simd.load(gradients, LANES), simd.load(gradients, 2 * LANES)
     ox = oy = oz = dx = dy = dz = simd.broadcast(0.0)
     for row in range(rows):
-        record = one_record(records, hits.places[row])
-        weight, alpha = row_weight(hits, row), simd.load(hits.alpha, row * LANES)
+        record = one_record(records, places[row])
+        weight, alpha = row_weight(alphas, before, row), simd.load(alphas, row * LANES)
         t, p, to_u, to_v, to_n, to_log = hit_gradient(
             record, ray, alpha, weight, simd.load(to_alpha, row * LANES), to_way
         )
@@ -139,7 +142,7 @@ def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride,
             to_u * p[0], to_u * p[1], to_u * p[2], to_u, to_v * p[0], to_v * p[1], to_v * p[2], to_v,
             to_n * p[0], to_n * p[1], to_n * p[2], to_n, to_log, weight * red, weight * green, weight * blue,
         ))  # fmt: skip
-        at = hits.places[row] * stride
+        at = places[row] * stride
         simd.store(sums, at, simd.load(sums, at) + total)
     simd.store(to_rays, 0, ox)
     simd.store(to_rays, LANES, oy)
@@ -152,15 +155,16 @@ def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride,
 @njit(cache=True)
 def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
     """Add what a packet's discs receive by the channels beyond the inner ones."""
+    places, masks, _, alpha, before, _, _ = hits
     for row in range(rows):
-        at, mask = hits.places[row] * stride + LANES, hits.masks[row]
+        at, mask = places[row] * stride + LANES, masks[row]
         if mask & (mask - 1) == 0:
             lane = lowest_bit(mask)
-            weight = hits.alpha[row * LANES + lane] * hits.before[row * LANES + lane]
+            weight = alpha[row * LANES + lane] * before[row * LANES + lane]
             for channel in range(INNER, channels):
                 sums[at + channel - INNER] += weight * gradients[channel * LANES + lane]
         else:
-            weights = row_weight(hits, row)
+            weights = row_weight(alpha, before, row)
             for first in range(INNER, channels, LANES):
                 for k in range(min(LANES, channels - first)):
                     simd.store(vectors, k * LANES, weights * simd.load(gradients, (first + k) * LANES))
@@ -185,7 +189,8 @@ def backward_strip(
 ):  # fmt: skip
     """Gradients of the packets from ``first`` to before ``past``."""
     channels, hits = to_out.shape[1], new_hits(CAPACITY)
-    search, rays, members = new_search(tree.levels[1]), np.empty(6 * LANES, np.float32), np.empty(LANES, np.int64)
+    rays, members = np.empty(6 * LANES, np.float32), np.empty(LANES, np.int64)
+    search = new_search(tree.levels[1])
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
     gradients = np.zeros(max(channels, INNER) * LANES, np.float32)
     to_moments, to_rays = np.zeros(3 * LANES, np.float32), np.empty(6 * LANES, np.float32)
@@ -224,8 +229,8 @@ def backward(
         to_out: float32 ``(R, C)``, gradients of the features, then those
         to_transmittance: of the transmittance, ``(R,)``, and
         to_depth: of the depth, ``(R,)``.
-        stride: floats a place of the tree has in ``sums``: one vector, and one for each sixteen channels or part
-            thereof beyond ``INNER``.
+        stride: floats that a place of the tree has in ``sums``: one vector, and one for each sixteen channels
+            or part thereof beyond ``INNER``.
         sums: float32 ``(parts, places * stride)``, zero, to be added to.
         to_origins: float32 ``(R, 3)``, to be written, as is
         to_directions: of that shape.

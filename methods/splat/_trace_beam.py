@@ -2,8 +2,8 @@
 """Which boxes a beam may touch: the rays of a packet, or one of them, as two wedges.
 
 Along the axis on which the rays advance the most, the other two coordinates of every ray lie between two
-straight lines. A box is left out where its rectangle, seen along one of those two axes, lies beside the lines,
-or where it is behind all origins. One vector operation asks this of sixteen boxes.
+straight lines. A box is left out where its rectangle, seen along one of those two axes, lies beside the
+lines, or where it is behind all origins. One vector operation asks this of sixteen boxes.
 """
 
 from typing import NamedTuple

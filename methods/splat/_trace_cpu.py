@@ -64,7 +64,8 @@ class _Trace(torch.autograd.Function):
         features, origins, directions, plan = inputs[4:]
         channels, count = features.shape[1], len(origins)
         scene = (
-            plan.bvh.tree, _float32(origins), _float32(directions), plan.width, plan.near, _float32(features).ravel(),
+            plan.bvh.tree, _float32(origins), _float32(directions), plan.width, plan.near,
+            _float32(features).ravel(),
         )  # fmt: skip
         out = [np.empty(shape, np.float32) for shape in ((count, channels), (count,), (count,))]
         forward(*scene, *out)

@@ -7,7 +7,7 @@ from numba import njit, prange
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat._simd import LANES
-from graycard.methods.splat._trace_gather import gather, new_hits, new_search
+from graycard.methods.splat._trace_gather import gather, new_hits, new_search, put_in_order
 
 STRIP = 16
 """Packets that one thread traces with the same memory."""
@@ -51,32 +51,35 @@ def read_rays(origins, directions, members, rays):
 
 @njit(cache=True)
 def gather_all(tree, rays, near, search, hits):
-    """As ``gather``, with as much memory as it takes: the number of rows, and where they are."""
+    """As ``gather``, with as much memory as it takes, and in order: the number of rows, and the rows."""
     rows = gather(tree, rays, near, search, hits)
     while rows < 0:
         hits = new_hits(2 * hits.places.size)
         rows = gather(tree, rays, near, search, hits)
+    put_in_order(hits, rows, tree.order)
     return rows, hits
 
 
 @njit(cache=True)
 def weigh(hits, rows, transmittance):
     """Walk each ray's sequence: what passes before each disc, and after the last that counts."""
-    hits.before[: rows * LANES] = 0
+    places, _, _, alpha, before, sequence, counts = hits
+    for at in range(rows * LANES):
+        before[at] = 0
     for lane in range(LANES):
-        passing, sequence = np.float32(1), hits.sequence[lane]
-        for step in range(hits.counts[lane]):
+        passing, first = np.float32(1), lane * places.size
+        for step in range(first, first + counts[lane]):
             at = sequence[step] * LANES + lane
-            hits.before[at] = passing
-            passing -= passing * hits.alpha[at]
+            before[at] = passing
+            passing -= passing * alpha[at]
             if passing <= TRANSMITTANCE_MIN:
                 break
         transmittance[lane] = passing
 
 
 @njit(forceinline=True)
-def row_weight(hits, row):
-    return simd.load(hits.alpha, row * LANES) * simd.load(hits.before, row * LANES)
+def row_weight(alpha, before, row):
+    return simd.load(alpha, row * LANES) * simd.load(before, row * LANES)
 
 
 @njit(cache=True)
@@ -90,10 +93,11 @@ def scattered(values, members, out, channel):
 @njit(cache=True)
 def sum_moments(hits, rows, moments):
     """Sums of w and of w t of a packet."""
+    _, _, distance, alpha, before, _, _ = hits
     weight, way = simd.broadcast(0.0), simd.broadcast(0.0)
     for row in range(rows):
-        weight = weight + row_weight(hits, row)
-        way = simd.fma(row_weight(hits, row), simd.load(hits.distance, row * LANES), way)
+        weight = weight + row_weight(alpha, before, row)
+        way = simd.fma(row_weight(alpha, before, row), simd.load(distance, row * LANES), way)
     simd.store(moments, 0, weight)
     simd.store(moments, LANES, way)
 
@@ -101,12 +105,13 @@ def sum_moments(hits, rows, moments):
 @njit(cache=True)
 def write_features(hits, rows, order, features, members, out, vector):
     """Sum a packet's features and write them."""
+    places, _, _, alpha, before, _, _ = hits
     channels = out.shape[1]
     for channel in range(channels):
         total = simd.broadcast(0.0)
         for row in range(rows):
-            value = simd.load_scalar(features, order[hits.places[row]] * channels + channel)
-            total = simd.fma(row_weight(hits, row), value, total)
+            value = simd.load_scalar(features, order[places[row]] * channels + channel)
+            total = simd.fma(row_weight(alpha, before, row), value, total)
         simd.store(vector, 0, total)
         scattered(vector, members, out, channel)
 
@@ -152,4 +157,6 @@ def forward(tree, origins, directions, width, near, features, out, transmittance
     for strip in prange(strips):
         first = strip * STRIP
         past = min(first + STRIP, packets)
-        forward_strip(first, past, tree, origins, directions, width, near, features, out, transmittance, depth)
+        forward_strip(
+            first, past, tree, origins, directions, width, near, features, out, transmittance, depth
+        )

@@ -27,6 +27,7 @@ from graycard.methods.splat._trace_masks import lowest_bit, mask_at_least
 from graycard.methods.splat._trace_meet import (
     all_rays,
     drawn_alpha,
+    exponents,
     leaf_records,
     meet,
     one_ray,
@@ -34,7 +35,7 @@ from graycard.methods.splat._trace_meet import (
 )
 
 BLOCKED = np.float32(0.5 * TRANSMITTANCE_MIN)
-"""Transmittance at which a ray is surely blocked, whatever the order of the factors did to the last digits."""
+"""Transmittance at which a ray is surely blocked, whatever the order of the factors did to the digits."""
 NARROW = 1.0
 """A packet is a beam if it is no wider than this many leaves."""
 NOWHERE = np.float32(3e38)
@@ -53,7 +54,7 @@ class Hits(NamedTuple):
     before: np.ndarray
     """float32, flat: what passes the discs before; 0 too where that is too little to count."""
     sequence: np.ndarray
-    """int32 ``(16, capacity)``: rows in the order in which each ray meets them."""
+    """int32 ``(16 * capacity,)``: for each ray, the rows in the order in which it meets them."""
     counts: np.ndarray
     """int64 ``(16,)``: how many each ray meets."""
 
@@ -79,7 +80,7 @@ def new_hits(capacity):
         np.empty(size, np.float32),
         np.empty(size, np.float32),
         np.empty(size, np.float32),
-        np.empty((LANES, capacity), np.int32),
+        np.empty(size, np.int32),
         np.zeros(LANES, np.int64),
     )
 
@@ -97,36 +98,45 @@ def new_search(leaves):
 
 
 @njit(cache=True)
-def insert(hits, order, row, lane):
-    """Put a row into the sequence of a ray: by distance, equals by index of the surfel."""
-    distance, sequence = hits.distance, hits.sequence[lane]
-    t, surfel, at = distance[row * LANES + lane], order[hits.places[row]], hits.counts[lane]
-    while at > 0:
-        other = sequence[at - 1]
-        t_other = distance[other * LANES + lane]
-        if t_other < t or (t_other == t and order[hits.places[other]] < surfel):
-            break
-        sequence[at] = other
-        at -= 1
-    sequence[at] = row
-    hits.counts[lane] += 1
+def put_in_order(hits, rows, order):
+    """Write the sequences: by distance, equals by index of the surfel.
+
+    Rows come nearly in order, for leaves do: each is put into its place among those before.
+    """
+    places, masks, distance, _, _, sequence, counts = hits
+    counts[:] = 0
+    for row in range(rows):
+        mask, place = masks[row], places[row]
+        while mask:
+            lane = lowest_bit(mask)
+            mask &= mask - 1
+            t, first = distance[row * LANES + lane], lane * places.size
+            at = first + counts[lane]
+            while at > first:
+                other = sequence[at - 1]
+                t_other = distance[other * LANES + lane]
+                if t_other < t or (t_other == t and order[places[other]] < order[place]):
+                    break
+                sequence[at] = other
+                at -= 1
+            sequence[at] = row
+            counts[lane] += 1
 
 
 @njit(cache=True)
 def gather(tree, rays, near, search, hits):
-    """Find and order what a packet meets.
+    """Find what a packet meets.
 
     Args:
         tree: a ``Tree``.
         rays: float32 ``(96,)``: vectors of the origins' x, y, z and the directions'.
         near: distance from which on a disc counts.
         search: its memory.
-        hits: to be written, all but ``before``.
+        hits: the first four are to be written.
 
     Returns:
         The number of rows, -1 if there is not enough room for them.
     """
-    hits.counts[:] = 0
     beam, advances = beam_of(rays, 0, LANES)
     end = farthest(beam, tree.reach)
     if advances and width_of(beam, end) <= NARROW * tree.leaf_size:
@@ -145,37 +155,37 @@ def gather_packet(tree, rays, near, beam, end, search, hits):
     """Rows of a whole packet: discs whose boxes the beam may touch, each against all rays."""
     count, leaves, following = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
     near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, following, search.heads)
+    places, masks, distance, alphas, _, _, _ = hits
+    boxes, records, heads = tree.boxes, tree.records, search.heads
     ray = all_rays(rays)
     first, zero, one = simd.broadcast(near), simd.broadcast(0.0), simd.broadcast(1.0)
     along, from_start = simd.load(rays, (3 + beam.axis) * LANES), simd.load(rays, beam.axis * LANES)
     sign = simd.broadcast(beam.sign)
-    passing, seen, rows, last = one, zero, 0, NOWHERE
+    passing, seen, rows, last = one, simd.broadcast(-NOWHERE), 0, NOWHERE
     for bucket in range(BUCKETS):
         if bucket * (end / BUCKETS) > last:
             break
-        i = search.heads[bucket]
+        i = heads[bucket]
         while i >= 0:
             leaf, i = leaves[i], following[i]
-            boxes = touched(tree.boxes, leaf, beam)
-            while boxes:
-                place = leaf * LANES + lowest_bit(boxes)
-                boxes &= boxes - 1
-                record = one_record(tree.records, place)
+            near_by = touched(boxes, leaf, beam)
+            while near_by:
+                place = leaf * LANES + lowest_bit(near_by)
+                near_by &= near_by - 1
+                record = one_record(records, place)
                 t, _, u, v, _ = meet(record, ray)
-                alpha, exponent, faintest = drawn_alpha(record, first, t, u, v)
+                exponent, faintest = exponents(record, first, t, u, v)
                 mask = mask_at_least(faintest, exponent)
                 if mask:
-                    if rows == hits.places.size:
+                    alpha = drawn_alpha(record, exponent, faintest)
+                    if rows == places.size:
                         return -1
                     t = simd.where_at_least(faintest, exponent, t, zero)
-                    simd.store(hits.distance, rows * LANES, t)
-                    simd.store(hits.alpha, rows * LANES, alpha)
-                    hits.places[rows], hits.masks[rows] = place, mask
+                    simd.store(distance, rows * LANES, t)
+                    simd.store(alphas, rows * LANES, alpha)
+                    places[rows], masks[rows] = place, mask
                     passing = passing * (one - alpha)
                     seen = simd.maximum(seen, simd.fma(t, along, from_start) * sign)
-                    while mask:
-                        insert(hits, tree.order, rows, lowest_bit(mask))
-                        mask &= mask - 1
                     rows += 1
         if last == NOWHERE and simd.largest_lane(passing) <= BLOCKED:
             last = simd.largest_lane(seen) - beam.start
@@ -187,34 +197,35 @@ def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     """Rows of one ray of a packet, from ``rows`` on: sixteen discs of a leaf at a time."""
     count, leaves, following = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
     near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, following, search.heads)
+    places, masks, distance, alphas, _, _, _ = hits
+    records, heads, t_found, alpha_found = tree.records, search.heads, search.distance, search.alpha
     ray, first, zero = one_ray(rays, lane), simd.broadcast(near), simd.broadcast(0.0)
     passing, seen, last = np.float32(1), np.float32(0), NOWHERE
     for bucket in range(BUCKETS):
         if bucket * (end / BUCKETS) > last:
             break
-        i = search.heads[bucket]
+        i = heads[bucket]
         while i >= 0:
             leaf, i = leaves[i], following[i]
-            record = leaf_records(tree.records, leaf)
+            record = leaf_records(records, leaf)
             t, _, u, v, _ = meet(record, ray)
-            alpha, exponent, faintest = drawn_alpha(record, first, t, u, v)
+            exponent, faintest = exponents(record, first, t, u, v)
             mask = mask_at_least(faintest, exponent)
             if mask:
-                simd.store(search.distance, 0, t)
-                simd.store(search.alpha, 0, alpha)
+                simd.store(t_found, 0, t)
+                simd.store(alpha_found, 0, drawn_alpha(record, exponent, faintest))
             while mask:
                 disc = lowest_bit(mask)
                 mask &= mask - 1
-                if rows == hits.places.size:
+                if rows == places.size:
                     return -1
-                simd.store(hits.distance, rows * LANES, zero)
-                simd.store(hits.alpha, rows * LANES, zero)
-                hits.distance[rows * LANES + lane] = search.distance[disc]
-                hits.alpha[rows * LANES + lane] = search.alpha[disc]
-                hits.places[rows], hits.masks[rows] = leaf * LANES + disc, 1 << lane
-                insert(hits, tree.order, rows, lane)
-                passing *= np.float32(1) - search.alpha[disc]
-                seen = max(seen, search.distance[disc])
+                simd.store(distance, rows * LANES, zero)
+                simd.store(alphas, rows * LANES, zero)
+                distance[rows * LANES + lane] = t_found[disc]
+                alphas[rows * LANES + lane] = alpha_found[disc]
+                places[rows], masks[rows] = leaf * LANES + disc, 1 << lane
+                passing *= np.float32(1) - alpha_found[disc]
+                seen = max(seen, t_found[disc])
                 rows += 1
         if last == NOWHERE and passing <= BLOCKED:
             axis = beam.axis

@@ -83,14 +83,14 @@ def meet(record, ray):
 
 
 @njit(forceinline=True)
-def drawn_alpha(record, near, t, u, v):
-    """Alpha as it is drawn, zero where the disc is missed, too near, or too faint.
-
-    Returns:
-        Alpha; the exponent, ``MISSED`` where too near; the exponent that is the last to count.
-    """
+def exponents(record, near, t, u, v):
+    """The exponent of each hit, ``MISSED`` where too near, and the last one at which a hit counts."""
     exponent = simd.where_at_least(t, near, simd.fma(u, u, v * v), simd.broadcast(MISSED))
-    log_opacity = record[4]
-    last = log_opacity - simd.broadcast(LOG_ALPHA_MIN)
-    alpha = simd.minimum(simd.exp2(log_opacity - exponent), simd.broadcast(ALPHA_MAX))
-    return simd.where_at_least(last, exponent, alpha, simd.broadcast(0.0)), exponent, last
+    return exponent, record[4] - simd.broadcast(LOG_ALPHA_MIN)
+
+
+@njit(forceinline=True)
+def drawn_alpha(record, exponent, last):
+    """Alpha as it is drawn, zero where the exponent is beyond the last that counts."""
+    alpha = simd.minimum(simd.exp2(record[4] - exponent), simd.broadcast(ALPHA_MAX))
+    return simd.where_at_least(last, exponent, alpha, simd.broadcast(0.0))
