@@ -21,6 +21,7 @@ from graycard.benchmarks.speed._engine_records import (
 )
 from graycard.benchmarks.speed._engine_scaling import ScalingPlan, measure_scaling
 from graycard.benchmarks.speed._engine_scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard.benchmarks.speed._engine_step import measure_step
 from graycard.benchmarks.speed._machine import (
     QUICK,
     Patience,
@@ -31,9 +32,10 @@ from graycard.benchmarks.speed._machine import (
     threads,
     time_calls,
 )
+from graycard.benchmarks.speed._tracer import INCOHERENT, TRACED, measure_tracer
 
-Part = Literal["stages", "scaling", "peers", "losses"]
-PARTS: tuple[Part, ...] = ("stages", "scaling", "peers", "losses")
+Part = Literal["stages", "scaling", "peers", "losses", "step", "tracer"]
+PARTS: tuple[Part, ...] = ("stages", "scaling", "peers", "losses", "step", "tracer")
 PACKAGES = ("numba", "llvmlite", "gsplat")
 """Beyond those of every record."""
 
@@ -50,6 +52,11 @@ class SpeedPlan:
     peers: tuple[Workload, ...] = (Workload("S", 200, 64, 0.1), *WORKLOADS)
     """S is small enough for the reference."""
     loss_sizes: tuple[int, ...] = (256, 512)
+    stepped: Workload = WORKLOADS[3]
+    """On which a whole step of a fit is timed."""
+    traced: tuple[Workload, ...] = TRACED
+    incoherent: int = INCOHERENT
+    """Rays beside those of the camera."""
     parts: tuple[Part, ...] = PARTS
     patience: Patience = field(default_factory=Patience)
     rounds: int = 200_000
@@ -58,7 +65,17 @@ class SpeedPlan:
 
 TINY = Workload("tiny", 40, 32, 0.1)
 QUICK_PLAN = SpeedPlan(
-    (TINY,), (3,), TINY, ScalingPlan((20, 40), (16, 32), (1, 3)), (TINY,), (16,), PARTS, QUICK, 100
+    workloads=(TINY,),
+    channels=(3,),
+    scaled=TINY,
+    scaling=ScalingPlan((20, 40), (16, 32), (1, 3)),
+    peers=(TINY,),
+    loss_sizes=(16,),
+    stepped=TINY,
+    traced=(TINY,),
+    incoherent=64,
+    patience=QUICK,
+    rounds=100,
 )
 """Everything once, on next to nothing: shows that it works, says nothing about speed."""
 
@@ -70,7 +87,7 @@ def speed_plan(
 
     Args:
         parts: All of them if empty.
-        workloads: Names of those for stages and peers; all if empty.
+        workloads: Names of those for stages, peers and the tracer; all if empty.
         repetitions: Groups of calls whose median counts.
         quick: Take :data:`QUICK_PLAN` instead of the whole, with these parts.
 
@@ -84,7 +101,7 @@ def speed_plan(
             raise gc.UnknownNameError("workload", name, known)
     chosen = {
         key: tuple(one for one in getattr(plan, key) if not workloads or one.name in workloads)
-        for key in ("workloads", "peers")
+        for key in ("workloads", "peers", "traced")
     }
     patience = plan.patience if quick else Patience(repetitions)
     return replace(plan, **chosen, patience=patience)
@@ -123,6 +140,12 @@ def _with_part(speed: EngineSpeed, part: Part, plan: SpeedPlan, progress: gc.Pro
         case "losses":
             losses = measure_losses(plan.loss_sizes, plan.patience, progress)
             return replace(speed, losses=tuple(losses))
+        case "step":
+            progress(0.0, "a whole step of a fit")
+            return replace(speed, steps=(measure_step(plan.stepped, 3, plan.patience),))
+        case "tracer":
+            traced = measure_tracer(plan.traced, plan.patience, plan.incoherent, progress)
+            return replace(speed, tracer=tuple(traced))
 
 
 def _share(progress: gc.Progress, number: int, of: int) -> gc.Progress:

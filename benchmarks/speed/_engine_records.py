@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from graycard.benchmarks.speed._machine import Peak, Timing
+from graycard.benchmarks.speed._tracer import TracerCost
 
 RECORD_VERSION = 1
 
@@ -135,6 +136,17 @@ class LossCost:
 
 
 @dataclass(frozen=True, slots=True)
+class StepCost:
+    """A whole step of a fit."""
+
+    workload: str
+    channels: int
+    whole: Timing
+    stages: Mapping[str, Timing]
+    """Each repeated alone."""
+
+
+@dataclass(frozen=True, slots=True)
 class EngineSpeed:
     """A whole run: what ``graycard speed engine --json`` writes."""
 
@@ -149,6 +161,8 @@ class EngineSpeed:
     scaling: tuple[ScalingPoint, ...] = ()
     peers: tuple[PeerCost, ...] = ()
     losses: tuple[LossCost, ...] = ()
+    steps: tuple[StepCost, ...] = ()
+    tracer: tuple[TracerCost, ...] = ()
     left_out: tuple[str, ...] = field(default=())
     """What could not be measured here, and why."""
     format: str = "graycard-speed-engine"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from graycard.benchmarks.speed._engine_records import EngineCost, EngineSpeed, PeerCost, ScalingPoint
 from graycard.benchmarks.speed._machine import QUIET, Timing
+from graycard.benchmarks.speed._tracer import TracerCost
 
 DISTURBED = "~"
 """Stands before a time for which the machine was never quiet."""
@@ -57,6 +58,11 @@ def _timings(speed: EngineSpeed) -> Iterator[Timing]:
         yield from (peer.theirs_forward, peer.theirs_both, peer.ours_forward, peer.ours_both)
     for loss in speed.losses:
         yield from (loss.ours, loss.torch)
+    for step in speed.steps:
+        yield from (step.whole, *step.stages.values())
+    for cost in speed.tracer:
+        own = cost.build, cost.forward, cost.both
+        yield from (timing for timing in (*own, cost.peer_forward, cost.peer_both) if timing is not None)
 
 
 def _ms(timing: Timing) -> str:
@@ -148,3 +154,24 @@ def _losses(speed: EngineSpeed) -> SpeedTable:
     )
     heads = ("loss", "px", "C", "ours", "torch", "ratio")
     return SpeedTable("Losses, forward and backward, ms", heads, tuple(rows))
+
+
+def _steps(speed: EngineSpeed) -> SpeedTable:
+    names = list(dict.fromkeys(name for step in speed.steps for name in step.stages))
+    rows = (
+        (step.workload, str(step.channels), *(_ms(step.stages[name]) for name in names), _ms(step.whole))
+        for step in speed.steps
+    )
+    return SpeedTable("A whole step of a fit, ms", ("workload", "C", *names, "whole"), tuple(rows))
+
+
+def _tracer(speed: EngineSpeed) -> SpeedTable:
+    heads = ("workload", "rays", "number", "tree", "f", "f+b", "ns/ray", "Mitsuba f", "f+b", "ratio f", "f+b")
+
+    def row(cost: TracerCost) -> tuple[str, ...]:
+        own = _ms(cost.build), _ms(cost.forward), _ms(cost.both), f"{cost.ns_per_ray:.0f}"
+        peer = ("-" if timing is None else _ms(timing) for timing in (cost.peer_forward, cost.peer_both))
+        ratios = ("-" if ratio is None else f"{ratio:.1f}" for ratio in (cost.speedup, cost.speedup_both))
+        return (cost.workload, cost.kind, f"{cost.rays:,}", *own, *peer, *ratios)
+
+    return SpeedTable("Tracer beside Mitsuba's ellipsoids, ms", heads, tuple(row(one) for one in speed.tracer))

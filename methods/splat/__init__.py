@@ -13,7 +13,12 @@ from graycard.methods.splat._maps import ndc_depth as ndc_depth
 from graycard.methods.splat._rasterize import Backend as Backend
 from graycard.methods.splat._rasterize import rasterize as rasterize
 from graycard.methods.splat._rasterize import rasterize_features as rasterize_features
+from graycard.methods.splat._rays import Rays as Rays
+from graycard.methods.splat._rays import Traced as Traced
+from graycard.methods.splat._rays import camera_rays as camera_rays
 from graycard.methods.splat._store import export_ply as export_ply
 from graycard.methods.splat._store import load_surfels as load_surfels
 from graycard.methods.splat._store import save_surfels as save_surfels
 from graycard.methods.splat._surfels import Surfels as Surfels
+from graycard.methods.splat._trace import build_bvh as build_bvh
+from graycard.methods.splat._trace import trace as trace

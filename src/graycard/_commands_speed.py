@@ -13,7 +13,7 @@ from graycard._errors import GraycardError
 from graycard._files import write_bytes
 from graycard._screen import OK, Json, Screen, new_table, write_optional_json
 
-Parts = tuple[Literal["stages", "scaling", "peers", "losses"], ...]
+Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"], ...]
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Speed:
     parts: Parts = ()
     """engine: measure these only."""
     workloads: tuple[str, ...] = ()
-    """engine: stages and peers on these workloads only (A to E)."""
+    """engine: stages, peers and the tracer on these workloads only (A to E)."""
     quick: bool = False
     """engine: everything once, on next to nothing, to see that it works."""
     json: Json = None

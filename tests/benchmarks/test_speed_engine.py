@@ -96,6 +96,8 @@ def test_a_run_holds_every_part(record: speed.EngineSpeed):
     assert {point.along for point in record.scaling} == {"surfels", "pixels", "channels", "threads"}
     assert "reference" in {peer.peer for peer in record.peers}
     assert {loss.loss for loss in record.losses} == {"L1 + SSIM", "depth-normal"}
+    assert [step.workload for step in record.steps] == ["tiny"]
+    assert [cost.kind for cost in record.tracer] == ["camera", "incoherent"]
     assert {"cpu", "git_commit", "packages"} <= set(record.environment)
     assert {"numba", "torch"} <= set(record.environment["packages"])
     assert record.started.endswith("+00:00")
@@ -141,10 +143,12 @@ def test_tables_have_a_row_for_each_figure(record: speed.EngineSpeed):
     assert rows["Scaling"] == len(record.scaling)
     assert rows["Peers in the same run"] == len(record.peers)
     assert rows["Losses"] == len(record.losses)
+    assert rows["A whole step of a fit"] == 1
+    assert rows["Tracer beside Mitsuba's ellipsoids"] == 2
 
 
 def test_parts_that_were_not_measured_have_no_table(record: speed.EngineSpeed):
-    bare = replace(record, engine=(), scaling=(), peers=(), losses=())
+    bare = replace(record, engine=(), scaling=(), peers=(), losses=(), steps=(), tracer=())
     assert len(speed.engine_tables(bare)) == 1
 
 
@@ -163,7 +167,8 @@ def test_times_without_quiet_are_marked(record: speed.EngineSpeed):
     quiet = Timing(1.0, 1.0, 3, 0, 0.0)
     loss = replace(record.losses[0], ours=quiet, torch=quiet)
     peaks = tuple(replace(peak, timing=quiet) for peak in record.peaks)
-    calm = replace(record, peaks=peaks, engine=(), scaling=(), peers=(), losses=(loss,))
+    empty = dict.fromkeys(("engine", "scaling", "peers", "steps", "tracer"), ())
+    calm = replace(record, peaks=peaks, losses=(loss,), **empty)
     assert speed.disturbed_note(calm) == ""
     loud = replace(calm, losses=(replace(loss, ours=replace(quiet, counted=0, rejected=2, others=1.0)),))
     assert speed.disturbed_note(loud).startswith(f"1 of {len(peaks) + 2} times (marked ~)")
@@ -226,6 +231,7 @@ def test_a_plan_of_some_parts_and_workloads():
     assert plan.parts == ("losses",)
     assert [w.name for w in plan.workloads] == ["A"]
     assert [w.name for w in plan.peers] == ["S", "A"]
+    assert [w.name for w in plan.traced] == ["A"]
     assert plan.patience.repetitions == 2
     assert speed.speed_plan() == speed.SpeedPlan()
     assert speed.speed_plan(quick=True) == speed.QUICK_PLAN
