@@ -3,17 +3,15 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
-import torch
-from numba import njit
+import numpy as np
 
 import graycard as gc
-from graycard.methods.splat import Surfels
-from graycard.methods.splat._coefficients import footprints
-from graycard.methods.splat._cpu import _channels, _Draw, _in_float64, _Plan
-from graycard.methods.splat._forward import BLOCK, LANES, block_range
-from graycard.methods.splat._geometry import see
-from graycard.methods.splat._tiles import TILE, tile_lists
+from graycard.methods.splat import Surfels, _stages
+
+DRAW, DRAW_BACKWARD = "draw", "draw backward"
+"""The stages that are the kernels."""
 
 
 @dataclass(frozen=True)
@@ -29,45 +27,23 @@ class Staged:
     """Arrays that live between forward and backward, and those that either works in."""
 
 
-DRAW, DRAW_BACKWARD = "draw", "draw backward"
-"""The stages that are the kernels."""
-
-
 def staged(surfels: Surfels, camera: gc.Camera) -> Staged:
-    """Take the engine apart on a scene."""
-    seen = see(_in_float64(surfels), camera)
-    drawn = footprints(seen, surfels.opacities.double(), camera, torch.zeros(len(surfels), 2).double())
-    depths = seen.centres[drawn.kept, 2].detach().numpy()
-    size = (camera.height, camera.width)
-    lists = tile_lists(drawn.bounds, depths, camera.width, camera.height)
-    channels = _channels(surfels.features, seen, camera)[drawn.kept].requires_grad_()
-    inputs = drawn.coefficients.requires_grad_(), drawn.centres.requires_grad_(), channels
-    plan = _Plan(drawn.bounds, lists, size)
-    image, _ = _Draw.apply(*inputs, plan)
-    upstream = torch.ones_like(image)
-    lanes = _evaluated(lists.start, lists.surfels, image.grad_fn.drawn, drawn.bounds, camera.width)
+    """Take the engine apart on a scene: features and alpha only, forward and backward."""
+    tensors = surfels.centres, surfels.rotations, surfels.scales, surfels.opacities, surfels.features
+    arrays = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
+    scene = _stages.Scene(*arrays, offsets=None, camera=camera, shaped=False)
+    projected = _stages.project(scene)
+    lists = _stages.list_tiles(scene, projected)
+    drawn = _stages.draw(scene, projected, lists)
+    given = scene, projected, lists, drawn, np.ones_like(drawn.image), np.ones_like(drawn.transmittance), None
+    slots = _stages.draw_backward(*given)
+    gradients = _stages.project_backward(scene, projected, lists, slots)
     stages = {
-        "project": lambda: footprints(
-            see(_in_float64(surfels), camera),
-            surfels.opacities.double(),
-            camera,
-            torch.zeros(len(surfels), 2).double(),
-        ),
-        "sort and bin": lambda: tile_lists(drawn.bounds, depths, camera.width, camera.height),
-        DRAW: lambda: _Draw.apply(*inputs, plan),
-        DRAW_BACKWARD: lambda: torch.autograd.grad(image, inputs, upstream, retain_graph=True),
+        "project": partial(_stages.project, scene),
+        "sort and bin": partial(_stages.list_tiles, scene, projected),
+        DRAW: partial(_stages.draw, scene, projected, lists),
+        DRAW_BACKWARD: partial(_stages.draw_backward, *given),
+        "project backward": partial(_stages.project_backward, scene, projected, lists, slots),
     }
-    held = (lists.surfels.nbytes, lists.start.nbytes, image.numel() * 4, lists.slots[-1] * 4 * 2 * LANES)
-    return Staged(stages, lanes, lanes, int(sum(held)))
-
-
-@njit(cache=True)
-def _evaluated(start, listed, drawn, bounds, width):
-    columns, lanes = (width + TILE - 1) // TILE, 0
-    for tile in range(drawn.size):
-        for rank in range(drawn[tile]):
-            surfel = listed[start[tile] + rank]
-            left, right = block_range(bounds[surfel, 0], bounds[surfel, 1], tile % columns * TILE)
-            top, bottom = block_range(bounds[surfel, 2], bounds[surfel, 3], tile // columns * TILE)
-            lanes += (right - left) * (bottom - top) * BLOCK * BLOCK
-    return lanes
+    held = _stages.working_bytes(projected, lists, drawn, slots, gradients)
+    return Staged(stages, drawn.forward_lanes, drawn.backward_lanes(lists), held)

@@ -174,4 +174,6 @@ def _tracer(speed: EngineSpeed) -> SpeedTable:
         ratios = ("-" if ratio is None else f"{ratio:.1f}" for ratio in (cost.speedup, cost.speedup_both))
         return (cost.workload, cost.kind, f"{cost.rays:,}", *own, *peer, *ratios)
 
-    return SpeedTable("Tracer beside Mitsuba's ellipsoids, ms", heads, tuple(row(one) for one in speed.tracer))
+    return SpeedTable(
+        "Tracer beside Mitsuba's ellipsoids, ms", heads, tuple(row(one) for one in speed.tracer)
+    )
