@@ -23,15 +23,8 @@ class SpeedTable:
 
 def engine_tables(speed: EngineSpeed) -> list[SpeedTable]:
     """All tables of a run that have rows."""
-    tables = [
-        _machine(speed),
-        _stages(speed),
-        _kernels(speed),
-        _scaling(speed),
-        _peers(speed),
-        _losses(speed),
-    ]
-    return [table for table in tables if table.rows]
+    makers = _machine, _stages, _kernels, _scaling, _peers, _losses, _steps, _tracer
+    return [table for table in (make(speed) for make in makers) if table.rows]
 
 
 def disturbed_note(speed: EngineSpeed) -> str:
