@@ -265,7 +265,7 @@ def test_a_ray_ends_behind_the_disc_that_blocks_it(backend: splat.Backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("near", [1e-4, 0.5, 1.5])
+@pytest.mark.parametrize("near", [0.0, 1e-4, 0.5, 1.5])
 def test_what_is_too_near_is_not_met(near: float, backend: splat.Backend):
     """The first of three discs holds the origins."""
     surfels = facing([0.0, 1.0, 2.0])
@@ -338,6 +338,16 @@ def test_gradients_of_the_specification_are_differences_of_its_values():
 
     leaves = [getattr(surfels, field.name) for field in fields(surfels)] + [rays.origins, rays.directions]
     assert torch.autograd.gradcheck(traced, [leaf.clone().requires_grad_() for leaf in leaves], eps=1e-6)
+
+
+def test_what_was_not_kept_is_found_again(monkeypatch: pytest.MonkeyPatch):
+    """To the same bits: packets of which all is kept, some that met more, and nothing."""
+    surfels, rays, found = random_surfels(300, 2), mixed(), []
+    for kept in (_trace_cpu.KEPT, 60, 0):
+        monkeypatch.setattr(_trace_cpu, "KEPT", kept)
+        found.append(gradients(surfels, rays, "cpu"))
+    for name, first in found[0].items():
+        assert all(torch.equal(first, other[name]) for other in found[1:]), name
 
 
 def test_sums_in_one_part_are_the_same(monkeypatch: pytest.MonkeyPatch):
