@@ -397,14 +397,13 @@ def test_an_opaque_wall_hides_what_is_behind():
     places = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     wall = replace(wall, centres=torch.from_numpy(places))
     r = np.random.default_rng(0)
-    points = r.uniform(-1, 1, (300, 3)) + [0, 0, 1.5] * np.sign(r.normal(size=(300, 1)))
+    points = r.uniform([-1, -1, 0.1], [1, 1, 1.9], (300, 3)) * [1, 1, -1] ** r.integers(0, 2, (300, 1))
     lamp = np.array([0.1, 0.2, 2.0])
     seen = given_by("cpu", wall, rays_of(points, lamp - points)).transmittance
     behind = points[:, 2] < 0
     assert seen[behind].max() < 0.01
     assert behind.sum() > 100
-    far = np.linalg.norm(lamp - points, axis=1) > 0.1
-    assert (seen[~behind & far] > 0.99).mean() == 1
+    assert (seen[~behind] == 1).all()
 
 
 def test_a_mirror_shows_what_the_mirrored_camera_sees():
@@ -525,7 +524,7 @@ def test_bad_rays_are_named():
         splat.Rays(broken, good.directions)
     with pytest.raises(ValueError, match=r"directions of shape \(3, 3\) .* got \(2, 3\)"):
         splat.Rays(good.origins, good.directions[:2])
-    with pytest.raises(ValueError, match="floating dtype, got .* int64"):
+    with pytest.raises(ValueError, match="one floating dtype, got .* in torch.int64"):
         splat.Rays(good.origins.long(), good.directions)
     with pytest.raises(ValueError, match="width that divides the 3 rays, got 2"):
         splat.Rays(good.origins, good.directions, 2)
