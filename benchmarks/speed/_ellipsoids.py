@@ -30,7 +30,8 @@ class EllipsoidTracer:
         )
         self._integrator, self._parameters = integrator, mi.traverse(self._scene)
         self._sampler: Any = mi.load_dict({"type": "independent"})
-        self._sampler.seed(0, len(rays))
+        self._rays = len(rays)
+        self._sampler.seed(0, self._rays)
         origins, directions = (_float32(part).T for part in (rays.origins, rays.directions))
         self._ray = mi.Ray3f(mi.Point3f(origins), mi.Vector3f(directions))
         dr.eval(self._ray)
@@ -48,12 +49,12 @@ class EllipsoidTracer:
         for name in GRADIENTS:
             dr.enable_grad(self._parameters[name])
             dr.set_grad(self._parameters[name], 0)
-        with dr.suspend_grad():
+        with dr.suspend_grad():  # the integrator resumes where it differentiates
             _, state = self._sample()
-        self._integrator.sample(
-            mode=dr.ADMode.Backward, scene=self._scene, sampler=self._sampler, ray=self._ray,
-            **{"δL": mi.Spectrum(1.0)}, state_in=state, active=mi.Bool(True),
-        )  # fmt: skip
+            self._integrator.sample(
+                mode=dr.ADMode.Backward, scene=self._scene, sampler=self._sampler, ray=self._ray,
+                **{"δL": mi.Spectrum(dr.ones(mi.Float, self._rays))}, state_in=state, active=mi.Bool(True),
+            )  # fmt: skip
         gradients = [dr.grad(self._parameters[name]) for name in GRADIENTS]
         dr.eval(gradients)
         dr.sync_thread()

@@ -63,7 +63,7 @@ def trace(
 
 
 def build_bvh(surfels: Surfels) -> "Bvh":
-    """Put surfels into a tree of boxes: sixteen neighbours on a Morton curve, sixteen such groups, and so on.
+    """Put surfels into a tree of boxes: sixteen neighbours on a Hilbert curve, sixteen of those, ...
 
     Args:
         surfels: N surfels on the CPU; no gradient passes through the tree, nor needs to.

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tracer's backward kernel.
 
-A packet is gathered anew: nothing need be kept from the forward pass, whatever the number of hits. What the
-discs receive is summed in a fixed number of parts, whatever the number of threads, so that each sum has
-one order.
+What a packet met is known from the forward pass, unless it was more than could be kept: then it is gathered
+anew. What the discs receive is summed in a fixed number of parts, whatever the number of threads, so that
+each sum has one order.
 """
 
 from math import log
@@ -26,7 +26,7 @@ from graycard.methods.splat._trace_forward import (
     sum_moments,
     weigh,
 )
-from graycard.methods.splat._trace_gather import new_hits, new_search
+from graycard.methods.splat._trace_gather import new_hits, new_search, put_in_order, recall
 from graycard.methods.splat._trace_masks import lowest_bit
 from graycard.methods.splat._trace_meet import all_rays, dot, meet, one_record
 
@@ -184,8 +184,8 @@ def write_rays(members, to_rays, to_origins, to_directions):
 
 @njit(cache=True)
 def backward_strip(
-    first, past, tree, origins, directions, width, near, features, to_out, to_transmittance, to_depth,
-    stride, sums, to_origins, to_directions,
+    first, past, tree, origins, directions, width, near, features, kept, to_out, to_transmittance,
+    to_depth, stride, sums, to_origins, to_directions,
 ):  # fmt: skip
     """Gradients of the packets from ``first`` to before ``past``."""
     channels, hits = to_out.shape[1], new_hits(CAPACITY)
@@ -199,7 +199,11 @@ def backward_strip(
     for packet in range(first, past):
         rays_of(packet, origins.shape[0], width, members)
         read_rays(origins, directions, members, rays)
-        rows, hits = gather_all(tree, rays, near, search, hits)
+        if kept.rows[packet] >= 0:
+            rows = recall(tree, rays, near, kept, packet, hits)
+            put_in_order(hits, rows, tree.order)
+        else:
+            rows, hits = gather_all(tree, rays, near, search, hits)
         if hits.alpha.size > pull.size:
             pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
         weigh(hits, rows, passing)
@@ -214,8 +218,8 @@ def backward_strip(
 
 @njit(parallel=True, cache=True)
 def backward(
-    tree, origins, directions, width, near, features, to_out, to_transmittance, to_depth, stride, sums,
-    to_origins, to_directions,
+    tree, origins, directions, width, near, features, kept, to_out, to_transmittance, to_depth, stride,
+    sums, to_origins, to_directions,
 ):  # fmt: skip
     """Gradients of all rays; the first arguments are those of ``forward``.
 
@@ -226,6 +230,7 @@ def backward(
         width: as above.
         near: as above.
         features: as above.
+        kept: what ``forward`` wrote.
         to_out: float32 ``(R, C)``, gradients of the features, then those
         to_transmittance: of the transmittance, ``(R,)``, and
         to_depth: of the depth, ``(R,)``.
@@ -241,6 +246,6 @@ def backward(
         for strip in range(part, strips, parts):
             first = strip * STRIP
             backward_strip(
-                first, min(first + STRIP, packets), tree, origins, directions, width, near, features, to_out,
-                to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
+                first, min(first + STRIP, packets), tree, origins, directions, width, near, features, kept,
+                to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
             )  # fmt: skip

@@ -20,6 +20,7 @@ SLOWEST = 0.2
 """Share of its length by which each ray of a beam must advance along the axis."""
 BUCKETS = 32
 """Steps of distance by which leaves are put in order."""
+SHORTEST = np.float32(1e-20)
 
 
 class Beam(NamedTuple):
@@ -150,9 +151,15 @@ def leaves_touched(boxes, levels, beam, found, spare):
     return count, found, spare
 
 
+@njit(forceinline=True, error_model="numpy")
+def bucket_of(distance, end):
+    """The step of distance, of those from the start to ``end``."""
+    return int(min(max(distance, 0.0) * (BUCKETS / max(end, SHORTEST)), BUCKETS - 1.0))
+
+
 @njit(cache=True, error_model="numpy")
-def near_to_far(boxes, first_group, beam, end, count, leaves, following, heads):
-    """Chain leaves by the bucket of distance in which their box begins.
+def near_to_far(boxes, first_group, beam, end, count, leaves, ordered, starts):
+    """Put leaves in the order of the buckets of distance in which their boxes begin.
 
     Args:
         boxes: those of the tree.
@@ -161,15 +168,18 @@ def near_to_far(boxes, first_group, beam, end, count, leaves, following, heads):
         end: distance s at which the last bucket ends.
         count: number of leaves.
         leaves: their numbers.
-        following: int32, to be written: the place in ``leaves`` of the next in the bucket, -1 at the end.
-        heads: int32 ``(BUCKETS,)``, to be written: the place of the first in each bucket, -1 where none is.
+        ordered: int32, to be written: their numbers in order.
+        starts: int64 ``(BUCKETS + 2,)``, to be written: how many leaves lie in the buckets before each.
     """
-    heads[:] = -1
+    starts[:] = 0
     near = beam.axis if beam.sign > 0 else 3 + beam.axis
-    per_metre = BUCKETS / end if end > 0 else 0.0
     for i in range(count):
-        at = (first_group + leaves[i] // LANES) * BOX + near
-        entry = beam.sign * boxes[at * LANES + leaves[i] % LANES] - beam.start
-        bucket = min(int(max(entry, 0.0) * per_metre), BUCKETS - 1)
-        following[i] = heads[bucket]
-        heads[bucket] = i
+        at = ((first_group + leaves[i] // LANES) * BOX + near) * LANES + leaves[i] % LANES
+        starts[bucket_of(beam.sign * boxes[at] - beam.start, end) + 2] += 1
+    for bucket in range(2, BUCKETS + 1):
+        starts[bucket + 1] += starts[bucket]
+    for i in range(count):
+        at = ((first_group + leaves[i] // LANES) * BOX + near) * LANES + leaves[i] % LANES
+        bucket = bucket_of(beam.sign * boxes[at] - beam.start, end)
+        ordered[starts[bucket + 1]] = leaves[i]
+        starts[bucket + 1] += 1

@@ -13,10 +13,13 @@ from graycard.methods.splat._rays import Rays, Traced
 from graycard.methods.splat._simd import LANES
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._trace_backward import INNER, backward
-from graycard.methods.splat._trace_forward import forward
+from graycard.methods.splat._trace_forward import forward, packets_of
+from graycard.methods.splat._trace_gather import Kept
 
 PARTS = 8
 """Threads among which the backward pass is divided; each needs sums of its own."""
+KEPT = 128
+"""Rows a packet that are kept for the backward pass, six bytes each: 48 bytes a ray in all."""
 SUMS_BYTES = 2**26
 """What all sums together may take; with more surfels there are fewer parts, down to one."""
 
@@ -41,9 +44,15 @@ def trace_cpu(surfels: Surfels, rays: Rays, features: torch.Tensor, bvh: Bvh | N
         bvh = bvh_of(surfels)
     else:
         bvh.check(surfels)
-    plan = _Plan(bvh, np.float32(near), rays.width or 0)
-    geometry = (surfels.centres, surfels.rotations, surfels.scales, surfels.opacities)
-    results = _Trace.apply(*geometry, features, rays.origins, rays.directions, plan)
+    tensors = (
+        surfels.centres, surfels.rotations, surfels.scales, surfels.opacities,
+        features, rays.origins, rays.directions,
+    )  # fmt: skip
+    returns = torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors)
+    beyond = np.nextafter(
+        np.float32(near), np.float32(np.inf)
+    )  # the kernels take it for the first that counts
+    results = _Trace.apply(*tensors, _Plan(bvh, beyond, rays.width or 0, KEPT if returns else 0))
     return Traced(*cast(tuple[torch.Tensor, ...], results))
 
 
@@ -53,6 +62,8 @@ class _Plan(NamedTuple):
     bvh: Bvh
     near: np.float32
     width: int
+    kept: int
+    """Rows a packet of which the backward pass is told."""
 
 
 class _Trace(torch.autograd.Function):
@@ -63,9 +74,15 @@ class _Trace(torch.autograd.Function):
         """Features, transmittance and depth, from the surfels' five tensors, the rays' two, and a plan."""
         features, origins, directions, plan = inputs[4:]
         channels, count = features.shape[1], len(origins)
+        packets = packets_of(count, plan.width)
+        kept = Kept(
+            np.empty((packets, plan.kept), np.int32),
+            np.empty((packets, plan.kept), np.uint16),
+            np.empty(packets, np.int32),
+        )
         scene = (
             plan.bvh.tree, _float32(origins), _float32(directions), plan.width, plan.near,
-            _float32(features).ravel(),
+            _float32(features).ravel(), kept,
         )  # fmt: skip
         out = [np.empty(shape, np.float32) for shape in ((count, channels), (count,), (count,))]
         forward(*scene, *out)

@@ -7,7 +7,7 @@ from numba import njit, prange
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat._simd import LANES
-from graycard.methods.splat._trace_gather import gather, new_hits, new_search, put_in_order
+from graycard.methods.splat._trace_gather import gather, keep, new_hits, new_search, put_in_order
 
 STRIP = 16
 """Packets that one thread traces with the same memory."""
@@ -117,7 +117,9 @@ def write_features(hits, rows, order, features, members, out, vector):
 
 
 @njit(cache=True)
-def forward_strip(first, past, tree, origins, directions, width, near, features, out, transmittance, depth):
+def forward_strip(
+    first, past, tree, origins, directions, width, near, features, kept, out, transmittance, depth
+):
     """Trace the packets from ``first`` to before ``past``."""
     search, hits = new_search(tree.levels[1]), new_hits(CAPACITY)
     rays, members = np.empty(6 * LANES, np.float32), np.empty(LANES, np.int64)
@@ -127,6 +129,7 @@ def forward_strip(first, past, tree, origins, directions, width, near, features,
         rays_of(packet, origins.shape[0], width, members)
         read_rays(origins, directions, members, rays)
         rows, hits = gather_all(tree, rays, near, search, hits)
+        keep(hits, rows, kept, packet)
         weigh(hits, rows, passing)
         write_features(hits, rows, tree.order, features, members, out, vector)
         sum_moments(hits, rows, moments)
@@ -138,7 +141,7 @@ def forward_strip(first, past, tree, origins, directions, width, near, features,
 
 
 @njit(parallel=True, cache=True)
-def forward(tree, origins, directions, width, near, features, out, transmittance, depth):
+def forward(tree, origins, directions, width, near, features, kept, out, transmittance, depth):
     """Trace all rays.
 
     Args:
@@ -148,7 +151,8 @@ def forward(tree, origins, directions, width, near, features, out, transmittance
         width: rays in a row of the image that they are, zero where they are none.
         near: float32.
         features: float32, flat, as many channels a surfel as ``out`` has.
-        out: float32 ``(R, C)``, to be written, as the others.
+        kept: a ``Kept``, to be written, as all that follows.
+        out: float32 ``(R, C)``.
         transmittance: ``(R,)``.
         depth: ``(R,)``.
     """
@@ -158,5 +162,5 @@ def forward(tree, origins, directions, width, near, features, out, transmittance
         first = strip * STRIP
         past = min(first + STRIP, packets)
         forward_strip(
-            first, past, tree, origins, directions, width, near, features, out, transmittance, depth
+            first, past, tree, origins, directions, width, near, features, kept, out, transmittance, depth
         )

@@ -17,6 +17,7 @@ from graycard.methods.splat._simd import LANES
 from graycard.methods.splat._trace_beam import (
     BUCKETS,
     beam_of,
+    bucket_of,
     farthest,
     leaves_touched,
     near_to_far,
@@ -59,12 +60,23 @@ class Hits(NamedTuple):
     """int64 ``(16,)``: how many each ray meets."""
 
 
+class Kept(NamedTuple):
+    """What the backward pass need not look for again; a ``depth`` of 0 keeps nothing."""
+
+    places: np.ndarray
+    """int32 ``(packets, depth)``: as in ``Hits``, as are the next."""
+    masks: np.ndarray
+    """uint16 ``(packets, depth)``."""
+    rows: np.ndarray
+    """int32 ``(packets,)``: how many there are, -1 where they are more than the depth."""
+
+
 class Search(NamedTuple):
     """Memory of the descent through the tree."""
 
     leaves: np.ndarray
     spare: np.ndarray
-    heads: np.ndarray
+    starts: np.ndarray
     distance: np.ndarray
     """float32 ``(16,)``, as is the next."""
     alpha: np.ndarray
@@ -91,7 +103,7 @@ def new_search(leaves):
     return Search(
         np.empty(leaves, np.int32),
         np.empty(leaves, np.int32),
-        np.empty(BUCKETS, np.int32),
+        np.empty(BUCKETS + 2, np.int64),
         np.empty(LANES, np.float32),
         np.empty(LANES, np.float32),
     )
@@ -130,7 +142,7 @@ def gather(tree, rays, near, search, hits):
     Args:
         tree: a ``Tree``.
         rays: float32 ``(96,)``: vectors of the origins' x, y, z and the directions'.
-        near: distance from which on a disc counts.
+        near: the first distance at which a disc counts.
         search: its memory.
         hits: the first four are to be written.
 
@@ -153,67 +165,63 @@ def gather(tree, rays, near, search, hits):
 @njit(cache=True)
 def gather_packet(tree, rays, near, beam, end, search, hits):
     """Rows of a whole packet: discs whose boxes the beam may touch, each against all rays."""
-    count, leaves, following = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
-    near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, following, search.heads)
+    count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
+    near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, spare, search.starts)
     places, masks, distance, alphas, _, _, _ = hits
-    boxes, records, heads = tree.boxes, tree.records, search.heads
+    boxes, records = tree.boxes, tree.records
     ray = all_rays(rays)
     first, zero, one = simd.broadcast(near), simd.broadcast(0.0), simd.broadcast(1.0)
     along, from_start = simd.load(rays, (3 + beam.axis) * LANES), simd.load(rays, beam.axis * LANES)
     sign = simd.broadcast(beam.sign)
-    passing, seen, rows, last = one, simd.broadcast(-NOWHERE), 0, NOWHERE
-    for bucket in range(BUCKETS):
-        if bucket * (end / BUCKETS) > last:
-            break
-        i = heads[bucket]
-        while i >= 0:
-            leaf, i = leaves[i], following[i]
-            near_by = touched(boxes, leaf, beam)
-            while near_by:
-                place = leaf * LANES + lowest_bit(near_by)
-                near_by &= near_by - 1
-                record = one_record(records, place)
-                t, _, u, v, _ = meet(record, ray)
-                exponent, faintest = exponents(record, first, t, u, v)
-                mask = mask_at_least(faintest, exponent)
-                if mask:
-                    alpha = drawn_alpha(record, exponent, faintest)
-                    if rows == places.size:
-                        return -1
-                    t = simd.where_at_least(faintest, exponent, t, zero)
-                    simd.store(distance, rows * LANES, t)
-                    simd.store(alphas, rows * LANES, alpha)
-                    places[rows], masks[rows] = place, mask
-                    passing = passing * (one - alpha)
-                    seen = simd.maximum(seen, simd.fma(t, along, from_start) * sign)
-                    rows += 1
-        if last == NOWHERE and simd.largest_lane(passing) <= BLOCKED:
-            last = simd.largest_lane(seen) - beam.start
+    passing, seen, rows, i, is_open = one, simd.broadcast(-NOWHERE), 0, 0, True
+    while i < count:
+        leaf = spare[i]
+        i += 1
+        near_by = touched(boxes, leaf, beam)
+        while near_by:
+            place = leaf * LANES + lowest_bit(near_by)
+            near_by &= near_by - 1
+            record = one_record(records, place)
+            t, _, u, v, _ = meet(record, ray)
+            exponent, faintest = exponents(record, first, t, u, v)
+            mask = mask_at_least(faintest, exponent)
+            if mask:
+                alpha = drawn_alpha(record, exponent, faintest)
+                if rows == places.size:
+                    return -1
+                t = simd.where_at_least(faintest, exponent, t, zero)
+                simd.store(distance, rows * LANES, t)
+                simd.store(alphas, rows * LANES, alpha)
+                places[rows], masks[rows] = place, mask
+                passing = passing * (one - alpha)
+                seen = simd.maximum(seen, simd.fma(t, along, from_start) * sign)
+                rows += 1
+        if is_open and simd.largest_lane(passing) <= BLOCKED:
+            is_open = False
+            count = search.starts[bucket_of(simd.largest_lane(seen) - beam.start, end) + 1]
     return rows
 
 
 @njit(cache=True)
 def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     """Rows of one ray of a packet, from ``rows`` on: sixteen discs of a leaf at a time."""
-    count, leaves, following = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
-    near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, following, search.heads)
+    count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
+    near_to_far(tree.boxes, tree.levels[1], beam, end, count, leaves, spare, search.starts)
     places, masks, distance, alphas, _, _, _ = hits
-    records, heads, t_found, alpha_found = tree.records, search.heads, search.distance, search.alpha
+    records, t_found, alpha_found = tree.records, search.distance, search.alpha
     ray, first, zero = one_ray(rays, lane), simd.broadcast(near), simd.broadcast(0.0)
-    passing, seen, last = np.float32(1), np.float32(0), NOWHERE
-    for bucket in range(BUCKETS):
-        if bucket * (end / BUCKETS) > last:
-            break
-        i = heads[bucket]
-        while i >= 0:
-            leaf, i = leaves[i], following[i]
-            record = leaf_records(records, leaf)
-            t, _, u, v, _ = meet(record, ray)
-            exponent, faintest = exponents(record, first, t, u, v)
-            mask = mask_at_least(faintest, exponent)
-            if mask:
-                simd.store(t_found, 0, t)
-                simd.store(alpha_found, 0, drawn_alpha(record, exponent, faintest))
+    along = abs(rays[(3 + beam.axis) * LANES + lane])
+    passing, seen, i, is_open = np.float32(1), np.float32(0), 0, True
+    while i < count:
+        leaf = spare[i]
+        i += 1
+        record = leaf_records(records, leaf)
+        t, _, u, v, _ = meet(record, ray)
+        exponent, faintest = exponents(record, first, t, u, v)
+        mask = mask_at_least(faintest, exponent)
+        if mask:
+            simd.store(t_found, 0, t)
+            simd.store(alpha_found, 0, drawn_alpha(record, exponent, faintest))
             while mask:
                 disc = lowest_bit(mask)
                 mask &= mask - 1
@@ -227,7 +235,43 @@ def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
                 passing *= np.float32(1) - alpha_found[disc]
                 seen = max(seen, t_found[disc])
                 rows += 1
-        if last == NOWHERE and passing <= BLOCKED:
-            axis = beam.axis
-            last = seen * abs(rays[(3 + axis) * LANES + lane])
+            if is_open and passing <= BLOCKED:
+                is_open = False
+                count = search.starts[bucket_of(seen * along, end) + 1]
+    return rows
+
+
+@njit(cache=True)
+def keep(hits, rows, kept, packet):
+    """Note a packet's discs and masks, if there is room."""
+    places, masks, kept_places, kept_masks = hits.places, hits.masks, kept.places, kept.masks
+    kept.rows[packet] = rows if rows <= kept_places.shape[1] else -1
+    if rows <= kept_places.shape[1]:
+        for row in range(rows):
+            kept_places[packet, row], kept_masks[packet, row] = places[row], masks[row]
+
+
+@njit(cache=True)
+def recall(tree, rays, near, kept, packet, hits):
+    """Rows of a packet whose discs and masks were kept: what ``gather`` wrote, to the bit."""
+    kept_places, kept_masks, rows = kept.places, kept.masks, kept.rows[packet]
+    places, masks, distance, alphas, _, _, _ = hits
+    records, ray = tree.records, all_rays(rays)
+    first, zero, member = simd.broadcast(near), simd.broadcast(0.0), np.empty(LANES, np.float32)
+    for row in range(rows):
+        place, mask = kept_places[packet, row], np.int64(kept_masks[packet, row])
+        places[row], masks[row] = place, mask
+        record = one_record(records, place)
+        t, _, u, v, _ = meet(record, ray)
+        exponent, faintest = exponents(record, first, t, u, v)
+        alpha = drawn_alpha(record, exponent, faintest)
+        t = simd.where_at_least(faintest, exponent, t, zero)
+        if mask & (mask - 1) == 0:  # other rays that meet the disc have rows of their own
+            simd.store(member, 0, zero)
+            member[lowest_bit(mask)] = 1
+            is_member = simd.load(member, 0)
+            t = simd.where_less(zero, is_member, t, zero)
+            alpha = simd.where_less(zero, is_member, alpha, zero)
+        simd.store(distance, row * LANES, t)
+        simd.store(alphas, row * LANES, alpha)
     return rows
