@@ -12,7 +12,6 @@ import numpy as np
 from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
-from graycard.methods.splat._backward import sum_lanes
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat._simd import LANES
 from graycard.methods.splat._trace_forward import (
@@ -33,6 +32,17 @@ from graycard.methods.splat._trace_meet import all_rays, dot, meet, one_record
 INNER = 3
 """Channels whose gradients fit beside those of the geometry in one vector."""
 LN_2 = np.float32(log(2))
+
+
+@njit(forceinline=True)
+def sum_lanes(vectors, target, at):
+    """The lane sums of the sixteen vectors of an array, written to another."""
+    load = simd.load
+    first = (load(vectors, 0), load(vectors, 16), load(vectors, 32), load(vectors, 48))
+    second = (load(vectors, 64), load(vectors, 80), load(vectors, 96), load(vectors, 112))
+    third = (load(vectors, 128), load(vectors, 144), load(vectors, 160), load(vectors, 176))
+    fourth = (load(vectors, 192), load(vectors, 208), load(vectors, 224), load(vectors, 240))
+    simd.store(target, at, simd.lane_sums(first + second + third + fourth))
 
 
 @njit(cache=True)
