@@ -156,5 +156,6 @@ class _Mismatch(torch.autograd.Function):
         to_depth = torch.empty(depth.shape, dtype=depth.dtype)
         given = _numbers(normal), _numbers(alpha), _numbers(grad_outputs[0])
         made = pulls.numpy(), to_depth.numpy(), to_normal.numpy()
-        mismatch_backward(_numbers(depth), *ctx.frame, *given, *made)
+        rays, lens, to_world, to_camera = ctx.frame
+        mismatch_backward(_numbers(depth), rays, lens, to_world, to_camera, *given, *made)
         return to_depth, to_normal, None, None

@@ -96,6 +96,11 @@ def test_memory_is_that_of_the_peak():
     assert machine.peak_memory_mib(lambda: time.sleep(0.02)) < 20
 
 
+def test_another_c_library_gives_nothing_back(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(machine.ctypes, "CDLL", lambda name: object())
+    assert not machine.give_back_memory()
+
+
 def test_memory_is_no_longer_watched_after_a_failure():
     import threading
 
