@@ -29,9 +29,14 @@ class Staged:
 
 def staged(surfels: Surfels, camera: gc.Camera) -> Staged:
     """Take the engine apart on a scene: features and alpha only, forward and backward."""
-    tensors = surfels.centres, surfels.rotations, surfels.scales, surfels.opacities, surfels.features
+    channels = surfels.features.shape[1]
+    features = np.pad(
+        surfels.features.detach().numpy(), ((0, 0), (0, _stages.padded_channels(channels) - channels))
+    )
+    tensors = surfels.centres, surfels.rotations, surfels.scales, surfels.opacities
     arrays = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
-    scene = _stages.Scene(*arrays, offsets=None, camera=camera, shaped=False)
+    still = np.zeros((len(surfels), 2), np.float32)
+    scene = _stages.Scene(*arrays, features=features, offsets=still, camera=camera, shaped=False)
     projected = _stages.project(scene)
     lists = _stages.list_tiles(scene, projected)
     drawn = _stages.draw(scene, projected, lists)

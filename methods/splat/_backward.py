@@ -16,6 +16,7 @@ from graycard.methods.splat._blocks import (
     GROUP,
     LANES,
     PIXELS,
+    aligned,
     centre_in_tile,
     depth_at,
     exponent_of,
@@ -36,8 +37,6 @@ HEIGHTS = (0,) * 2
 """With depths: of the disc's height, and of the centre's z-depth."""
 FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
-SPARE = LANES - FIRST_CHANNEL
-"""As many channels as have room there."""
 NORMAL = (0,) * 3
 MOMENTS = (0,) * 4
 PARTIAL = (0,) * 4
@@ -227,8 +226,8 @@ def gradient_part(
     stride,
 ):  # fmt: skip
     """Every so manyth tile."""
-    positions, through = lane_positions(), np.empty(PIXELS, np.float32)
-    suffix, gradients = np.empty(PIXELS, np.float32), np.empty(channels * PIXELS, np.float32)
+    positions, through = lane_positions(), aligned(PIXELS)
+    suffix, gradients = aligned(PIXELS), aligned(channels * PIXELS)
     planes = floats_for(shape, PLANES * PIXELS)
     weights, wide = floats_for(to_channels, PIXELS), floats_for(to_channels, stride * PIXELS)
     columns = (image.shape[1] + TILE - 1) // TILE
@@ -270,7 +269,7 @@ def backward(
         sixteen: as there.
         normals: as there.
         parts: as there.
-        narrow: ``template`` if there are no more than ``SPARE`` channels, and no normals; else None.
+        narrow: ``template`` if all channels have room in a slot beside ``PLAIN``, else None.
         extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
         image: what it wrote, and
         transmittance: what it wrote.
@@ -286,6 +285,6 @@ def backward(
     for part in prange(parts):
         gradient_part(
             part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template,
-            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape, to_geometry,
-            to_channels, stride,
+            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape,
+            to_geometry, to_channels, stride,
         )  # fmt: skip

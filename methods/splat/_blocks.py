@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both kernels share: a tile as sixteen blocks of 4 x 4 pixels, a block as one vector, and alpha there."""
+"""What both kernels share: tiles of sixteen blocks of 4 x 4 pixels, each one vector, and alpha there."""
 
 import numpy as np
 from numba import njit, types
@@ -28,10 +28,18 @@ TINY = 1e-30
 LOG_ALPHA_MIN = float(np.log2(ALPHA_MIN))
 
 
+@njit(forceinline=True)
+def aligned(count):
+    """So many floats, zero, from the start of a line of the cache: a vector never lies across two."""
+    room = np.zeros(count + LANES, np.float32)
+    first = (-room.ctypes.data % 64) // 4
+    return room[first : first + count]
+
+
 @njit(cache=True)
 def lane_positions():
     """Pixel centres from the tile's corner: 4 vectors of x by block column, 4 of y by block row."""
-    positions = np.empty(8 * LANES, np.float32)
+    positions = aligned(8 * LANES)
     for block in range(4):
         for lane in range(LANES):
             positions[block * LANES + lane] = block * BLOCK + lane % BLOCK + 0.5
@@ -110,11 +118,11 @@ def pixel_of(block, lane):
 
 def floats_for(user: object, count: int) -> np.ndarray | None:
     """Room for so many floats, zero, if there is a user; for kernels, where the type of the user decides."""
-    return None if user is None else np.zeros(count, np.float32)
+    return None if user is None else aligned(count)
 
 
 @overload(floats_for)
 def _floats_for(user, count):  # no type hints: Numba compares signatures, hints included
     if isinstance(user, types.NoneType):
         return lambda user, count: None
-    return lambda user, count: np.zeros(count, np.float32)
+    return lambda user, count: aligned(count)

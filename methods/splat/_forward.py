@@ -16,6 +16,7 @@ from graycard.methods.splat._blocks import (
     LANES,
     PIXELS,
     SHAPE_SUMS,
+    aligned,
     block_columns,
     centre_in_tile,
     depth_at,
@@ -138,9 +139,10 @@ def sum_batch(
 @njit(cache=True)
 def draw_tile(
     tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
-    staged, touching, weights, depths, hits, sums, shape_sums, medians, transmittance, masks, template, sixteen,
+    staged, touching, weights, depths, hits, sums, shape_sums, medians, transmittance, masks, template,
+    sixteen,
 ):  # fmt: skip
-    """Draw the list of one tile into its sums; returns where it stopped, and how often a block was visited."""
+    """Draw the list of one tile into its sums; returns where it stopped, and how many visits blocks had."""
     begin, open_blocks, visits = first, BLOCKS, 0
     while first < past and open_blocks > 0:
         count, open_blocks = min(past - first, BATCH), 0
@@ -173,10 +175,10 @@ def draw_part(
     image, transmittance, masks, drawn, visits, shape,
 ):  # fmt: skip
     """Every so manyth tile."""
-    positions, staged = lane_positions(), np.empty(BATCH * COLUMNS, np.float32)
+    positions, staged = lane_positions(), aligned(BATCH * COLUMNS)
     touching, hits = np.empty(8, np.uint64), np.empty(BATCH, np.int64)
-    weights, through = np.empty(BATCH * LANES, np.float32), np.empty(PIXELS, np.float32)
-    sums = np.empty(channels * PIXELS, np.float32)
+    weights, through = aligned(BATCH * LANES), aligned(PIXELS)
+    sums = aligned(channels * PIXELS)
     depths, medians = floats_for(shape, BATCH * LANES), floats_for(shape, 2 * PIXELS)
     shape_sums = floats_for(shape, SHAPE_SUMS * PIXELS)
     columns = (image.shape[1] + TILE - 1) // TILE

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import fields, replace
+from types import SimpleNamespace
 from typing import cast
 
 import numba
@@ -12,6 +13,7 @@ import torch
 
 import graycard as gc
 from graycard.methods import splat
+from graycard.methods.splat import _stages
 
 FLIP = 4e-3
 """What a surfel whose alpha is 1/255 but for rounding may change in one pixel."""
@@ -238,3 +240,15 @@ def test_surfels_elsewhere_are_refused():
         object.__setattr__(elsewhere, field.name, getattr(surfels, field.name).to("meta"))
     with pytest.raises(ValueError, match="surfels on the CPU, got them on meta"):
         splat.rasterize(elsewhere, camera_of())
+
+
+def test_more_than_the_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(_stages, "UNCHECKED", 0)
+    monkeypatch.setattr(_stages.psutil, "virtual_memory", lambda: SimpleNamespace(available=1000))
+    with pytest.raises(gc.MethodError, match=r"GiB of memory to draw 20 surfels, got .*: draw fewer"):
+        splat.rasterize_features(random_surfels(20), camera_of())
+
+
+@pytest.mark.parametrize(("channels", "drawn"), [(0, 3), (3, 3), (4, 8), (8, 8), (9, 16), (17, 32)])
+def test_few_numbers_of_channels_are_compiled(channels: int, drawn: int):
+    assert _stages.padded_channels(channels) == drawn
