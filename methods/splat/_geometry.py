@@ -25,7 +25,7 @@ class CameraSurfels:
 
 def see(surfels: Surfels, camera: Camera) -> CameraSurfels:
     """Take surfels to the camera's frame, in their dtype."""
-    pose = torch.tensor(camera.world_to_camera, dtype=surfels.centres.dtype)
+    pose = surfels.centres.new_tensor(camera.world_to_camera)
     centres = surfels.centres @ pose[:3, :3].T + pose[:3, 3]
     axes = rotation_matrices(surfels.rotations).mT @ pose[:3, :3].T  # as rows
     away = (axes[:, 2] * centres).sum(dim=1, keepdim=True) > 0
@@ -66,4 +66,4 @@ def box_centres(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
 def disc_to_image(seen: CameraSurfels, camera: Camera) -> torch.Tensor:
     """The transposed M = K [s_u t_u, s_v t_v, mu], shape ``(N, 3, 3)``: from ``(u, v, 1)`` to the image."""
     columns = torch.cat([seen.axes * seen.scales[:, :, None], seen.centres[:, None]], dim=1)
-    return columns @ torch.tensor(camera.K, dtype=columns.dtype).T
+    return columns @ columns.new_tensor(camera.K).T

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The engine on lesser processors, in other processes and with other numbers of threads."""
+
+import importlib.util
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numba
+import pytest
+import torch
+from llvmlite import binding
+
+SCRIPT = Path(__file__).with_name("engine_checks.py")
+
+
+@pytest.fixture(scope="module")
+def checks() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("engine_checks", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run(**variables: str) -> str:
+    """What the script prints in a process with these environment variables."""
+    done = subprocess.run(
+        [sys.executable, SCRIPT], env=os.environ | variables, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def threads() -> Iterator[None]:
+    """Put the numbers of threads back afterwards."""
+    before, torch_before = numba.get_num_threads(), torch.get_num_threads()
+    yield
+    numba.set_num_threads(before)
+    torch.set_num_threads(torch_before)
+
+
+def test_the_same_bits_from_any_process_and_any_number_of_threads(checks: ModuleType, threads: None):
+    many = min(2, numba.config.NUMBA_NUM_THREADS)
+    digests = set()
+    for count in (1, many, many):
+        numba.set_num_threads(count)
+        torch.set_num_threads(count)
+        digests.add(checks.digest(checks.drawn("cpu")))
+    digests.add(run(NUMBA_NUM_THREADS="1", OMP_NUM_THREADS="1", PYTHONHASHSEED="1"))
+    digests.add(run(NUMBA_NUM_THREADS="2", OMP_NUM_THREADS="2", PYTHONHASHSEED="2"))
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize(
+    ("processor", "needs"),
+    [
+        ("x86-64-v3", "avx2"),  # AVX2 and FMA, no AVX-512
+        ("ivybridge", "avx"),  # AVX without FMA
+        ("x86-64", "sse2"),  # neither
+    ],
+)
+def test_lesser_processors_draw_the_same(processor: str, needs: str, tmp_path: Path):
+    """A cache of its own, or Numba would take what it compiled for this one."""
+    if platform.machine() not in ("x86_64", "AMD64") or not binding.get_host_cpu_features().get(needs):
+        pytest.skip(f"this processor has no {needs}")
+    run(NUMBA_CPU_NAME=processor, NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path))
+    assert list(tmp_path.rglob("*.nbc")), "nothing was compiled"
