@@ -11,7 +11,8 @@ from graycard.benchmarks.speed._engine_scenes import Workload, engine_camera, en
 from graycard.benchmarks.speed._machine import QUICK
 from graycard.benchmarks.speed._tracer import incoherent_rays, measure_tracer
 from graycard.methods import splat
-from graycard.synth import can_render, use_renderer
+from graycard.synth import use_renderer
+from graycard.synth._variant import can_render
 
 TINY = Workload("tiny", 60, 24, 0.2)
 needs_llvm = pytest.mark.skipif(not can_render("llvm_ad_rgb"), reason="no LLVM library for Mitsuba")
