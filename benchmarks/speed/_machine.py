@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the machine can do and what else it does: without both no millisecond means anything."""
 
+import ctypes
+import gc
 import os
 import statistics
 import threading
@@ -13,6 +15,8 @@ from pathlib import Path
 
 import numpy as np
 import psutil
+
+from graycard.benchmarks._sources import usable_cores
 
 QUIET = 0.15
 """Cores that all other processes together may use while a repetition counts."""
@@ -124,7 +128,12 @@ def busy_s(stat: Path = Path("/proc/stat")) -> float | None:
 
 
 def peak_memory_mib(call: Callable[[], object]) -> float:
-    """By how much one call makes the process grow at its peak, looked at every two milliseconds."""
+    """By how much one call makes the process grow at its peak, looked at every two milliseconds.
+
+    What the process has freed and not given back is given back first, where the C library is glibc: else the
+    call would grow into that, unseen.
+    """
+    give_back_memory()
     process, done = psutil.Process(), threading.Event()
     before = peak = process.memory_info().rss
 
@@ -143,6 +152,24 @@ def peak_memory_mib(call: Callable[[], object]) -> float:
     return (max(peak, process.memory_info().rss) - before) / 2**20
 
 
+def give_back_memory() -> bool:
+    """Return freed memory to the system; whether this C library can."""
+    gc.collect()
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (AttributeError, OSError, TypeError):
+        return False
+    trim(0)
+    return True
+
+
+def most_threads() -> int:
+    """Threads that Numba and this process may use."""
+    from numba.core import config
+
+    return min(usable_cores(), int(config.NUMBA_NUM_THREADS))  # pyright: ignore[reportAttributeAccessIssue]
+
+
 @contextmanager
 def threads(count: int) -> Iterator[None]:
     """Let Numba and torch use so many threads for the length of a block."""
@@ -150,7 +177,7 @@ def threads(count: int) -> Iterator[None]:
     import torch
 
     before = numba.get_num_threads(), torch.get_num_threads()
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(count)
     torch.set_num_threads(count)
     try:
         yield
