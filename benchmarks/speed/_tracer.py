@@ -74,7 +74,7 @@ def measure_tracer(
         progress: Told about each case.
     """
     with_peer = _peer_is_there()
-    cases = [(workload, kind) for workload in workloads for kind in KINDS]
+    cases: list[tuple[Workload, Kind]] = [(workload, kind) for workload in workloads for kind in KINDS]
     costs = []
     for number, (workload, kind) in enumerate(cases):
         progress(number / len(cases), f"tracer, {workload.name}, {kind} rays")

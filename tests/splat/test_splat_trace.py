@@ -164,7 +164,7 @@ def by_hand(surfels: splat.Surfels, rays: splat.Rays, near: float = 1e-4) -> Ans
     return answer
 
 
-def _along(met: list[tuple[float, int, float]], f: np.ndarray, answer: Answer, i: int) -> None:
+def _along(met: list[tuple[Any, Any, Any]], f: np.ndarray, answer: Answer, i: int) -> None:
     """Add what one ray meets, in order."""
     total = 0.0
     for t, n, alpha in met:
@@ -333,7 +333,7 @@ def test_gradients_of_the_specification_are_differences_of_its_values():
     rays = rays_of(np.array([[0.1, 0, 0], [-0.1, 0.2, 0.1]]), np.array([[0.1, 0.1, 1], [0, -0.2, 1]]))
 
     def traced(*leaves: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        found = splat.trace(splat.Surfels(*leaves[:5]), splat.Rays(*leaves[5:]), backend="reference")
+        found = splat.trace(splat.Surfels(*leaves[:5]), splat.Rays(leaves[5], leaves[6]), backend="reference")
         return found.features, found.transmittance, found.depth
 
     leaves = [getattr(surfels, field.name) for field in fields(surfels)] + [rays.origins, rays.directions]
