@@ -36,8 +36,6 @@ HEIGHTS = (0,) * 2
 """With depths: of the disc's height, and of the centre's z-depth."""
 FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
-SPARE = LANES - FIRST_CHANNEL
-"""As many channels as have room there."""
 NORMAL = (0,) * 3
 MOMENTS = (0,) * 4
 PARTIAL = (0,) * 4
@@ -270,7 +268,7 @@ def backward(
         sixteen: as there.
         normals: as there.
         parts: as there.
-        narrow: ``template`` if there are no more than ``SPARE`` channels, and no normals; else None.
+        narrow: ``template`` if all channels have room in a slot beside ``PLAIN``, else None.
         extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
         image: what it wrote, and
         transmittance: what it wrote.

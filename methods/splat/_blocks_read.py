@@ -6,7 +6,7 @@ from numba import njit
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, SHAPE_SUMS, SIXTEEN, pixel_of
+from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, SHAPE_SUMS, pixel_of
 from graycard.methods.splat._blocks_write import KAPPA
 from graycard.methods.splat._tiles import TILE
 

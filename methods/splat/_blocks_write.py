@@ -6,7 +6,7 @@ from numba import njit
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat._blocks import BLOCK, BLOCKS, GROUP, LANES, SHAPE_SUMS, SIXTEEN, pixel_of
+from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, SHAPE_SUMS, SIXTEEN, pixel_of
 from graycard.methods.splat._maps import NDC_FAR, NDC_NEAR
 from graycard.methods.splat._tiles import TILE
 

@@ -16,6 +16,7 @@ from graycard.methods.splat._stages import (
     draw,
     draw_backward,
     list_tiles,
+    padded_channels,
     project,
     project_backward,
 )
@@ -71,12 +72,14 @@ def _draw(
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
     channels = features.shape[1]
-    if channels == 0:  # the kernels draw at least one
-        features = torch.zeros(len(features), 1, dtype=features.dtype)
+    offsets = torch.zeros(len(surfels), 2, dtype=features.dtype) if offsets is None else offsets
+    padding = padded_channels(channels) - channels
+    if padding:
+        features = torch.nn.functional.pad(features, (0, padding))
     tensors = (surfels.centres, surfels.rotations, surfels.scales, surfels.opacities, features, offsets)
     drawn = cast(tuple[torch.Tensor, ...], _Draw.apply(*tensors, _View(camera, shaped)))
     image, *others = (value.to(features.dtype) for value in drawn)
-    return [image if channels else image[..., :0], *others]
+    return [image[..., :channels] if padding else image, *others]
 
 
 class _View(NamedTuple):
@@ -91,7 +94,7 @@ class _Draw(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, *inputs: Any) -> tuple[torch.Tensor, ...]:
-        """Centres, rotations, scales, opacities, features, offsets or None, view."""
+        """Centres, rotations, scales, opacities, features, offsets, view."""
         *tensors, view = inputs
         scene = _scene(tensors, view)
         projected = project(scene)
@@ -114,7 +117,7 @@ class _Draw(torch.autograd.Function):
         return (
             *(torch.from_numpy(values) for values in geometry),
             torch.from_numpy(gradients.features).to(ctx.dtype),
-            None if gradients.offsets is None else torch.from_numpy(gradients.offsets),
+            torch.from_numpy(gradients.offsets),
             None,
         )
 

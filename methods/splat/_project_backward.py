@@ -9,6 +9,7 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat._backward import FIRST_CHANNEL, LANES, PLAIN
+from graycard.methods.splat._coefficients import D, U, V
 from graycard.methods.splat._project_forward import HALF_ROOT
 from graycard.methods.splat._project_frame import (
     added,
@@ -44,13 +45,6 @@ def form_gradient(total, column, factor, to_rays, box):
     x, y = factor * np.float64(total[column]), factor * np.float64(total[column + 1])
     constant = factor * np.float64(total[column + 2])
     return turned(to_rays, (x + constant * box[0], y + constant * box[1], constant))
-
-
-@njit(forceinline=True, error_model="numpy")
-def shift_gradient(total, column, factor, form):
-    """What a form contributes to the gradient of moving its picture on the image."""
-    constant = -factor * np.float64(total[column + 2])
-    return constant * form[0], constant * form[1]
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -132,9 +126,9 @@ def unproject_one(
     box_x, box_y, boxed = box_centre(K, wide, high, centre)
     box = box_x, box_y
 
-    to_first = form_gradient(total, 0, -2.0, to_rays, box)
-    to_second = form_gradient(total, 3, -2.0, to_rays, box)
-    to_away = form_gradient(total, 6, 2.0, to_rays, box)
+    to_first = form_gradient(total, U, -2.0, to_rays, box)
+    to_second = form_gradient(total, V, -2.0, to_rays, box)
+    to_away = form_gradient(total, D, 2.0, to_rays, box)
     to_u, away_u, height_u, centre_u, to_size_u = axis_gradient(to_first, u, away, height, centre, sizes[0])
     to_v, away_v, height_v, centre_v, to_size_v = axis_gradient(to_second, v, away, height, centre, sizes[1])
     to_height = height_u + height_v
@@ -159,11 +153,10 @@ def unproject_one(
     to_quaternion = quaternion_gradient(quaternion, length, to_world[0], to_world[1], to_z)
     for part in range(4):
         to_rotations[surfel, part] = to_quaternion[part]
-    if to_offsets is not None:
-        away_shift = shift_gradient(total, 6, 2.0, row[6:9])
-        shift_u, shift_v = shift_gradient(total, 0, -2.0, row[0:3]), shift_gradient(total, 3, -2.0, row[3:6])
-        to_offsets[surfel, 0] = to_box[0] + shift_u[0] + shift_v[0] + away_shift[0]
-        to_offsets[surfel, 1] = to_box[1] + shift_u[1] + shift_v[1] + away_shift[1]
+    for axis in range(2):
+        by_numerators = row[U + axis] * total[U + 2] + row[V + axis] * total[V + 2]
+        by_forms = 2.0 * (by_numerators - row[D + axis] * total[D + 2])
+        to_offsets[surfel, axis] = to_box[axis] + by_forms
 
 
 @njit(forceinline=True)
@@ -207,7 +200,7 @@ def unproject(
         to_scales: ``(N, 2)``,
         to_opacities: ``(N,)``,
         to_features: float32 ``(N, channels)``,
-        to_offsets: ``(N, 2)``, or None.
+        to_offsets: ``(N, 2)``.
     """
     channels = to_features.shape[1]
     for surfel in prange(len(centres)):
@@ -215,8 +208,7 @@ def unproject(
         if first == past:
             to_centres[surfel], to_rotations[surfel], to_scales[surfel] = 0, 0, 0
             to_opacities[surfel], to_features[surfel] = 0, 0
-            if to_offsets is not None:
-                to_offsets[surfel] = 0
+            to_offsets[surfel] = 0
             continue
         total, to_normal = np.empty(LANES, np.float32), ZERO
         if to_channels is not None:

@@ -106,8 +106,7 @@ def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size,
     bounds = reach(square, K, wide, high, centre, (x, y), moved, size)
     if bounds[0] < bounds[1] and bounds[2] < bounds[3]:
         write_row(row, (u, v, scaled(sign, normal)), centre, sizes, opacity, (x, y), moved, to_rays)
-        if normals is not None:
-            normals[surfel, 0], normals[surfel, 1], normals[surfel, 2] = scaled(-sign, world[2])
+        normals[surfel, 0], normals[surfel, 1], normals[surfel, 2] = scaled(-sign, world[2])
     return bounds
 
 
@@ -123,7 +122,7 @@ def project(
         rotations: ``(N, 4)``, quaternions.
         scales: ``(N, 2)``.
         opacities: ``(N,)``.
-        offsets: ``(N, 2)``, pixels, or None.
+        offsets: ``(N, 2)``, pixels.
         pose: ``(4, 4)``, world to camera.
         K: ``(3, 3)``.
         to_rays: ``(3, 3)``, its inverse.
@@ -133,7 +132,7 @@ def project(
         bounds: int32 ``(N, 4)``, to be written: columns from, to, rows from, to; ends excluded; all zero
             for surfels that touch no pixel.
         depths: float64 ``(N,)``, to be written: of the centres.
-        normals: float32 ``(N, 3)``, to be written as the rows are: in the world, facing the camera; or None.
+        normals: float32 ``(N, 3)``, to be written as the rows are: in the world, facing the camera.
     """
     for surfel in prange(len(centres)):
         centre = centre_seen(centres, surfel, pose)
@@ -141,9 +140,7 @@ def project(
         opacity = np.float64(opacities[surfel])
         left, right, top, bottom = 0, 0, 0, 0
         if centre[2] > NEAR and opacity >= ALPHA_MIN:
-            moved = (0.0, 0.0)
-            if offsets is not None:
-                moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
+            moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
             left, right, top, bottom = project_one(
                 surfel, centre, rotations, scales, opacity, moved, (pose, K, to_rays),
                 (np.float64(width), np.float64(height)), rows[surfel], normals,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stages of the engine, one by one: what the differentiable rasteriser strings together, and a benchmark times.
+"""The stages of the engine, one by one: the differentiable rasteriser strings them together, benchmarks time them.
 
 ``project`` surfels, ``list_tiles``, ``draw``; then ``draw_backward`` and ``project_backward``.
 """
@@ -12,7 +12,7 @@ import psutil
 from numba import get_num_threads
 
 from graycard import Camera, MethodError
-from graycard.methods.splat._backward import HEIGHTS, SPARE, backward
+from graycard.methods.splat._backward import HEIGHTS, backward
 from graycard.methods.splat._blocks import GROUP, LANES, SIXTEEN
 from graycard.methods.splat._coefficients import COLUMNS
 from graycard.methods.splat._forward import forward
@@ -20,6 +20,8 @@ from graycard.methods.splat._project_backward import unproject
 from graycard.methods.splat._project_forward import project as project_kernel
 from graycard.methods.splat._tiles import TileLists, tile_lists, tiles_touched
 
+NARROW = 3
+"""Channels that share a slot with the geometry."""
 UNCHECKED = 2**26
 """Bytes below which nobody asks whether there is as much memory."""
 
@@ -34,8 +36,8 @@ class Scene:
     scales: np.ndarray
     opacities: np.ndarray
     features: np.ndarray
-    """Shape ``(N, C)``, float32, C at least one."""
-    offsets: np.ndarray | None
+    """Shape ``(N, padded_channels(C))``, float32."""
+    offsets: np.ndarray
     """Shape ``(N, 2)``, pixels."""
     camera: Camera
     shaped: bool
@@ -66,7 +68,7 @@ class Projected:
     rows: np.ndarray
     bounds: np.ndarray
     depths: np.ndarray
-    normals: np.ndarray | None
+    normals: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -133,7 +135,17 @@ class Gradients:
     scales: np.ndarray
     opacities: np.ndarray
     features: np.ndarray
-    offsets: np.ndarray | None
+    offsets: np.ndarray
+
+
+def padded_channels(channels: int) -> int:
+    """The number of channels that is drawn for so many: kernels are compiled for few numbers.
+
+    One to three cost the same, so do four to eight; more are drawn in groups of ``GROUP``.
+    """
+    if channels <= GROUP // 2:
+        return NARROW if channels <= NARROW else GROUP // 2
+    return -(-channels // GROUP) * GROUP
 
 
 def working_bytes(*stages: object) -> int:
@@ -162,7 +174,7 @@ def project(scene: Scene) -> Projected:
         np.empty((count, COLUMNS), np.float32),
         np.empty((count, 4), np.int32),
         np.empty(count),
-        np.empty((count, 3), np.float32) if scene.shaped else None,
+        np.empty((count, 3), np.float32),
     )
     project_kernel(
         scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
@@ -226,9 +238,14 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
 
 
 def draw_backward(
-    scene: Scene, projected: Projected, lists: Lists, drawn: Drawn,
-    to_image: np.ndarray, to_transmittance: np.ndarray, to_shape: tuple[np.ndarray, ...] | None,
-) -> Slots:  # fmt: skip
+    scene: Scene,
+    projected: Projected,
+    lists: Lists,
+    drawn: Drawn,
+    to_image: np.ndarray,
+    to_transmittance: np.ndarray,
+    to_shape: tuple[np.ndarray, ...] | None,
+) -> Slots:
     """Gradients of the pairs of surfels and tiles, from those of the image.
 
     Args:
@@ -253,7 +270,8 @@ def draw_backward(
     backward(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
         *_channels(scene, projected), get_num_threads(), narrow, narrow or HEIGHTS, drawn.image,
-        drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1), _flat(result.channels), stride,
+        drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1),
+        _flat(result.channels), stride,
     )  # fmt: skip
     return result
 
@@ -266,7 +284,7 @@ def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Sl
         np.empty_like(scene.scales),
         np.empty_like(scene.opacities),
         np.empty_like(scene.features),
-        None if scene.offsets is None else np.empty_like(scene.offsets),
+        np.empty_like(scene.offsets),
     )
     unproject(
         scene.centres, scene.rotations, scene.scales, scene.opacities, *scene.matrices, projected.rows,
@@ -286,13 +304,14 @@ def _flat(values: np.ndarray | None) -> np.ndarray | None:
 
 def _channels(scene: Scene, projected: Projected) -> tuple[Any, ...]:
     """``features`` to ``normals`` of the kernels' arguments."""
-    return scene.features.reshape(-1), scene.features.shape[1], *scene.templates, _flat(projected.normals)
+    normals = projected.normals.reshape(-1) if scene.shaped else None
+    return scene.features.reshape(-1), scene.features.shape[1], *scene.templates, normals
 
 
 def _stride(scene: Scene) -> int:
     """Floats of a pair's channels and normals if they have slots of their own, else 0."""
     channels = scene.features.shape[1] + (3 if scene.shaped else 0)
-    return -(-channels // LANES) * LANES if channels > SPARE or scene.shaped else 0
+    return -(-channels // LANES) * LANES if channels > NARROW or scene.shaped else 0
 
 
 def _empty_shape(size: tuple[int, int]) -> Shape:
