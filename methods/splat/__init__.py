@@ -13,6 +13,7 @@ from graycard.methods.splat._harmonics import coefficient_count as coefficient_c
 from graycard.methods.splat._harmonics import harmonics_basis as harmonics_basis
 from graycard.methods.splat._harmonics import spherical_harmonics_colours as spherical_harmonics_colours
 from graycard.methods.splat._initialise import surfels_from_points as surfels_from_points
+from graycard.methods.splat._maps import FeatureMaps as FeatureMaps
 from graycard.methods.splat._maps import Maps as Maps
 from graycard.methods.splat._maps import ndc_depth as ndc_depth
 from graycard.methods.splat._mesh import surfels_from_mesh as surfels_from_mesh
@@ -35,6 +36,7 @@ from graycard.methods.splat._parameters import scene_extent as scene_extent
 from graycard.methods.splat._parameters import surfels_of as surfels_of
 from graycard.methods.splat._rasterize import Backend as Backend
 from graycard.methods.splat._rasterize import rasterize as rasterize
+from graycard.methods.splat._rasterize import rasterize_features as rasterize_features
 from graycard.methods.splat._spread import spacing as spacing
 from graycard.methods.splat._spread import spread_evenly as spread_evenly
 from graycard.methods.splat._store import export_harmonics_ply as export_harmonics_ply

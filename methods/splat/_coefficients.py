@@ -31,22 +31,26 @@ class Footprints(NamedTuple):
     """Shape ``(n, COLUMNS)``, float64, differentiable: the linear forms of u, v (scaled so that the disc's
     exponent is u^2 + v^2) and the denominator; log2 of the opacity; h; z-depth of the centre."""
     centres: torch.Tensor
-    """Shape ``(n, 2)``, float64, differentiable: of the projected disc's box, pixels."""
+    """Shape ``(n, 2)``, float64, differentiable: of the projected disc's box where it is drawn, pixels."""
     bounds: np.ndarray
     """Shape ``(n, 4)``, int32: columns from, to, rows from, to; ends excluded; never empty."""
     kept: torch.Tensor
     """Shape ``(n,)``: their indices among the given."""
 
 
-def footprints(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> Footprints:
+def footprints(
+    seen: CameraSurfels, opacities: torch.Tensor, camera: Camera, offsets: torch.Tensor | None = None
+) -> Footprints:
     """Coefficients of the surfels that can reach ``ALPHA_MIN`` at a pixel of the image."""
     kept = ((seen.centres[:, 2] > NEAR) & (opacities >= ALPHA_MIN)).nonzero()[:, 0]
-    bounds = _bounds(_pick(seen, kept), opacities[kept], camera)
+    moved = torch.zeros_like(seen.centres[:, :2]) if offsets is None else offsets.double()
+    bounds = _bounds(_pick(seen, kept), opacities[kept], moved[kept], camera)
     touches = (bounds[:, 0] < bounds[:, 1]) & (bounds[:, 2] < bounds[:, 3])
     kept = kept[torch.from_numpy(touches)]
     seen = _pick(seen, kept)
     boxes = box_centres(seen, camera)
-    return Footprints(_coefficients(seen, opacities[kept], boxes, camera), boxes, bounds[touches], kept)
+    coefficients = _coefficients(seen, opacities[kept], boxes, camera)
+    return Footprints(coefficients, boxes + moved[kept], bounds[touches], kept)
 
 
 def _pick(seen: CameraSurfels, index: torch.Tensor) -> CameraSurfels:
@@ -77,7 +81,9 @@ def _on_pixels(forms: torch.Tensor, boxes: torch.Tensor, camera: Camera) -> tupl
 
 
 @torch.no_grad()
-def _bounds(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> np.ndarray:
+def _bounds(
+    seen: CameraSurfels, opacities: torch.Tensor, offsets: torch.Tensor, camera: Camera
+) -> np.ndarray:
     """Pixels that the disc, cut where alpha falls below ``ALPHA_MIN``, or its low-pass may reach.
 
     The rim of the disc of ``r`` standard deviations, projected, is a conic; its box has the centre
@@ -96,6 +102,7 @@ def _bounds(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> np.
     low = torch.where(whole, torch.minimum(middle - half, boxes - radius), -torch.inf)
     high = torch.where(whole, torch.maximum(middle + half, boxes + radius), torch.inf)
     size = low.new_tensor([camera.width, camera.height])
+    low, high = low + offsets, high + offsets
     first = torch.ceil(low - 0.5 - MARGIN).clamp(min=0).minimum(size)
     past = (torch.floor(high - 0.5 + MARGIN) + 1).clamp(min=0).minimum(size)
     return torch.stack([first, past], dim=2).reshape(-1, 4).to(torch.int32).numpy()

@@ -20,8 +20,8 @@ from graycard.methods.splat._coefficients import (
 )
 from graycard.methods.splat._forward import LANES, MOMENTS, forward
 from graycard.methods.splat._geometry import CameraSurfels, see
-from graycard.methods.splat._maps import NDC_FAR, NDC_NEAR, NEAR, Maps
-from graycard.methods.splat._reference import checked_features
+from graycard.methods.splat._maps import NDC_FAR, NDC_NEAR, NEAR, FeatureMaps, Maps
+from graycard.methods.splat._reference import checked_features, checked_offsets
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._tiles import TileLists, tile_lists
 
@@ -29,26 +29,32 @@ KAPPA = NDC_FAR * NDC_NEAR / (NDC_FAR - NDC_NEAR)
 """Metres: depth in normalised device coordinates is a constant minus ``KAPPA / z``."""
 
 
-def rasterize_cpu(surfels: Surfels, camera: Camera, features: torch.Tensor | None = None) -> Maps:
+def rasterize_cpu(
+    surfels: Surfels,
+    camera: Camera,
+    features: torch.Tensor | None = None,
+    offsets: torch.Tensor | None = None,
+) -> Maps:
     """Draw surfels as :func:`rasterize_reference` does, in float32 but for the projection.
 
     Args:
         surfels: N surfels on the CPU.
         camera: The pinhole camera.
         features: shape ``(N, C)``, instead of the surfels' own.
+        offsets: shape ``(N, 2)``, pixels: moves the picture of each surfel on the image.
 
     Returns:
-        The maps, in the dtype of the surfels, differentiable once in every tensor of the surfels and in the
-        features.
+        The maps, in the dtype of the surfels, differentiable once in every tensor of the surfels, in the
+        features and in the offsets.
 
     Raises:
-        ValueError: Features of another shape, or surfels that are not on the CPU.
+        ValueError: Features or offsets of another shape, or surfels that are not on the CPU.
     """
-    features = checked_features(surfels, features)
+    features, offsets = checked_features(surfels, features), checked_offsets(surfels, offsets)
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
     seen = see(_in_float64(surfels), camera)
-    drawn = footprints(seen, surfels.opacities.double(), camera)
+    drawn = footprints(seen, surfels.opacities.double(), camera, offsets)
     lists = tile_lists(drawn.bounds, _numbers(seen.centres[drawn.kept, 2]), camera.width, camera.height)
     channels = _channels(features, seen, camera)[drawn.kept]
     size = (camera.height, camera.width)
@@ -56,6 +62,17 @@ def rasterize_cpu(surfels: Surfels, camera: Camera, features: torch.Tensor | Non
     image, medians = cast(tuple[torch.Tensor, torch.Tensor], _Draw.apply(*inputs))
     maps = _maps(image, features.shape[1], _median_depth(drawn, medians))
     return Maps(**{name: value.to(features.dtype) for name, value in maps.items()})
+
+
+def rasterize_features_cpu(
+    surfels: Surfels,
+    camera: Camera,
+    features: torch.Tensor | None = None,
+    offsets: torch.Tensor | None = None,
+) -> FeatureMaps:
+    """The features and alpha of :func:`rasterize_cpu`; arguments and errors are as there."""
+    maps = rasterize_cpu(surfels, camera, features, offsets)
+    return FeatureMaps(maps.features, maps.alpha)
 
 
 def _in_float64(surfels: Surfels) -> Surfels:

@@ -18,7 +18,7 @@ NDC_NEAR, NDC_FAR = 0.2, 100.0
 
 
 @dataclass(frozen=True)
-class Maps:
+class FeatureMaps:
     """Images of surfels, in the dtype of the surfels; w is the share of a pixel that a surfel covers.
 
     No background is added and nothing is divided out but where stated: over a background B the image
@@ -29,6 +29,12 @@ class Maps:
     """Sum of w times features, shape ``(H, W, C)``."""
     alpha: torch.Tensor
     """Sum of w, shape ``(H, W)``, in [0, 1)."""
+
+
+@dataclass(frozen=True)
+class Maps(FeatureMaps):
+    """What :class:`FeatureMaps` holds, and the geometry that was drawn."""
+
     depth: torch.Tensor
     """Expected z-depth, sum of w z over sum of w, shape ``(H, W)``, metres; 0 where alpha is 0."""
     median_depth: torch.Tensor

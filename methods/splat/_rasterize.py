@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """One contract, several back ends."""
 
-from collections.abc import Callable
 from typing import Literal
 
 import torch
 
 from graycard import Camera, UnknownNameError
-from graycard.methods.splat._maps import Maps
-from graycard.methods.splat._reference import rasterize_reference
+from graycard.methods.splat._maps import FeatureMaps, Maps
+from graycard.methods.splat._reference import rasterize_features_reference, rasterize_reference
 from graycard.methods.splat._surfels import Surfels
 
 Backend = Literal["cpu", "reference"]
@@ -19,6 +18,7 @@ def rasterize(
     camera: Camera,
     features: torch.Tensor | None = None,
     backend: Backend = "cpu",
+    offsets: torch.Tensor | None = None,
 ) -> Maps:
     """Draw surfels: features, alpha, depth, normals and distortion.
 
@@ -28,22 +28,58 @@ def rasterize(
         features: shape ``(N, C)``, in the dtype of the surfels, instead of their own.
         backend: ``cpu``, the engine (float32 inside; compiled when first used, then cached), or
             ``reference``, the specification (dense, in the dtype of the surfels).
+        offsets: shape ``(N, 2)``, in the dtype of the surfels, pixels: the picture of each surfel (disc,
+            low-pass and depth) is moved on the image by this much. Their use is their gradient, at zero:
+            how much the loss wants a surfel moved on the screen.
 
     Returns:
         The maps, in the dtype of the surfels.
 
     Raises:
         UnknownNameError: There is no such back end.
-        ValueError: Features of another shape or dtype.
+        MethodError: The lists and images would not fit into the memory that is available (``cpu``).
+        ValueError: Features or offsets of another shape or dtype.
     """
-    return _back_end(backend)(surfels, camera, features)
-
-
-def _back_end(name: str) -> Callable[[Surfels, Camera, torch.Tensor | None], Maps]:
-    if name == "reference":
-        return rasterize_reference
-    if name == "cpu":
+    if _is_engine(backend):
         from graycard.methods.splat._cpu import rasterize_cpu  # Numba takes long to import
 
-        return rasterize_cpu
-    raise UnknownNameError("back end", name, ["cpu", "reference"])
+        return rasterize_cpu(surfels, camera, features, offsets)
+    return rasterize_reference(surfels, camera, features, offsets)
+
+
+def rasterize_features(
+    surfels: Surfels,
+    camera: Camera,
+    features: torch.Tensor | None = None,
+    backend: Backend = "cpu",
+    offsets: torch.Tensor | None = None,
+) -> FeatureMaps:
+    """Draw features and alpha only, as :func:`rasterize` does and at a fraction of its cost.
+
+    Args:
+        surfels: as there.
+        camera: as there.
+        features: as there.
+        backend: as there.
+        offsets: as there.
+
+    Returns:
+        The maps, in the dtype of the surfels.
+
+    Raises:
+        UnknownNameError: There is no such back end.
+        MethodError: The lists and images would not fit into the memory that is available (``cpu``).
+        ValueError: Features or offsets of another shape or dtype.
+    """
+    if _is_engine(backend):
+        from graycard.methods.splat._cpu import rasterize_features_cpu  # Numba takes long to import
+
+        return rasterize_features_cpu(surfels, camera, features, offsets)
+    return rasterize_features_reference(surfels, camera, features, offsets)
+
+
+def _is_engine(name: str) -> bool:
+    """Whether a name is that of the engine, else of the specification."""
+    if name not in ("cpu", "reference"):
+        raise UnknownNameError("back end", name, ["cpu", "reference"])
+    return name == "cpu"

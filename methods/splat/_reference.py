@@ -11,7 +11,15 @@ import torch
 
 from graycard import Camera
 from graycard.methods.splat._geometry import CameraSurfels, box_centres, see
-from graycard.methods.splat._maps import ALPHA_MAX, ALPHA_MIN, NEAR, TRANSMITTANCE_MIN, Maps, ndc_depth
+from graycard.methods.splat._maps import (
+    ALPHA_MAX,
+    ALPHA_MIN,
+    NEAR,
+    TRANSMITTANCE_MIN,
+    FeatureMaps,
+    Maps,
+    ndc_depth,
+)
 from graycard.methods.splat._surfels import Surfels
 
 
@@ -25,29 +33,45 @@ class _Hits:
     """Shape ``(N, P)``, metres."""
 
 
-def rasterize_reference(surfels: Surfels, camera: Camera, features: torch.Tensor | None = None) -> Maps:
+def rasterize_reference(
+    surfels: Surfels,
+    camera: Camera,
+    features: torch.Tensor | None = None,
+    offsets: torch.Tensor | None = None,
+) -> Maps:
     """Draw surfels in the order of their centres' depth, in the dtype of the surfels (float64 is meant).
 
     Args:
         surfels: N surfels.
         camera: The pinhole camera.
         features: shape ``(N, C)``, instead of the surfels' own.
+        offsets: shape ``(N, 2)``, pixels: moves the picture of each surfel on the image.
 
     Returns:
-        The maps, differentiable in every tensor of the surfels and in the features.
+        The maps, differentiable in every tensor of the surfels, in the features and in the offsets.
 
     Raises:
-        ValueError: Features of another shape.
+        ValueError: Features or offsets of another shape or dtype.
     """
     features = checked_features(surfels, features)
-    seen = see(surfels, camera)
-    order = _drawing_order(seen)
-    seen = CameraSurfels(seen.centres[order], seen.axes[order], seen.normals[order], seen.scales[order])
-    hits = _intersect(seen, surfels.opacities[order], camera)
+    seen, hits, order = _look(surfels, camera, offsets)
     to_world = torch.tensor(camera.camera_to_world[:3, :3], dtype=features.dtype)
     maps = _composite(hits, features[order], seen.normals @ to_world.T)
-    sizes = (camera.height, camera.width)
-    return Maps(**{name: value.reshape(*sizes, *value.shape[1:]) for name, value in maps.items()})
+    return Maps(**_as_images(maps, camera))
+
+
+def rasterize_features_reference(
+    surfels: Surfels,
+    camera: Camera,
+    features: torch.Tensor | None = None,
+    offsets: torch.Tensor | None = None,
+) -> FeatureMaps:
+    """The features and alpha of :func:`rasterize_reference`; arguments and errors are as there."""
+    features = checked_features(surfels, features)
+    _seen, hits, order = _look(surfels, camera, offsets)
+    _before, weight = _weights(hits)
+    maps = {"features": weight.T @ features[order], "alpha": weight.sum(dim=0)}
+    return FeatureMaps(**_as_images(maps, camera))
 
 
 def checked_features(surfels: Surfels, features: torch.Tensor | None) -> torch.Tensor:
@@ -66,6 +90,40 @@ def checked_features(surfels: Surfels, features: torch.Tensor | None) -> torch.T
     return features
 
 
+def checked_offsets(surfels: Surfels, offsets: torch.Tensor | None) -> torch.Tensor | None:
+    """The offsets, after a look at their shape and dtype.
+
+    Raises:
+        ValueError: They do not fit the surfels.
+    """
+    if offsets is None:
+        return None
+    if offsets.shape != (len(surfels), 2) or offsets.dtype != surfels.centres.dtype:
+        raise ValueError(
+            f"expected offsets of shape ({len(surfels)}, 2) in {surfels.centres.dtype}, "
+            f"got {tuple(offsets.shape)} in {offsets.dtype}"
+        )
+    return offsets
+
+
+def _look(
+    surfels: Surfels, camera: Camera, offsets: torch.Tensor | None
+) -> tuple[CameraSurfels, _Hits, torch.Tensor]:
+    """The surfels in drawing order, what they hit, and the order."""
+    offsets = checked_offsets(surfels, offsets)
+    offsets = torch.zeros_like(surfels.centres[:, :2]) if offsets is None else offsets
+    seen = see(surfels, camera)
+    order = _drawing_order(seen)
+    seen = CameraSurfels(seen.centres[order], seen.axes[order], seen.normals[order], seen.scales[order])
+    return seen, _intersect(seen, surfels.opacities[order], offsets[order], camera), order
+
+
+def _as_images(maps: dict[str, torch.Tensor], camera: Camera) -> dict[str, torch.Tensor]:
+    """Pixels from one axis to two."""
+    sizes = (camera.height, camera.width)
+    return {name: value.reshape(*sizes, *value.shape[1:]) for name, value in maps.items()}
+
+
 def _drawing_order(seen: CameraSurfels) -> torch.Tensor:
     """Indices of the surfels in front of the camera, nearest centre first, equals as they came."""
     z = seen.centres[:, 2]
@@ -73,18 +131,19 @@ def _drawing_order(seen: CameraSurfels) -> torch.Tensor:
     return order[z[order] > NEAR]
 
 
-def _intersect(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> _Hits:
+def _intersect(seen: CameraSurfels, opacities: torch.Tensor, offsets: torch.Tensor, camera: Camera) -> _Hits:
     """Alpha and depth of each surfel at each pixel.
 
     The pixel's ray meets the disc's plane at ``(u, v)`` standard deviations from its centre. The
     Gaussian of ``u^2 + v^2`` competes with a low-pass, a Gaussian of variance one half of a squared pixel
     around the centre of the projected disc's box: the larger one counts, with the centre's depth
     where it is the low-pass. Where the plane is met behind the near plane, or nowhere, the low-pass does.
+    A picture that is moved is what a pixel that lies as far the other way sees.
     """
-    pixels = _pixel_centres(camera, seen.centres.dtype)
+    pixels = _pixel_centres(camera, seen.centres.dtype) - offsets[:, None]
     to_rays = torch.linalg.inv(torch.tensor(camera.K, dtype=pixels.dtype)).T
     rays = torch.nn.functional.pad(pixels, (0, 1), value=1.0) @ to_rays
-    slope = seen.normals @ rays.T
+    slope = torch.einsum("nk,npk->np", seen.normals, rays)
     height = (seen.normals * seen.centres).sum(dim=1, keepdim=True)
     met = (slope < 0) & (height <= NEAR * slope)
     z_met = height / torch.where(met, slope, -1.0)
@@ -100,8 +159,7 @@ def _intersect(seen: CameraSurfels, opacities: torch.Tensor, camera: Camera) -> 
 
 def _composite(hits: _Hits, features: torch.Tensor, normals: torch.Tensor) -> dict[str, torch.Tensor]:
     """The fields of :class:`Maps` with the pixels still in one axis."""
-    before = torch.cumprod(torch.nn.functional.pad(1 - hits.alpha, (0, 0, 1, 0), value=1.0), dim=0)[:-1]
-    weight = torch.where(before > TRANSMITTANCE_MIN, before * hits.alpha, 0.0)
+    before, weight = _weights(hits)
     alpha = weight.sum(dim=0)
     covered = torch.where(alpha > 0, alpha, 1.0)
     return {
@@ -112,6 +170,12 @@ def _composite(hits: _Hits, features: torch.Tensor, normals: torch.Tensor) -> di
         "normal": weight.T @ normals,
         "distortion": _distortion(weight, hits.depth),
     }
+
+
+def _weights(hits: _Hits) -> tuple[torch.Tensor, torch.Tensor]:
+    """Transmittance before each surfel at each pixel, and the share of the pixel that it covers."""
+    before = torch.cumprod(torch.nn.functional.pad(1 - hits.alpha, (0, 0, 1, 0), value=1.0), dim=0)[:-1]
+    return before, torch.where(before > TRANSMITTANCE_MIN, before * hits.alpha, 0.0)
 
 
 def _median(hits: _Hits, before: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:

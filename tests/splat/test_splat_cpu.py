@@ -74,7 +74,13 @@ SCENES: dict[str, Callable[[], splat.Surfels]] = {
 }
 
 
-def assert_same(ours: splat.Maps, truth: splat.Maps) -> None:
+def offsets_of(surfels: splat.Surfels) -> torch.Tensor:
+    """Up to three pixels either way."""
+    generator = torch.Generator().manual_seed(5)
+    return 6 * torch.rand(len(surfels), 2, dtype=torch.float64, generator=generator) - 3
+
+
+def assert_same(ours: splat.FeatureMaps, truth: splat.FeatureMaps) -> None:
     """Within 1e-5 but for flips at the threshold, in at most one pixel or 0.02 % of them."""
     wrong = torch.zeros_like(truth.alpha, dtype=torch.bool)
     for field in fields(truth):
@@ -94,12 +100,20 @@ def test_values_are_those_of_the_specification(name: str):
     assert_same(splat.rasterize(surfels, camera), splat.rasterize(surfels, camera, backend="reference"))
 
 
-@pytest.mark.parametrize("channels", [0, 1, 2, 7, 16, 40])
-def test_any_number_of_channels(channels: int):
+@pytest.mark.parametrize("name", SCENES)
+def test_values_of_moved_pictures_are_those_of_the_specification(name: str):
+    surfels, camera = SCENES[name](), camera_of()
+    offsets = offsets_of(surfels)
+    truth = splat.rasterize(surfels, camera, offsets=offsets, backend="reference")
+    assert_same(splat.rasterize(surfels, camera, offsets=offsets), truth)
+
+
+@pytest.mark.parametrize("draw", [splat.rasterize, splat.rasterize_features])
+@pytest.mark.parametrize("channels", [0, 1, 2, 7, 16, 17, 40])
+def test_any_number_of_channels(channels: int, draw: Callable[..., splat.FeatureMaps]):
     surfels, camera = random_surfels(60, 1), camera_of()
     features = torch.rand(60, channels, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
-    truth = splat.rasterize(surfels, camera, features, backend="reference")
-    assert_same(splat.rasterize(surfels, camera, features), truth)
+    assert_same(draw(surfels, camera, features), draw(surfels, camera, features, backend="reference"))
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (16, 16), (17, 15), (1, 40), (33, 3)])
@@ -142,10 +156,18 @@ def test_one_thread_and_two_draw_the_same_bits():
         assert all(torch.equal(getattr(drawn[0], field.name), getattr(d, field.name)) for d in drawn[1:])
 
 
-def gradients(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend) -> dict[str, torch.Tensor]:
-    """Of a random weighting of all maps, by each tensor of the surfels."""
-    leaves = {f.name: getattr(surfels, f.name).detach().clone().requires_grad_() for f in fields(surfels)}
-    maps = splat.rasterize(splat.Surfels(**leaves), camera, backend=backend)
+def gradients(
+    surfels: splat.Surfels,
+    camera: gc.Camera,
+    backend: splat.Backend,
+    draw: Callable[..., splat.FeatureMaps] = splat.rasterize,
+) -> dict[str, torch.Tensor]:
+    """Of a random weighting of all maps, by each tensor of the surfels and by their offsets."""
+    values = {f.name: getattr(surfels, f.name) for f in fields(surfels)}
+    values["offsets"] = 0.3 * offsets_of(surfels)
+    leaves = {name: value.detach().clone().requires_grad_() for name, value in values.items()}
+    tensors = {name: leaf for name, leaf in leaves.items() if name != "offsets"}
+    maps = draw(splat.Surfels(**tensors), camera, backend=backend, offsets=leaves["offsets"])
     random, loss = torch.Generator().manual_seed(1), torch.zeros(())
     for field in fields(maps):
         values = getattr(maps, field.name)
@@ -155,10 +177,12 @@ def gradients(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend)
     return {name: cast(torch.Tensor, leaf.grad) for name, leaf in leaves.items()}
 
 
-def assert_same_gradients(surfels: splat.Surfels, camera: gc.Camera) -> None:
+def assert_same_gradients(
+    surfels: splat.Surfels, camera: gc.Camera, draw: Callable[..., splat.FeatureMaps] = splat.rasterize
+) -> None:
     """Within 1e-4 of the length of the gradient as a whole, and of its largest number one by one."""
-    truth = gradients(surfels, camera, "reference")
-    for name, got in gradients(surfels, camera, "cpu").items():
+    truth = gradients(surfels, camera, "reference", draw)
+    for name, got in gradients(surfels, camera, "cpu", draw).items():
         expected, error = truth[name], got - truth[name]
         assert error.norm() <= 1e-4 * expected.norm(), name
         assert error.numel() == 0 or error.abs().max() <= 1e-4 * expected.abs().max(), name
@@ -169,9 +193,15 @@ def test_gradients_are_those_of_the_specification(name: str):
     assert_same_gradients(SCENES[name](), camera_of())
 
 
-@pytest.mark.parametrize("channels", [0, 1, 12, 13, 40])
-def test_gradients_of_any_number_of_channels(channels: int):
-    assert_same_gradients(random_surfels(40, 1, channels), camera_of(21, 18, 20))
+@pytest.mark.parametrize("name", SCENES)
+def test_gradients_of_features_alone_are_those_of_the_specification(name: str):
+    assert_same_gradients(SCENES[name](), camera_of(), splat.rasterize_features)
+
+
+@pytest.mark.parametrize("draw", [splat.rasterize, splat.rasterize_features])
+@pytest.mark.parametrize("channels", [0, 1, 4, 5, 13, 16, 40])
+def test_gradients_of_any_number_of_channels(channels: int, draw: Callable[..., splat.FeatureMaps]):
+    assert_same_gradients(random_surfels(40, 1, channels), camera_of(21, 18, 20), draw)
 
 
 @pytest.mark.parametrize("name", ["sparse", "dense", "large", "around the camera", "on the border"])

@@ -202,6 +202,34 @@ def test_features_are_linear_and_can_be_replaced():
     np.testing.assert_allclose(maps.features[..., 3:], 2 * maps.features[..., :3], atol=1e-13)
 
 
+def test_offsets_move_the_picture_as_another_principal_point_does():
+    surfels, camera, by = random_surfels(12, 3, scale=0.3), camera_of(20, 15, 15.0), np.array([1.7, -2.3])
+    K = camera.K.copy()
+    K[:2, 2] += by
+    offsets = torch.from_numpy(by).expand(12, 2)
+    ours = rasterize_reference(surfels, camera, offsets=offsets)
+    truth = rasterize_reference(surfels, replace(camera, K=K))
+    for field in fields(truth):
+        np.testing.assert_allclose(getattr(ours, field.name), getattr(truth, field.name), atol=1e-11)
+
+
+def test_features_alone_are_those_of_all_maps():
+    surfels, offsets = random_surfels(10, 2), torch.linspace(-1, 1, 20, dtype=torch.float64).reshape(10, 2)
+    few = splat.rasterize_features(surfels, camera_of(), backend="reference", offsets=offsets)
+    maps = splat.rasterize(surfels, camera_of(), backend="reference", offsets=offsets)
+    assert [f.name for f in fields(few)] == ["features", "alpha"]
+    assert torch.equal(few.features, maps.features)
+    assert torch.equal(few.alpha, maps.alpha)
+
+
+@pytest.mark.parametrize("bad", [torch.zeros(9, 2).double(), torch.zeros(10).double(), torch.zeros(10, 2)])
+@pytest.mark.parametrize("backend", ["reference", "cpu"])
+def test_offsets_that_do_not_fit_are_refused(bad: torch.Tensor, backend: splat.Backend):
+    for draw in (splat.rasterize, splat.rasterize_features):
+        with pytest.raises(ValueError, match=r"offsets of shape \(10, 2\) in torch.float64, got"):
+            draw(random_surfels(10, 0), camera_of(), offsets=bad, backend=backend)
+
+
 @pytest.mark.parametrize("bad", [torch.zeros(9, 2).double(), torch.zeros(10).double(), torch.zeros(10, 2)])
 def test_features_that_do_not_fit_are_refused(bad: torch.Tensor):
     with pytest.raises(ValueError, match=r"features of shape \(10, C\) in torch.float64, got"):
@@ -212,10 +240,11 @@ def test_features_that_do_not_fit_are_refused(bad: torch.Tensor):
 def test_finite_differences_confirm_every_gradient(seed: int):
     """Away from thresholds, which seeds 0 and 1 are: each output against each input."""
     surfels = random_surfels(3, seed, channels=2, scale=0.4)
-    inputs = tuple(getattr(surfels, f.name).requires_grad_() for f in fields(surfels))
+    leaves = [*(getattr(surfels, f.name) for f in fields(surfels)), torch.zeros(3, 2, dtype=torch.float64)]
+    inputs = tuple(leaf.requires_grad_() for leaf in leaves)
 
     def draw(*values: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        maps = rasterize_reference(splat.Surfels(*values), camera_of(4, 3, 4.0))
+        maps = rasterize_reference(splat.Surfels(*values[:-1]), camera_of(4, 3, 4.0), offsets=values[-1])
         return tuple(getattr(maps, f.name) for f in fields(maps))
 
     assert torch.autograd.gradcheck(draw, inputs, eps=1e-7, atol=1e-5, rtol=1e-4)
