@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of ``2dgs`` and of what stands beside it."""
+
+from dataclasses import dataclass
+
+from graycard.methods.splat import coefficient_count
+
+
+@dataclass(frozen=True, slots=True)
+class SurfelSettings:
+    """Settings of ``2dgs``; times are shares of ``iterations``, so that a budget of any size fits."""
+
+    iterations: int = 1000
+    surfels: int = 5000
+    """No more than these."""
+    degree: int = 2
+    """Of the spherical harmonics of each surfel's colour, 0 to 3."""
+    sky_degree: int = 3
+    """Of those of what is seen past all surfels, 0 to 3."""
+    ssim_share: float = 0.2
+    """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
+    normal_weight: float = 0.05
+    """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024)."""
+    normal_start: float = 7 / 30
+    distortion_weight: float = 100.0
+    """Of the spread of surfels along rays (Huang et al. 2024, for scenes without bounds)."""
+    distortion_start: float = 0.1
+    checkpoint: str = ""
+    """File that the fit is saved to ten times and goes on from; none if empty."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.iterations < 1 or self.surfels < 2:
+            raise ValueError(
+                f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
+            )
+        coefficient_count(self.degree)
+        coefficient_count(self.sky_degree)
+        if not 0 <= self.ssim_share <= 1:
+            raise ValueError(f"expected a share of SSIM in [0, 1], got {self.ssim_share}")
+        weights = (self.normal_weight, self.normal_start, self.distortion_weight, self.distortion_start)
+        if not all(weight >= 0 for weight in weights):
+            raise ValueError(f"expected weights and starts of 0 or more, got {weights}")
+
+
+@dataclass(frozen=True, slots=True)
+class OracleSurfelSettings(SurfelSettings):
+    """Settings of ``2dgs-oracle``, which begins on the true surfaces."""
+
+    frozen: bool = False
+    """Whether the surfels stay where they begin: only colours are fitted."""
