@@ -9,10 +9,15 @@ from graycard.methods.splat._densify import densify as densify
 from graycard.methods.splat._densify import keep as keep
 from graycard.methods.splat._densify import prune as prune
 from graycard.methods.splat._densify import reset_opacity as reset_opacity
+from graycard.methods.splat._depth_normal import depth_normal_map as depth_normal_map
+from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_normals
 from graycard.methods.splat._harmonics import coefficient_count as coefficient_count
 from graycard.methods.splat._harmonics import harmonics_basis as harmonics_basis
 from graycard.methods.splat._harmonics import spherical_harmonics_colours as spherical_harmonics_colours
 from graycard.methods.splat._initialise import surfels_from_points as surfels_from_points
+from graycard.methods.splat._losses import l1_map as l1_map
+from graycard.methods.splat._losses import photometric_map as photometric_map
+from graycard.methods.splat._losses import ssim_map as ssim_map
 from graycard.methods.splat._maps import FeatureMaps as FeatureMaps
 from graycard.methods.splat._maps import Maps as Maps
 from graycard.methods.splat._maps import ndc_depth as ndc_depth
