@@ -14,6 +14,7 @@ from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_no
 from graycard.methods.splat._harmonics import coefficient_count as coefficient_count
 from graycard.methods.splat._harmonics import harmonics_basis as harmonics_basis
 from graycard.methods.splat._harmonics import spherical_harmonics_colours as spherical_harmonics_colours
+from graycard.methods.splat._initialise import rotations_to as rotations_to
 from graycard.methods.splat._initialise import surfels_from_points as surfels_from_points
 from graycard.methods.splat._losses import l1_map as l1_map
 from graycard.methods.splat._losses import photometric_map as photometric_map

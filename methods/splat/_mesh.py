@@ -40,7 +40,7 @@ def surfels_from_mesh(
     """
     _check_mesh(vertices, faces, features)
     points, normals, values = _sample(vertices, faces, features, CANDIDATES * count, seed)
-    return surfels_on_surface(points, normals, values, count, seed, opacity)
+    return surfels_on_surface(points, normals, values, count, seed, opacity=opacity)
 
 
 def surfels_on_surface(
@@ -49,7 +49,9 @@ def surfels_on_surface(
     features: np.ndarray,
     count: int,
     seed: int,
+    *,
     opacity: float = 0.99,
+    sizes: np.ndarray | None = None,
 ) -> Surfels:
     """Cover a surface, of which many oriented points are known, with discs as large as their spacing.
 
@@ -62,6 +64,8 @@ def surfels_on_surface(
         count: how many discs, 2 or more.
         seed: equal seeds give equal surfels.
         opacity: alpha at each centre, in [0, 1].
+        sizes: shape ``(M,)``, positive, in any unit: how large discs may be in proportion, such as the
+            distance from which a point is seen; equal for all by default.
 
     Returns:
         ``min(count, M)`` surfels in float32.
@@ -75,8 +79,9 @@ def surfels_on_surface(
             f"{points.shape}, {normals.shape}, {features.shape} and {count}"
         )
     coarse = _coarse_spacing(points, count, seed)
-    apart = np.concatenate([points, coarse * normals], axis=1)
-    chosen = spread_evenly(apart, count, seed)
+    relative = 1.0 if sizes is None else (sizes / np.median(sizes))[:, None]
+    apart = np.concatenate([points, coarse * relative * normals], axis=1)
+    chosen = spread_evenly(apart, count, seed, sizes)
     scale = COVER * np.maximum(spacing(apart[chosen]), 1e-6)
     return Surfels(
         _float32(points[chosen]),

@@ -139,8 +139,8 @@ def check_loss(loss: torch.Tensor, step: int) -> None:
     """
     if not bool(torch.isfinite(loss)):
         raise MethodError(
-            f"expected a finite loss, got {float(loss.detach())} at step {step}. Lower the learning rates, or look "
-            "for photographs with values that are not finite"
+            f"expected a finite loss, got {float(loss.detach())} at step {step}. Lower the learning rates, "
+            "or look for photographs with values that are not finite"
         )
 
 

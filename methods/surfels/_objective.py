@@ -91,6 +91,7 @@ class Objective:
             extra = _disagreement(drawn, view.camera, weighs)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
+        loss = loss + settings.cover_weight * (1 - drawn.alpha).mean()
         size = view.camera.width, view.camera.height
         return Look(loss, offsets, _radius(values, view.camera), size)
 

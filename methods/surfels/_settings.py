@@ -13,12 +13,17 @@ class SurfelSettings:
     iterations: int = 1000
     surfels: int = 5000
     """No more than these."""
+    fill: float = 0.6
+    """Share of ``surfels`` that begin on the planes between the sparse points; 0: those on the points
+    alone, as in the paper."""
     degree: int = 2
     """Of the spherical harmonics of each surfel's colour, 0 to 3."""
-    sky_degree: int = 3
+    sky_degree: int = 0
     """Of those of what is seen past all surfels, 0 to 3."""
     ssim_share: float = 0.2
     """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
+    cover_weight: float = 0.05
+    """Of what shines through all surfels: photographs show surfaces nearly everywhere."""
     normal_weight: float = 0.05
     """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024)."""
     normal_start: float = 7 / 30

@@ -4,7 +4,7 @@
 import numpy as np
 import torch
 
-from graycard import Capture, MethodError, srgb_encode
+from graycard import Capture, MethodError, Points, srgb_encode
 from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     Parameters,
@@ -14,10 +14,13 @@ from graycard.methods.splat import (
     surfels_on_surface,
 )
 from graycard.methods.splat import Surfels as Discs
+from graycard.methods.surfels._fill import surfels_between
 from graycard.methods.surfels._settings import SurfelSettings
 
 COEFFICIENTS, DETAIL, SKY = "coefficients", "detail", "sky"
 """Names of the parameters beside geometry: the harmonics of degree zero, those above, and the sky's."""
+OPACITY = 0.5
+"""Of surfels between points."""
 FEWEST = 4
 """Sparse points with which a fit begins."""
 
@@ -34,15 +37,22 @@ def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Param
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    positions = points.positions
+    between = surfels_between(capture, points, round(settings.fill * settings.surfels), OPACITY)
+    if between is not None:
+        return _with_colours(between, settings)
+    toward = _toward_cameras(capture, points)
+    return _with_colours(surfels_from_points(points.positions, toward, points.colors / 255.0), settings)
+
+
+def _toward_cameras(capture: Capture, points: Points) -> np.ndarray:
+    """The mean direction from each point to the cameras that found it, shape ``(N, 3)``, of any length."""
     eyes = np.array([view.camera.position for view in capture.views])
-    toward = np.zeros_like(positions)
-    away = eyes[points.view] - positions[points.point]
+    toward = np.zeros_like(points.positions)
+    away = eyes[points.view] - points.positions[points.point]
     np.add.at(toward, points.point, away / np.linalg.norm(away, axis=1, keepdims=True))
     unseen = np.linalg.norm(toward, axis=1) < 1e-6
-    toward[unseen] = eyes.mean(axis=0) - positions[unseen]
-    discs = surfels_from_points(positions, toward, points.colors / 255.0)
-    return _with_colours(discs, settings)
+    toward[unseen] = eyes.mean(axis=0) - points.positions[unseen]
+    return toward
 
 
 def oracle_start(capture: Capture, priors: Priors, settings: SurfelSettings, seed: int) -> Parameters:
@@ -52,17 +62,15 @@ def oracle_start(capture: Capture, priors: Priors, settings: SurfelSettings, see
         MethodError: Depth or normals were not handed in, or nothing is seen.
     """
     seen = [_oriented_points(capture, priors, view.name) for view in capture.train]
-    points, normals, colours = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    points, normals, colours, sizes = (np.concatenate(parts) for parts in zip(*seen, strict=True))
     if len(points) < FEWEST:
         raise MethodError(f"expected views that see surfaces, got {len(points)} pixels with a finite depth")
-    discs = surfels_on_surface(points, normals, colours, settings.surfels, seed)
+    discs = surfels_on_surface(points, normals, colours, settings.surfels, seed, sizes=sizes)
     return _with_colours(discs, settings)
 
 
-def _oriented_points(
-    capture: Capture, priors: Priors, name: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points, unit normals and display colours of the pixels of a view that see something."""
+def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.ndarray, ...]:
+    """Points, unit normals, display colours and distances of the pixels of a view that see something."""
     view = capture.view(name)
     depth, normal = priors.layer(name, "depth").astype(np.float64), priors.layer(name, "normal")
     rays = view.camera.rays()
@@ -71,7 +79,7 @@ def _oriented_points(
     distance = depth[seen] / (rays[seen] @ view.camera.forward)
     points = view.camera.position + distance[:, None] * rays[seen]
     shown = srgb_encode(capture.photograph(view) * capture.exposure)
-    return points, normal[seen] / lengths[seen, None], shown[seen]
+    return points, normal[seen] / lengths[seen, None], shown[seen], distance
 
 
 def _with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:

@@ -144,17 +144,17 @@ def test_equal_seeds_give_equal_bits_and_a_save_renders_the_same(scene: Path, tm
 
 
 def test_a_fit_goes_on_from_its_checkpoint(scene: Path, tmp_path: Path):
-    class Killed(Exception):
+    class KilledError(Exception):
         pass
 
     def kill(done: float, doing: str) -> None:
         if done > 0.7:
-            raise Killed
+            raise KilledError
 
     path = str(tmp_path / "fit.safetensors")
     method = methods.load_method("2dgs")
     settings = methods.settings_of(method, QUICK | {"checkpoint": path})
-    with pytest.raises(Killed):
+    with pytest.raises(KilledError):
         method.fit(captured(scene), methods.Priors(), settings, 0, kill)
     whole, resumed = fitted("2dgs", scene), fitted("2dgs", scene, checkpoint=path)
     for name, values in whole.parameters.all.items():
