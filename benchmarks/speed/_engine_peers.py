@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Other implementations of the same pictures, timed in the same run: the machine cancels in the ratio."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from importlib.util import find_spec
+
+import torch
+
+import graycard as gc
+from graycard.benchmarks.speed._engine_calls import (
+    Draw,
+    Scene,
+    memory_of,
+    scene_of,
+    time_both,
+)
+from graycard.benchmarks.speed._engine_records import PeerCost
+from graycard.benchmarks.speed._engine_scenes import Workload
+from graycard.benchmarks.speed._machine import Patience
+from graycard.methods.splat import FeatureMaps, Surfels, rasterize_features
+
+REFERENCE_MIB = 512
+"""Memory that the reference may take: it holds some arrays of all surfels by all pixels."""
+REFERENCE_ARRAYS = 40
+"""About so many of them, in float64, forward and backward."""
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Another implementation, made ready for one scene."""
+
+    name: str
+    draw: Draw
+    note: str = ""
+    """What its time does not hold."""
+
+
+def measure_peers(
+    workloads: tuple[Workload, ...],
+    channels: tuple[int, ...],
+    patience: Patience,
+    progress: gc.Progress = gc.silent,
+) -> tuple[list[PeerCost], list[str]]:
+    """Time peers and engine on each workload; figures, and what had to be left out and why."""
+    costs, left_out = [], []
+    makers: list[Callable[[Scene], Peer | str]] = [_reference, _gsplat]
+    cases = [(w, c, make) for w in workloads for c in channels for make in makers]
+    for number, (workload, count, make) in enumerate(cases):
+        progress(number / len(cases), f"peers on {workload.name}, {count} channels")
+        scene = scene_of(workload, count)
+        peer = make(scene)
+        if isinstance(peer, str):
+            left_out.append(f"{workload.name}, {count} channels: {peer}")
+        else:
+            costs.append(_beside(peer, scene, workload, patience))
+    return costs, left_out
+
+
+def _beside(peer: Peer, scene: Scene, workload: Workload, patience: Patience) -> PeerCost:
+    """Ours is timed right after the peer."""
+    theirs, ours = (time_both(scene, patience, draw) for draw in (peer.draw, rasterize_features))
+    return PeerCost(
+        peer=peer.name,
+        workload=workload.name,
+        channels=scene.surfels.features.shape[1],
+        theirs_forward=theirs[0],
+        theirs_both=theirs[1],
+        ours_forward=ours[0],
+        ours_both=ours[1],
+        theirs_mib=memory_of(scene, peer.draw),
+        ours_mib=memory_of(scene, rasterize_features),
+        note=peer.note,
+    )
+
+
+def _reference(scene: Scene) -> Peer | str:
+    """Our own specification, where it fits."""
+    pairs = len(scene.surfels) * scene.camera.width * scene.camera.height
+    needs = REFERENCE_ARRAYS * 8 * pairs / 2**20
+    if needs > REFERENCE_MIB:
+        return f"the reference would need {needs / 1024:.0f} GiB"
+    return Peer("reference", partial(rasterize_features, backend="reference"))
+
+
+def _gsplat(scene: Scene) -> Peer | str:
+    """The PyTorch impl of gsplatementation; its lists are made before, and not timed."""
+    if find_spec("gsplat") is None:
+        return "gsplat is not installed: pip install 'graycard[cuda]'"
+    from graycard.benchmarks.speed._gsplat import accumulate, pairs_of, project
+
+    opacities = scene.surfels.opacities.detach()
+    with torch.no_grad():
+        pairs = pairs_of(project(scene.surfels, scene.camera), opacities, scene.camera)
+
+    def draw(surfels: Surfels, camera: gc.Camera) -> FeatureMaps:
+        image, alpha, _ = accumulate(
+            project(surfels, camera), pairs, surfels.opacities, surfels.features, camera
+        )
+        return FeatureMaps(image, alpha)
+
+    return Peer("gsplat (PyTorch)", draw, "its lists of contributing pairs are given")
