@@ -7,11 +7,11 @@ A few dozen sparse points leave most of a small picture without a surfel that a 
 import numpy as np
 import torch
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter
 from scipy.spatial import QhullError
 
 from graycard import Camera, Capture, Points
-from graycard.methods.splat import Surfels, depth_to_normals, rotations_to, spacing
+from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import encode
 from graycard.methods.surfels._sweep import SweptView, sweep_depths
 
@@ -19,8 +19,12 @@ MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
 MARGIN = 1.6
 """How far the depths that are looked at go beyond those of the points of a view, as a factor."""
+FAR = 0.95
+"""Quantile of the known depths of a view that counts as far."""
 SMOOTH = 5
 """Pixels on each side of the windows whose median depth is taken."""
+FLAT = 9
+"""Pixels on each side of the windows whose mean inverse depth gives normals."""
 
 
 def surfels_between(capture: Capture, points: Points, count: int, opacity: float) -> Surfels | None:
@@ -45,23 +49,18 @@ def surfels_between(capture: Capture, points: Points, count: int, opacity: float
         encode(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure))) for v in capture.train
     ]
     views = [
-        SweptView(camera, image.mean(dim=-1), z.min() / MARGIN, z.max() * MARGIN)
+        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), float(z.max() * MARGIN))
         for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
     ]
     parts = [
-        _grid(view.camera, _dense(depth, *found), image, each, opacity)
-        for view, depth, found, image in zip(views, sweep_depths(views), known, shown, strict=True)
+        _grid(view.camera, depth, image, each, opacity)
+        for view, depth, image in zip(views, sweep_depths(views), shown, strict=True)
+        if np.isfinite(depth).any()
     ]
+    if not parts:
+        return None
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
-
-
-def _dense(depth: np.ndarray, pixels: np.ndarray, depths: np.ndarray) -> np.ndarray:
-    """Depth everywhere, from where it is known (not NaN) and from some points besides."""
-    row, column = np.nonzero(np.isfinite(depth))
-    places = np.concatenate([pixels, np.stack([column, row], axis=1) + 0.5])
-    filled = filled_depth(places, np.concatenate([depths, depth[row, column]]), depth.shape)
-    return median_filter(filled, SMOOTH, mode="nearest")
 
 
 def filled_depth(pixels: np.ndarray, depths: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -97,16 +96,31 @@ def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarr
 
 
 def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
-    """Discs at the middles of square blocks of pixels, as wide as they are apart, along the surface."""
-    block = max(1, round(np.sqrt(depth.size / max(count, 1))))
-    rows, columns = (slice(block // 2, size, block) for size in depth.shape)
-    rays = camera.rays()[rows, columns].reshape(-1, 3)
-    chosen = depth[rows, columns].reshape(-1)
-    positions = camera.position + rays * (chosen / (rays @ camera.forward))[:, None]
-    normals = depth_to_normals(torch.from_numpy(depth), camera).numpy()[rows, columns].reshape(-1, 3)
+    """Discs at the middles of square blocks of pixels, half as wide as the blocks."""
+    block = max(1, round(np.sqrt(depth.size / count)))
+    row, column = (
+        a.ravel() for a in np.mgrid[block // 2 : camera.height : block, block // 2 : camera.width : block]
+    )
+    dense = _dense(depth)
+    rays = camera.rays()[row, column]
+    positions = camera.position + rays * (dense[row, column] / (rays @ camera.forward))[:, None]
+    flat = 1 / uniform_filter(1 / dense, FLAT, mode="nearest")  # slopes need a wider look than depths
+    normals = depth_to_normals(torch.from_numpy(flat), camera).numpy()[row, column]
     normals = np.where(np.abs(normals).sum(axis=1, keepdims=True) > 0, normals, -rays)
-    scales = np.repeat(spacing(positions)[:, None], 2, axis=1) / 2
-    values = positions, rotations_to(normals), scales
+    scales = 0.5 * block * dense[row, column] / camera.K[0, 0]
+    values = positions, rotations_to(normals), np.stack([scales, scales], axis=1)
     geometry = (torch.from_numpy(np.ascontiguousarray(value, dtype=np.float32)) for value in values)
-    features = shown[rows, columns].reshape(-1, 3)
-    return Surfels(*geometry, torch.full((len(features),), opacity), features)
+    return Surfels(*geometry, torch.full((len(row),), opacity), shown[row, column])
+
+
+def _dense(depth: np.ndarray) -> np.ndarray:
+    """Depth without NaN and without what stands out from its surroundings.
+
+    Where nobody is sure it is far: a surfel that is too far hides nothing in other views, one that is too
+    near hides what is right.
+    """
+    row, column = np.nonzero(np.isfinite(depth))
+    filled = filled_depth(np.stack([column, row], axis=1) + 0.5, depth[row, column], depth.shape)
+    far = np.quantile(depth[row, column], FAR)
+    smooth = median_filter(filled, SMOOTH, mode="nearest")
+    return np.where(np.isfinite(depth), smooth, np.maximum(smooth, far))

@@ -46,7 +46,7 @@ class SurfelMethod:
         Raises:
             MethodError: There are too few sparse points, or the fit has no way on.
         """
-        rules = DensityRules(limit=settings.surfels)
+        rules = DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=settings.surfels)
         start = sparse_start(capture, settings, seed)
         return fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
 
@@ -121,12 +121,12 @@ def fit_surfels(
 def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:
     """Learning rates by the names of parameters, for a scene of an extent in metres."""
     rates = {
-        CENTRES: Rate(1.6e-3, 1.6e-5).times(extent),
+        CENTRES: Rate(5e-4, 5e-6).times(extent),
         LOG_SCALES: Rate(5e-3),
         ROTATIONS: Rate(1e-3),
         LOGITS: Rate(5e-2),
-        COEFFICIENTS: Rate(1e-2),
-        DETAIL: Rate(1e-3),
+        COEFFICIENTS: Rate(5e-3),
+        DETAIL: Rate(2.5e-4),
         SKY: Rate(1e-2),
     }
     if isinstance(settings, OracleSurfelSettings) and settings.frozen:

@@ -13,7 +13,7 @@ from torch.nn.functional import avg_pool2d, grid_sample
 
 from graycard import Camera
 
-PLANES = 48
+PLANES = 64
 WINDOW = 7
 """Pixels on each side of the windows that are compared."""
 NEIGHBOURS = 4
@@ -24,6 +24,8 @@ NOISE = 2e-4
 """Variance, in encoded units, below which a window has no structure."""
 STEP, JUMP = 0.04, 0.5
 """What a step to the next plane, and any larger one, costs between neighbouring pixels."""
+WITNESSES = 2
+"""Views that must agree; one where there is but one."""
 AGREEMENT = 0.03
 """Relative difference of depth up to which two views agree."""
 
@@ -137,14 +139,14 @@ def _lowest(cost: np.ndarray, inverse: np.ndarray) -> np.ndarray:
 def _where_agreed(
     camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np.ndarray]]
 ) -> np.ndarray:
-    """The depth where at least one other view has about the same for the same point; NaN elsewhere."""
+    """The depth where enough other views have about the same for the same point; NaN elsewhere."""
     rays = camera.rays() / (camera.rays() @ camera.forward)[..., None]
     points = camera.position + rays * depth[..., None]
-    agrees = np.zeros(depth.shape, bool)
+    agrees = np.zeros(depth.shape, int)
     for other, seen in others:
         pixels, z = other.project(points)
         column, row = np.floor(pixels).astype(np.int64).transpose(2, 0, 1)
         inside = (z > 0) & (column >= 0) & (column < other.width) & (row >= 0) & (row < other.height)
         there = seen[row.clip(0, other.height - 1), column.clip(0, other.width - 1)]
-        agrees |= inside & (np.abs(z / there - 1) < AGREEMENT)
-    return np.where(agrees, depth, np.nan)
+        agrees += inside & (np.abs(z / there - 1) < AGREEMENT)
+    return np.where(agrees >= min(WITNESSES, len(others)), depth, np.nan) if others else depth * np.nan
