@@ -13,14 +13,12 @@ from scipy.spatial import QhullError
 from graycard import Camera, Capture, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import encode
-from graycard.methods.surfels._sweep import SweptView, sweep_depths
+from graycard.methods.surfels._sweep import SweptDepth, SweptView, sweep_depths
 
 MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
 MARGIN = 1.6
 """How far the depths that are looked at go beyond those of the points of a view, as a factor."""
-FAR = 0.95
-"""Quantile of the known depths of a view that counts as far."""
 SMOOTH = 5
 """Pixels on each side of the windows whose median depth is taken."""
 FLAT = 9
@@ -53,9 +51,9 @@ def surfels_between(capture: Capture, points: Points, count: int, opacity: float
         for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
     ]
     parts = [
-        _grid(view.camera, depth, image, each, opacity)
-        for view, depth, image in zip(views, sweep_depths(views), shown, strict=True)
-        if np.isfinite(depth).any()
+        _grid(view.camera, swept, image, each, opacity)
+        for view, swept, image in zip(views, sweep_depths(views), shown, strict=True)
+        if swept.sure.any()
     ]
     if not parts:
         return None
@@ -95,13 +93,13 @@ def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarr
     return pixels[inside], depths[inside]
 
 
-def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
+def _grid(camera: Camera, swept: SweptDepth, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
     """Discs at the middles of square blocks of pixels, half as wide as the blocks."""
-    block = max(1, round(np.sqrt(depth.size / count)))
+    block = max(1, round(np.sqrt(swept.depth.size / count)))
     row, column = (
         a.ravel() for a in np.mgrid[block // 2 : camera.height : block, block // 2 : camera.width : block]
     )
-    dense = _dense(depth)
+    dense = _dense(swept)
     rays = camera.rays()[row, column]
     positions = camera.position + rays * (dense[row, column] / (rays @ camera.forward))[:, None]
     flat = 1 / uniform_filter(1 / dense, FLAT, mode="nearest")  # slopes need a wider look than depths
@@ -113,14 +111,14 @@ def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, op
     return Surfels(*geometry, torch.full((len(row),), opacity), shown[row, column])
 
 
-def _dense(depth: np.ndarray) -> np.ndarray:
-    """Depth without NaN and without what stands out from its surroundings.
+def _dense(swept: SweptDepth) -> np.ndarray:
+    """Depth without what stands out from its surroundings.
 
-    Where nobody is sure it is far: a surfel that is too far hides nothing in other views, one that is too
-    near hides what is right.
+    Where stereo is not sure the farther counts of what it says and what lies between the sure places: a
+    surfel that is too far hides nothing in other views, one that is too near hides what is right.
     """
-    row, column = np.nonzero(np.isfinite(depth))
-    filled = filled_depth(np.stack([column, row], axis=1) + 0.5, depth[row, column], depth.shape)
-    far = np.quantile(depth[row, column], FAR)
-    smooth = median_filter(filled, SMOOTH, mode="nearest")
-    return np.where(np.isfinite(depth), smooth, np.maximum(smooth, far))
+    row, column = np.nonzero(swept.sure)
+    places = np.stack([column, row], axis=1) + 0.5
+    between = filled_depth(places, swept.depth[row, column], swept.depth.shape)
+    depth = np.where(swept.sure, swept.depth, np.maximum(swept.depth, between))
+    return median_filter(depth, SMOOTH, mode="nearest")

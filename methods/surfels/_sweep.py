@@ -42,19 +42,30 @@ class SweptView:
     far: float
 
 
-def sweep_depths(views: Sequence[SweptView]) -> list[np.ndarray]:
-    """z-depth of each view, shape ``(H, W)``, metres; NaN where no other view agrees.
+@dataclass(frozen=True, eq=False)
+class SweptDepth:
+    """What stereo says about a view."""
+
+    depth: np.ndarray
+    """Shape ``(H, W)``: z-depth at which the partners look most alike, metres; NaN in a view without any."""
+    sure: np.ndarray
+    """Shape ``(H, W)``, bool: whether enough other views see the same surface there."""
+
+
+def sweep_depths(views: Sequence[SweptView]) -> list[SweptDepth]:
+    """Dense depth of each view, by the others.
 
     Args:
         views: Two or more, of one scene.
     """
     partners = [_partners(views, number) for number in range(len(views))]
     depths = [_swept(view, [views[p] for p in found]) for view, found in zip(views, partners, strict=True)]
-    agreed = []
+    swept = []
     for number, found in enumerate(partners):
         others = [(views[p].camera, depths[p]) for p in found]
-        agreed.append(_where_agreed(views[number].camera, depths[number], others))
-    return agreed
+        sure = _agreed(views[number].camera, depths[number], others)
+        swept.append(SweptDepth(depths[number], sure))
+    return swept
 
 
 def _partners(views: Sequence[SweptView], number: int) -> list[int]:
@@ -136,10 +147,8 @@ def _lowest(cost: np.ndarray, inverse: np.ndarray) -> np.ndarray:
     return inverse[best] + shift * (inverse[1] - inverse[0])
 
 
-def _where_agreed(
-    camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np.ndarray]]
-) -> np.ndarray:
-    """The depth where enough other views have about the same for the same point; NaN elsewhere."""
+def _agreed(camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np.ndarray]]) -> np.ndarray:
+    """Where enough other views have about the same depth for the same point, shape ``(H, W)``, bool."""
     rays = camera.rays() / (camera.rays() @ camera.forward)[..., None]
     points = camera.position + rays * depth[..., None]
     agrees = np.zeros(depth.shape, int)
@@ -149,4 +158,4 @@ def _where_agreed(
         inside = (z > 0) & (column >= 0) & (column < other.width) & (row >= 0) & (row < other.height)
         there = seen[row.clip(0, other.height - 1), column.clip(0, other.width - 1)]
         agrees += inside & (np.abs(z / there - 1) < AGREEMENT)
-    return np.where(agrees >= min(WITNESSES, len(others)), depth, np.nan) if others else depth * np.nan
+    return agrees >= max(1, min(WITNESSES, len(others)))
