@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The backward kernel: the same walk as the forward one, front to back.
+"""The backward kernel: surfel after surfel, front to back, on the blocks that the forward one found covered.
 
 What lies behind a surfel enters the gradient of its alpha as a sum over the rest of the pixel. That sum is
 the whole pixel's, which the forward image gives, less what has been passed: no lists of what was drawn
@@ -7,213 +7,285 @@ need be kept. Each pair of surfel and tile writes to a place of its own, and the
 by side: sums have one order whatever the threads do.
 """
 
-from math import log
-
 import numpy as np
 from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
-from graycard.methods.splat._coefficients import CENTRE_Z, COLUMNS, LOG2_E
-from graycard.methods.splat._forward import (
-    BLOCK,
+from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat._blocks import (
+    GROUP,
     LANES,
-    MOMENTS,
     PIXELS,
-    block_range,
-    drawn_alpha,
+    centre_in_tile,
+    depth_at,
+    exponent_of,
+    floats_for,
     lane_positions,
     meet,
-    raw_alpha,
+    next_bit,
+    where_drawn,
 )
+from graycard.methods.splat._blocks_read import PLANES, RANK, TO_MEDIAN, read_shape, read_tile
+from graycard.methods.splat._coefficients import COLUMNS
 from graycard.methods.splat._maps import ALPHA_MAX
-from graycard.methods.splat._tiles import TILE
+from graycard.methods.splat._tiles import TILE, past_tile
 
-GEOMETRY = COLUMNS + 2
-"""Gradients of one pair that are no channels: of the coefficients, and of the low-pass's centre."""
-LN_2 = log(2)
-
-
-@njit(cache=True)
-def read_tile(tile_x, tile_y, image, to_image, gradients, suffix):
-    """Bring the image's gradients into blocks, and what they make of each whole pixel."""
-    height, width, count = image.shape
-    for pixel in range(PIXELS):
-        block, lane = pixel // LANES, pixel % LANES
-        row = tile_y + block // 4 * BLOCK + lane // BLOCK
-        column = tile_x + block % 4 * BLOCK + lane % BLOCK
-        if row < height and column < width:
-            total = 0.0
-            for channel in range(count):
-                gradient = to_image[row, column, channel]
-                gradients[(block * count + channel) * LANES + lane] = gradient
-                total += float(gradient) * image[row, column, channel]
-            suffix[pixel] = total
+PLAIN = (0,) * 12
+"""Sums of a pair: nine of the linear forms, of the logarithm of alpha, two of the low-pass's centre."""
+HEIGHTS = (0,) * 2
+"""With depths: of the disc's height, and of the centre's z-depth."""
+FIRST_CHANNEL = len(PLAIN)
+"""Where channels begin in a slot that has room for them."""
+SPARE = LANES - FIRST_CHANNEL
+"""As many channels as have room there."""
+NORMAL = (0,) * 3
+MOMENTS = (0,) * 4
+PARTIAL = (0,) * 4
 
 
 @njit(forceinline=True)
-def pull_of_channels(features, at, channels, gradients, first):
-    """Derivative of the loss by the weight of a surfel, from its plain channels."""
-    pull = simd.broadcast(0.0)
-    for channel in range(channels):
-        gradient = simd.load(gradients, first + channel * LANES)
-        pull = simd.fma(simd.load_scalar(features, at + channel), gradient, pull)
+def add_linear(sums, gradient, x, y):
+    """Add to the gradients of the three numbers of a linear form that of its value."""
+    return simd.fma(gradient, x, sums[0]), simd.fma(gradient, y, sums[1]), sums[2] + gradient
+
+
+@njit(forceinline=True)
+def add_geometry(sums, met, to_log, x, y):
+    """Sums of ``PLAIN``, but for factors of two: only the larger Gaussian has any gradient."""
+    u, v, over, disc, low_pass = met
+    zero = simd.broadcast(0.0)
+    to_disc = simd.where_at_least(low_pass, disc, to_log * over, zero)
+    to_offset = simd.where_at_least(low_pass, disc, zero, to_log)
+    to_u, to_v = to_disc * u, to_disc * v
+    below = simd.fma(to_u, u, to_v * v)
+    first, second = add_linear(sums[:3], to_u, x, y), add_linear(sums[3:6], to_v, x, y)
+    third = add_linear(sums[6:9], below, x, y)
+    low = simd.fma(to_offset, x, sums[10]), simd.fma(to_offset, y, sums[11])
+    return first + second + third + (sums[9] + to_log,) + low
+
+
+@njit(forceinline=True)
+def add_height(sums, met, to_height, z, x, y):
+    """Add to the gradients of the denominator what the plane's depth makes of it."""
+    to_below = simd.where_at_least(met[4], met[3], to_height * z, simd.broadcast(0.0))
+    return sums[:6] + add_linear(sums[6:9], simd.broadcast(-0.5) * to_below, x, y) + sums[9:]
+
+
+@njit(forceinline=True)
+def pull_of_channels(features, surfel, channels, gradients, block, template, sixteen):
+    """Derivative of the loss by the weight of a surfel, from its channels."""
+    pull, channel = simd.broadcast(0.0), 0
+    place = block * channels * LANES
+    if sixteen is not None:
+        while channel + GROUP <= channels:
+            vectors = many.load_many(gradients, place + channel * LANES, sixteen)
+            pull = many.add_dot(pull, features, surfel * channels + channel, vectors)
+            channel += GROUP
+    if template is not None:
+        vectors = many.load_many(gradients, place + channel * LANES, template)
+        pull = many.add_dot(pull, features, surfel * channels + channel, vectors)
     return pull
 
 
 @njit(forceinline=True)
-def add_to(sums, place, values):
-    """Add to one of the sixteen vectors of sums."""
-    simd.store(sums, place * LANES, simd.load(sums, place * LANES) + values)
+def pull_of_shape(normals, surfel, planes, block, depth):
+    """The same from normal and moments; and the derivative by the depth, of one weight."""
+    place = block * PLANES * LANES
+    pull = many.add_dot(simd.broadcast(0.0), normals, surfel * 3, many.load_many(planes, place, NORMAL))
+    total, first, inverse, square = many.load_many(planes, place + 3 * LANES, MOMENTS)
+    over = simd.broadcast(1.0) / depth
+    pull = pull + simd.fma(first, depth, simd.fma(simd.fma(square, over, inverse), over, total))
+    slope = simd.fma(square * simd.broadcast(2.0), over, inverse)
+    return pull, simd.fnma(slope, over * over, first)
 
 
 @njit(forceinline=True)
-def add_linear(sums, place, gradient, x, y):
-    """Gradients of the three numbers of a linear form, from that of its value."""
-    add_to(sums, place, gradient * x)
-    add_to(sums, place + 1, gradient * y)
-    add_to(sums, place + 2, gradient)
+def pull_of_median(planes, block, rank):
+    """Derivative of the loss by the depth of a surfel, where the median depth is its own."""
+    place, zero = block * PLANES * LANES, simd.broadcast(0.0)
+    named, mine = simd.load(planes, place + RANK * LANES), simd.broadcast(np.float32(rank))
+    pull = simd.where_at_least(named, mine, simd.load(planes, place + TO_MEDIAN * LANES), zero)
+    return simd.where_at_least(mine, named, pull, zero)
 
 
 @njit(forceinline=True)
-def add_geometry(sums, met, to_log, to_depth, x, y):
-    """From the gradients of log2 alpha and of depth to those of ``GEOMETRY``, summed over a tile.
-
-    Only the larger Gaussian has any, and the plane only where its Gaussian is the larger one.
-    """
-    u, v, over, disc, low_pass, z = met
-    zero = simd.broadcast(0.0)
-    u, v = simd.where_at_least(low_pass, disc, u, zero), simd.where_at_least(low_pass, disc, v, zero)
-    over, z = simd.where_at_least(low_pass, disc, over, zero), simd.where_at_least(low_pass, disc, z, zero)
-    to_square = simd.broadcast(-2.0) * to_log  # of a square's root: the exponent counts negative
-    to_u, to_v = to_square * u * over, to_square * v * over
-    to_plane = simd.where_at_least(low_pass, disc, to_depth, zero)
-    to_height = to_plane * over
-    add_linear(sums, 0, to_u, x, y)
-    add_linear(sums, 3, to_v, x, y)
-    add_linear(sums, 6, zero - simd.fma(to_u, u, simd.fma(to_v, v, to_height * z)), x, y)
-    add_to(sums, 9, to_log)
-    add_to(sums, 10, to_height)
-    add_to(sums, 11, to_depth - to_plane)
-    to_offset = simd.where_at_least(low_pass, disc, zero, to_square) * simd.broadcast(LOG2_E)
-    add_to(sums, 12, to_offset * x)
-    add_to(sums, 13, to_offset * y)
-
-
-@njit(forceinline=True)
-def block_gradient(
-    coefficients, features, surfel, channels, x, y, block, transmittance, suffix, gradients, weights, sums
-):
-    """One surfel on sixteen pixels: keeps the weights, adds to the sums of its geometry."""
-    before, one = simd.load(transmittance, block * LANES), simd.broadcast(1.0)
-    met = meet(coefficients, surfel * COLUMNS, x, y)
-    disc, low_pass, z = met[3], met[4], met[5]
-    raw = raw_alpha(coefficients, surfel * COLUMNS, disc, low_pass)
-    alpha = drawn_alpha(raw, before)
+def visit(
+    rows, surfel, block, x, y, rank, features, channels, template, sixteen, narrow, normals,
+    through, suffix, gradients, planes, weights, sums, tail,
+):  # fmt: skip
+    """One surfel on sixteen pixels: moves on transmittance and suffix, adds to the sums."""
+    at, one, zero = surfel * COLUMNS, simd.broadcast(1.0), simd.broadcast(0.0)
+    before = simd.load(through, block * LANES)
+    met = meet(rows, at, x, y)
+    exponent = exponent_of(rows, at, met[3], met[4])
+    raw = many.decay(exponent)
+    alpha = where_drawn(exponent, before, simd.minimum(raw, simd.broadcast(ALPHA_MAX)))
     weight = alpha * before
-    simd.store(transmittance, block * LANES, before - weight)
-    simd.store(weights, block * LANES, weight)
-    centre_z = simd.load_scalar(coefficients, surfel * COLUMNS + CENTRE_Z)
-    depth = simd.where_at_least(low_pass, disc, z, centre_z)
-    inverse = one / depth
-    first = block * (channels + MOMENTS) * LANES
-    pull = pull_of_channels(features, surfel * channels, channels, gradients, first)
-    first += channels * LANES
-    to_z, to_inverse = simd.load(gradients, first), simd.load(gradients, first + LANES)
-    to_square = simd.load(gradients, first + 2 * LANES)
-    pull = simd.fma(to_z, depth, simd.fma(simd.fma(to_square, inverse, to_inverse), inverse, pull))
+    pull = zero
+    if narrow is not None:
+        vectors = many.load_many(gradients, block * channels * LANES, narrow)
+        pull = many.add_dot(pull, features, surfel * channels, vectors)
+        tail = many.add_products(tail, weight, vectors)
+    if weights is not None:
+        pull = pull_of_channels(features, surfel, channels, gradients, block, template, sixteen)
+        simd.store(weights, block * LANES, weight)
+    if normals is not None:
+        depth, z = depth_at(rows, at, met)
+        shape_pull, to_depth = pull_of_shape(normals, surfel, planes, block, depth)
+        pull = pull + shape_pull
+        to_depth = simd.fma(weight, to_depth, pull_of_median(planes, block, rank))
+        to_plane = simd.where_at_least(met[4], met[3], to_depth, zero)
+        to_height = to_plane * met[2]
+        sums = add_height(sums, met, to_height, z, x, y)
+        tail = tail[0] + to_height, tail[1] + (to_depth - to_plane)
     behind = simd.fnma(weight, pull, simd.load(suffix, block * LANES))
+    to_log = simd.fnma(behind, alpha / (one - alpha), weight * pull)
+    to_log = simd.where_less(raw, simd.broadcast(ALPHA_MAX), to_log, zero)
     simd.store(suffix, block * LANES, behind)
-    to_alpha = simd.fnma(behind, one / (one - alpha), before * pull)
-    to_log = simd.where_less(
-        raw, simd.broadcast(ALPHA_MAX), to_alpha * alpha * simd.broadcast(LN_2), simd.broadcast(0.0)
-    )
-    slope = simd.fma(to_square * simd.broadcast(2.0), inverse, to_inverse)
-    to_depth = weight * simd.fnma(slope, inverse * inverse, to_z)
-    add_geometry(sums, met, to_log, to_depth, x, y)
+    simd.store(through, block * LANES, before - weight)
+    return add_geometry(sums, met, to_log, x, y), tail
 
 
 @njit(forceinline=True)
-def sum_lanes(vectors, target, at):
-    """The lane sums of the sixteen vectors of an array, written to another."""
-    load = simd.load
-    first = (load(vectors, 0), load(vectors, 16), load(vectors, 32), load(vectors, 48))
-    second = (load(vectors, 64), load(vectors, 80), load(vectors, 96), load(vectors, 112))
-    third = (load(vectors, 128), load(vectors, 144), load(vectors, 160), load(vectors, 176))
-    fourth = (load(vectors, 192), load(vectors, 208), load(vectors, 224), load(vectors, 240))
-    simd.store(target, at, simd.lane_sums(first + second + third + fourth))
+def pair_gradient(
+    mask, rows, surfel, tile_x, tile_y, rank, features, channels, template, sixteen, narrow, extra, normals,
+    positions, through, suffix, gradients, planes, weights,
+):  # fmt: skip
+    """One surfel on one tile: the sums of its slot, one vector."""
+    zero = simd.broadcast(0.0)
+    sums, tail = many.repeat(zero, PLAIN), many.repeat(zero, extra)
+    centre_x = simd.broadcast(centre_in_tile(rows, surfel * COLUMNS, 0, tile_x))
+    centre_y = simd.broadcast(centre_in_tile(rows, surfel * COLUMNS, 1, tile_y))
+    bits = mask
+    while bits != 0:
+        block, bits = next_bit(bits)
+        x = simd.load(positions, block % 4 * LANES) - centre_x
+        y = simd.load(positions, (4 + block // 4) * LANES) - centre_y
+        sums, tail = visit(
+            rows, surfel, block, x, y, rank, features, channels, template, sixteen, narrow,
+            normals, through, suffix, gradients, planes, weights, sums, tail,
+        )  # fmt: skip
+    return many.lane_sums(sums + tail)
 
 
-@njit(cache=True)
-def channel_gradients(channels, left, right, top, bottom, weights, gradients, vectors, target, at):
-    """Gradients of a surfel's channels from one tile, sixteen channels at a time."""
-    for channel in range(channels):
-        total = simd.broadcast(0.0)
-        for row in range(top, bottom):
-            for column in range(left, right):
-                block = row * 4 + column
-                gradient = simd.load(gradients, (block * (channels + MOMENTS) + channel) * LANES)
-                total = simd.fma(simd.load(weights, block * LANES), gradient, total)
-        simd.store(vectors, channel % LANES * LANES, total)
-        if channel % LANES == LANES - 1 or channel == channels - 1:
-            sum_lanes(vectors, target, at + channel // LANES * LANES)
+@njit(forceinline=True)
+def channel_gradient(mask, weights, wide, stride, to_channels, at):
+    """Gradients of a surfel's channels from one tile, sixteen channels at a time: weights times rows."""
+    for channel in range(0, stride, GROUP):
+        total = many.repeat(simd.broadcast(0.0), PARTIAL)
+        bits = mask
+        while bits != 0:
+            block, bits = next_bit(bits)
+            row = block * LANES * stride + channel
+            total = many.add_rows(total, weights, block * LANES, wide, row, stride)
+        simd.store(to_channels, at + channel, (total[0] + total[1]) + (total[2] + total[3]))
 
 
-@njit(cache=True)
+@njit(forceinline=True)
 def slot_of(bounds, surfel, first, tile_x, tile_y):
     """Place of a pair among the places of its surfel: row-major over the tiles that it touches."""
-    left, right = bounds[surfel, 0] // TILE, (bounds[surfel, 1] + TILE - 1) // TILE
-    top = bounds[surfel, 2] // TILE
-    return first + (tile_y // TILE - top) * (right - left) + tile_x // TILE - left
+    left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
+    return first + (tile_y // TILE - bounds[surfel, 2] // TILE) * (right - left) + tile_x // TILE - left
+
+
+@njit(forceinline=True)
+def clear(array, first, count):
+    """Zero to whole vectors."""
+    for at in range(first, first + count, LANES):
+        simd.store(array, at, simd.broadcast(0.0))
+
+
+@njit(cache=True)
+def tile_gradient(
+    tile_x, tile_y, first, drawn, past, rows, bounds, listed, slots, masks, features, channels, template,
+    sixteen, narrow, extra, normals, positions, through, suffix, gradients, planes, weights, wide, stride,
+    to_geometry, to_channels,
+):  # fmt: skip
+    """The slots of all pairs of one tile."""
+    for pair in range(first, past):
+        surfel = listed[pair]
+        slot = slot_of(bounds, surfel, slots[surfel], tile_x, tile_y)
+        mask = np.uint64(masks[pair]) if pair - first < drawn else np.uint64(0)
+        if mask == 0:
+            clear(to_geometry, slot * LANES, LANES)
+            if to_channels is not None:
+                clear(to_channels, slot * stride, stride)
+            continue
+        total = pair_gradient(
+            mask, rows, surfel, tile_x, tile_y, pair - first, features, channels, template, sixteen,
+            narrow, extra, normals, positions, through, suffix, gradients, planes, weights,
+        )  # fmt: skip
+        simd.store(to_geometry, slot * LANES, total)
+        if to_channels is not None:
+            channel_gradient(mask, weights, wide, stride, to_channels, slot * stride)
+
+
+@njit(cache=True)
+def gradient_part(
+    part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template, sixteen,
+    narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels,
+    stride,
+):  # fmt: skip
+    """Every so manyth tile."""
+    positions, through = lane_positions(), np.empty(PIXELS, np.float32)
+    suffix, gradients = np.empty(PIXELS, np.float32), np.empty(channels * PIXELS, np.float32)
+    planes = floats_for(shape, PLANES * PIXELS)
+    weights, wide = floats_for(to_channels, PIXELS), floats_for(to_channels, stride * PIXELS)
+    columns = (image.shape[1] + TILE - 1) // TILE
+    for turn in range((start.size - 1 + parts - 1 - part) // parts):
+        tile = turn * parts + part
+        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
+        through[:] = 1
+        read_tile(
+            tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
+            gradients, wide, stride, suffix,
+        )  # fmt: skip
+        if shape is not None:
+            read_shape(tile_x, tile_y, shape, channels, planes, wide, stride, suffix)
+        tile_gradient(
+            tile_x, tile_y, start[tile], drawn[tile], start[tile + 1], rows, bounds, listed, slots, masks,
+            features, channels, template, sixteen, narrow, extra, normals, positions, through, suffix,
+            gradients, planes, weights, wide, stride, to_geometry, to_channels,
+        )  # fmt: skip
 
 
 @njit(parallel=True, cache=True)
 def backward(
-    coefficients, centres, features, channels, bounds, start, listed, slots, drawn, image, to_image,
-    to_geometry, to_channels,
+    rows, bounds, start, listed, slots, masks, drawn, features, channels, template, sixteen, normals, parts,
+    narrow, extra, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels, stride,
 ):  # fmt: skip
-    """Gradients of each pair of surfel and tile; the first arguments are those of ``forward``.
+    """Gradients of each pair of surfel and tile; what is not named here is as in ``forward``.
 
     Args:
-        coefficients: as above.
-        centres: as above.
-        features: as above.
-        channels: as above.
-        bounds: as above.
-        start: as above.
-        listed: as above.
-        slots: int64 ``(n + 1,)``, where the pairs of each surfel begin.
-        drawn: what ``forward`` wrote, and
-        image: what it wrote.
-        to_image: float32, gradients of the image.
-        to_geometry: float32, flat, ``LANES`` a pair, zero; the first ``GEOMETRY`` are to be written.
-        to_channels: float32, flat, a multiple of ``LANES`` a pair, zero, to be written.
+        rows: as there.
+        bounds: as there.
+        start: as there.
+        listed: as there.
+        slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
+        masks: what ``forward`` wrote, and
+        drawn: what it wrote.
+        features: as there.
+        channels: as there.
+        template: as there.
+        sixteen: as there.
+        normals: as there.
+        parts: as there.
+        narrow: ``template`` if there are no more than ``SPARE`` channels, and no normals; else None.
+        extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
+        image: what it wrote, and
+        transmittance: what it wrote.
+        to_image: float32 ``(H, W, channels)``, gradient.
+        to_transmittance: float32 ``(H, W)``, gradient.
+        shape: None, or what it takes with the normals, see ``read_shape``.
+        to_geometry: float32, flat, ``LANES`` a pair, to be written: ``PLAIN``, then channels if they are
+            narrow, else ``HEIGHTS``, which are zero without normals.
+        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then of normals; None
+            if channels are narrow.
+        stride: a multiple of ``GROUP``.
     """
-    columns = (image.shape[1] + TILE - 1) // TILE
-    stride = (channels + LANES - 1) // LANES * LANES
-    for tile in prange(start.size - 1):
-        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
-        positions, transmittance = lane_positions(), np.ones(PIXELS, np.float32)
-        suffix, weights = np.zeros(PIXELS, np.float32), np.zeros(PIXELS, np.float32)
-        gradients = np.zeros((channels + MOMENTS) * PIXELS, np.float32)
-        sums, vectors = np.zeros(LANES * LANES, np.float32), np.zeros(LANES * LANES, np.float32)
-        read_tile(tile_x, tile_y, image, to_image, gradients, suffix)
-        for rank in range(drawn[tile]):
-            surfel = listed[start[tile] + rank]
-            left, right = block_range(bounds[surfel, 0], bounds[surfel, 1], tile_x)
-            top, bottom = block_range(bounds[surfel, 2], bounds[surfel, 3], tile_y)
-            centre_x = simd.broadcast(np.float32(centres[surfel, 0] - tile_x))
-            centre_y = simd.broadcast(np.float32(centres[surfel, 1] - tile_y))
-            sums[:] = 0
-            for row in range(top, bottom):
-                y = simd.load(positions, (4 + row) * LANES) - centre_y
-                for column in range(left, right):
-                    x = simd.load(positions, column * LANES) - centre_x
-                    block_gradient(
-                        coefficients, features, surfel, channels, x, y, row * 4 + column,
-                        transmittance, suffix, gradients, weights, sums,
-                    )  # fmt: skip
-            slot = slot_of(bounds, surfel, slots[surfel], tile_x, tile_y)
-            sum_lanes(sums, to_geometry, slot * LANES)
-            channel_gradients(
-                channels, left, right, top, bottom, weights, gradients, vectors, to_channels, slot * stride
-            )
+    for part in prange(parts):
+        gradient_part(
+            part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template,
+            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape, to_geometry,
+            to_channels, stride,
+        )  # fmt: skip

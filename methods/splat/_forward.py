@@ -1,186 +1,232 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The forward kernel: a tile of 16 x 16 pixels as sixteen blocks of 4 x 4, one block a vector.
+"""The forward kernel: for each tile 64 surfels at a time, for each block those of them that touch it.
 
-Surfels go over a tile one after the other, nearest first; each visits only the blocks that its bounds
-touch. Transmittance and sums stay in arrays of one tile, which fit the nearest cache.
+Within a block surfels go nearest first, and the transmittance of its pixels stays in a register: the alphas
+of consecutive surfels do not wait for each other. Weights are written down, then summed channel by channel.
 """
-
-from math import sqrt
 
 import numpy as np
 from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
-from graycard.methods.splat._coefficients import CENTRE_Z, COLUMNS, HEIGHT, LOG2_E, LOG_OPACITY
-from graycard.methods.splat._maps import ALPHA_MAX, ALPHA_MIN, NEAR, TRANSMITTANCE_MIN
+from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat._blocks import (
+    BLOCKS,
+    GROUP,
+    LANES,
+    PIXELS,
+    SHAPE_SUMS,
+    block_columns,
+    centre_in_tile,
+    depth_at,
+    exponent_of,
+    floats_for,
+    lane_positions,
+    meet,
+    next_bit,
+    where_drawn,
+)
+from graycard.methods.splat._blocks_write import clear_medians, write_shape, write_tile
+from graycard.methods.splat._coefficients import COLUMNS, WHOLE
+from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
 from graycard.methods.splat._tiles import TILE
 
-LANES = simd.LANES
-BLOCK = 4
-"""Pixels on the side of a block."""
-PIXELS = TILE * TILE
-MOMENTS = 3
-"""Sums that are no feature channel: of w z, w / z and w / z^2."""
-HUGE = 1e30
-"""An exponent at which nothing is left."""
-LOW_PASS = sqrt(LOG2_E)
-"""The low-pass falls by ``2 ** -|LOW_PASS p|^2``."""
-PATIENCE = 16
-"""Surfels between two looks at whether a tile is as good as opaque."""
-
-
-@njit(cache=True)
-def lane_positions():
-    """Pixel centres from the tile's corner: 4 vectors of x by block column, 4 of y by block row."""
-    positions = np.empty(8 * LANES, np.float32)
-    for block in range(4):
-        for lane in range(LANES):
-            positions[block * LANES + lane] = block * BLOCK + lane % BLOCK + 0.5
-            positions[(4 + block) * LANES + lane] = block * BLOCK + lane // BLOCK + 0.5
-    return positions
-
-
-@njit(cache=True)
-def block_range(low, high, corner):
-    """Blocks of a tile, from and to, that pixels from ``low`` to before ``high`` touch."""
-    return max(low - corner, 0) // BLOCK, (min(high - corner, TILE) + BLOCK - 1) // BLOCK
+BATCH = 64
+"""Surfels at a time: as many as a word has bits."""
+NORMAL = (0,) * 3
 
 
 @njit(forceinline=True)
-def linear_form(coefficients, at, x, y):
-    """Value of one linear form at sixteen pixels."""
-    row = simd.fma(simd.load_scalar(coefficients, at + 1), y, simd.load_scalar(coefficients, at + 2))
-    return simd.fma(simd.load_scalar(coefficients, at), x, row)
+def stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching):
+    """Copy the rows of a batch, with centres from the tile's corner, and note which blocks it touches."""
+    touching[:] = 0
+    for k in range(count):
+        surfel = listed[first + k]
+        simd.store(staged, k * COLUMNS, simd.load(rows, surfel * COLUMNS))
+        staged[k * COLUMNS + WHOLE] = centre_in_tile(rows, surfel * COLUMNS, 0, tile_x)
+        staged[k * COLUMNS + WHOLE + 1] = centre_in_tile(rows, surfel * COLUMNS, 1, tile_y)
+        left, right = block_columns(bounds[surfel, 0], bounds[surfel, 1], tile_x)
+        top, bottom = block_columns(bounds[surfel, 2], bounds[surfel, 3], tile_y)
+        for step in range(4):
+            touching[step] |= np.uint64(left <= step < right) << np.uint64(k)
+            touching[4 + step] |= np.uint64(top <= step < bottom) << np.uint64(k)
 
 
 @njit(forceinline=True)
-def meet(coefficients, at, x, y):
-    """Where sixteen rays meet a disc.
+def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, depths, hits, masks, medians):
+    """Weights of a batch in one block, in order; those of surfels that cover nothing are left out.
 
     Returns:
-        u, v, reciprocal of the denominator, exponents (base 2, positive) of disc and low-pass, and depth
-        on the disc's plane.
+        How many there are, and the transmittance of the pixels after them.
     """
-    over = simd.broadcast(1.0) / linear_form(coefficients, at + 6, x, y)
-    u = linear_form(coefficients, at, x, y) * over
-    v = linear_form(coefficients, at + 3, x, y) * over
-    z = simd.load_scalar(coefficients, at + HEIGHT) * over
-    disc = simd.where_at_least(z, simd.broadcast(NEAR), simd.fma(u, u, v * v), simd.broadcast(HUGE))
-    x, y = x * simd.broadcast(LOW_PASS), y * simd.broadcast(LOW_PASS)
-    return u, v, over, disc, simd.fma(x, x, y * y), z
+    found = 0
+    if depths is not None:
+        place = block * 2 * LANES
+        middle, rank = simd.load(medians, place), simd.load(medians, place + LANES)
+    while bits != 0:
+        k, bits = next_bit(bits)
+        at = k * COLUMNS
+        px = x - simd.load_scalar(staged, at + WHOLE)
+        py = y - simd.load_scalar(staged, at + WHOLE + 1)
+        met = meet(staged, at, px, py)
+        exponent = exponent_of(staged, at, met[3], met[4])
+        alpha = simd.minimum(many.decay(exponent), simd.broadcast(ALPHA_MAX))
+        weight = where_drawn(exponent, before, alpha * before)
+        simd.store(weights, found * LANES, weight)
+        if depths is not None:
+            depth, _z = depth_at(staged, at, met)
+            simd.store(depths, found * LANES, depth)
+            half, zero = simd.broadcast(0.5), simd.broadcast(0.0)
+            named = simd.broadcast(np.float32(rank_of_first + k))
+            middle = simd.where_less(half, before, simd.where_less(zero, weight, depth, middle), middle)
+            rank = simd.where_less(half, before, simd.where_less(zero, weight, named, rank), rank)
+        before = before - weight
+        hit = many.any_above(weight, simd.broadcast(0.0))
+        hits[found] = k
+        masks[first + k] |= hit << block
+        found += hit
+    if depths is not None:
+        simd.store(medians, block * 2 * LANES, middle)
+        simd.store(medians, block * 2 * LANES + LANES, rank)
+    return found, before
 
 
 @njit(forceinline=True)
-def raw_alpha(coefficients, at, disc, low_pass):
-    """Opacity times the larger Gaussian, before it is clamped and cut."""
-    exponent = simd.minimum(disc, low_pass)  # the low-pass where the disc's is NaN
-    return simd.exp2(simd.load_scalar(coefficients, at + LOG_OPACITY) - exponent)
+def sum_group(found, hits, listed, first, weights, values, stride, channel, sums, at, template):
+    """Add weight times value to as many sums as the template is long, in registers."""
+    totals = many.load_many(sums, at, template)
+    for hit in range(found):
+        row = listed[first + hits[hit]] * stride + channel
+        totals = many.add_scaled(totals, simd.load(weights, hit * LANES), values, row)
+    many.store_many(sums, at, totals)
 
 
 @njit(forceinline=True)
-def drawn_alpha(raw, before):
-    """Alpha as it is drawn: clamped, and zero where it or the transmittance before it is too small."""
-    zero = simd.broadcast(0.0)
-    alpha = simd.minimum(raw, simd.broadcast(ALPHA_MAX))
-    alpha = simd.where_at_least(raw, simd.broadcast(ALPHA_MIN), alpha, zero)
-    return simd.where_less(simd.broadcast(TRANSMITTANCE_MIN), before, alpha, zero)
+def sum_moments(found, weights, depths, sums, at):
+    """Add to the sums of w, w z, w / z and w / z^2."""
+    total, first, inverse, square = many.load_many(sums, at, (0, 0, 0, 0))
+    for hit in range(found):
+        weight, depth = simd.load(weights, hit * LANES), simd.load(depths, hit * LANES)
+        over = simd.broadcast(1.0) / depth
+        total, first = total + weight, simd.fma(weight, depth, first)
+        inverse = simd.fma(weight, over, inverse)
+        square = simd.fma(weight * over, over, square)
+    many.store_many(sums, at, (total, first, inverse, square))
 
 
 @njit(forceinline=True)
-def accumulate(sums, at, weight, value):
-    """Add weight times value to sixteen sums."""
-    simd.store(sums, at, simd.fma(weight, value, simd.load(sums, at)))
+def sum_batch(
+    found, hits, listed, first, weights, depths, features, channels, normals, block, sums, shape_sums,
+    template, sixteen,
+):  # fmt: skip
+    """Add a batch to the sums of one block: channels by groups, then normals and moments."""
+    place, channel = block * channels * LANES, 0
+    if sixteen is not None:
+        while channel + GROUP <= channels:
+            at = place + channel * LANES
+            sum_group(found, hits, listed, first, weights, features, channels, channel, sums, at, sixteen)
+            channel += GROUP
+    if template is not None:
+        at = place + channel * LANES
+        sum_group(found, hits, listed, first, weights, features, channels, channel, sums, at, template)
+    if depths is not None:
+        at = block * SHAPE_SUMS * LANES
+        sum_group(found, hits, listed, first, weights, normals, 3, 0, shape_sums, at, NORMAL)
+        sum_moments(found, weights, depths, shape_sums, at + 3 * LANES)
 
 
 @njit(cache=True)
-def is_opaque(transmittance):
-    """Whether no pixel of the tile lets anything more through."""
-    most = simd.load(transmittance, 0)
-    for block in range(1, LANES):
-        most = simd.maximum(most, simd.load(transmittance, block * LANES))
-    return simd.largest_lane(most) <= TRANSMITTANCE_MIN
-
-
-@njit(forceinline=True)
-def draw_block(coefficients, features, surfel, rank, channels, x, y, block, transmittance, sums, median):
-    """One surfel on sixteen pixels: weights, features, moments of depth, rank of the median so far."""
-    at = surfel * COLUMNS
-    before = simd.load(transmittance, block * LANES)
-    _u, _v, _over, disc, low_pass, z = meet(coefficients, at, x, y)
-    alpha = drawn_alpha(raw_alpha(coefficients, at, disc, low_pass), before)
-    weight = alpha * before
-    simd.store(transmittance, block * LANES, before - weight)
-    depth = simd.where_at_least(low_pass, disc, z, simd.load_scalar(coefficients, at + CENTRE_Z))
-    inverse = simd.broadcast(1.0) / depth
-    first = block * (channels + MOMENTS) * LANES
-    for channel in range(channels):
-        value = simd.load_scalar(features, surfel * channels + channel)
-        accumulate(sums, first + channel * LANES, weight, value)
-    first += channels * LANES
-    accumulate(sums, first, weight, depth)
-    accumulate(sums, first + LANES, weight, inverse)
-    accumulate(sums, first + 2 * LANES, weight * inverse, inverse)
-    so_far = simd.load(median, block * LANES)
-    now = simd.where_less(simd.broadcast(0.0), weight, simd.broadcast(np.float32(rank)), so_far)
-    simd.store(median, block * LANES, simd.where_less(simd.broadcast(0.5), before, now, so_far))
+def draw_tile(
+    tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
+    staged, touching, weights, depths, hits, sums, shape_sums, medians, transmittance, masks, template, sixteen,
+):  # fmt: skip
+    """Draw the list of one tile into its sums; returns where it stopped, and how often a block was visited."""
+    begin, open_blocks, visits = first, BLOCKS, 0
+    while first < past and open_blocks > 0:
+        count, open_blocks = min(past - first, BATCH), 0
+        stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching)
+        masks[first : first + count] = 0
+        for block in range(BLOCKS):
+            before = simd.load(transmittance, block * LANES)
+            if many.any_above(before, simd.broadcast(TRANSMITTANCE_MIN)) == 0:
+                continue
+            open_blocks += 1
+            bits = touching[block % 4] & touching[4 + block // 4]
+            visits += many.bit_count(bits)
+            x, y = simd.load(positions, block % 4 * LANES), simd.load(positions, (4 + block // 4) * LANES)
+            found, before = weigh(
+                bits, block, x, y, first, first - begin, staged, before, weights, depths, hits, masks, medians
+            )
+            simd.store(transmittance, block * LANES, before)
+            if found > 0:
+                sum_batch(
+                    found, hits, listed, first, weights, depths, features, channels, normals, block,
+                    sums, shape_sums, template, sixteen,
+                )  # fmt: skip
+        first += count
+    return first, visits
 
 
 @njit(cache=True)
-def write_tile(tile_x, tile_y, channels, sums, median, listed, image, medians):
-    """Copy what is in the image from blocks to rows; ranks become surfels, -1 where there is none."""
-    height, width = medians.shape
-    for pixel in range(PIXELS):
-        block, lane = pixel // LANES, pixel % LANES
-        row = tile_y + block // 4 * BLOCK + lane // BLOCK
-        column = tile_x + block % 4 * BLOCK + lane % BLOCK
-        if row < height and column < width:
-            for channel in range(channels + MOMENTS):
-                place = (block * (channels + MOMENTS) + channel) * LANES + lane
-                image[row, column, channel] = sums[place]
-            rank = int(median[pixel])
-            medians[row, column] = listed[rank] if rank >= 0 else -1
+def draw_part(
+    part, parts, rows, bounds, start, listed, features, channels, template, sixteen, normals,
+    image, transmittance, masks, drawn, visits, shape,
+):  # fmt: skip
+    """Every so manyth tile."""
+    positions, staged = lane_positions(), np.empty(BATCH * COLUMNS, np.float32)
+    touching, hits = np.empty(8, np.uint64), np.empty(BATCH, np.int64)
+    weights, through = np.empty(BATCH * LANES, np.float32), np.empty(PIXELS, np.float32)
+    sums = np.empty(channels * PIXELS, np.float32)
+    depths, medians = floats_for(shape, BATCH * LANES), floats_for(shape, 2 * PIXELS)
+    shape_sums = floats_for(shape, SHAPE_SUMS * PIXELS)
+    columns = (image.shape[1] + TILE - 1) // TILE
+    for turn in range((start.size - 1 + parts - 1 - part) // parts):
+        tile = turn * parts + part
+        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
+        through[:] = 1
+        sums[:] = 0
+        if shape is not None:
+            shape_sums[:] = 0
+            clear_medians(medians)
+        first, past = start[tile], start[tile + 1]
+        stopped, visits[tile] = draw_tile(
+            tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
+            staged, touching, weights, depths, hits, sums, shape_sums, medians, through, masks,
+            template, sixteen,
+        )  # fmt: skip
+        drawn[tile] = stopped - first
+        write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image, transmittance)
+        if shape is not None:
+            write_shape(tile_x, tile_y, shape_sums, medians, shape)
 
 
 @njit(parallel=True, cache=True)
-def forward(coefficients, centres, features, channels, bounds, start, listed, image, medians, drawn):
+def forward(
+    rows, bounds, start, listed, features, channels, template, sixteen, normals, parts,
+    image, transmittance, masks, drawn, visits, shape,
+):  # fmt: skip
     """Draw all tiles.
 
     Args:
-        coefficients: float32, flat, ``COLUMNS`` a surfel.
-        centres: float64 ``(n, 2)``, of the projected discs, pixels.
+        rows: float32, flat, ``COLUMNS`` a surfel.
+        bounds: int32 ``(N, 4)``, pixels.
+        start: int32 ``(tiles + 1,)``, and
+        listed: int32 ``(pairs,)``: the lists of the tiles.
         features: float32, flat, ``channels`` a surfel.
-        channels: their number.
-        bounds: int32 ``(n, 4)``, pixels.
-        start: int64 ``(tiles + 1,)``, and
-        listed: int64 ``(pairs,)``: the lists of the tiles.
-        image: float32 ``(H, W, channels + MOMENTS)``, to be written.
-        medians: int64 ``(H, W)``, to be written: the surfel of the median depth, or -1.
-        drawn: int64 ``(tiles,)``, to be written: how many of a tile's list were looked at.
+        channels: their number, at least one.
+        template: a tuple as long as the last group of channels if that has fewer than ``GROUP``, else None.
+        sixteen: ``SIXTEEN`` if there are whole groups, else None.
+        normals: float32, flat, three a surfel, in the world; or None.
+        parts: how many tiles to draw at a time.
+        image: float32 ``(H, W, channels)``, to be written.
+        transmittance: float32 ``(H, W)``, to be written: what is left of the light from behind.
+        masks: uint16 ``(pairs,)``, to be written where drawn: the blocks that a surfel covers in a tile.
+        drawn: int32 ``(tiles,)``, to be written: how many of a tile's list were looked at.
+        visits: int32 ``(tiles,)``, to be written: how often a surfel was evaluated on a block.
+        shape: None, or what to write with the normals, see ``write_shape``.
     """
-    columns = (image.shape[1] + TILE - 1) // TILE
-    for tile in prange(start.size - 1):
-        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
-        positions = lane_positions()
-        transmittance = np.ones(PIXELS, np.float32)
-        median = np.full(PIXELS, -1, np.float32)
-        sums = np.zeros((channels + MOMENTS) * PIXELS, np.float32)
-        rank, past = 0, start[tile + 1] - start[tile]
-        while rank < past:
-            surfel = listed[start[tile] + rank]
-            left, right = block_range(bounds[surfel, 0], bounds[surfel, 1], tile_x)
-            top, bottom = block_range(bounds[surfel, 2], bounds[surfel, 3], tile_y)
-            centre_x = simd.broadcast(np.float32(centres[surfel, 0] - tile_x))
-            centre_y = simd.broadcast(np.float32(centres[surfel, 1] - tile_y))
-            for row in range(top, bottom):
-                y = simd.load(positions, (4 + row) * LANES) - centre_y
-                for column in range(left, right):
-                    x = simd.load(positions, column * LANES) - centre_x
-                    draw_block(
-                        coefficients, features, surfel, rank, channels, x, y, row * 4 + column,
-                        transmittance, sums, median,
-                    )  # fmt: skip
-            rank += 1
-            if rank % PATIENCE == 0 and is_opaque(transmittance):
-                past = rank
-        drawn[tile] = rank
-        write_tile(tile_x, tile_y, channels, sums, median, listed[start[tile] :], image, medians)
+    for part in prange(parts):
+        draw_part(
+            part, parts, rows, bounds, start, listed, features, channels, template, sixteen, normals,
+            image, transmittance, masks, drawn, visits, shape,
+        )  # fmt: skip

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The stages of the engine, one by one: what the differentiable rasteriser strings together, and a benchmark times.
+
+``project`` surfels, ``list_tiles``, ``draw``; then ``draw_backward`` and ``project_backward``.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import psutil
+from numba import get_num_threads
+
+from graycard import Camera, MethodError
+from graycard.methods.splat._backward import HEIGHTS, SPARE, backward
+from graycard.methods.splat._blocks import GROUP, LANES, SIXTEEN
+from graycard.methods.splat._coefficients import COLUMNS
+from graycard.methods.splat._forward import forward
+from graycard.methods.splat._project_backward import unproject
+from graycard.methods.splat._project_forward import project as project_kernel
+from graycard.methods.splat._tiles import TileLists, tile_lists, tiles_touched
+
+UNCHECKED = 2**26
+"""Bytes below which nobody asks whether there is as much memory."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn, as contiguous arrays of one floating dtype."""
+
+    centres: np.ndarray
+    """Shape ``(N, 3)``; this and the next three as in ``Surfels``."""
+    rotations: np.ndarray
+    scales: np.ndarray
+    opacities: np.ndarray
+    features: np.ndarray
+    """Shape ``(N, C)``, float32, C at least one."""
+    offsets: np.ndarray | None
+    """Shape ``(N, 2)``, pixels."""
+    camera: Camera
+    shaped: bool
+    """Whether normals, depths and distortion are drawn as well."""
+
+    @property
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """World to camera, K, and the inverse of K."""
+        K = np.ascontiguousarray(self.camera.K)
+        return self.camera.world_to_camera, K, np.linalg.inv(K)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+        return self.camera.height, self.camera.width
+
+    @property
+    def templates(self) -> tuple[tuple[int, ...] | None, tuple[int, ...] | None]:
+        """``template`` and ``sixteen`` of the kernels."""
+        channels = self.features.shape[1]
+        return (0,) * (channels % GROUP) or None, SIXTEEN if channels >= GROUP else None
+
+
+@dataclass(frozen=True)
+class Projected:
+    """What ``_project_forward.project`` writes, see there."""
+
+    rows: np.ndarray
+    bounds: np.ndarray
+    depths: np.ndarray
+    normals: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Lists:
+    """Which surfels touch which tiles."""
+
+    tiles: TileLists
+    slots: np.ndarray
+    """Shape ``(N + 1,)``, int64: where the pairs of each surfel begin, in an order of pairs by surfel."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Geometry that was drawn; the first four are maps."""
+
+    normal: np.ndarray
+    depth: np.ndarray
+    distortion: np.ndarray
+    median_depth: np.ndarray
+    moments: np.ndarray
+    """Shape ``(H, W, 4)``: sums of w, w z, w / z and w / z^2."""
+    ranks: np.ndarray
+    """Shape ``(H, W)``, int32: place in its tile's list of the surfel of the median depth, or -1."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What ``_forward.forward`` writes, see there."""
+
+    image: np.ndarray
+    transmittance: np.ndarray
+    masks: np.ndarray
+    drawn: np.ndarray
+    visits: np.ndarray
+    shape: Shape | None
+
+    @property
+    def forward_lanes(self) -> int:
+        """Pixels at which surfels were evaluated."""
+        return LANES * int(self.visits.sum())
+
+    def backward_lanes(self, lists: Lists) -> int:
+        """Pixels at which surfels are evaluated again, on the way back."""
+        ends = lists.tiles.start[:-1] + self.drawn
+        spans = zip(lists.tiles.start[:-1], ends, strict=True)
+        return LANES * sum(int(np.bitwise_count(self.masks[first:past]).sum()) for first, past in spans)
+
+
+@dataclass(frozen=True)
+class Slots:
+    """What ``_backward.backward`` writes, see there."""
+
+    geometry: np.ndarray
+    channels: np.ndarray | None
+    stride: int
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """Derivatives of the loss, shaped and typed as what they are of; features in float32."""
+
+    centres: np.ndarray
+    rotations: np.ndarray
+    scales: np.ndarray
+    opacities: np.ndarray
+    features: np.ndarray
+    offsets: np.ndarray | None
+
+
+def working_bytes(*stages: object) -> int:
+    """Memory of all arrays that the results of stages hold, nested ones included."""
+    total = 0
+    for stage in stages:
+        values = stage if isinstance(stage, tuple) else (getattr(stage, f.name) for f in fields(stage))  # type: ignore[arg-type]
+        for value in values:
+            if isinstance(value, np.ndarray):
+                total += value.nbytes
+            elif isinstance(value, TileLists | Shape):
+                total += working_bytes(value)
+    return total
+
+
+def project(scene: Scene) -> Projected:
+    """Prepare surfels for the pixels.
+
+    Raises:
+        MethodError: There is not enough memory.
+    """
+    count = len(scene.centres)
+    per_surfel = 4 * COLUMNS + 16 + 8 + 12 + 8 + 16
+    check_memory(per_surfel * count, f"{count} surfels")
+    result = Projected(
+        np.empty((count, COLUMNS), np.float32),
+        np.empty((count, 4), np.int32),
+        np.empty(count),
+        np.empty((count, 3), np.float32) if scene.shaped else None,
+    )
+    project_kernel(
+        scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
+        scene.camera.width, scene.camera.height, result.rows, result.bounds, result.depths, result.normals,
+    )  # fmt: skip
+    return result
+
+
+def list_tiles(scene: Scene, projected: Projected) -> Lists:
+    """Sort surfels by depth and hand them to the tiles.
+
+    Raises:
+        MethodError: There is not enough memory for the lists, the images and the way back.
+    """
+    slots = tiles_touched(projected.bounds)
+    pairs, channels = int(slots[-1]), scene.features.shape[1]
+    stride = _stride(scene)
+    images = scene.camera.width * scene.camera.height * 4 * (channels + 1 + (11 if scene.shaped else 0))
+    needed = pairs * (4 + 2 + 4 * LANES + 4 * stride) + images
+    check_memory(
+        needed, f"{pairs} pairs of surfels and tiles of {scene.camera.width} x {scene.camera.height} pixels"
+    )
+    return Lists(
+        tile_lists(projected.bounds, projected.depths, scene.camera.width, scene.camera.height), slots
+    )
+
+
+def check_memory(needed: int, of_what: str) -> None:
+    """Refuse what would not fit.
+
+    Raises:
+        MethodError: Less memory is available.
+    """
+    if needed < UNCHECKED:
+        return
+    available = psutil.virtual_memory().available
+    if needed > available:
+        raise MethodError(
+            f"expected {needed / 2**30:.1f} GiB of memory to draw {of_what}, got {available / 2**30:.1f} GiB "
+            "that are available: draw fewer or smaller surfels, or a smaller image"
+        )
+
+
+def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
+    """Draw the image."""
+    size, tiles = scene.size, lists.tiles.start.size - 1
+    result = Drawn(
+        np.empty((*size, scene.features.shape[1]), np.float32),
+        np.empty(size, np.float32),
+        np.empty(lists.tiles.surfels.size, np.uint16),
+        np.empty(tiles, np.int32),
+        np.empty(tiles, np.int32),
+        _empty_shape(size) if scene.shaped else None,
+    )
+    forward(
+        projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
+        get_num_threads(), result.image, result.transmittance, result.masks, result.drawn, result.visits,
+        None if result.shape is None else _arrays(result.shape),
+    )  # fmt: skip
+    return result
+
+
+def draw_backward(
+    scene: Scene, projected: Projected, lists: Lists, drawn: Drawn,
+    to_image: np.ndarray, to_transmittance: np.ndarray, to_shape: tuple[np.ndarray, ...] | None,
+) -> Slots:  # fmt: skip
+    """Gradients of the pairs of surfels and tiles, from those of the image.
+
+    Args:
+        scene: What was drawn.
+        projected: as ``project`` gave it.
+        lists: as ``list_tiles`` gave it.
+        drawn: as ``draw`` gave it.
+        to_image: float32, of ``drawn.image``.
+        to_transmittance: float32, of ``drawn.transmittance``.
+        to_shape: float32, of normal, depth, distortion and median depth if they were drawn.
+    """
+    pairs, stride = lists.tiles.surfels.size, _stride(scene)
+    result = Slots(
+        np.empty((pairs, LANES), np.float32),
+        np.empty((pairs, stride), np.float32) if stride else None,
+        stride,
+    )
+    shape = None
+    if drawn.shape is not None and to_shape is not None:
+        shape = (drawn.shape.normal, drawn.shape.moments, drawn.shape.ranks, *to_shape)
+    narrow = None if stride else scene.templates[0]
+    backward(
+        projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
+        *_channels(scene, projected), get_num_threads(), narrow, narrow or HEIGHTS, drawn.image,
+        drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1), _flat(result.channels), stride,
+    )  # fmt: skip
+    return result
+
+
+def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Slots) -> Gradients:
+    """Gradients of the surfels from those of the pairs."""
+    result = Gradients(
+        np.empty_like(scene.centres),
+        np.empty_like(scene.rotations),
+        np.empty_like(scene.scales),
+        np.empty_like(scene.opacities),
+        np.empty_like(scene.features),
+        None if scene.offsets is None else np.empty_like(scene.offsets),
+    )
+    unproject(
+        scene.centres, scene.rotations, scene.scales, scene.opacities, *scene.matrices, projected.rows,
+        lists.slots, slots.geometry.reshape(-1), _flat(slots.channels), slots.stride, scene.shaped,
+        *_arrays(result),
+    )  # fmt: skip
+    return result
+
+
+def _arrays(result: Shape | Gradients) -> tuple[Any, ...]:
+    return tuple(getattr(result, field.name) for field in fields(result))
+
+
+def _flat(values: np.ndarray | None) -> np.ndarray | None:
+    return None if values is None else values.reshape(-1)
+
+
+def _channels(scene: Scene, projected: Projected) -> tuple[Any, ...]:
+    """``features`` to ``normals`` of the kernels' arguments."""
+    return scene.features.reshape(-1), scene.features.shape[1], *scene.templates, _flat(projected.normals)
+
+
+def _stride(scene: Scene) -> int:
+    """Floats of a pair's channels and normals if they have slots of their own, else 0."""
+    channels = scene.features.shape[1] + (3 if scene.shaped else 0)
+    return -(-channels // LANES) * LANES if channels > SPARE or scene.shaped else 0
+
+
+def _empty_shape(size: tuple[int, int]) -> Shape:
+    images = [np.empty((*size, 3), np.float32), *(np.empty(size, np.float32) for _ in range(3))]
+    return Shape(*images, np.empty((*size, 4), np.float32), np.empty(size, np.int32))
