@@ -4,21 +4,27 @@
 A few dozen sparse points leave most of a small picture without a surfel that a gradient could reach.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import median_filter, uniform_filter
 from scipy.spatial import QhullError
 
-from graycard import Camera, Capture, Points
+from graycard import Camera, Capture, MethodError, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import encode
-from graycard.methods.surfels._sweep import SweptDepth, SweptView, sweep_depths
+from graycard.methods.surfels._sweep import SweptDepth, SweptView, depth_ratio, sweep_depths
 
 MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
 MARGIN = 1.6
 """How far the depths that are looked at go beyond those of the points of a view, as a factor."""
+FAR = 0.95
+"""Quantile of all known depths that counts as far."""
+HIDES = 0.05
+"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
 SMOOTH = 5
 """Pixels on each side of the windows whose median depth is taken."""
 FLAT = 9
@@ -50,13 +56,8 @@ def surfels_between(capture: Capture, points: Points, count: int, opacity: float
         SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), float(z.max() * MARGIN))
         for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
     ]
-    parts = [
-        _grid(view.camera, swept, image, each, opacity)
-        for view, swept, image in zip(views, sweep_depths(views), shown, strict=True)
-        if swept.sure.any()
-    ]
-    if not parts:
-        return None
+    depths = dense_depths(cameras, sweep_depths(views))
+    parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
@@ -93,32 +94,53 @@ def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarr
     return pixels[inside], depths[inside]
 
 
-def _grid(camera: Camera, swept: SweptDepth, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
+def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list[np.ndarray]:
+    """z-depth of every pixel of each view, shape ``(H, W)``, metres.
+
+    Where stereo is not sure the farther counts of what it says and what lies between the sure places; and
+    what would stand in front of what another view is sure of is far away. For a surfel that is too far
+    hides nothing in other views, one that is too near hides what is right.
+
+    Raises:
+        MethodError: Stereo is sure of nothing.
+    """
+    sure = [np.where(one.sure, one.depth, np.nan) for one in swept]
+    if not any(one.sure.any() for one in swept):
+        raise MethodError(
+            "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
+            "begin with the sparse points alone"
+        )
+    far = float(np.nanquantile(np.concatenate([depth.ravel() for depth in sure]), FAR))
+    dense = []
+    for camera, one, known in zip(cameras, swept, sure, strict=True):
+        depth = np.where(one.sure, known, _guess(one))
+        others = [(c, d) for c, d in zip(cameras, sure, strict=True) if c is not camera]
+        hides = [depth_ratio(camera, depth, *other) < 1 - HIDES for other in others]
+        wrong = ~one.sure & (np.any(hides, axis=0) | ~np.isfinite(depth))
+        dense.append(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest"))
+    return dense
+
+
+def _guess(swept: SweptDepth) -> np.ndarray:
+    """Depth where stereo is not sure; NaN where it says nothing."""
+    row, column = np.nonzero(swept.sure)
+    if len(row) == 0:
+        return swept.depth
+    places = np.stack([column, row], axis=1) + 0.5
+    return np.maximum(swept.depth, filled_depth(places, swept.depth[row, column], swept.depth.shape))
+
+
+def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
     """Discs at the middles of square blocks of pixels, half as wide as the blocks."""
-    block = max(1, round(np.sqrt(swept.depth.size / count)))
-    row, column = (
-        a.ravel() for a in np.mgrid[block // 2 : camera.height : block, block // 2 : camera.width : block]
-    )
-    dense = _dense(swept)
-    rays = camera.rays()[row, column]
-    positions = camera.position + rays * (dense[row, column] / (rays @ camera.forward))[:, None]
-    flat = 1 / uniform_filter(1 / dense, FLAT, mode="nearest")  # slopes need a wider look than depths
+    block = max(1, round(np.sqrt(depth.size / count)))
+    at = np.mgrid[block // 2 : camera.height : block, block // 2 : camera.width : block]
+    row, column = (places.ravel() for places in at)
+    rays, z = camera.rays()[row, column], depth[row, column]
+    positions = camera.position + rays * (z / (rays @ camera.forward))[:, None]
+    flat = 1 / uniform_filter(1 / depth, FLAT, mode="nearest")  # slopes need a wider look than depths
     normals = depth_to_normals(torch.from_numpy(flat), camera).numpy()[row, column]
     normals = np.where(np.abs(normals).sum(axis=1, keepdims=True) > 0, normals, -rays)
-    scales = 0.5 * block * dense[row, column] / camera.K[0, 0]
+    scales = 0.5 * block * z / camera.K[0, 0]
     values = positions, rotations_to(normals), np.stack([scales, scales], axis=1)
     geometry = (torch.from_numpy(np.ascontiguousarray(value, dtype=np.float32)) for value in values)
     return Surfels(*geometry, torch.full((len(row),), opacity), shown[row, column])
-
-
-def _dense(swept: SweptDepth) -> np.ndarray:
-    """Depth without what stands out from its surroundings.
-
-    Where stereo is not sure the farther counts of what it says and what lies between the sure places: a
-    surfel that is too far hides nothing in other views, one that is too near hides what is right.
-    """
-    row, column = np.nonzero(swept.sure)
-    places = np.stack([column, row], axis=1) + 0.5
-    between = filled_depth(places, swept.depth[row, column], swept.depth.shape)
-    depth = np.where(swept.sure, swept.depth, np.maximum(swept.depth, between))
-    return median_filter(depth, SMOOTH, mode="nearest")

@@ -149,13 +149,25 @@ def _lowest(cost: np.ndarray, inverse: np.ndarray) -> np.ndarray:
 
 def _agreed(camera: Camera, depth: np.ndarray, others: Sequence[tuple[Camera, np.ndarray]]) -> np.ndarray:
     """Where enough other views have about the same depth for the same point, shape ``(H, W)``, bool."""
+    agree = [np.abs(depth_ratio(camera, depth, *other) - 1) < AGREEMENT for other in others]
+    return np.sum(agree, axis=0, initial=0) >= max(1, min(WITNESSES, len(others)))
+
+
+def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndarray) -> np.ndarray:
+    """How far the points of a view are from another one, in shares of what that one sees in their place.
+
+    Args:
+        camera: Of the view.
+        depth: shape ``(H, W)``, its z-depth, metres.
+        other: The other camera.
+        there: shape ``(H', W')``, z-depth of the other view.
+
+    Returns:
+        Shape ``(H, W)``; below 1 in front of what the other sees; NaN outside its image.
+    """
     rays = camera.rays() / (camera.rays() @ camera.forward)[..., None]
-    points = camera.position + rays * depth[..., None]
-    agrees = np.zeros(depth.shape, int)
-    for other, seen in others:
-        pixels, z = other.project(points)
-        column, row = np.floor(pixels).astype(np.int64).transpose(2, 0, 1)
-        inside = (z > 0) & (column >= 0) & (column < other.width) & (row >= 0) & (row < other.height)
-        there = seen[row.clip(0, other.height - 1), column.clip(0, other.width - 1)]
-        agrees += inside & (np.abs(z / there - 1) < AGREEMENT)
-    return agrees >= max(1, min(WITNESSES, len(others)))
+    pixels, z = other.project(camera.position + rays * depth[..., None])
+    pixels = np.where(np.isfinite(pixels), pixels, -1)
+    inside = (z > 0) & (pixels >= 0).all(axis=-1) & (pixels < [other.width, other.height]).all(axis=-1)
+    column, row = np.where(inside[..., None], pixels, 0).astype(np.int64).transpose(2, 0, 1)
+    return np.where(inside, z / there[row, column], np.nan)
