@@ -39,9 +39,9 @@ def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Param
         )
     between = surfels_between(capture, points, round(settings.fill * settings.surfels), OPACITY)
     if between is not None:
-        return _with_colours(between, settings)
+        return with_colours(between, settings)
     toward = _toward_cameras(capture, points)
-    return _with_colours(surfels_from_points(points.positions, toward, points.colors / 255.0), settings)
+    return with_colours(surfels_from_points(points.positions, toward, points.colors / 255.0), settings)
 
 
 def _toward_cameras(capture: Capture, points: Points) -> np.ndarray:
@@ -66,7 +66,7 @@ def oracle_start(capture: Capture, priors: Priors, settings: SurfelSettings, see
     if len(points) < FEWEST:
         raise MethodError(f"expected views that see surfaces, got {len(points)} pixels with a finite depth")
     discs = surfels_on_surface(points, normals, colours, settings.surfels, seed, sizes=sizes)
-    return _with_colours(discs, settings)
+    return with_colours(discs, settings)
 
 
 def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.ndarray, ...]:
@@ -82,8 +82,8 @@ def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.nd
     return points, normal[seen] / lengths[seen, None], shown[seen], distance
 
 
-def _with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
-    """Parameters whose colours are the same from everywhere, under a sky without light."""
+def with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
+    """Parameters whose colours are the features, encoded, from everywhere; under a black sky."""
     count = len(discs)
     base = (discs.features[:, None] - 0.5) / (0.5 / np.sqrt(np.pi))
     detail = torch.zeros(count, coefficient_count(settings.degree) - 1, 3)

@@ -14,7 +14,8 @@ from graycard import methods
 from graycard.methods import splat
 from graycard.methods.surfels import SurfelScene
 
-QUICK = {"iterations": 60, "surfels": 400, "degree": 1}
+QUICK = {"iterations": 60, "surfels": 400, "degree": 1, "fill": 0.0}
+"""The sparse points alone: there are many of them here."""
 
 
 def captured(scene: Path, spacing: int = 3) -> gc.Capture:
@@ -94,7 +95,7 @@ def test_a_fit_sees_the_scene(scene: Path):
     """Far better than the mean colour, on views that it was not shown too; near the true surfaces."""
     gray = methods.load_method("gray")
     flat = gray.fit(captured(scene), methods.Priors(), methods.settings_of(gray, {}), 0, gc.silent)
-    found = fitted("2dgs", scene, iterations=150)
+    found = fitted("2dgs", scene, iterations=200)
     for split in ("train", "test"):
         assert display_psnr(scene, found, split) > 6 + display_psnr(scene, flat, split)  # pyright: ignore
     truth = gc.open_truth(scene / "truth", check=False)
@@ -104,6 +105,18 @@ def test_a_fit_sees_the_scene(scene: Path):
     assert np.median(np.abs(drawn["depth"][seen] / layers["depth"][seen] - 1)) < 0.05
     angle = np.degrees(np.arccos(np.clip((drawn["normal"] * layers["normal"])[seen].sum(-1), -1, 1)))
     assert np.median(angle) < 25
+
+
+def test_a_fit_begins_where_stereo_finds_depth(scene: Path):
+    """As many surfels as asked for, on a grid of the photographs, near the true surfaces."""
+    start = fitted("2dgs", scene, iterations=1, fill=0.8)
+    assert 250 < len(start.parameters) <= 400
+    truth = gc.open_truth(scene / "truth", check=False)
+    for view in truth.views:
+        layers, drawn = truth.layers(view), start.render(view.camera, ["depth"])["depth"]
+        seen = (layers["object_id"] > 0) & np.isfinite(drawn)
+        assert seen.sum() > 0.7 * (layers["object_id"] > 0).sum()
+        assert np.median(np.abs(drawn[seen] / layers["depth"][seen] - 1)) < 0.1
 
 
 def test_the_oracle_begins_on_the_surface_and_stays_if_frozen(scene: Path):

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 import graycard as gc
-from graycard.methods.surfels._fill import filled_depth
-from graycard.methods.surfels._sweep import SweptView, sweep_depths
+from graycard.methods.surfels._fill import dense_depths, filled_depth
+from graycard.methods.surfels._sweep import SweptDepth, SweptView, sweep_depths
 
 SIZE = 48
 
@@ -94,3 +94,36 @@ def test_between_points_of_a_plane_lies_the_plane():
     np.testing.assert_allclose(one, depths[0])
     line = filled_depth(corners[[0, 3]], depths[[0, 3]], (8, 10))
     assert set(np.unique(line)) <= set(depths[[0, 3]])
+
+
+def test_nothing_stands_before_what_another_view_is_sure_of():
+    """One view takes a part of the plane for something near, is not sure, and is overruled."""
+    views, true = views_of(tilted_plane)
+    cameras = [view.camera for view in views]
+    sure = np.ones((SIZE, SIZE), bool)
+    swept = [SweptDepth(depth, sure) for depth in true]
+    near, doubt = true[2].copy(), sure.copy()
+    near[20:30, 20:30], doubt[20:30, 20:30] = 0.9, False
+    nearer, unsure = dense_depths(cameras, [*swept[:2], SweptDepth(near, doubt), *swept[3:]]), near < 1
+    assert nearer[2][unsure].min() > 1.2
+    np.testing.assert_allclose(nearer[2][35:, 35:], true[2][35:, 35:], rtol=0.02)
+    np.testing.assert_allclose(nearer[0], true[0], rtol=0.02)
+
+
+def test_where_stereo_is_not_sure_the_farther_guess_counts():
+    views, true = views_of(tilted_plane)
+    sure = np.ones((SIZE, SIZE), bool)
+    sure[20:30, 20:30] = False
+    far = np.where(sure, true[2], 9.0)
+    found = dense_depths([views[2].camera], [SweptDepth(far, sure)])[0]
+    assert found[22:28, 22:28].min() == 9
+    near = np.where(sure, true[2], 0.5)
+    found = dense_depths([views[2].camera], [SweptDepth(near, sure)])[0]
+    np.testing.assert_allclose(found, true[2], rtol=0.02)
+
+
+def test_photographs_of_nothing_in_common():
+    views, true = views_of(tilted_plane)
+    lost = [SweptDepth(depth, np.zeros((SIZE, SIZE), bool)) for depth in true]
+    with pytest.raises(gc.MethodError, match="none on which two agree. Set fill to 0"):
+        dense_depths([view.camera for view in views], lost)
