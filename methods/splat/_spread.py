@@ -51,8 +51,8 @@ def spacing(points: np.ndarray) -> np.ndarray:
 
 def _first_radius(tree: KDTree, some: np.ndarray, sizes: np.ndarray, share: float) -> float:
     """About the distance within which lie as many points as one chosen stands for."""
-    distances, _ = tree.query(some, k=[int(np.ceil(share)) + 1])
-    return max(float(np.median(distances[:, 0] / sizes)), np.finfo(np.float32).tiny)
+    distances, _ = tree.query(some, k=int(np.ceil(share)) + 1)
+    return max(float(np.median(distances[:, -1] / sizes)), float(np.finfo(np.float32).tiny))
 
 
 def _throw_darts(tree: KDTree, order: np.ndarray, radii: np.ndarray) -> np.ndarray:
@@ -69,7 +69,8 @@ def _without_crowded(points: np.ndarray, chosen: np.ndarray, sizes: np.ndarray, 
     """Drop those with the nearest neighbours, but never both of two neighbours."""
     if surplus == 0:
         return chosen
-    distances, nearest = KDTree(points[chosen]).query(points[chosen], k=2)
+    found = KDTree(points[chosen]).query(points[chosen], k=2)
+    distances, nearest = np.asarray(found[0]), np.asarray(found[1])
     gone: set[int] = set()
     for point in np.argsort(distances[:, 1] / sizes, kind="stable"):
         if len(gone) < surplus and int(nearest[point, 1]) not in gone:

@@ -141,6 +141,8 @@ def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, op
     normals = depth_to_normals(torch.from_numpy(flat), camera).numpy()[row, column]
     normals = np.where(np.abs(normals).sum(axis=1, keepdims=True) > 0, normals, -rays)
     scales = 0.5 * block * z / camera.K[0, 0]
-    values = positions, rotations_to(normals), np.stack([scales, scales], axis=1)
-    geometry = (torch.from_numpy(np.ascontiguousarray(value, dtype=np.float32)) for value in values)
-    return Surfels(*geometry, torch.full((len(row),), opacity), shown[row, column])
+    centres, turns, sizes = (
+        torch.from_numpy(np.ascontiguousarray(value, dtype=np.float32))
+        for value in (positions, rotations_to(normals), np.stack([scales, scales], axis=1))
+    )
+    return Surfels(centres, turns, sizes, torch.full((len(row),), opacity), shown[row, column])

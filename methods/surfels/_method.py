@@ -46,6 +46,7 @@ class SurfelMethod:
         Raises:
             MethodError: There are too few sparse points, or the fit has no way on.
         """
+        check_places(capture)
         rules = DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=settings.surfels)
         start = sparse_start(capture, settings, seed)
         return fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
@@ -78,6 +79,7 @@ class OracleSurfelMethod:
         Raises:
             MethodError: Depth or normals were not handed in, or the fit has no way on.
         """
+        check_places(capture)
         start = oracle_start(capture, priors, settings, seed)
         return fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
 
@@ -106,16 +108,24 @@ def fit_surfels(
         MethodError: The fit has no way on, or its checkpoint is of another one.
     """
     extent = scene_extent([view.camera for view in capture.train])
-    if extent == 0:
-        raise MethodError(
-            f"expected training views from different places in {capture.scene}, got all from one. "
-            "Depth is not to be seen from one place"
-        )
     views = photographs(capture, settings)
     rates = learning_rates(extent, settings)
     plan = Plan(settings.iterations, rates, extent, rules, _checkpoint(method, settings, seed, views))
     state = train(initial_state(start, seed), plan, Objective(views, settings, seed), progress)
     return SurfelScene(method, state.parameters, capture.exposure)
+
+
+def check_places(capture: Capture) -> None:
+    """Refuse a capture in which nothing moves.
+
+    Raises:
+        MethodError: All training views are taken from one place.
+    """
+    if scene_extent([view.camera for view in capture.train]) == 0:
+        raise MethodError(
+            f"expected training views from different places in {capture.scene}, got all from one. "
+            "Depth is not to be seen from one place"
+        )
 
 
 def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:

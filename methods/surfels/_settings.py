@@ -13,20 +13,22 @@ class SurfelSettings:
     iterations: int = 1000
     surfels: int = 5000
     """No more than these."""
-    fill: float = 0.6
-    """Share of ``surfels`` that begin on the planes between the sparse points; 0: those on the points
-    alone, as in the paper."""
-    degree: int = 2
-    """Of the spherical harmonics of each surfel's colour, 0 to 3."""
+    fill: float = 0.75
+    """Share of ``surfels`` that begin where stereo finds depth; 0: on the sparse points alone, as in the
+    paper, whose captures have many more views and points."""
+    degree: int = 1
+    """Of the spherical harmonics of each surfel's colour, 0 to 3; three have more numbers than a dozen views
+    can tell."""
     sky_degree: int = 0
     """Of those of what is seen past all surfels, 0 to 3."""
     ssim_share: float = 0.2
     """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
     cover_weight: float = 0.05
     """Of what shines through all surfels: photographs show surfaces nearly everywhere."""
-    normal_weight: float = 0.05
-    """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024)."""
-    normal_start: float = 7 / 30
+    normal_weight: float = 0.1
+    """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024: 0.05, and from
+    7/30 on; a short fit of few views wants it stronger and sooner)."""
+    normal_start: float = 0.1
     distortion_weight: float = 100.0
     """Of the spread of surfels along rays (Huang et al. 2024, for scenes without bounds)."""
     distortion_start: float = 0.1
@@ -39,12 +41,14 @@ class SurfelSettings:
             raise ValueError(
                 f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
             )
+        if not 0 <= self.fill <= 1:
+            raise ValueError(f"expected a share of surfels in [0, 1] to begin by stereo, got {self.fill}")
         coefficient_count(self.degree)
         coefficient_count(self.sky_degree)
         if not 0 <= self.ssim_share <= 1:
             raise ValueError(f"expected a share of SSIM in [0, 1], got {self.ssim_share}")
         weights = (self.normal_weight, self.normal_start, self.distortion_weight, self.distortion_start)
-        if not all(weight >= 0 for weight in weights):
+        if not all(weight >= 0 for weight in (*weights, self.cover_weight)):
             raise ValueError(f"expected weights and starts of 0 or more, got {weights}")
 
 

@@ -20,9 +20,8 @@ QUICK = {"iterations": 60, "surfels": 400, "degree": 1, "fill": 0.0}
 
 def captured(scene: Path, spacing: int = 3) -> gc.Capture:
     """The capture with sparse points, here of every third pixel that sees something."""
-    capture, truth = (
-        o(scene / part, check=False) for o, part in ((gc.open_capture, "capture"), (gc.open_truth, "truth"))
-    )
+    capture = gc.open_capture(scene / "capture", check=False)
+    truth = gc.open_truth(scene / "truth", check=False)
     found = []
     for number, view in enumerate(capture.views):
         if view.split == "train":
@@ -55,7 +54,7 @@ def fitted(name: str, scene: Path, seed: int = 0, **settings: object) -> SurfelS
     return found
 
 
-def display_psnr(scene: Path, found: SurfelScene, split: str) -> float:
+def display_psnr(scene: Path, found: methods.Decomposition, split: str) -> float:
     truth = gc.open_truth(scene / "truth", check=False)
     errors = []
     for view in truth.views:
@@ -88,7 +87,7 @@ def test_each_follows_the_contract(name: str, scene: Path):
         np.testing.assert_allclose(np.linalg.norm(layers["normal"], axis=-1), 1, atol=1e-5)
         assert layers["radiance"].min() >= 0
     with pytest.raises(gc.MethodError, match="expected layers out of"):
-        found.render(view.camera, ["albedo"])
+        found.render(gc.open_truth(scene / "truth", check=False).views[0].camera, ["albedo"])
 
 
 def test_a_fit_sees_the_scene(scene: Path):
@@ -97,14 +96,17 @@ def test_a_fit_sees_the_scene(scene: Path):
     flat = gray.fit(captured(scene), methods.Priors(), methods.settings_of(gray, {}), 0, gc.silent)
     found = fitted("2dgs", scene, iterations=200)
     for split in ("train", "test"):
-        assert display_psnr(scene, found, split) > 6 + display_psnr(scene, flat, split)  # pyright: ignore
+        assert display_psnr(scene, found, split) > 6 + display_psnr(scene, flat, split)
     truth = gc.open_truth(scene / "truth", check=False)
     view = next(v for v in truth.views if v.split == "test")
     layers, drawn = truth.layers(view), found.render(view.camera, ["depth", "normal"])
     seen = layers["object_id"] > 0
     assert np.median(np.abs(drawn["depth"][seen] / layers["depth"][seen] - 1)) < 0.05
-    angle = np.degrees(np.arccos(np.clip((drawn["normal"] * layers["normal"])[seen].sum(-1), -1, 1)))
-    assert np.median(angle) < 25
+    angles = [
+        np.degrees(np.arccos(np.clip((normal * layers["normal"])[seen].sum(-1), -1, 1)))
+        for normal in (drawn["normal"], -view.camera.rays())
+    ]
+    assert np.median(angles[0]) < 0.8 * np.median(angles[1])  # than if all faced the camera
 
 
 def test_a_fit_begins_where_stereo_finds_depth(scene: Path):
@@ -116,7 +118,7 @@ def test_a_fit_begins_where_stereo_finds_depth(scene: Path):
         layers, drawn = truth.layers(view), start.render(view.camera, ["depth"])["depth"]
         seen = (layers["object_id"] > 0) & np.isfinite(drawn)
         assert seen.sum() > 0.7 * (layers["object_id"] > 0).sum()
-        assert np.median(np.abs(drawn[seen] / layers["depth"][seen] - 1)) < 0.1
+        assert np.median(np.abs(drawn[seen] / layers["depth"][seen] - 1)) < 0.2
 
 
 def test_the_oracle_begins_on_the_surface_and_stays_if_frozen(scene: Path):
@@ -219,6 +221,7 @@ def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
     [
         ({"iterations": 0}, "1 or more iterations"),
         ({"surfels": 1}, "2 or more surfels"),
+        ({"fill": 1.5}, r"share of surfels in \[0, 1\] to begin by stereo"),
         ({"degree": 4}, "a degree of 0 to 3, got 4"),
         ({"ssim_share": 1.5}, r"share of SSIM in \[0, 1\]"),
         ({"normal_weight": -1.0}, "weights and starts of 0 or more"),

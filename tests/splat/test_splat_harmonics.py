@@ -92,7 +92,7 @@ def test_the_kernel_is_the_definition(degree: int):
     wanted = torch.autograd.grad((expected * weight).sum(), [coefficients, centres])
     for dtype, tolerance in ((torch.float64, 1e-12), (torch.float32, 3e-6)):
         inputs = [values.detach().to(dtype).requires_grad_() for values in (coefficients, centres)]
-        found = splat.spherical_harmonics_colours(*inputs, EYE, degree)
+        found = splat.spherical_harmonics_colours(inputs[0], inputs[1], EYE, degree)
         assert found.dtype == dtype
         torch.testing.assert_close(found.double(), expected, rtol=tolerance, atol=tolerance)
         gradients = torch.autograd.grad((found * weight.to(dtype)).sum(), inputs)
