@@ -20,6 +20,10 @@ from graycard.methods.surfels import (
 )
 
 
+STILL = 1e-9
+"""Factor of all learning rates: the same step is taken again and again, and the cloud must not change by it."""
+
+
 @dataclass(frozen=True, slots=True)
 class StepCost:
     """The time of one stage of a training step, or of the whole."""
@@ -56,7 +60,8 @@ def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, Plan, 
     target = torch.rand(workload.size, workload.size, 3, generator=torch.Generator().manual_seed(0))
     view = Photograph(camera, target, sky_basis(camera, settings.sky_degree))
     state = initial_state(with_colours(engine_surfels(workload), settings), 0)
-    plan = Plan(settings.iterations, learning_rates(1.0, settings), 1.0)
+    still = {name: rate.times(STILL) for name, rate in learning_rates(1.0, settings).items()}
+    plan = Plan(settings.iterations, still, 1.0)
     return replace(state, step=settings.iterations - 1), plan, Objective([view], settings, 0)
 
 

@@ -52,7 +52,9 @@ def test_nothing_shines_through(shape: str, origin: tuple[float, float, float], 
     inside = silhouette(camera, shape, 0.9)  # at the rim of a plane there are no discs beyond
     assert inside.sum() > 150
     assert alpha[inside].min() > 0.99
-    reach = 3.4 * float(surfels.scales.max()) + 0.15  # a disc falls below 1/255; three pixels of low-pass
+    reach = (
+        3.4 * float(surfels.scales.max()) + 0.25
+    )  # a disc falls below 1/255; pixels of low-pass, seen at a slant
     assert alpha[~silhouette(camera, shape, 1 + reach)].max(initial=0) < 0.01
 
 
