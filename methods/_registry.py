@@ -28,6 +28,8 @@ BUILT_IN = {
     "gray": "graycard.methods._gray:GrayMethod",
     "input": "graycard.methods._input:InputMethod",
     "retinex": "graycard.methods._retinex:RetinexMethod",
+    "2dgs": "graycard.methods.surfels:SurfelMethod",
+    "2dgs-oracle": "graycard.methods.surfels:OracleSurfelMethod",
 }
 
 RESERVED = ("seed", "out", "save")
@@ -118,8 +120,11 @@ def fingerprint(name: str) -> str:
         return origin(point)
     source = Path(spec.origin)
     in_package = "." in point.module or spec.submodule_search_locations is not None
+    code = source.parent if in_package else source
+    ours = Path(__file__).parent  # our own stand on the engine, which is a package beside theirs
+    code = ours if code.resolve().is_relative_to(ours.resolve()) else code
     vocabulary = sorted(Path(graycard.__file__).parent.glob("*.py"))
-    return f"{origin(point)} {sources_hash(source.parent if in_package else source, *vocabulary)}"
+    return f"{origin(point)} {sources_hash(code, *vocabulary)}"
 
 
 def origin(point: EntryPoint) -> str:

@@ -3,12 +3,9 @@
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 
+from graycard.methods.splat._spread import spacing
 from graycard.methods.splat._surfels import Surfels
-
-NEIGHBOURS = 3
-"""Whose mean distance sets a disc's size, as in 3D Gaussian Splatting."""
 
 
 def surfels_from_points(
@@ -40,7 +37,7 @@ def surfels_from_points(
         )
     if not np.isfinite(points).all():
         raise ValueError("expected finite points, got NaN or infinity")
-    scale = np.maximum(_neighbour_distance(points), smallest_scale)
+    scale = np.maximum(spacing(points), smallest_scale)
     return Surfels(
         centres=_float32(points),
         rotations=_float32(rotations_to(normals)),
@@ -69,13 +66,6 @@ def rotations_to(normals: np.ndarray) -> np.ndarray:
     halfway = np.stack([1 + z, -y, x, np.zeros_like(z)], axis=1)
     halfway[z < -1 + 1e-12] = (0, 1, 0, 0)
     return halfway / np.linalg.norm(halfway, axis=1, keepdims=True)
-
-
-def _neighbour_distance(points: np.ndarray) -> np.ndarray:
-    """Root mean squared distance to the nearest neighbours; a point is its own nearest."""
-    count = min(NEIGHBOURS, len(points) - 1)
-    distances, _ = KDTree(points).query(points, k=count + 1)
-    return np.sqrt((distances[:, 1:] ** 2).mean(axis=1))
 
 
 def _float32(values: np.ndarray) -> torch.Tensor:

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A fit that was cut off goes on where it stopped, and ends with the same bits."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save
+
+from graycard import MethodError, write_bytes
+from graycard.methods.splat._optimise import FitState, Moments, Screen
+from graycard.methods.splat._parameters import Parameters
+
+FORMAT = {"format": "graycard-fit", "version": "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Where a fit is saved, and how often.
+
+    Raises:
+        ValueError: The interval is not positive.
+    """
+
+    path: Path
+    every: int
+    """Steps."""
+    identity: str
+    """Says what the fit depends on: settings, seed, photographs. A state of another one is refused."""
+
+    def __post_init__(self) -> None:
+        if self.every < 1:
+            raise ValueError(f"expected a checkpoint every 1 or more steps, got {self.every}")
+
+
+def save_state(checkpoint: Checkpoint, state: FitState) -> None:
+    """Write the whole state as one safetensors file with JSON in its header, whole or not at all.
+
+    Raises:
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    facts = json.dumps({"step": state.step, "identity": checkpoint.identity})
+    tensors = {name: values.contiguous() for name, values in _flat(state).items()}
+    write_bytes(checkpoint.path, save(tensors, metadata={**FORMAT, "fit": facts}))
+
+
+def load_state(checkpoint: Checkpoint) -> FitState | None:
+    """The state that was saved last; None if there is no file.
+
+    Raises:
+        MethodError: The file is damaged, or is of another fit.
+    """
+    if not checkpoint.path.exists():
+        return None
+    try:
+        with safe_open(checkpoint.path, framework="pt") as file:
+            metadata = dict(file.metadata() or {})
+            # Copies: kernels may round differently on memory that is aligned differently.
+            tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
+        facts = json.loads(metadata.pop("fit", "{}"))
+        if metadata != FORMAT:
+            raise ValueError(f"metadata {json.dumps(metadata)}")
+        state = _unflat(facts["step"], tensors)
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as cause:
+        raise MethodError(
+            f"expected a saved fit in {checkpoint.path}, got: {cause}. Delete it to begin anew"
+        ) from cause
+    if facts["identity"] != checkpoint.identity:
+        raise MethodError(
+            f"expected {checkpoint.path} to hold a fit of these photographs with these settings and seed, "
+            "got one of others. Delete it to begin anew, or name another file"
+        )
+    return state
+
+
+def _flat(state: FitState) -> dict[str, torch.Tensor]:
+    parameters = state.parameters
+    found = {f"surfels/{name}": values for name, values in parameters.surfels.items()}
+    found |= {f"shared/{name}": values for name, values in parameters.shared.items()}
+    for name, moments in state.moments.items():
+        found |= {f"{part.name}/{name}": getattr(moments, part.name) for part in fields(Moments)}
+    found |= {f"screen/{part.name}": getattr(state.screen, part.name) for part in fields(Screen)}
+    return found | {"random/state": state.random}
+
+
+def _unflat(step: int, tensors: Mapping[str, torch.Tensor]) -> FitState:
+    parts: dict[str, dict[str, Any]] = {}
+    for key, values in tensors.items():
+        part, _, name = key.partition("/")
+        parts.setdefault(part, {})[name] = values
+    moments = {
+        name: Moments(first, parts["second"][name], parts["steps"][name])
+        for name, first in parts["first"].items()
+    }
+    parameters = Parameters(parts["surfels"], parts.get("shared", {}))
+    return FitState(step, parameters, moments, Screen(**parts["screen"]), parts["random"]["state"])

@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``2dgs``: surfels whose colours change with the view, fitted to photographs and nothing else."""
+
+from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
+from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
+from graycard.methods.surfels._method import learning_rates as learning_rates
+from graycard.methods.surfels._objective import Objective as Objective
+from graycard.methods.surfels._objective import Photograph as Photograph
+from graycard.methods.surfels._objective import colours as colours
+from graycard.methods.surfels._objective import sky_basis as sky_basis
+from graycard.methods.surfels._scene import SurfelScene as SurfelScene
+from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSurfelSettings
+from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
+from graycard.methods.surfels._start import with_colours as with_colours

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Surfels all over the photographs: where stereo finds depth, and on flat triangles in between.
+
+A few dozen sparse points leave most of a small picture without a surfel that a gradient could reach.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
+from scipy.ndimage import median_filter, uniform_filter
+from scipy.spatial import QhullError
+
+from graycard import Camera, Capture, MethodError, Points
+from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
+from graycard.methods.surfels._colour import encode
+from graycard.methods.surfels._sweep import SweptDepth, SweptView, depth_ratio, sweep_depths
+
+MANY = 4
+"""Discs of each view, below which the sparse points alone are better."""
+MARGIN = 1.6
+"""How far the depths that are looked at go beyond those of the points of a view, as a factor."""
+FAR = 0.95
+"""Quantile of all known depths that counts as far."""
+HIDES = 0.05
+"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
+SMOOTH = 5
+"""Pixels on each side of the windows whose median depth is taken."""
+FLAT = 9
+"""Pixels on each side of the windows whose mean inverse depth gives normals."""
+
+
+def surfels_between(capture: Capture, points: Points, count: int, opacity: float) -> Surfels | None:
+    """Discs on a grid of each training view's pixels, at the depth that stereo finds.
+
+    Args:
+        capture: Photographs and cameras; the features are their encoded colours.
+        points: Sparse points, world: between which depths surfaces are sought.
+        count: About how many discs in all.
+        opacity: alpha at each centre.
+
+    Returns:
+        The surfels; None if there would be next to none.
+    """
+    numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
+    cameras = [capture.views[n].camera for n in numbers]
+    known = [_observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
+    each = count // len(numbers)
+    if each < MANY or not all(len(depths) for _, depths in known):
+        return None
+    shown = [
+        encode(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure))) for v in capture.train
+    ]
+    views = [
+        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), float(z.max() * MARGIN))
+        for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
+    ]
+    depths = dense_depths(cameras, sweep_depths(views))
+    parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
+    names = ("centres", "rotations", "scales", "opacities", "features")
+    return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
+
+
+def filled_depth(pixels: np.ndarray, depths: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """z-depth of each pixel from that of some, shape ``(H, W)``, metres.
+
+    Within the triangles of these (Delaunay) the inverse of depth is linear, as it is on the image of a
+    plane; outside it is that of the nearest.
+
+    Args:
+        pixels: shape ``(M, 2)``, image coordinates, M >= 1.
+        depths: shape ``(M,)``, metres, positive.
+        size: Height and width.
+    """
+    x, y = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
+    inverse = NearestNDInterpolator(pixels, 1 / depths)(x, y)
+    try:
+        flat = LinearNDInterpolator(pixels, 1 / depths)(x, y)
+    except (QhullError, ValueError):  # too few points, or all on one line
+        flat = np.full(x.shape, np.nan)
+    return 1 / np.where(np.isfinite(flat), flat, inverse)
+
+
+def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels and depths of the points that a view saw; without tracks, of those that project into it."""
+    if len(points.point):
+        seen = points.view == number
+        pixels = points.pixel[seen]
+        _, depths = camera.project(points.positions[points.point[seen]])
+    else:
+        pixels, depths = camera.project(points.positions)
+    inside = ((pixels > 0) & (pixels < [camera.width, camera.height])).all(axis=1) & (depths > 0)
+    return pixels[inside], depths[inside]
+
+
+def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list[np.ndarray]:
+    """z-depth of every pixel of each view, shape ``(H, W)``, metres.
+
+    Where stereo is not sure the farther counts of what it says and what lies between the sure places; and
+    what would stand in front of what another view is sure of is far away. For a surfel that is too far
+    hides nothing in other views, one that is too near hides what is right.
+
+    Raises:
+        MethodError: Stereo is sure of nothing.
+    """
+    sure = [np.where(one.sure, one.depth, np.nan) for one in swept]
+    if not any(one.sure.any() for one in swept):
+        raise MethodError(
+            "expected photographs that show the same surfaces, got none on which two agree. Set fill to 0 to "
+            "begin with the sparse points alone"
+        )
+    far = float(np.nanquantile(np.concatenate([depth.ravel() for depth in sure]), FAR))
+    dense = []
+    for camera, one, known in zip(cameras, swept, sure, strict=True):
+        depth = np.where(one.sure, known, _guess(one))
+        others = [(c, d) for c, d in zip(cameras, sure, strict=True) if c is not camera]
+        hides = [depth_ratio(camera, depth, *other) < 1 - HIDES for other in others]
+        wrong = ~one.sure & (np.any(hides, axis=0) | ~np.isfinite(depth))
+        dense.append(median_filter(np.where(wrong, far, depth), SMOOTH, mode="nearest"))
+    return dense
+
+
+def _guess(swept: SweptDepth) -> np.ndarray:
+    """Depth where stereo is not sure; NaN where it says nothing."""
+    row, column = np.nonzero(swept.sure)
+    if len(row) == 0:
+        return swept.depth
+    places = np.stack([column, row], axis=1) + 0.5
+    return np.maximum(swept.depth, filled_depth(places, swept.depth[row, column], swept.depth.shape))
+
+
+def _grid(camera: Camera, depth: np.ndarray, shown: torch.Tensor, count: int, opacity: float) -> Surfels:
+    """Discs at the middles of square blocks of pixels, half as wide as the blocks."""
+    block = max(1, round(np.sqrt(depth.size / count)))
+    at = np.mgrid[block // 2 : camera.height : block, block // 2 : camera.width : block]
+    row, column = (places.ravel() for places in at)
+    rays, z = camera.rays()[row, column], depth[row, column]
+    positions = camera.position + rays * (z / (rays @ camera.forward))[:, None]
+    flat = 1 / uniform_filter(1 / depth, FLAT, mode="nearest")  # slopes need a wider look than depths
+    normals = depth_to_normals(torch.from_numpy(flat), camera).numpy()[row, column]
+    normals = np.where(np.abs(normals).sum(axis=1, keepdims=True) > 0, normals, -rays)
+    scales = 0.5 * block * z / camera.K[0, 0]
+    centres, turns, sizes = (
+        torch.from_numpy(np.ascontiguousarray(value, dtype=np.float32))
+        for value in (positions, rotations_to(normals), np.stack([scales, scales], axis=1))
+    )
+    return Surfels(centres, turns, sizes, torch.full((len(row),), opacity), shown[row, column])

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``2dgs`` and ``2dgs-oracle``: 2D Gaussian Splatting (Huang et al. 2024) behind the contract."""
+
+import hashlib
+import json
+from pathlib import Path
+
+from graycard import Capture, MethodError, Progress, encode
+from graycard.methods._contract import Priors
+from graycard.methods.splat import (
+    CENTRES,
+    GEOMETRY,
+    LOG_SCALES,
+    LOGITS,
+    ROTATIONS,
+    Checkpoint,
+    DensityRules,
+    Parameters,
+    Plan,
+    Rate,
+    initial_state,
+    scene_extent,
+    train,
+)
+from graycard.methods.surfels._objective import Objective, Photograph, photographs
+from graycard.methods.surfels._scene import SurfelScene, load_scene
+from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
+from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
+
+SAVES = 10
+"""How often a fit is saved on its way."""
+
+
+class SurfelMethod:
+    """Surfels that begin on the sparse points and are densified; nothing but photographs is looked at."""
+
+    summary = "2D Gaussian surfels with view-dependent colour, from photographs and sparse points"
+    needs = ()
+    settings_type = SurfelSettings
+
+    def fit(
+        self, capture: Capture, priors: Priors, settings: SurfelSettings, seed: int, progress: Progress
+    ) -> SurfelScene:
+        """Fit surfels to the training photographs.
+
+        Raises:
+            MethodError: There are too few sparse points, or the fit has no way on.
+        """
+        check_places(capture)
+        rules = DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=settings.surfels)
+        start = sparse_start(capture, settings, seed)
+        return fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
+
+    def load(self, folder: Path) -> SurfelScene:
+        """A saved decomposition.
+
+        Raises:
+            MethodError: It is missing, damaged, or of another method.
+        """
+        return load_scene(folder, "2dgs")
+
+
+class OracleSurfelMethod:
+    """Surfels that begin on the true surfaces; none comes or goes, and on request they stay where they are.
+
+    It sees the truth of the training views, so it is a reference row: what ``2dgs`` would score if it began
+    with perfect geometry (all free) or kept it (``frozen``).
+    """
+
+    summary = "2D Gaussian surfels that begin on the true surfaces of the training views"
+    needs = ("depth", "normal")
+    settings_type = OracleSurfelSettings
+
+    def fit(
+        self, capture: Capture, priors: Priors, settings: OracleSurfelSettings, seed: int, progress: Progress
+    ) -> SurfelScene:
+        """Fit surfels to the training photographs.
+
+        Raises:
+            MethodError: Depth or normals were not handed in, or the fit has no way on.
+        """
+        check_places(capture)
+        start = oracle_start(capture, priors, settings, seed)
+        return fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
+
+    def load(self, folder: Path) -> SurfelScene:
+        """A saved decomposition.
+
+        Raises:
+            MethodError: It is missing, damaged, or of another method.
+        """
+        return load_scene(folder, "2dgs-oracle")
+
+
+def fit_surfels(
+    method: str,
+    capture: Capture,
+    settings: SurfelSettings,
+    seed: int,
+    progress: Progress,
+    *,
+    start: Parameters,
+    rules: DensityRules | None = None,
+) -> SurfelScene:
+    """Fit parameters to the training photographs of a capture.
+
+    Raises:
+        MethodError: The fit has no way on, or its checkpoint is of another one.
+    """
+    extent = scene_extent([view.camera for view in capture.train])
+    views = photographs(capture, settings)
+    rates = learning_rates(extent, settings)
+    plan = Plan(settings.iterations, rates, extent, rules, _checkpoint(method, settings, seed, views))
+    state = train(initial_state(start, seed), plan, Objective(views, settings, seed), progress)
+    return SurfelScene(method, state.parameters, capture.exposure)
+
+
+def check_places(capture: Capture) -> None:
+    """Refuse a capture in which nothing moves.
+
+    Raises:
+        MethodError: All training views are taken from one place.
+    """
+    if scene_extent([view.camera for view in capture.train]) == 0:
+        raise MethodError(
+            f"expected training views from different places in {capture.scene}, got all from one. "
+            "Depth is not to be seen from one place"
+        )
+
+
+def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:
+    """Learning rates by the names of parameters, for a scene of an extent in metres."""
+    rates = {
+        CENTRES: Rate(5e-4, 5e-6).times(extent),
+        LOG_SCALES: Rate(5e-3),
+        ROTATIONS: Rate(1e-3),
+        LOGITS: Rate(5e-2),
+        COEFFICIENTS: Rate(5e-3),
+        DETAIL: Rate(2.5e-4),
+        SKY: Rate(1e-2),
+    }
+    if isinstance(settings, OracleSurfelSettings) and settings.frozen:
+        rates = {name: rate for name, rate in rates.items() if name not in GEOMETRY}
+    return rates
+
+
+def _checkpoint(
+    method: str, settings: SurfelSettings, seed: int, views: list[Photograph]
+) -> Checkpoint | None:
+    if not settings.checkpoint:
+        return None
+    digest = hashlib.sha256(json.dumps([method, seed, encode(settings)]).encode())
+    for view in views:
+        digest.update(view.camera.digest.encode() + view.encoded.numpy().tobytes())
+    every = max(1, settings.iterations // SAVES)
+    return Checkpoint(Path(settings.checkpoint), every, digest.hexdigest())

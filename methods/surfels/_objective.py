@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a step lowers: how far a drawn view is from its photograph, and surfels that do not agree."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from graycard import Camera, Capture
+from graycard.methods.splat import (
+    CENTRES,
+    LOG_SCALES,
+    FeatureMaps,
+    Look,
+    Maps,
+    depth_normal_map,
+    harmonics_basis,
+    photometric_map,
+    rasterize,
+    rasterize_features,
+    spherical_harmonics_colours,
+    surfels_of,
+)
+from graycard.methods.surfels._colour import encode
+from graycard.methods.surfels._settings import SurfelSettings
+from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
+
+DEGREE_EVERY = 1 / 30
+"""Share of the budget after which the next degree of the harmonics is fitted too (Kerbl et al. 2023)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A training view as a fit looks at it."""
+
+    camera: Camera
+    encoded: torch.Tensor
+    """Shape ``(H, W, 3)``: exposed and encoded."""
+    sky: torch.Tensor
+    """Shape ``(H, W, K)``: harmonics of the direction of each pixel."""
+
+
+def photographs(capture: Capture, settings: SurfelSettings) -> list[Photograph]:
+    """The training views, exposed and encoded."""
+    found = []
+    for view in capture.train:
+        linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
+        found.append(Photograph(view.camera, encode(linear), sky_basis(view.camera, settings.sky_degree)))
+    return found
+
+
+def sky_basis(camera: Camera, degree: int) -> torch.Tensor:
+    """Harmonics of the direction of each pixel, shape ``(H, W, (degree + 1)^2)``, float32."""
+    return torch.from_numpy(harmonics_basis(camera.rays(), degree).astype(np.float32))
+
+
+def colours(values: Mapping[str, torch.Tensor], eye: np.ndarray, degree: int) -> torch.Tensor:
+    """Encoded colours of the surfels as an eye sees them, shape ``(N, 3)``."""
+    coefficients = torch.cat([values[COEFFICIENTS], values[DETAIL]], dim=1)
+    return spherical_harmonics_colours(coefficients, values[CENTRES], eye, degree) + 0.5
+
+
+def composed(drawn: FeatureMaps, sky: torch.Tensor, values: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    """The encoded picture: surfels over the sky, shape ``(H, W, 3)``."""
+    behind = sky @ values[SKY]
+    return drawn.features + (1 - drawn.alpha)[..., None] * behind
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """The loss of one view a step, each view once in a round, in an order that the seed decides."""
+
+    views: list[Photograph]
+    settings: SurfelSettings
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step."""
+        view, settings = self._view(step), self.settings
+        share = step / settings.iterations
+        seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
+        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        surfels = surfels_of(values, seen)
+        weighs = self._weights(share)
+        if weighs == (0.0, 0.0):
+            drawn = rasterize_features(surfels, view.camera, offsets=offsets)
+            extra = torch.zeros(())
+        else:
+            drawn = rasterize(surfels, view.camera, offsets=offsets)
+            extra = _disagreement(drawn, view.camera, weighs)
+        picture = composed(drawn, view.sky, values)
+        loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
+        loss = loss + settings.cover_weight * (1 - drawn.alpha).mean()
+        size = view.camera.width, view.camera.height
+        return Look(loss, offsets, _radius(values, view.camera), size)
+
+    def _view(self, step: int) -> Photograph:
+        round_, place = divmod(step, len(self.views))
+        order = np.random.default_rng((self.seed, round_)).permutation(len(self.views))
+        return self.views[order[place]]
+
+    def _weights(self, share: float) -> tuple[float, float]:
+        """Of normals and of distortion."""
+        settings = self.settings
+        return (
+            settings.normal_weight if share >= settings.normal_start else 0.0,
+            settings.distortion_weight if share >= settings.distortion_start else 0.0,
+        )
+
+
+def _disagreement(drawn: Maps, camera: Camera, weights: tuple[float, float]) -> torch.Tensor:
+    """Normals that are not those of the depth, and surfels that are spread along rays."""
+    normal, distortion = weights
+    loss = distortion * drawn.distortion.mean()
+    if normal > 0:
+        loss = loss + normal * depth_normal_map(drawn.depth, drawn.normal, drawn.alpha, camera).mean()
+    return loss
+
+
+@torch.no_grad()
+def _radius(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
+    """Three standard deviations on the image, in shares of its width; surfels face the camera at most."""
+    forward = torch.tensor(camera.forward, dtype=torch.float32)
+    eye = torch.tensor(camera.position, dtype=torch.float32)
+    z = ((values[CENTRES] - eye) @ forward).clamp(min=1e-3)
+    largest = values[LOG_SCALES].amax(dim=1).exp()
+    return 3 * largest / z * float(camera.K[0, 0] / camera.width)

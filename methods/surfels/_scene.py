@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The decomposition of ``2dgs``: surfels that can be drawn from anywhere."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from graycard import Camera, Light, MethodError
+from graycard.methods._store import restore, store
+from graycard.methods.splat import (
+    Maps,
+    Parameters,
+    coefficient_count,
+    export_harmonics_ply,
+    rasterize,
+    surfels_of,
+)
+from graycard.methods.surfels._colour import decode
+from graycard.methods.surfels._objective import colours, composed, sky_basis
+from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
+
+SEEN = 0.5
+"""Share of a pixel that surfels must cover for it to have a depth."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfelScene:
+    """Surfels with the harmonics of their colours, and a sky behind them."""
+
+    method: str
+    """Name of the method that made it."""
+    parameters: Parameters
+    exposure: float
+    """Factor from radiance to the range of the colours, 1/(W/m²/sr)."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Radiance, normal and depth."""
+        return frozenset({"radiance", "normal", "depth"})
+
+    @torch.no_grad()
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Layers as any camera sees them.
+
+        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
+        normal faces the camera.
+
+        Raises:
+            MethodError: A layer is not provided.
+        """
+        missing = [name for name in layers if name not in self.provides]
+        if missing:
+            raise MethodError(f"expected layers out of {sorted(self.provides)}, got {missing}")
+        values = self.parameters.all
+        seen = colours(values, camera.position, _degree(values[DETAIL].shape[1] + 1))
+        drawn = rasterize(surfels_of(values, seen), camera)
+        sky = sky_basis(camera, _degree(len(values[SKY])))
+        images = {
+            "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / self.exposure).numpy(),
+            "normal": _normals(drawn, camera),
+            "depth": torch.where(drawn.alpha >= SEEN, drawn.median_depth, torch.inf).numpy(),
+        }
+        return {name: images[name] for name in layers}
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """None: it looks for none."""
+        return None
+
+    def save(self, folder: Path) -> None:
+        """Write as safetensors and JSON, and as a PLY that viewers of Gaussian splats read.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        parameters = self.parameters
+        arrays = {f"surfels/{name}": values.numpy() for name, values in parameters.surfels.items()}
+        arrays |= {f"shared/{name}": values.numpy() for name, values in parameters.shared.items()}
+        store(folder, self.method, {"exposure": self.exposure}, arrays)
+        coefficients = torch.cat([parameters.surfels[COEFFICIENTS], parameters.surfels[DETAIL]], dim=1)
+        export_harmonics_ply(Path(folder) / "surfels.ply", surfels_of(parameters.surfels), coefficients)
+
+
+def load_scene(folder: Path, method: str) -> SurfelScene:
+    """A scene that was saved.
+
+    Raises:
+        MethodError: It is missing, damaged, or of another method.
+    """
+    facts, arrays = restore(folder, method)
+    parts: dict[str, dict[str, torch.Tensor]] = {"surfels": {}, "shared": {}}
+    for key, values in arrays.items():
+        part, _, name = key.partition("/")
+        parts[part][name] = torch.from_numpy(values.copy())
+    return SurfelScene(method, Parameters(parts["surfels"], parts["shared"]), float(facts["exposure"]))
+
+
+def _degree(count: int) -> int:
+    """The degree of so many harmonics."""
+    return next(degree for degree in range(4) if coefficient_count(degree) == count)
+
+
+def _normals(drawn: Maps, camera: Camera) -> np.ndarray:
+    """Unit normals in the world, shape ``(H, W, 3)``."""
+    normals = drawn.normal.numpy()
+    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    facing = -camera.rays().astype(np.float32)
+    return np.where(lengths > 1e-6, normals / np.maximum(lengths, 1e-6), facing)

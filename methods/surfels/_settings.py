@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of ``2dgs`` and of what stands beside it."""
+
+from dataclasses import dataclass
+
+from graycard.methods.splat import coefficient_count
+
+
+@dataclass(frozen=True, slots=True)
+class SurfelSettings:
+    """Settings of ``2dgs``; times are shares of ``iterations``, so that a budget of any size fits."""
+
+    iterations: int = 1000
+    surfels: int = 5000
+    """No more than these."""
+    fill: float = 0.75
+    """Share of ``surfels`` that begin where stereo finds depth; 0: on the sparse points alone, as in the
+    paper, whose captures have many more views and points."""
+    degree: int = 1
+    """Of the spherical harmonics of each surfel's colour, 0 to 3; three have more numbers than a dozen views
+    can tell."""
+    sky_degree: int = 0
+    """Of those of what is seen past all surfels, 0 to 3."""
+    ssim_share: float = 0.2
+    """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
+    cover_weight: float = 0.05
+    """Of what shines through all surfels: photographs show surfaces nearly everywhere."""
+    normal_weight: float = 0.1
+    """Of the difference of drawn normals and those of the drawn depth (Huang et al. 2024: 0.05, and from
+    7/30 on; a short fit of few views wants it stronger and sooner)."""
+    normal_start: float = 0.1
+    distortion_weight: float = 100.0
+    """Of the spread of surfels along rays (Huang et al. 2024, for scenes without bounds)."""
+    distortion_start: float = 0.1
+    checkpoint: str = ""
+    """File that the fit is saved to ten times and goes on from; none if empty."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.iterations < 1 or self.surfels < 2:
+            raise ValueError(
+                f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
+            )
+        if not 0 <= self.fill <= 1:
+            raise ValueError(f"expected a share of surfels in [0, 1] to begin by stereo, got {self.fill}")
+        coefficient_count(self.degree)
+        coefficient_count(self.sky_degree)
+        if not 0 <= self.ssim_share <= 1:
+            raise ValueError(f"expected a share of SSIM in [0, 1], got {self.ssim_share}")
+        weights = (self.normal_weight, self.normal_start, self.distortion_weight, self.distortion_start)
+        if not all(weight >= 0 for weight in (*weights, self.cover_weight)):
+            raise ValueError(f"expected weights and starts of 0 or more, got {weights}")
+
+
+@dataclass(frozen=True, slots=True)
+class OracleSurfelSettings(SurfelSettings):
+    """Settings of ``2dgs-oracle``, which begins on the true surfaces."""
+
+    frozen: bool = False
+    """Whether the surfels stay where they begin: only colours are fitted."""

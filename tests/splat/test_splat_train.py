@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Adam on surfels, schedules, faults, and fits that are killed and go on."""
+
+import importlib.util
+import signal
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+
+import graycard as gc
+from graycard.methods import splat
+
+PROGRAM = Path(__file__).with_name("fit_checks.py")
+_spec = importlib.util.spec_from_file_location("fit_checks", PROGRAM)
+assert _spec is not None
+assert _spec.loader is not None
+fit_checks = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(fit_checks)
+
+
+def some_parameters(count: int = 5) -> splat.Parameters:
+    random = np.random.default_rng(0)
+    surfels = splat.surfels_from_points(
+        random.normal(size=(count, 3)), random.normal(size=(count, 3)), np.zeros((count, 0)), 0.4
+    )
+    return splat.parameters_of(surfels, {"albedo": torch.full((count, 3), 0.5)}, {"light": torch.ones(2, 2)})
+
+
+def far_from_zero(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+    """A sum that every parameter is in, each step with another weight."""
+    return splat.Look(sum(((v * (step + 1)).sin().sum() for v in values.values()), start=torch.zeros(())))
+
+
+def test_surfels_come_back_from_their_parameters():
+    random = np.random.default_rng(1)
+    surfels = splat.surfels_from_points(
+        random.normal(size=(9, 3)), random.normal(size=(9, 3)), np.zeros((9, 0)), 0.3
+    )
+    found = splat.surfels_of(splat.parameters_of(surfels).surfels, torch.ones(9, 4))
+    for name in ("centres", "rotations", "scales", "opacities"):
+        torch.testing.assert_close(getattr(found, name), getattr(surfels, name))
+    assert found.features.shape == (9, 4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda p: replace(p, surfels={"centres": torch.zeros(2, 3)}), "got none of log_scales, rotations"),
+        (lambda p: replace(p, surfels={**p.surfels, "x": torch.zeros(4)}), "one row a surfel in every"),
+        (lambda p: replace(p, shared={"albedo": torch.zeros(1)}), "each name once, got albedo"),
+    ],
+)
+def test_parameters_without_sense(change, message: str):
+    with pytest.raises(ValueError, match=message):
+        change(some_parameters())
+
+
+def test_the_extent_is_that_of_the_cameras():
+    cameras = [
+        gc.Camera.from_fov(4, 4, 50, gc.look_at(np.array([x, 0.0, 0]), np.array([x, 1.0, 0])))
+        for x in (0, 1, 2)
+    ]
+    assert splat.scene_extent(cameras) == pytest.approx(1.1)
+    with pytest.raises(ValueError, match="at least one camera"):
+        splat.scene_extent([])
+
+
+def test_rates_decay_exponentially_within_their_windows():
+    rate = splat.Rate(1e-2, 1e-4, ((0.0, 0.25), (0.5, 1.0)))
+    assert rate.at(0) == pytest.approx(1e-2)
+    assert rate.at(0.5) == pytest.approx(1e-3)
+    assert rate.at(0.25) == rate.at(0.49) == rate.at(1.0) == 0
+    assert rate.times(10).at(0.5) == pytest.approx(1e-2)
+    assert splat.Rate(0.3).at(0.9) == 0.3
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((0.0, None, ((0, 1),)), "positive rates"),
+        ((1.0, -1.0, ((0, 1),)), "positive rates"),
+        ((1.0, None, ((0.5, 0.5),)), "windows within 0 to 1"),
+        ((1.0, None, ((0.5, 1.5),)), "windows within 0 to 1"),
+    ],
+)
+def test_rates_without_sense(values, message: str):
+    with pytest.raises(ValueError, match=message):
+        splat.Rate(*values)
+
+
+def test_steps_are_those_of_the_plain_adam():
+    """Against ``torch.optim.Adam``, each parameter with its own decaying rate, one of them not moving."""
+    rates = {
+        splat.CENTRES: splat.Rate(1e-2, 1e-3),
+        "albedo": splat.Rate(5e-2),
+        "light": splat.Rate(3e-2, None, ((0.0, 0.5),)),
+    }
+    plan, state = splat.Plan(6, rates, 1.0), splat.initial_state(some_parameters(), 0)
+    plain = {
+        name: values.clone().requires_grad_(name in rates) for name, values in some_parameters().all.items()
+    }
+    groups = [{"params": [plain[name]], "name": name} for name in rates]
+    optimiser = torch.optim.Adam(groups, eps=1e-15, foreach=False)
+    for step in range(6):
+        state = splat.train_step(state, plan, far_from_zero)
+        optimiser.zero_grad()
+        far_from_zero(plain, step).loss.backward()
+        for group in optimiser.param_groups:
+            group["lr"] = rates[group["name"]].at(step / 6)
+            if group["lr"] == 0:
+                group["params"][0].grad = None
+        optimiser.step()
+    for name, values in state.parameters.all.items():
+        torch.testing.assert_close(values, plain[name].detach(), rtol=1e-5, atol=1e-6)
+    assert torch.equal(state.parameters.surfels[splat.LOGITS], some_parameters().surfels[splat.LOGITS])
+    assert float(state.moments["light"].steps) == 3
+
+
+def test_survivors_of_pruning_move_as_if_nothing_had_happened():
+    rates = {"albedo": splat.Rate(5e-2), splat.CENTRES: splat.Rate(1e-2)}
+    plan = splat.Plan(4, rates, 1.0)
+    kept = torch.tensor([True, False, True, True, False])
+    whole = splat.initial_state(some_parameters(), 0)
+    part = splat.initial_state(some_parameters().take(kept), 0)
+    for _ in range(2):
+        whole, part = (splat.train_step(state, plan, far_from_zero) for state in (whole, part))
+    whole = splat.keep(whole, kept)
+    for _ in range(2):
+        whole, part = (splat.train_step(state, plan, far_from_zero) for state in (whole, part))
+    for name, values in whole.parameters.all.items():
+        assert torch.equal(values, part.parameters.all[name]), name
+
+
+def test_the_screen_remembers_per_half_an_image():
+    state = splat.initial_state(some_parameters(3), 0)
+    gradient = torch.tensor([[3e-6, 0.0], [0, 4e-6], [0, 0]])
+    radius = torch.tensor([0.2, 0.1, 0.9])
+    coarse = splat.watch_screen(state.screen, gradient, radius, (100, 50))
+    torch.testing.assert_close(coarse.gradient, torch.tensor([1.5e-4, 1e-4, 0]))
+    fine = splat.watch_screen(state.screen, gradient / 2, radius, (200, 100))
+    torch.testing.assert_close(fine.gradient, coarse.gradient)
+    assert coarse.views.tolist() == [1, 1, 0]
+    torch.testing.assert_close(coarse.radius, torch.tensor([0.2, 0.1, 0.0]))  # the third was not seen
+
+
+def nan_at(name: str, at: int):
+    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+        loss = far_from_zero(values, step).loss
+        poison = values[name].flatten()[4] - values[name].flatten()[4].detach()
+        return splat.Look(loss + (poison.sqrt() if step == at else 0))  # the root's slope at 0 is infinite
+
+    return look
+
+
+@pytest.mark.parametrize("name", ["albedo", splat.CENTRES])
+def test_a_gradient_that_is_not_finite_is_named(name: str):
+    plan = splat.Plan(9, {name: splat.Rate(1e-3)}, 1.0)
+    message = f"expected finite gradients, got one of '{name}' that is not at step 3 \\(row 1\\)"
+    with pytest.raises(gc.MethodError, match=message):
+        splat.train(splat.initial_state(some_parameters(), 0), plan, nan_at(name, 3), gc.silent)
+
+
+def test_a_loss_that_is_not_finite_is_named():
+    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+        return splat.Look(values["albedo"].sum() / (0.0 if step == 2 else 1.0))
+
+    plan = splat.Plan(9, {"albedo": splat.Rate(1e-3)}, 1.0)
+    with pytest.raises(gc.MethodError, match="expected a finite loss, got inf at step 2"):
+        splat.train(splat.initial_state(some_parameters(), 0), plan, look, gc.silent)
+
+
+def test_large_gradients_are_no_fault():
+    """Their sum overflows, they do not."""
+    large = {"albedo": torch.full((5, 3), 1e38)}
+    state = splat.initial_state(some_parameters(), 0)
+    assert splat.adam_step(state, large, {"albedo": splat.Rate(1e-3)}, 0.0).step == 1
+
+
+def run(out: Path, checkpoint: Path | None, stop: int = -1) -> subprocess.Popen[str]:
+    command = [sys.executable, str(PROGRAM), str(out), str(checkpoint or "-"), str(stop)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def test_a_killed_fit_goes_on_to_the_same_bits(tmp_path: Path):
+    """Killed twice by SIGKILL, between savings; surfels were split, pruned and reset meanwhile."""
+    undisturbed, resumed = tmp_path / "whole.safetensors", tmp_path / "resumed.safetensors"
+    with run(undisturbed, None) as whole:
+        for stop in (13, 30):
+            with run(resumed, tmp_path / "saved", stop) as process:
+                assert process.stdout is not None
+                assert process.stdout.readline() == "here\n"
+                process.send_signal(signal.SIGKILL)
+            assert process.returncode == -signal.SIGKILL
+            assert not resumed.exists()
+        with run(resumed, tmp_path / "saved") as process:
+            pass
+        assert process.returncode == 0
+    assert whole.returncode == 0
+    expected, found = load_file(undisturbed), load_file(resumed)
+    assert expected.keys() == found.keys()
+    assert all(values.numpy().tobytes() == found[name].numpy().tobytes() for name, values in expected.items())
+    last = splat.load_state(splat.Checkpoint(resumed, 1, ""))
+    assert last is not None
+    assert last.step == fit_checks.STEPS
+    assert len(last.parameters) > 12
+    assert float(last.moments[splat.LOGITS].steps) == 32  # its rate has a gap of a fifth
+
+
+def test_a_fit_without_end_is_not_begun_anew(tmp_path: Path):
+    """A finished fit that is asked for again is read, not run."""
+    plan = fit_checks.plan(tmp_path / "saved")
+    first = splat.train(fit_checks.start(), plan, fit_checks.objective, gc.silent)
+
+    def refuse(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+        raise AssertionError("this step is done")
+
+    again = splat.train(fit_checks.start(), plan, refuse, gc.silent)
+    for name, values in first.parameters.all.items():
+        assert torch.equal(values, again.parameters.all[name]), name
+
+
+def test_another_fit_and_a_damaged_file_are_refused(tmp_path: Path):
+    mine = splat.Checkpoint(tmp_path / "saved", 1, "mine")
+    assert splat.load_state(mine) is None
+    splat.save_state(mine, fit_checks.start())
+    with pytest.raises(gc.MethodError, match="got one of others. Delete it to begin anew"):
+        splat.load_state(replace(mine, identity="yours"))
+    mine.path.write_bytes(mine.path.read_bytes()[:-9])
+    with pytest.raises(gc.MethodError, match="expected a saved fit in .*Delete it"):
+        splat.load_state(mine)
+    splat.save_surfels(mine.path, splat.surfels_of(fit_checks.start().parameters.surfels))
+    with pytest.raises(gc.MethodError, match="graycard-surfels"):
+        splat.load_state(mine)
+
+
+def test_plans_without_sense(tmp_path: Path):
+    with pytest.raises(ValueError, match="1 or more steps"):
+        splat.Plan(0, {}, 1.0)
+    with pytest.raises(ValueError, match="checkpoint every 1 or more"):
+        splat.Checkpoint(tmp_path, 0, "")
