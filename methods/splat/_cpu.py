@@ -122,13 +122,11 @@ class _Draw(torch.autograd.Function):
         )
 
 
-def _scene(tensors: list[torch.Tensor | None], view: _View) -> Scene:
+def _scene(tensors: list[torch.Tensor], view: _View) -> Scene:
     """The arrays behind the tensors."""
-    arrays = [None if t is None else np.ascontiguousarray(t.detach().numpy()) for t in tensors]
-    *geometry, features, offsets = arrays
-    return Scene(
-        *cast(Any, geometry), cast(np.ndarray, features).astype(np.float32, copy=False), offsets, *view
-    )
+    *geometry, features, offsets = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
+    arrays = [*geometry, features.astype(np.float32, copy=False), offsets]
+    return cast(Any, Scene)(*arrays, *view)
 
 
 def _images(drawn: Drawn) -> list[np.ndarray]:

@@ -5,7 +5,7 @@
 """
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import psutil
@@ -174,7 +174,7 @@ def project(scene: Scene) -> Projected:
         np.empty(count),
         np.empty((count, 3), np.float32),
     )
-    project_kernel(
+    cast(Any, project_kernel)(
         scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
         scene.camera.width, scene.camera.height, result.rows, result.bounds, result.depths, result.normals,
     )  # fmt: skip
@@ -227,7 +227,7 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
         np.empty(tiles, np.int32),
         _empty_shape(size) if scene.shaped else None,
     )
-    forward(
+    cast(Any, forward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
         get_num_threads(), result.image, result.transmittance, result.masks, result.drawn, result.visits,
         None if result.shape is None else _arrays(result.shape),
@@ -265,7 +265,7 @@ def draw_backward(
     if drawn.shape is not None and to_shape is not None:
         shape = (drawn.shape.normal, drawn.shape.moments, drawn.shape.ranks, *to_shape)
     narrow = None if stride else scene.templates[0]
-    backward(
+    cast(Any, backward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
         *_channels(scene, projected), get_num_threads(), narrow, narrow or HEIGHTS, drawn.image,
         drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1),
@@ -284,7 +284,7 @@ def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Sl
         np.empty_like(scene.features),
         np.empty_like(scene.offsets),
     )
-    unproject(
+    cast(Any, unproject)(
         scene.centres, scene.rotations, scene.scales, scene.opacities, *scene.matrices, projected.rows,
         lists.slots, slots.geometry.reshape(-1), _flat(slots.channels), slots.stride, scene.shaped,
         *_arrays(result),
@@ -321,4 +321,4 @@ def _vectors(count: int, width: int) -> np.ndarray:
 
 def _empty_shape(size: tuple[int, int]) -> Shape:
     images = [np.empty((*size, 3), np.float32), *(np.empty(size, np.float32) for _ in range(3))]
-    return Shape(*images, np.empty((*size, 4), np.float32), np.empty(size, np.int32))
+    return Shape(*[*images, np.empty((*size, 4), np.float32), np.empty(size, np.int32)])
