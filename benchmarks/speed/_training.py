@@ -19,9 +19,8 @@ from graycard.methods.surfels import (
     with_colours,
 )
 
-
 STILL = 1e-9
-"""Factor of all learning rates: the same step is taken again and again, and the cloud must not change by it."""
+"""Factor of all learning rates: one step is taken again and again, and the cloud must not change by it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,17 @@ import graycard as gc
 from graycard.methods import splat
 
 STEPS, EVERY = 40, 8
-RULES = splat.DensityRules(every=0.2, reset_every=0.3, until=0.8, gradient=1e-7, small=0.15, limit=40)
+RULES = splat.DensityRules(
+    every=0.2,
+    reset_every=0.3,
+    until=0.8,
+    gradient=1e-7,
+    small=0.15,
+    limit=40,
+    least_opacity=0.15,
+    reset_opacity=0.2,
+    largest=0.3,
+)
 RATES = {
     splat.CENTRES: splat.Rate(1e-2, 1e-3),
     splat.LOG_SCALES: splat.Rate(5e-3),
