@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One contract, several back ends."""
 
-from typing import Literal
+from typing import Literal, get_args
 
 import torch
 
@@ -10,7 +10,7 @@ from graycard.methods.splat._maps import FeatureMaps, Maps
 from graycard.methods.splat._reference import rasterize_features_reference, rasterize_reference
 from graycard.methods.splat._surfels import Surfels
 
-Backend = Literal["cpu", "reference"]
+Backend = Literal["cpu", "cuda", "reference"]
 
 
 def rasterize(
@@ -23,11 +23,12 @@ def rasterize(
     """Draw surfels: features, alpha, depth, normals and distortion.
 
     Args:
-        surfels: N surfels on the CPU.
+        surfels: N surfels, on the device of the back end.
         camera: The pinhole camera.
         features: shape ``(N, C)``, in the dtype of the surfels, instead of their own.
-        backend: ``cpu``, the engine (float32 inside; compiled when first used, then cached), or
-            ``reference``, the specification (dense, in the dtype of the surfels).
+        backend: ``cpu``, the engine (float32 inside; compiled when first used, then cached), ``cuda``, on
+            gsplat's kernels, with surfels on a GPU, or ``reference``, the specification (dense, in the dtype
+            of the surfels).
         offsets: shape ``(N, 2)``, in the dtype of the surfels, pixels: the picture of each surfel (disc,
             low-pass and depth) is moved on the image by this much. Their use is their gradient, at zero:
             how much the loss wants a surfel moved on the screen.
@@ -37,10 +38,16 @@ def rasterize(
 
     Raises:
         UnknownNameError: There is no such back end.
-        MethodError: The lists and images would not fit into the memory that is available (``cpu``).
+        MethodError: The lists and images would not fit into the memory that is available (``cpu``), or
+            gsplat or a GPU is missing (``cuda``).
         ValueError: Features or offsets of another shape or dtype.
     """
-    if _is_engine(backend):
+    _check_name(backend)
+    if backend == "cuda":
+        from graycard.methods.splat._cuda import rasterize_cuda
+
+        return rasterize_cuda(surfels, camera, features, offsets)
+    if backend == "cpu":
         from graycard.methods.splat._cpu import rasterize_cpu  # Numba takes long to import
 
         return rasterize_cpu(surfels, camera, features, offsets)
@@ -68,18 +75,23 @@ def rasterize_features(
 
     Raises:
         UnknownNameError: There is no such back end.
-        MethodError: The lists and images would not fit into the memory that is available (``cpu``).
+        MethodError: The lists and images would not fit into the memory that is available (``cpu``), or
+            gsplat or a GPU is missing (``cuda``).
         ValueError: Features or offsets of another shape or dtype.
     """
-    if _is_engine(backend):
+    _check_name(backend)
+    if backend == "cuda":
+        from graycard.methods.splat._cuda import rasterize_features_cuda
+
+        return rasterize_features_cuda(surfels, camera, features, offsets)
+    if backend == "cpu":
         from graycard.methods.splat._cpu import rasterize_features_cpu  # Numba takes long to import
 
         return rasterize_features_cpu(surfels, camera, features, offsets)
     return rasterize_features_reference(surfels, camera, features, offsets)
 
 
-def _is_engine(name: str) -> bool:
-    """Whether a name is that of the engine, else of the specification."""
-    if name not in ("cpu", "reference"):
-        raise UnknownNameError("back end", name, ["cpu", "reference"])
-    return name == "cpu"
+def _check_name(name: str) -> None:
+    names = list(get_args(Backend))
+    if name not in names:
+        raise UnknownNameError("back end", name, names)

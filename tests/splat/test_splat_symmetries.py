@@ -163,8 +163,7 @@ def test_equal_offsets_move_the_camera(backend: splat.Backend):
 
 
 def turned_to(normal: list[float]) -> list[float]:
-    rotation, _ = Rotation.align_vectors([normal], [[0, 0, 1]])
-    return rotation.as_quat(scalar_first=True).tolist()
+    return Rotation.align_vectors([normal], [[0, 0, 1]])[0].as_quat(scalar_first=True).tolist()
 
 
 SMOOTH = {

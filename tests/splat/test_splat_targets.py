@@ -47,7 +47,7 @@ def threads() -> Iterator[None]:
 
 
 def test_the_same_bits_from_any_process_and_any_number_of_threads(checks: ModuleType, threads: None):
-    many = min(2, numba.config.NUMBA_NUM_THREADS)
+    many = min(2, numba.get_num_threads())
     digests = set()
     for count in (1, many, many):
         numba.set_num_threads(count)
