@@ -10,8 +10,8 @@ ALPHA_MIN = 1 / 255
 ALPHA_MAX = 0.99
 """Nothing is quite opaque, so that what lies behind still has a gradient (Huang et al. 2024)."""
 TRANSMITTANCE_MIN = 1.001e-4
-"""Behind this little transmittance nothing is drawn. Two surfels of ``ALPHA_MAX`` leave 1e-4 but for rounding;
-this is a little more, so that they end the ray in any precision."""
+"""Behind this little transmittance nothing is drawn. Two surfels of ``ALPHA_MAX`` leave 1e-4 but for their
+rounding; this is a little more, so that they end the ray in any precision."""
 NEAR = 0.01
 """Metres of z-depth: what is nearer, or behind the camera, is not drawn."""
 NDC_NEAR, NDC_FAR = 0.2, 100.0
