@@ -86,9 +86,14 @@ def recipes() -> st.SearchStrategy[Recipe]:
         seed=st.integers(1000, 1999),
         twins=st.booleans(),
     )
-    few_pixels = st.builds(replace, any_size, width=st.integers(1, 5), height=st.integers(1, 5))
-    crowds = st.builds(replace, few_pixels, crowd=st.just(1000))
+    few = st.integers(1, 5)
+    crowds = st.builds(_crowded, any_size, few, few)
     return st.one_of(any_size, any_size, any_size, crowds)
+
+
+def _crowded(recipe: Recipe, width: int, height: int) -> Recipe:
+    """A thousand specks in a pixel of a small image."""
+    return replace(recipe, width=width, height=height, crowd=1000)
 
 
 @dataclass(frozen=True)
