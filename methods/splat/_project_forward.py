@@ -37,11 +37,14 @@ HALF_ROOT = sqrt(0.5)
 
 @njit(forceinline=True, error_model="numpy")
 def interval(middle, half, box, radius, size):
-    """Pixels from and to (excluded) whose centres lie in either of two ranges."""
+    """Pixels from and to (excluded) whose centres lie in either of two ranges.
+
+    Clamped before they are rounded: to Numba a rounded number is an integer, and there is none for infinity.
+    """
     low, high = min(middle - half, box - radius), max(middle + half, box + radius)
-    first = min(max(ceil(low - 0.5 - MARGIN), 0.0), size)
-    past = min(max(floor(high - 0.5 + MARGIN) + 1.0, 0.0), size)
-    return int(first), int(past)
+    first = ceil(min(max(low - 0.5 - MARGIN, 0.0), size))
+    past = floor(min(max(high - 0.5 + MARGIN, -1.0), size - 1.0)) + 1
+    return first, past
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -71,7 +74,7 @@ def write_form(row, first, form):
 @njit(forceinline=True)
 def write_centre(row, axis, value):
     """One coordinate of the box's centre, in two parts."""
-    row[WHOLE + axis] = np.float32(floor(value + 0.5))
+    row[WHOLE + axis] = np.float32(np.floor(value + 0.5))
     row[REST + axis] = np.float32(value - np.float64(row[WHOLE + axis]))
 
 
