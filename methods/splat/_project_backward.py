@@ -78,8 +78,8 @@ def column_gradient(sign, column, K, to_middle, to_norm):
 @njit(forceinline=True, error_model="numpy")
 def box_gradient(to_box, box, boxed, K, u, v, centre):
     """Of the columns u, v and centre, from that of the box's centre."""
-    norm = boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2]
-    to_middle = to_box[0] / norm, to_box[1] / norm
+    over = 1 / (boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2])
+    to_middle = to_box[0] * over, to_box[1] * over
     to_norm = -(to_middle[0] * box[0] + to_middle[1] * box[1])
     return (
         column_gradient(boxed, u, K, to_middle, to_norm),
@@ -100,11 +100,12 @@ def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     to_j = 2 * (to_j - 2 * y * (to_x[0] + to_z[2]))
     to_k = 2 * (to_k - 2 * z * (to_x[0] + to_y[1]))
     radial = w * to_w + x * to_i + y * to_j + z * to_k
+    over = 1 / length
     return (
-        (to_w - radial * w) / length,
-        (to_i - radial * x) / length,
-        (to_j - radial * y) / length,
-        (to_k - radial * z) / length,
+        (to_w - radial * w) * over,
+        (to_i - radial * x) * over,
+        (to_j - radial * y) * over,
+        (to_k - radial * z) * over,
     )
 
 
@@ -162,16 +163,20 @@ def unproject_one(
 @njit(forceinline=True)
 def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
-    normal = np.zeros(3)
+    x, y, z = 0.0, 0.0, 0.0
     for at in range(0, stride, LANES):
         sum_slots(slots, first, past, stride, at, total)
         for lane in range(LANES):
             channel = at + lane
             if channel < channels:
                 to_features[surfel, channel] = total[lane]
-            elif channel < channels + 3:
-                normal[channel - channels] = total[lane]
-    return normal[0], normal[1], normal[2]
+            elif channel == channels:
+                x = np.float64(total[lane])
+            elif channel == channels + 1:
+                y = np.float64(total[lane])
+            elif channel == channels + 2:
+                z = np.float64(total[lane])
+    return x, y, z
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From surfels to what the pixels need of them: the kernel that goes over surfels, forward."""
 
-from math import ceil, floor, log, log2, sqrt
+from math import ceil, floor, log, sqrt
 
 import numpy as np
 from numba import njit, prange
@@ -9,6 +9,7 @@ from numba import njit, prange
 from graycard.methods.splat._coefficients import (
     CENTRE_Z,
     HEIGHT,
+    LOG2_E,
     LOG_OPACITY,
     MARGIN,
     REST,
@@ -33,6 +34,7 @@ from graycard.methods.splat._project_frame import (
 )
 
 HALF_ROOT = sqrt(0.5)
+LOG_ALPHA_MIN = log(ALPHA_MIN)
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -79,7 +81,7 @@ def write_centre(row, axis, value):
 
 
 @njit(forceinline=True, error_model="numpy")
-def write_row(row, axes, centre, scales, opacity, box, moved, to_rays):
+def write_row(row, axes, centre, scales, logarithm, box, moved, to_rays):
     """The columns of ``_coefficients`` but for the depth of the centre."""
     u, v, away = axes
     height = dot(away, centre)
@@ -88,7 +90,7 @@ def write_row(row, axes, centre, scales, opacity, box, moved, to_rays):
     write_form(row, U, on_image(first, to_rays, box))
     write_form(row, V, on_image(second, to_rays, box))
     write_form(row, D, on_image(away, to_rays, box))
-    row[LOG_OPACITY] = log2(opacity)
+    row[LOG_OPACITY] = logarithm * LOG2_E
     row[HEIGHT] = height / NEAR
     row[CENTRE_Z] = centre[2]
     write_centre(row, 0, box[0] + moved[0])
@@ -105,10 +107,11 @@ def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size,
     sizes = np.float64(scales[surfel, 0]), np.float64(scales[surfel, 1])
     wide, high = scaled(sizes[0], u), scaled(sizes[1], v)
     x, y, _boxed = box_centre(K, wide, high, centre)
-    square = max(2 * log(opacity / ALPHA_MIN), 0.0)
+    logarithm = log(opacity)
+    square = max(2 * (logarithm - LOG_ALPHA_MIN), 0.0)
     bounds = reach(square, K, wide, high, centre, (x, y), moved, size)
     if bounds[0] < bounds[1] and bounds[2] < bounds[3]:
-        write_row(row, (u, v, scaled(sign, normal)), centre, sizes, opacity, (x, y), moved, to_rays)
+        write_row(row, (u, v, scaled(sign, normal)), centre, sizes, logarithm, (x, y), moved, to_rays)
         normals[surfel, 0], normals[surfel, 1], normals[surfel, 2] = scaled(-sign, world[2])
     return bounds
 

@@ -54,7 +54,8 @@ def unit_quaternion(rotations, surfel):
     w, x = np.float64(rotations[surfel, 0]), np.float64(rotations[surfel, 1])
     y, z = np.float64(rotations[surfel, 2]), np.float64(rotations[surfel, 3])
     length = sqrt(w * w + x * x + y * y + z * z)
-    return (w / length, x / length, y / length, z / length), length
+    over = 1 / length
+    return (w * over, x * over, y * over, z * over), length
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -103,7 +104,8 @@ def rim(square, K, u, v, centre):
     y = square * (mu[1] * u[2] + mv[1] * v[2]) - mc[1] * centre[2]
     xx = square * (mu[0] * mu[0] + mv[0] * mv[0]) - mc[0] * mc[0]
     yy = square * (mu[1] * mu[1] + mv[1] * mv[1]) - mc[1] * mc[1]
-    return x / norm, y / norm, xx / norm, yy / norm, norm
+    over = 1 / norm
+    return x * over, y * over, xx * over, yy * over, norm
 
 
 @njit(forceinline=True, error_model="numpy")

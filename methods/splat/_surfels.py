@@ -35,13 +35,26 @@ class Surfels:
     def __post_init__(self) -> None:
         for field in fields(self):
             self._check_tensor(field.name, getattr(self, field.name))
-        _check_values("scales", self.scales, self.scales > 0, "positive")
-        _check_values("opacities", self.opacities, (self.opacities >= 0) & (self.opacities <= 1), "in [0, 1]")
-        lengths = self.rotations.norm(dim=1)
-        _check_values("rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length")
+        if len(self) == 0:
+            return
+        if not bool(self.scales.detach().amin() > 0):
+            _check_values("scales", self.scales, self.scales > 0, "positive")
+        least, most = self.opacities.detach().aminmax()
+        if not bool(least >= 0) or not bool(most <= 1):
+            good = (self.opacities >= 0) & (self.opacities <= 1)
+            _check_values("opacities", self.opacities, good, "in [0, 1]")
+        self._check_lengths()
 
     def __len__(self) -> int:
         return self.centres.shape[0]
+
+    def _check_lengths(self) -> None:
+        rotations = self.rotations.detach()
+        shortest, longest = (rotations * rotations).sum(dim=1).sqrt().aminmax()
+        if bool(shortest >= 1 - UNIT_TOLERANCE) and bool(longest <= 1 + UNIT_TOLERANCE):
+            return
+        lengths = rotations.norm(dim=1)
+        _check_values("rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length")
 
     def _check_tensor(self, name: str, value: object) -> None:
         if not isinstance(value, torch.Tensor):
@@ -60,7 +73,8 @@ class Surfels:
                 f"expected {name} as the centres are ({self.centres.dtype} on {self.centres.device}), "
                 f"got {value.dtype} on {value.device}"
             )
-        _check_values(name, value, torch.isfinite(value), "finite")
+        if not bool(value.detach().sum().isfinite()):  # nor is a sum with a term that is not, for sure
+            _check_values(name, value, torch.isfinite(value), "finite")
 
 
 def _check_values(name: str, values: torch.Tensor, good: torch.Tensor, rule: str) -> None:
