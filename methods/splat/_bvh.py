@@ -98,7 +98,7 @@ def _curve(centres: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least centre, and steps of the curve per metre along each axis."""
     if len(centres) == 0:
         return np.zeros(3), np.zeros(3)
-    columns = np.ascontiguousarray(centres.T)  # along rows of three NumPy is forty times slower
+    columns = np.ascontiguousarray(centres.T)  # along rows of three NumPy is twenty times slower
     low = columns.min(axis=1)
     extent = columns.max(axis=1) - low
     return low, (2**AXIS_BITS - 1) / np.where(extent > 0, extent, 1.0)
