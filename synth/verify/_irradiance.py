@@ -22,7 +22,7 @@ _PIXELS_APART = 0.05
 _ESTIMATED = 0.02
 """Relative, of half of the pixels that a light with an extent lights: 0.0052 at most in the claims suite."""
 
-_ESTIMATED_MOST = 0.1
+_ESTIMATED_MOST = 0.075
 """Relative, of 90 % of them: beside clutter a visibility of some fifty samples is noise, up to 0.05 there."""
 
 _SKY = 0.05
