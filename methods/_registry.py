@@ -30,6 +30,7 @@ BUILT_IN = {
     "retinex": "graycard.methods._retinex:RetinexMethod",
     "2dgs": "graycard.methods.surfels:SurfelMethod",
     "2dgs-oracle": "graycard.methods.surfels:OracleSurfelMethod",
+    "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
 }
 
 RESERVED = ("seed", "out", "save")

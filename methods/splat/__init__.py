@@ -11,6 +11,8 @@ from graycard.methods.splat._densify import prune as prune
 from graycard.methods.splat._densify import reset_opacity as reset_opacity
 from graycard.methods.splat._depth_normal import depth_normal_map as depth_normal_map
 from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_normals
+from graycard.methods.splat._geometry import CameraSurfels as CameraSurfels
+from graycard.methods.splat._geometry import see as see
 from graycard.methods.splat._harmonics import coefficient_count as coefficient_count
 from graycard.methods.splat._harmonics import harmonics_basis as harmonics_basis
 from graycard.methods.splat._harmonics import spherical_harmonics_colours as spherical_harmonics_colours
@@ -37,6 +39,8 @@ from graycard.methods.splat._parameters import LOG_SCALES as LOG_SCALES
 from graycard.methods.splat._parameters import LOGITS as LOGITS
 from graycard.methods.splat._parameters import ROTATIONS as ROTATIONS
 from graycard.methods.splat._parameters import Parameters as Parameters
+from graycard.methods.splat._parameters import arrays_of as arrays_of
+from graycard.methods.splat._parameters import parameters_from as parameters_from
 from graycard.methods.splat._parameters import parameters_of as parameters_of
 from graycard.methods.splat._parameters import scene_extent as scene_extent
 from graycard.methods.splat._parameters import surfels_of as surfels_of
@@ -60,3 +64,5 @@ from graycard.methods.splat._train import Objective as Objective
 from graycard.methods.splat._train import Plan as Plan
 from graycard.methods.splat._train import train as train
 from graycard.methods.splat._train import train_step as train_step
+from graycard.methods.splat._views import image_radius as image_radius
+from graycard.methods.splat._views import view_at as view_at

@@ -101,6 +101,25 @@ def surfels_of(surfels: Mapping[str, torch.Tensor], features: torch.Tensor | Non
     )
 
 
+def arrays_of(parameters: Parameters) -> dict[str, np.ndarray]:
+    """All arrays by a name that says whose they are, for a file; :func:`parameters_from` reads them."""
+    parts = {"surfels": parameters.surfels, "shared": parameters.shared}
+    return {f"{part}/{name}": v.numpy() for part, values in parts.items() for name, v in values.items()}
+
+
+def parameters_from(arrays: Mapping[str, np.ndarray]) -> Parameters:
+    """The parameters of :func:`arrays_of`; copies.
+
+    Raises:
+        ValueError: A part of the geometry is missing, or the numbers of surfels differ.
+    """
+    parts: dict[str, dict[str, torch.Tensor]] = {"surfels": {}, "shared": {}}
+    for key, values in arrays.items():
+        part, _, name = key.partition("/")
+        parts[part][name] = torch.from_numpy(values.copy())
+    return Parameters(**parts)
+
+
 def scene_extent(cameras: list[Camera]) -> float:
     """The yardstick of learning rates and sizes, metres: 1.1 times the largest distance of a camera from
     the mean of the cameras (Kerbl et al. 2023, their code's ``cameras_extent``).

@@ -55,6 +55,13 @@ class Plan:
     rules: DensityRules | None = None
     """None: no surfel comes or goes."""
     checkpoint: Checkpoint | None = None
+    until: int | None = None
+    """Stop, and save, after so many of the ``steps``; None: after all of them."""
+
+    @property
+    def last(self) -> int:
+        """Steps that are done in the end."""
+        return self.steps if self.until is None else min(self.until, self.steps)
 
     def __post_init__(self) -> None:
         if self.steps < 1:
@@ -79,10 +86,11 @@ def train(state: FitState, plan: Plan, objective: Objective, progress: Progress)
     """
     saved = None if plan.checkpoint is None else load_state(plan.checkpoint)
     state = state if saved is None else saved
-    while state.step < plan.steps:
+    while state.step < plan.last:
         progress(state.step / plan.steps, f"fitting {len(state.parameters)} surfels")
         state = train_step(state, plan, objective)
-        if plan.checkpoint is not None and state.step % plan.checkpoint.every == 0:
+        stops = plan.until is not None and state.step == plan.last
+        if plan.checkpoint is not None and (stops or state.step % plan.checkpoint.every == 0):
             save_state(plan.checkpoint, state)
     return state
 

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """``2dgs``: surfels whose colours change with the view, fitted to photographs and nothing else."""
 
+from graycard.methods.surfels._colour import decode as decode
+from graycard.methods.surfels._colour import encode as encode
 from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
 from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
+from graycard.methods.surfels._method import check_places as check_places
+from graycard.methods.surfels._method import fit_checkpoint as fit_checkpoint
 from graycard.methods.surfels._method import learning_rates as learning_rates
 from graycard.methods.surfels._objective import Objective as Objective
 from graycard.methods.surfels._objective import Photograph as Photograph
 from graycard.methods.surfels._objective import colours as colours
 from graycard.methods.surfels._objective import sky_basis as sky_basis
 from graycard.methods.surfels._scene import SurfelScene as SurfelScene
+from graycard.methods.surfels._scene import depth_layer as depth_layer
+from graycard.methods.surfels._scene import normal_layer as normal_layer
 from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSurfelSettings
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
+from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import with_colours as with_colours

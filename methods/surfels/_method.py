@@ -3,9 +3,13 @@
 
 import hashlib
 import json
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from graycard import Capture, MethodError, Progress, encode
+import torch
+
+from graycard import Camera, Capture, MethodError, Progress, encode
 from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     CENTRES,
@@ -22,7 +26,7 @@ from graycard.methods.splat import (
     scene_extent,
     train,
 )
-from graycard.methods.surfels._objective import Objective, Photograph, photographs
+from graycard.methods.surfels._objective import Objective, photographs
 from graycard.methods.surfels._scene import SurfelScene, load_scene
 from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
@@ -110,7 +114,9 @@ def fit_surfels(
     extent = scene_extent([view.camera for view in capture.train])
     views = photographs(capture, settings)
     rates = learning_rates(extent, settings)
-    plan = Plan(settings.iterations, rates, extent, rules, _checkpoint(method, settings, seed, views))
+    pictures = [(view.camera, view.encoded) for view in views]
+    checkpoint = fit_checkpoint(method, settings, seed, pictures)
+    plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
     state = train(initial_state(start, seed), plan, Objective(views, settings, seed), progress)
     return SurfelScene(method, state.parameters, capture.exposure)
 
@@ -144,13 +150,21 @@ def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:
     return rates
 
 
-def _checkpoint(
-    method: str, settings: SurfelSettings, seed: int, views: list[Photograph]
+def fit_checkpoint(
+    method: str, settings: Any, seed: int, views: Iterable[tuple[Camera, torch.Tensor]]
 ) -> Checkpoint | None:
+    """Where a fit is saved; None if its settings name no file.
+
+    Args:
+        method: Its name.
+        settings: With ``checkpoint``, the file, and ``iterations``.
+        seed: Of the fit.
+        views: Cameras and pictures that are fitted: a checkpoint of others is refused.
+    """
     if not settings.checkpoint:
         return None
     digest = hashlib.sha256(json.dumps([method, seed, encode(settings)]).encode())
-    for view in views:
-        digest.update(view.camera.digest.encode() + view.encoded.numpy().tobytes())
+    for camera, picture in views:
+        digest.update(camera.digest.encode() + picture.numpy().tobytes())
     every = max(1, settings.iterations // SAVES)
     return Checkpoint(Path(settings.checkpoint), every, digest.hexdigest())

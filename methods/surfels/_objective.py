@@ -10,17 +10,18 @@ import torch
 from graycard import Camera, Capture
 from graycard.methods.splat import (
     CENTRES,
-    LOG_SCALES,
     FeatureMaps,
     Look,
     Maps,
     depth_normal_map,
     harmonics_basis,
+    image_radius,
     photometric_map,
     rasterize,
     rasterize_features,
     spherical_harmonics_colours,
     surfels_of,
+    view_at,
 )
 from graycard.methods.surfels._colour import encode
 from graycard.methods.surfels._settings import SurfelSettings
@@ -77,7 +78,7 @@ class Objective:
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
         """What is to be lowered at a step."""
-        view, settings = self._view(step), self.settings
+        view, settings = self.views[view_at(step, len(self.views), self.seed)], self.settings
         share = step / settings.iterations
         seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
         offsets = torch.zeros(len(seen), 2, requires_grad=True)
@@ -93,12 +94,7 @@ class Objective:
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
         loss = loss + settings.cover_weight * (1 - drawn.alpha).mean()
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, _radius(values, view.camera), size)
-
-    def _view(self, step: int) -> Photograph:
-        round_, place = divmod(step, len(self.views))
-        order = np.random.default_rng((self.seed, round_)).permutation(len(self.views))
-        return self.views[order[place]]
+        return Look(loss, offsets, image_radius(values, view.camera), size)
 
     def _weights(self, share: float) -> tuple[float, float]:
         """Of normals and of distortion."""
@@ -116,13 +112,3 @@ def _disagreement(drawn: Maps, camera: Camera, weights: tuple[float, float]) -> 
     if normal > 0:
         loss = loss + normal * depth_normal_map(drawn.depth, drawn.normal, drawn.alpha, camera).mean()
     return loss
-
-
-@torch.no_grad()
-def _radius(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
-    """Three standard deviations on the image, in shares of its width; surfels face the camera at most."""
-    forward = torch.tensor(camera.forward, dtype=torch.float32)
-    eye = torch.tensor(camera.position, dtype=torch.float32)
-    z = ((values[CENTRES] - eye) @ forward).clamp(min=1e-3)
-    largest = values[LOG_SCALES].amax(dim=1).exp()
-    return 3 * largest / z * float(camera.K[0, 0] / camera.width)

@@ -13,8 +13,10 @@ from graycard.methods._store import restore, store
 from graycard.methods.splat import (
     Maps,
     Parameters,
+    arrays_of,
     coefficient_count,
     export_harmonics_ply,
+    parameters_from,
     rasterize,
     surfels_of,
 )
@@ -60,8 +62,8 @@ class SurfelScene:
         sky = sky_basis(camera, _degree(len(values[SKY])))
         images = {
             "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / self.exposure).numpy(),
-            "normal": _normals(drawn, camera),
-            "depth": torch.where(drawn.alpha >= SEEN, drawn.median_depth, torch.inf).numpy(),
+            "normal": normal_layer(drawn, camera),
+            "depth": depth_layer(drawn),
         }
         return {name: images[name] for name in layers}
 
@@ -76,9 +78,7 @@ class SurfelScene:
             OutputError: The folder cannot be written to, or the disk is full.
         """
         parameters = self.parameters
-        arrays = {f"surfels/{name}": values.numpy() for name, values in parameters.surfels.items()}
-        arrays |= {f"shared/{name}": values.numpy() for name, values in parameters.shared.items()}
-        store(folder, self.method, {"exposure": self.exposure}, arrays)
+        store(folder, self.method, {"exposure": self.exposure}, arrays_of(parameters))
         coefficients = torch.cat([parameters.surfels[COEFFICIENTS], parameters.surfels[DETAIL]], dim=1)
         export_harmonics_ply(Path(folder) / "surfels.ply", surfels_of(parameters.surfels), coefficients)
 
@@ -90,11 +90,7 @@ def load_scene(folder: Path, method: str) -> SurfelScene:
         MethodError: It is missing, damaged, or of another method.
     """
     facts, arrays = restore(folder, method)
-    parts: dict[str, dict[str, torch.Tensor]] = {"surfels": {}, "shared": {}}
-    for key, values in arrays.items():
-        part, _, name = key.partition("/")
-        parts[part][name] = torch.from_numpy(values.copy())
-    return SurfelScene(method, Parameters(parts["surfels"], parts["shared"]), float(facts["exposure"]))
+    return SurfelScene(method, parameters_from(arrays), float(facts["exposure"]))
 
 
 def _degree(count: int) -> int:
@@ -102,8 +98,13 @@ def _degree(count: int) -> int:
     return next(degree for degree in range(4) if coefficient_count(degree) == count)
 
 
-def _normals(drawn: Maps, camera: Camera) -> np.ndarray:
-    """Unit normals in the world, shape ``(H, W, 3)``."""
+def depth_layer(drawn: Maps) -> np.ndarray:
+    """z-depth, shape ``(H, W)``, metres; +inf where surfels cover less than half of a pixel."""
+    return torch.where(drawn.alpha >= SEEN, drawn.median_depth, torch.inf).numpy()
+
+
+def normal_layer(drawn: Maps, camera: Camera) -> np.ndarray:
+    """Unit normals in the world, shape ``(H, W, 3)``; those that face the camera where no surfel is."""
     normals = drawn.normal.numpy()
     lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
     facing = -camera.rays().astype(np.float32)

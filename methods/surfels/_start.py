@@ -26,7 +26,21 @@ FEWEST = 4
 
 
 def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Parameters:
-    """Round discs on the sparse points, facing the mean direction of the cameras that found them.
+    """Parameters of :func:`sparse_discs`.
+
+    Raises:
+        MethodError: There are too few points.
+    """
+    return with_colours(sparse_discs(capture, settings.surfels, settings.fill), settings)
+
+
+def sparse_discs(capture: Capture, count: int, fill: float) -> Discs:
+    """Round discs where stereo finds depth, else on the sparse points, facing the cameras that found them.
+
+    Args:
+        capture: The photographs; the discs' features are their encoded colours.
+        count: Discs that there may be in the end.
+        fill: Share of them that begin where stereo finds depth; 0: none.
 
     Raises:
         MethodError: There are too few points.
@@ -37,11 +51,11 @@ def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Param
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    between = surfels_between(capture, points, round(settings.fill * settings.surfels), OPACITY)
+    between = surfels_between(capture, points, round(fill * count), OPACITY)
     if between is not None:
-        return with_colours(between, settings)
+        return between
     toward = _toward_cameras(capture, points)
-    return with_colours(surfels_from_points(points.positions, toward, points.colors / 255.0), settings)
+    return surfels_from_points(points.positions, toward, points.colors / 255.0)
 
 
 def _toward_cameras(capture: Capture, points: Points) -> np.ndarray:

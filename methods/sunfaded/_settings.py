@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of ``sunfaded``. Where the paper and its released code differ, the paper's text is the default."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Space = Literal["linear", "srgb"]
+Weight = Literal["log_minmax", "linear_max", "none"]
+LightMap = Literal["nearest", "bilinear"]
+Schedule = Literal["paper", "release_40k"]
+GeometryPrior = Literal["albedo", "lit", "none"]
+Shading = Literal["image", "surfel"]
+
+
+@dataclass(frozen=True, slots=True)
+class SunFadedSettings:
+    """Settings of ``sunfaded``; times are shares of ``iterations``, so that a budget of any size fits."""
+
+    iterations: int = 2000
+    surfels: int = 5000
+    """No more than these."""
+    fill: float = 0.75
+    """Share of ``surfels`` that begin where stereo finds depth; 0: on the sparse points alone, as in the
+    paper."""
+    space: Space = "linear"
+    """In which light multiplies albedo. ``srgb`` is the paper's: it works on pictures as they are displayed,
+    where a product of light and albedo holds only roughly. Losses are in display space in both."""
+    weight: Weight = "log_minmax"
+    """How brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm from 0 at the
+    picture's darkest to 1 at its brightest place (paper); ``linear_max``, the blurred picture over its
+    largest value (released code); ``none``: all pixels count alike."""
+    beta: float = 10.0
+    """How fast the weight of a pixel falls with it."""
+    blur: float = 0.1
+    """Standard deviation of that blur, of the picture's width. The paper names none; 0.1 is that of the
+    released code."""
+    unlit_weight: float = 1.0
+    """Of the loss of the first stage (released code: 5)."""
+    light_map: LightMap = "nearest"
+    """``nearest``: the light at the middle of a tile holds in all of it (paper); ``bilinear``: points are
+    resampled to the tiles, and their light to the pixels (released code)."""
+    tile: float = 1 / 64
+    """Side of a tile, of the picture's width: 16 pixels of 1024."""
+    shading: Shading = "image"
+    """``image``: shade what is drawn; ``surfel``: shade each surfel and draw that (an ablation)."""
+    ambient: bool = True
+    """Whether there is light that does not move with the camera."""
+    schedule: Schedule = "paper"
+    """``release_40k``: the ambient light moves beside the lamp in the second stage, surfels are still added
+    while opacities are fitted, and in the last stage everything moves at every other step, the lamp too."""
+    geometry_prior: GeometryPrior = "albedo"
+    """Depth and normals that a prior tells from the photographs, then, in the third stage, anew from the
+    ``albedo`` (paper), or from the photographs to the end (``lit``; what the released code does), or
+    not at all. A fit without a source of priors goes without them."""
+    depth_weight: float = 0.001
+    """Of 1 - Pearson's correlation of drawn depth and the prior's."""
+    normal_weight: float = 0.01
+    """Of normals that are not those of the depth: half of it for drawn ones, half for the prior's."""
+    distortion_weight: float = 0.01
+    """Of the spread of surfels along rays."""
+    geometry_start: float = 0.075
+    """When normals and distortion begin to count."""
+    cover_weight: float = 0.05
+    """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper,
+    whose captures have many more views."""
+    ssim_share: float = 0.0
+    """Of the loss with light; the rest is the mean absolute difference (paper: 0, released code: 0.2)."""
+    checkpoint: str = ""
+    """File that the fit is saved to ten times and goes on from; none if empty."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.iterations < 1 or self.surfels < 2:
+            raise ValueError(
+                f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
+            )
+        shares = (self.fill, self.geometry_start, self.ssim_share)
+        if not all(0 <= share <= 1 for share in shares):
+            raise ValueError(f"expected fill, geometry_start and ssim_share in [0, 1], got {shares}")
+        if not (0 < self.tile <= 1 and 0 < self.blur <= 1):
+            raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")
+        weights = (
+            self.beta, self.unlit_weight, self.depth_weight, self.normal_weight,
+            self.distortion_weight, self.cover_weight,
+        )  # fmt: skip
+        if not all(weight >= 0 for weight in weights):
+            raise ValueError(f"expected beta and weights of 0 or more, got {weights}")

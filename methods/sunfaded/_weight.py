@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much a pixel says about the scene without the lamp: the less, the more the lamp lights it."""
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from graycard.methods.sunfaded._settings import SunFadedSettings
+
+FAINT = 1 / 255
+"""Of white; added before the logarithm and before the quotient, as in the released code."""
+
+
+def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:
+    """``exp(-beta L)`` with L, in [0, 1], how much light there is around a pixel.
+
+    The paper blurs the logarithm of the picture, which leaves light and takes out texture (as Retinex does),
+    and brings it to [0, 1]; the released code blurs the picture and divides by its largest value.
+
+    Args:
+        picture: Shape ``(H, W, 3)``, of the space of the fit, 1 is white.
+        settings: ``weight``, ``beta`` and ``blur``.
+
+    Returns:
+        Shape ``(H, W)``, float32, in (0, 1]; 1 everywhere if ``weight`` is ``none``.
+    """
+    if settings.weight == "none":
+        return np.ones(picture.shape[:2], np.float32)
+    faint = np.asarray(picture, np.float64).clip(min=0).mean(axis=-1) + FAINT
+    sigma = settings.blur * picture.shape[1]
+    if settings.weight == "log_minmax":
+        blurred = gaussian_filter(np.log(faint), sigma, mode="nearest")
+        spread = float(np.ptp(blurred))
+        light = (blurred - blurred.min()) / spread if spread > 0 else np.zeros_like(blurred)
+    else:
+        blurred = gaussian_filter(faint, sigma, mode="nearest")
+        light = blurred / blurred.max()
+    return np.exp(-settings.beta * light).astype(np.float32)
