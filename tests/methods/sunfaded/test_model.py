@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a picture comes about from albedo, a light that stays and a lamp."""
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from graycard.methods.splat import Parameters, parameters_of, surfels_on_surface
+from graycard.methods.sunfaded import SunFadedSettings, _tiles
+from graycard.methods.sunfaded._light import POSITION, lamp_intensity, lamp_parameters
+from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, draw, picture_of
+from graycard.methods.sunfaded._tiles import lens_of
+
+CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
+
+
+def floor(albedo: float = 0.4, side: int = 10) -> Parameters:
+    """Discs on the floor, all of one albedo; ten a side are far larger than pixels: each has its own depths."""
+    x, y = np.meshgrid(np.linspace(-3, 3, side), np.linspace(-2, 4, side))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    discs = surfels_on_surface(points, up, np.full_like(points, albedo), side**2, 0)
+    shared = {**lamp_parameters(0), AMBIENT: torch.tensor([0.3, 0.2, 0.1])}
+    return parameters_of(discs, {ALBEDO: torch.full((len(discs), 3), albedo)}, shared)
+
+
+def shown(values: dict[str, torch.Tensor], settings: SunFadedSettings) -> Picture:
+    drawn = draw(values, CAMERA, settings)
+    return picture_of(drawn, values, CAMERA, lens_of(CAMERA), settings)
+
+
+def test_the_unlit_picture_is_albedo_times_ambient_light():
+    values, settings = floor().all, SunFadedSettings()
+    picture, drawn = shown(values, settings), draw(values, CAMERA, settings)
+    expected = 0.4 * drawn.alpha[..., None] * values[AMBIENT]
+    torch.testing.assert_close(picture.unlit, expected)
+    torch.testing.assert_close(picture.whole, picture.unlit + picture.lit)
+
+
+@pytest.mark.parametrize(("shading", "side"), [("image", 10), ("surfel", 60)])
+def test_the_lamp_is_intensity_times_cosine(shading: str, side: int):
+    """On a floor the cosine is the lamp's height over its distance, wherever the light is found."""
+    values = floor(side=side).all | {POSITION: torch.tensor([0.3, -0.2, 0.1])}
+    settings = SunFadedSettings(shading=shading, tile=1 / 24)  # pyright: ignore[reportArgumentType]
+    picture, drawn = shown(values, settings), draw(values, CAMERA, settings)
+    solid = drawn.alpha > 0.98
+    lamp = CAMERA.camera_to_world[:3, :3] @ values[POSITION].numpy() + CAMERA.position
+    rays = CAMERA.rays()
+    points = CAMERA.position - rays * CAMERA.position[2] / rays[..., 2:]
+    away = lamp - points
+    cosine = away[..., 2] / np.linalg.norm(away, axis=-1)
+    local = (points - CAMERA.position) @ CAMERA.camera_to_world[:3, :3]
+    sent = lamp_intensity(values, torch.from_numpy(local.astype(np.float32))).numpy()
+    expected = 0.4 * sent * cosine[..., None]
+    assert solid.sum() > 150
+    np.testing.assert_allclose(picture.lit[solid], expected[solid.numpy()], rtol=0.04)
+
+
+def test_light_and_albedo_trade_a_gain(monkeypatch: pytest.MonkeyPatch):
+    """(A, E, i) and (gA, E/g, i/g), a gain for each channel, are the same picture."""
+    gain = torch.tensor([0.5, 0.8, 1.6])
+    values, settings = floor().all, SunFadedSettings()
+    before = shown(values, settings).whole
+    monkeypatch.setattr(_tiles, "lamp_intensity", lambda v, points: lamp_intensity(v, points) / gain)
+    changed = {**values, ALBEDO: values[ALBEDO] * gain, AMBIENT: values[AMBIENT] / gain}
+    torch.testing.assert_close(shown(changed, settings).whole, before, rtol=1e-6, atol=1e-6)
+
+
+def test_depth_gets_no_gradient_from_light_and_normals_do():
+    values = {name: v.clone().requires_grad_() for name, v in floor().all.items()}
+    settings = SunFadedSettings(tile=1 / 24)
+    drawn = draw(values, CAMERA, settings)
+    light = picture_of(drawn, values, CAMERA, lens_of(CAMERA), settings).lit.sum()
+    found = torch.autograd.grad(light, [drawn.depth, drawn.normal], allow_unused=True)
+    assert found[0] is None
+    assert found[1] is not None
+    assert found[1].abs().max() > 0
+
+
+def test_albedo_is_kept_between_black_and_white():
+    values = floor().all
+    values[ALBEDO] = torch.linspace(-1, 3, values[ALBEDO].numel()).reshape(-1, 3)
+    albedo = shown(values, SunFadedSettings()).albedo
+    assert albedo.min() >= 0
+    assert albedo.max() <= 1

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What moves in which stage."""
+
+import pytest
+
+from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS
+from graycard.methods.sunfaded import SunFadedSettings
+from graycard.methods.sunfaded._light import NETWORK, POSITION
+from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
+from graycard.methods.sunfaded._schedule import Stage, density_rules, learning_rates, stage_at
+
+SURFELS = {CENTRES, LOG_SCALES, ROTATIONS, LOGITS, ALBEDO}
+LAMP = {POSITION, *NETWORK}
+
+
+def moving(share: float, **settings: object) -> set[str]:
+    rates = learning_rates(2.0, SunFadedSettings(**settings))  # pyright: ignore[reportArgumentType]
+    return {name for name, rate in rates.items() if rate.at(share) > 0}
+
+
+@pytest.mark.parametrize(
+    ("share", "stage", "names"),
+    [
+        (0.1, Stage.UNLIT, SURFELS | {AMBIENT}),
+        (0.3, Stage.LAMP, LAMP),
+        (0.6, Stage.JOINT, SURFELS | LAMP | {AMBIENT}),
+        (0.8, Stage.OPACITY, {LOGITS}),
+        (0.9, Stage.REFINED, SURFELS | {AMBIENT}),
+    ],
+)
+def test_the_paper_moves_what_it_says(share: float, stage: Stage, names: set[str]):
+    assert stage_at(share) is stage
+    assert moving(share) == names
+
+
+def test_the_released_code_moves_the_ambient_light_with_the_lamp():
+    assert moving(0.3, schedule="release_40k") == LAMP | {AMBIENT}
+    assert moving(0.6, schedule="release_40k") == SURFELS | LAMP | {AMBIENT}
+
+
+def test_the_released_code_moves_everything_at_every_other_step_in_the_end():
+    steps = 2000
+    rates = learning_rates(2.0, SunFadedSettings(iterations=steps, schedule="release_40k"))
+    for name in SURFELS | LAMP | {AMBIENT}:
+        moved = [rates[name].at(step / steps) > 0 for step in range(1750, steps)]
+        assert moved == [True, False] * 125
+
+
+def test_without_ambient_light_the_first_stage_has_the_lamp():
+    assert moving(0.1, ambient=False) == SURFELS | LAMP
+    assert AMBIENT not in moving(0.6, ambient=False)
+
+
+def test_surfels_are_taken_away_while_opacities_are_fitted_and_not_after():
+    rules = density_rules(SunFadedSettings(iterations=2000, surfels=70))
+    assert rules.limit == 70
+    assert any(rules.densifies(step, 2000) for step in range(1500, 1750))
+    assert not any(rules.densifies(step, 2000) for step in range(1750, 2001))
+    assert not any(rules.resets(step, 2000) for step in range(2000))
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"iterations": 0}, "1 or more iterations"),
+        ({"tile": 0.0}, "tile and blur"),
+        ({"blur": 2.0}, "tile and blur"),
+        ({"fill": 1.5}, "fill"),
+        ({"beta": -1.0}, "beta and weights of 0 or more"),
+    ],
+)
+def test_settings_out_of_range_are_refused(settings: dict[str, float], message: str):
+    with pytest.raises(ValueError, match=message):
+        SunFadedSettings(**settings)  # pyright: ignore[reportArgumentType]
