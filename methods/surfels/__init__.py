@@ -12,3 +12,5 @@ from graycard.methods.surfels._scene import SurfelScene as SurfelScene
 from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSurfelSettings
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
 from graycard.methods.surfels._start import with_colours as with_colours
+from graycard.methods.surfels._sweep import SweptView as SweptView
+from graycard.methods.surfels._sweep import sweep_depth as sweep_depth
