@@ -6,7 +6,7 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,17 @@ from graycard import (
     open_truth,
     writable_folder,
 )
-from graycard.methods import LIGHTS, Method, Priors, blame, load_method, settings_of, write_predictions
+from graycard.methods import (
+    LIGHTS,
+    Method,
+    Priors,
+    asks_of,
+    blame,
+    load_method,
+    settings_of,
+    write_predictions,
+)
+from graycard.methods.priors import PriorSpec, make_priors, truth_of
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Truth that only scenes with a target have."""
@@ -42,6 +52,8 @@ class FitSpec:
     """``DATASET/<track>/<scene>``."""
     label: str = ""
     """Name in tables; that of the method if empty."""
+    priors: PriorSpec = field(default_factory=PriorSpec)
+    """What answers the method's asks."""
 
 
 def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path | None = None) -> Cost:
@@ -61,7 +73,7 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
     method = load_method(spec.method)
     settings = settings_of(method, spec.settings)
     capture = open_capture(spec.scene / "capture")
-    priors = oracle_priors(method, capture, spec.scene)
+    priors = handed_priors(method, spec.priors, capture, spec.scene)
     clear_predictions(predictions)
     if save is not None:
         writable_folder(save)
@@ -76,21 +88,38 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
     return cost
 
 
-def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
-    """The truth that a method asks for, handed in as a prior; a method is not to open the truth folder.
+def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:
+    """The truth that a method needs, and what answers its asks; a method is not to open the truth folder.
 
     Raises:
-        DatasetError: The method asks for truth, and the scene has none or a damaged one.
+        DatasetError: Truth is asked for, and the scene has none or a damaged one.
+        MethodError: Method, priors and weights do not go together.
     """
+    asks = asks_of(method)
+    told = truth_of(spec, asks)
+    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told) if told else {})
     if not method.needs:
-        return Priors()
-    truth = open_truth(scene / "truth")
+        return asked
     wanted = set(method.needs)
+    layers = _true_layers(scene, capture, frozenset(wanted - {LIGHTS}), OPTIONAL)
+    lights = open_truth(scene / "truth").lights() if LIGHTS in wanted else None
+    return replace(asked, source="oracle", layers=layers, lights=lights)
+
+
+def _true_layers(
+    scene: Path, capture: Capture, wanted: frozenset[str], optional: frozenset[str] = frozenset()
+) -> dict[str, dict[str, np.ndarray]]:
+    """True layers by view and name.
+
+    Raises:
+        DatasetError: The scene has none, or a damaged one.
+    """
+    truth = open_truth(scene / "truth")
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
-    absent = wanted - {LIGHTS, *OPTIONAL}.union(*layers.values())
+    absent = wanted - optional.union(*layers.values())
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
-    return Priors("oracle", layers, truth.lights() if LIGHTS in wanted else None)
+    return layers
 
 
 def seed_everything(seed: int) -> None:
@@ -114,5 +143,5 @@ def peak_memory_mib() -> float:
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
-def _pick(truth: Truth, view: str, wanted: set[str]) -> dict[str, np.ndarray]:
+def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:
     return {name: a for name, a in truth.layers(truth.view(view)).items() if name in wanted}

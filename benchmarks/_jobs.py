@@ -36,6 +36,7 @@ from graycard.benchmarks._fit import FitSpec, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
 from graycard.methods import words_of
+from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
 R = TypeVar("R")
@@ -111,7 +112,8 @@ def run_fit(job: FitJob) -> Outcome:
                 return found
             (job.folder / DONE).unlink(missing_ok=True)
             made = job.job
-            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method)
+            priors = decode(PriorSpec, made.priors)
+            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method, priors)
             with _threads(job.threads):
                 cost = fit_scene(spec, job.folder / "predictions", silent)
             write_json(job.folder / DONE, Done(made, job.job_hash, cost))

@@ -20,7 +20,8 @@ from graycard import (
 )
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
-from graycard.methods import load_method, settings_of
+from graycard.methods import asks_of, load_method, settings_of
+from graycard.methods.priors import check_priors
 from graycard.synth import SceneSpec, describe
 
 
@@ -33,11 +34,14 @@ def method_record(method: SuiteMethod) -> MethodRecord:
 
     Raises:
         UnknownNameError: It does not exist.
-        MethodError: It does not load, or does not take its settings.
+        MethodError: It does not load, or does not take its settings or its priors.
     """
     loaded = load_method(method.name)
     settings_of(loaded, method.settings)
-    changed = ", ".join(f"{name} {value}" for name, value in method.settings.items())
+    check_priors(method.priors, asks_of(loaded))
+    changes = [f"{name} {value}" for name, value in method.settings.items()]
+    changes += [f"priors: {method.priors}"] if asks_of(loaded) else []
+    changed = ", ".join(changes)
     summary = f"{loaded.summary} ({changed})" if changed else loaded.summary
     return MethodRecord(method.row, summary, loaded.needs, method.name)
 

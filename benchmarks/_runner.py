@@ -38,10 +38,11 @@ from graycard.benchmarks._run_record import (
     scene_record,
 )
 from graycard.benchmarks._sources import environment, usable_cores
-from graycard.benchmarks._suites import Suite
+from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.eval import metrics
-from graycard.methods import fingerprint, load_method, settings_of
+from graycard.methods import Method, asks_of, fingerprint, load_method, settings_of
+from graycard.methods.priors import truth_of, weights_of
 from graycard.synth import SceneSpec, scene_name
 
 
@@ -129,15 +130,22 @@ def _plan(suite: Suite, scenes: list[tuple[SceneSpec, Path]], run: Path, threads
         for method in suite.methods:
             loaded = load_method(method.name)
             settings = encode(settings_of(loaded, method.settings))
-            sees = [
-                folder / part / "manifest.json" for part in ("capture", "truth")[: 1 + bool(loaded.needs)]
-            ]
+            sees = _seen(method, loaded, folder)
+            priors = encode(method.priors) if asks_of(loaded) else {}
             for seed in suite.seeds:
-                job = Job(spec.track, folder.name, method.row, seed, settings, method.name)
-                name = job_hash(job, [sha256(path) for path in sees], fingerprint(method.name))
+                job = Job(spec.track, folder.name, method.row, seed, settings, method.name, priors)
+                name = job_hash(job, sees, fingerprint(method.name))
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
                 plan.append(FitJob(job, name, folder, where, threads))
     return plan
+
+
+def _seen(method: SuiteMethod, loaded: Method, scene: Path) -> list[str]:
+    """Hashes of all that a method is handed: the capture, the truth if it is handed any, weights."""
+    asks = asks_of(loaded)
+    told = bool(loaded.needs) or bool(truth_of(method.priors, asks))
+    parts = ("capture", "truth")[: 1 + told]
+    return [*(sha256(scene / part / "manifest.json") for part in parts), *weights_of(method.priors, asks)]
 
 
 def _part(progress: Progress, stage: int, doing: str) -> Progress:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError, decode
+from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, families, scene_name
 
 FOLDER = Path(__file__).parent / "suites"
@@ -23,6 +24,8 @@ class SuiteMethod:
     """Those that differ from the method's defaults."""
     label: str = ""
     """The row of a table; the name if empty. Variants of one method need labels of their own."""
+    priors: PriorSpec = field(default_factory=PriorSpec)
+    """What answers the method's asks."""
 
     @property
     def row(self) -> str:

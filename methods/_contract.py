@@ -5,43 +5,19 @@ A decomposition claims only what it can do: the layers in ``provides``, and the 
 protocols :class:`Relightable` and :class:`Removable`. What it does not claim is "not provided", never 0.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, Progress
+from graycard import Camera, Capture, Light, Progress
+from graycard.methods._priors import Ask as Ask
+from graycard.methods._priors import Priors as Priors
 
 LIGHTS = "lights"
 """What ``needs`` calls the true lights; everything else in it is the name of a layer."""
-
-PriorSource = Literal["none", "oracle", "classical", "pretrained"]
-
-
-@dataclass(frozen=True, slots=True)
-class Priors:
-    """What a method is handed beyond the capture: what a pretrained network would tell it, or the truth."""
-
-    source: PriorSource = "none"
-    layers: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
-    """Arrays by view name and layer name, for training and held-out views."""
-    lights: tuple[Light, ...] | None = None
-
-    def layer(self, view: str, name: str) -> np.ndarray:
-        """The array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
-
-        Raises:
-            MethodError: It was not handed in.
-        """
-        try:
-            return self.layers[view][name]
-        except KeyError as cause:
-            raise MethodError(
-                f"expected a prior for layer {name!r} of view {view!r}, got none (source: {self.source}). "
-                "Fit with the scene's truth beside its capture, or hand the prior in"
-            ) from cause
 
 
 @runtime_checkable
@@ -125,7 +101,7 @@ class Method(Protocol):
 
         Args:
             capture: Photographs and cameras of the training views, cameras of the held-out ones.
-            priors: What ``needs`` asks for.
+            priors: What ``needs`` asks for, and what answers the method's ``asks``.
             settings: An instance of ``settings_type``.
             seed: Equal seeds give equal decompositions.
             progress: Called now and then.
@@ -147,3 +123,18 @@ class Method(Protocol):
 @dataclass(frozen=True, slots=True)
 class NoSettings:
     """The settings of a method that has none."""
+
+
+@runtime_checkable
+class Asking(Method, Protocol):
+    """A method that asks a prior; one without ``asks`` asks nothing."""
+
+    @property
+    def asks(self) -> tuple[Ask, ...]:
+        """Kinds that it will ask for, and of which images."""
+        ...
+
+
+def asks_of(method: Method) -> tuple[Ask, ...]:
+    """What a method asks a prior for; empty for one that asks nothing."""
+    return method.asks if isinstance(method, Asking) else ()

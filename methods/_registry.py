@@ -19,7 +19,7 @@ from typing import Any
 
 import graycard
 from graycard import MethodError, UnknownNameError, __version__, decode, encode, layer, sources_hash
-from graycard.methods._contract import LIGHTS, Method
+from graycard.methods._contract import LIGHTS, Ask, Method
 
 GROUP = "graycard.methods"
 
@@ -158,14 +158,16 @@ def _check_contract(name: str, method: Any) -> None:
     missing = [member for member in _MEMBERS if not hasattr(method, member)]
     if missing:
         raise MethodError(f"expected {name!r} to be a method, got {method!r} without {', '.join(missing)}")
+    asks = getattr(method, "asks", ())
     faults = [
         ("a summary that is a string", method.summary, isinstance(method.summary, str)),
-        ("needs that is a tuple of names", method.needs, _is_tuple_of_names(method.needs)),
+        ("needs that is a tuple of names", method.needs, _is_tuple_of(str, method.needs)),
         (
             "a settings_type that is a dataclass",
             method.settings_type,
             _is_dataclass_type(method.settings_type),
         ),
+        ("asks that is a tuple of Ask", asks, _is_tuple_of(Ask, asks)),
         ("fit and load that can be called", method.fit, callable(method.fit) and callable(method.load)),
     ]
     for expected, got, fine in faults:
@@ -183,8 +185,8 @@ def _check_contract(name: str, method: Any) -> None:
             raise MethodError(f"expected a default for each setting of {name!r}, got none for {setting.name}")
 
 
-def _is_tuple_of_names(value: Any) -> bool:
-    return isinstance(value, tuple) and all(isinstance(item, str) for item in value)
+def _is_tuple_of(kind: type, value: Any) -> bool:
+    return isinstance(value, tuple) and all(isinstance(item, kind) for item in value)
 
 
 def _is_dataclass_type(value: Any) -> bool:

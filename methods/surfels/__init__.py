@@ -19,3 +19,5 @@ from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSur
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
 from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import with_colours as with_colours
+from graycard.methods.surfels._sweep import SweptView as SweptView
+from graycard.methods.surfels._sweep import sweep_depth as sweep_depth

@@ -59,13 +59,26 @@ def sweep_depths(views: Sequence[SweptView]) -> list[SweptDepth]:
         views: Two or more, of one scene.
     """
     partners = [_partners(views, number) for number in range(len(views))]
-    depths = [_swept(view, [views[p] for p in found]) for view, found in zip(views, partners, strict=True)]
+    depths = [sweep_depth(views, number) for number in range(len(views))]
     swept = []
     for number, found in enumerate(partners):
         others = [(views[p].camera, depths[p]) for p in found]
         sure = _agreed(views[number].camera, depths[number], others)
         swept.append(SweptDepth(depths[number], sure))
     return swept
+
+
+def sweep_depth(views: Sequence[SweptView], number: int) -> np.ndarray:
+    """Dense depth of one view, by the others: z-depth at which they look most alike, sure or not.
+
+    Args:
+        views: Two or more, of one scene.
+        number: Which of them.
+
+    Returns:
+        Shape ``(H, W)``, metres; NaN if no other looks from nearby in about the same direction.
+    """
+    return _swept(views[number], [views[p] for p in _partners(views, number)])
 
 
 def _partners(views: Sequence[SweptView], number: int) -> list[int]:

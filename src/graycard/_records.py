@@ -97,6 +97,8 @@ class Job:
     """The method's settings, resolved."""
     entry: str = ""
     """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one."""
+    priors: Mapping[str, Any] = field(default_factory=dict)
+    """Where the answers of priors come from, resolved; empty for a method that asks for none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a spec to priors that a method can ask; what is missing is met before any time is spent."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from graycard import Capture, MethodError, sha256
+from graycard.methods._priors import KINDS, Ask, PriorKind, PriorModel, Priors, PriorSource
+from graycard.methods.priors._oracle import Oracle, truth_for
+from graycard.methods.priors._spec import KindSpec, PriorSpec, of_kind
+
+GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
+    "none": frozenset(),
+    "oracle": frozenset(KINDS),
+    "classical": frozenset(KINDS) - {"mask"},
+    "pretrained": frozenset(KINDS),
+}
+"""The kinds that each source knows of."""
+
+Truth = Mapping[str, Mapping[str, np.ndarray]]
+"""True arrays by view name and layer name."""
+
+
+def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
+    """Refuse priors that a method has no use for, or that do not give what it must have.
+
+    Raises:
+        MethodError: They do not go together; weights are missing.
+    """
+    if spec != PriorSpec() and not asks:
+        raise MethodError(f"expected no priors for a method that asks for none, got {spec}. Leave them out")
+    asked = {ask.kind for ask in asks}
+    for kind in spec.overrides:
+        if kind not in asked:
+            raise MethodError(
+                f"expected overrides of what the method asks for ({', '.join(sorted(asked))}), got {kind}"
+            )
+    for ask in asks:
+        found = of_kind(spec, ask.kind)
+        named = ask.kind in spec.overrides and found.source != "none"
+        if ask.kind not in GIVES[found.source] and (named or not ask.optional):
+            raise MethodError(
+                f"expected a source of priors that gives {ask.kind}, got {found.source!r}. One of "
+                f"{', '.join(source for source, kinds in GIVES.items() if ask.kind in kinds)} does"
+            )
+        if found.source == "oracle":
+            truth_for(ask)
+        if found.source == "pretrained":
+            _weights(found)
+
+
+def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
+    """Names of the true layers that the oracle of a spec is handed; empty where none is asked.
+
+    Raises:
+        MethodError: The truth does not tell what is asked.
+    """
+    oracles = [truth_for(ask) for ask in asks if of_kind(spec, ask.kind).source == "oracle"]
+    return frozenset().union(*oracles)
+
+
+def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
+    """A hash for each set of weights that is asked: answers depend on them.
+
+    Raises:
+        MethodError: Weights are missing.
+    """
+    check_priors(spec, asks)
+    kinds = [of_kind(spec, ask.kind) for ask in asks]
+    paths = [_weights(found) for found in kinds if found.source == "pretrained"]
+    return [_hash(path.resolve(), _stamp(path)) for path in paths]
+
+
+def make_priors(spec: PriorSpec, asks: Sequence[Ask], capture: Capture, truth: Truth) -> Priors:
+    """What a method can ask.
+
+    Args:
+        spec: Where answers come from.
+        asks: What the method will ask for.
+        capture: What the method may see of the scene.
+        truth: The layers of :func:`truth_of`, for every view.
+
+    Raises:
+        MethodError: Spec, method, scene or weights do not go together.
+    """
+    check_priors(spec, asks)
+    models: dict[str, PriorModel] = {}
+    for ask in asks:
+        found = of_kind(spec, ask.kind)
+        if ask.kind in GIVES[found.source]:
+            models[ask.kind] = models.get(ask.kind) or _model(found, capture, truth)
+    return Priors(spec.source, models=models)
+
+
+def _model(spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
+    """What answers about one kind; torch is loaded only for those that need it."""
+    if spec.source == "oracle":
+        return Oracle(spec, truth, capture.exposure, capture.target)
+    if spec.source == "classical":
+        from graycard.methods.priors._classical import Classical
+
+        return Classical(capture)
+    from graycard.methods.priors._pretrained import load_pretrained
+
+    return load_pretrained(spec.kind, _weights(spec))
+
+
+def _weights(spec: KindSpec) -> Path:
+    """Where the weights of a kind are."""
+    if spec.weights is None or not spec.weights.exists():
+        raise MethodError(
+            f"expected weights for {spec.kind} priors at {spec.weights or 'a path'}, got none. Nothing is "
+            f"downloaded: give priors a path to a folder that holds {spec.kind}/ (transformers) or "
+            f"{spec.kind}.pt (TorchScript), or one in overrides.{spec.kind}.path"
+        )
+    return spec.weights
+
+
+def _stamp(path: Path) -> tuple[tuple[str, int, int], ...]:
+    """What changes when a file changes: a checkpoint of gigabytes is not read for each job."""
+    stats = [(p, p.stat()) for p in _files(path)]
+    return tuple((p.relative_to(path).as_posix(), s.st_size, s.st_mtime_ns) for p, s in stats)
+
+
+@cache
+def _hash(path: Path, stamp: tuple[tuple[str, int, int], ...]) -> str:
+    return " ".join(sha256(p) for p in _files(path))
+
+
+def _files(path: Path) -> list[Path]:
+    return sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]

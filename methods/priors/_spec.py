@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which priors a fit is given: part of what addresses a job, of a suite, of a run record."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from graycard import UnknownNameError, dumps
+from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
+from graycard.methods.priors import _colour, _depth, _inpainting, _mask, _material, _normal
+
+WORST = 5
+LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
+    "depth": _depth.LEVELS,
+    "normal": _normal.LEVELS,
+    "base_color": _colour.LEVELS,
+    "roughness": _material.ROUGHNESS_LEVELS,
+    "metallic": _material.METALLIC_LEVELS,
+    "mask": _mask.LEVELS,
+    "inpainting": _inpainting.LEVELS,
+}
+"""How wrong the oracle is, by kind and severity."""
+
+
+@dataclass(frozen=True, slots=True)
+class Override:
+    """What is different for one kind; what is None is as in the spec."""
+
+    source: PriorSource | None = None
+    severity: int | None = None
+    path: str | None = None
+    """Where the weights are."""
+    errors: Mapping[str, float] = field(default_factory=dict)
+    """Single parameters of the oracle's errors, in place of those of the severity."""
+
+
+@dataclass(frozen=True, slots=True)
+class PriorSpec:
+    """Which priors a method is given.
+
+    ``oracle`` answers with the truth, made wrong as networks are wrong; ``classical`` with algorithms that
+    need no weights; ``pretrained`` with networks on disk.
+
+    Raises:
+        ValueError: A severity, a seed, a parameter or a path that cannot be.
+        UnknownNameError: A source, a kind or a parameter that does not exist.
+    """
+
+    source: PriorSource = "none"
+    severity: int = 0
+    """Of the oracle's errors: 0 is the truth itself, 5 the worst."""
+    seed: int = 0
+    """Of the oracle's errors."""
+    path: str = ""
+    """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript)."""
+    overrides: Mapping[str, Override] = field(default_factory=dict)
+    """By kind."""
+
+    def __post_init__(self) -> None:
+        _check(self.source, self.severity)
+        if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
+            raise ValueError(f"expected a seed >= 0 of the priors, got {self.seed!r}")
+        for kind in self.overrides:
+            if kind not in KINDS:
+                raise UnknownNameError("kind of prior", kind, KINDS)
+            of_kind(self, kind)
+
+    def __hash__(self) -> int:
+        return hash(dumps(self))
+
+    def __str__(self) -> str:
+        """For the summary of a row, as in ``oracle, severity 2; depth: severity 4, kappa 0.3``."""
+        parts = [_words(self.source, self.severity)]
+        for kind in sorted(self.overrides):
+            found = of_kind(self, kind)
+            more = [f"{name} {value:g}" for name, value in self.overrides[kind].errors.items()]
+            parts.append(f"{kind}: {', '.join([_words(found.source, found.severity), *more])}")
+        return "; ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class KindSpec:
+    """Where the answers about one kind come from."""
+
+    kind: PriorKind
+    source: PriorSource
+    severity: int
+    seed: int
+    weights: Path | None
+    """Of a pretrained source: the folder or file; None for others, and where no path is given."""
+    errors: Any
+    """Of the oracle: the dataclass of its kind."""
+
+
+def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
+    """What a spec says of one kind.
+
+    Raises:
+        ValueError: A severity or a parameter that cannot be.
+        UnknownNameError: A source or a parameter that does not exist.
+    """
+    override = spec.overrides.get(kind, Override())
+    source = spec.source if override.source is None else override.source
+    severity = spec.severity if override.severity is None else override.severity
+    _check(source, severity)
+    if override.errors and source != "oracle":
+        raise ValueError(f"expected errors of {kind} with source oracle only, got them with {source}")
+    name: PriorKind = KINDS[KINDS.index(kind)]  # pyright: ignore[reportArgumentType]
+    weights = _weights(spec, override, name) if source == "pretrained" else None
+    return KindSpec(name, source, severity, spec.seed, weights, _errors(name, severity, override.errors))
+
+
+def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | None:
+    if override.path:
+        return Path(override.path)
+    if not spec.path:
+        return None
+    folder = Path(spec.path) / kind
+    return folder if folder.is_dir() else folder.with_suffix(".pt")
+
+
+def _errors(kind: PriorKind, severity: int, changes: Mapping[str, float]) -> Any:
+    errors = LEVELS[kind][severity]
+    known = [f.name for f in fields(errors)]
+    for name, value in changes.items():
+        if name not in known:
+            raise UnknownNameError(f"error of {kind}", name, known)
+        if not (math.isfinite(value) and value >= 0):
+            raise ValueError(f"expected {name} of {kind} to be finite and >= 0, got {value}")
+    return replace(errors, **changes)
+
+
+def _check(source: str, severity: int) -> None:
+    if source not in SOURCES:
+        raise UnknownNameError("source of priors", source, SOURCES)
+    if isinstance(severity, bool) or not isinstance(severity, int) or not 0 <= severity <= WORST:
+        raise ValueError(f"expected a severity of 0 to {WORST}, got {severity!r}")
+
+
+def _words(source: str, severity: int) -> str:
+    return f"{source}, severity {severity}" if source == "oracle" else source

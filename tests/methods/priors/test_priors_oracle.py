@@ -1,0 +1,310 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The truth, made wrong: exact at severity 0, worse with each severity, and as wrong as it says."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.ndimage import gaussian_filter
+
+import graycard as gc
+from graycard import methods
+from graycard.methods.priors import Override, PriorSpec
+from graycard.methods.priors._colour import ColorErrors, corrupt_base_color
+from graycard.methods.priors._depth import DepthErrors, corrupt_depth
+from graycard.methods.priors._draws import blurred, draws_of, log_light, relief, smooth_field
+from graycard.methods.priors._inpainting import InpaintingErrors, corrupt_filling
+from graycard.methods.priors._mask import MaskErrors, corrupt_mask
+from graycard.methods.priors._material import (
+    MetallicErrors,
+    RoughnessErrors,
+    corrupt_metallic,
+    corrupt_roughness,
+)
+from graycard.methods.priors._normal import NormalErrors, corrupt_normal
+from graycard.methods.priors._slopes import normals_of
+
+KINDS = ("depth", "normal", "base_color", "roughness", "metallic", "mask", "inpainting")
+SIZE = 64
+EVEN = np.zeros((SIZE, SIZE, 3))
+ROOM = np.add.outer(np.linspace(4, 2, SIZE), np.linspace(0, 1, SIZE))
+
+
+def truths(scene) -> dict[str, Callable[[gc.View], np.ndarray]]:
+    """What a perfect network would say about a view."""
+    radiance = "counterfactual.radiance"
+    known: dict[str, Callable[[gc.View], np.ndarray]] = {
+        kind: lambda v, kind=kind: scene.truth[v.name][kind] for kind in KINDS[:5]
+    }
+    known["mask"] = lambda v: scene.truth[v.name]["object_id"] == scene.capture.target
+
+    def filled(view: gc.View) -> np.ndarray:
+        layers = scene.truth[view.name]
+        hole = (layers["object_id"] == scene.capture.target)[..., None]
+        return np.where(hole, layers[radiance], layers["radiance"]) * scene.capture.exposure
+
+    return known | {"inpainting": filled}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_at_severity_0_it_is_the_truth(kind: str, scene, questions):
+    told = scene.priors(PriorSpec("oracle", 0, seed=3))
+    for view in scene.capture.views:
+        answer, true = questions[kind](told, view), truths(scene)[kind](view)
+        assert answer.dtype == (bool if kind == "mask" else np.float64)
+        np.testing.assert_allclose(answer, true, rtol=1e-6, atol=1e-6)
+
+
+def wrongness(kind: str, answer: np.ndarray, true: np.ndarray) -> float:
+    if kind == "depth":
+        seen = np.isfinite(true)
+        assert np.array_equal(np.isfinite(answer), seen)
+        return float(np.abs(np.log(answer[seen] / true[seen])).mean())
+    if kind == "normal":
+        seen = np.linalg.norm(true, axis=-1) > 0
+        return float(gc.angles(answer, true)[seen].mean())
+    if kind == "mask":
+        return 1 - float((answer & true).sum() / max((answer | true).sum(), 1))
+    return float(np.abs(answer.astype(float) - true).mean())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_errors_grow_with_severity(kind: str, scene, questions):
+    """The mean over views and seeds; draws are those of severity 1, only larger."""
+    growth = []
+    for severity in range(6):
+        told = [scene.priors(PriorSpec("oracle", severity, seed)) for seed in range(1000, 1012)]
+        cases = [(questions[kind](p, v), truths(scene)[kind](v)) for p in told for v in scene.capture.views]
+        growth.append(np.mean([wrongness(kind, *case) for case in cases]))
+    assert growth[0] < 1e-5
+    assert (np.diff(growth) > 0).all(), growth
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_answers_depend_on_seed_and_view_and_not_on_the_order(kind: str, scene, questions):
+    views, worst = scene.capture.views, PriorSpec("oracle", 5, seed=1000)
+    first, second = scene.priors(worst), scene.priors(worst)
+    forth = {v.name: questions[kind](first, v) for v in views}
+    back = {v.name: questions[kind](second, v) for v in reversed(views)}
+    assert all(np.array_equal(forth[name], back[name]) for name in forth)
+    others = [scene.priors(PriorSpec("oracle", 5, seed)) for seed in range(1001, 1009)]
+    assert any(not np.array_equal(questions[kind](p, views[0]), forth[views[0].name]) for p in others)
+
+
+def test_light_in_the_image_makes_depth_and_normals_worse(scene):
+    """A method that hands in the albedo that it found gets better answers than with the photograph."""
+    gaps = {}
+    for kappa in (0.0, 0.05, 0.15, 0.3):
+        changed = {k: Override(errors={"kappa": kappa}) for k in ("depth", "normal")}
+        told = scene.priors(PriorSpec("oracle", 0, overrides=changed))
+        for kind in ("depth", "normal"):
+            lit, even = (
+                wrongness(kind, getattr(told, kind)(image, scene.view), scene.known[kind])
+                for image in (scene.photograph, scene.known["base_color"])
+            )
+            assert even == pytest.approx(0, abs=1e-5)  # degrees, of truth in float32
+            gaps.setdefault(kind, []).append(lit)
+    for kind, lit in gaps.items():
+        assert lit[0] == pytest.approx(0, abs=1e-5)
+        assert (np.diff(lit) > 0).all(), kind
+
+
+def test_light_leaks_into_base_colour_by_a_power():
+    """With all of it left in, the base colour is the picture up to its scale; with half of it, its root."""
+    random = np.random.default_rng(0)
+    paint, light = random.uniform(0.2, 0.4, (12, 12, 3)), random.uniform(0.7, 1.3, (12, 12, 3))
+    even = corrupt_base_color(paint, 5 * paint, ColorErrors(leak=1.0), 0, "v")
+    np.testing.assert_allclose(even, paint)
+    for leak in (0.5, 1.0):
+        baked = corrupt_base_color(paint, paint * light, ColorErrors(leak=leak), 0, "v") / paint
+        assert np.ptp(np.log(baked) - leak * np.log(light)) < 1e-9
+
+
+def test_strength_of_light_does_not_matter_and_dark_is_deep():
+    spot = np.exp(-(np.add.outer(np.linspace(-3, 3, SIZE) ** 2, np.linspace(-3, 3, SIZE) ** 2)))
+    image = np.full((SIZE, SIZE, 3), 0.3) * (0.05 + spot[..., None])
+    paint = np.full((SIZE, SIZE, 3), 0.3)
+    light = log_light(image, paint)
+    np.testing.assert_allclose(log_light(7 * image, paint), light, atol=1e-12)
+    depth = corrupt_depth(np.full((SIZE, SIZE), 2.0), light, DepthErrors(kappa=0.3), 0, "v")
+    assert depth[SIZE // 2, SIZE // 2] < 2 < depth[SIZE // 2, SIZE // 6]
+
+
+def test_light_of_a_closed_form():
+    """Where paint and light are known their ratio is the light, whatever the paint; 0 where nothing is."""
+    random = np.random.default_rng(0)
+    paint, light = random.uniform(0.1, 0.9, (8, 9, 3)), random.uniform(0.5, 2, (8, 9, 3))
+    paint[0] = 0
+    seen = np.log(light[1:]) - np.log(light[1:]).mean()
+    np.testing.assert_allclose(log_light(paint * light, paint)[1:], seen, atol=1e-12)
+    assert not log_light(paint * light, paint)[0].any()
+    assert not log_light(np.zeros((4, 4, 3)), np.zeros((4, 4, 3))).any()
+
+
+def test_random_fields_have_mean_0_variance_1_and_their_length():
+    field = smooth_field(draws_of(1000, "test", "v"), (SIZE, SIZE), 3, length=0.05)
+    np.testing.assert_allclose(field.mean(axis=(0, 1)), 0, atol=1e-12)
+    np.testing.assert_allclose(field.std(axis=(0, 1)), 1, atol=1e-12)
+    across = np.corrcoef(field.reshape(-1, 3).T)
+    assert np.abs(across - np.eye(3)).max() < 0.4
+    many = [smooth_field(draws_of(s, "t", "v"), (SIZE, SIZE), length=0.05)[..., 0] for s in range(1000, 1040)]
+    lag = round(2 * 0.05 * SIZE)  # blurred white noise: correlation exp(-lag² / 4 s²)
+    correlation = np.mean([f * np.roll(f, lag, axis=0) for f in many])
+    assert correlation == pytest.approx(np.exp(-(lag**2) / (4 * (0.05 * SIZE) ** 2)), abs=0.06)
+
+
+def test_blur_keeps_what_is_even_and_what_is_unknown():
+    image, known = np.full((SIZE, SIZE), 3.0), np.zeros((SIZE, SIZE), bool)
+    known[:, :40] = True
+    image[:, 40:] = 99
+    assert np.allclose(blurred(image, 0.05, known), image)
+    random = np.random.default_rng(0).normal(size=(SIZE, SIZE, 2))
+    everywhere = np.ones((SIZE, SIZE), bool)
+    reference = np.stack([gaussian_filter(c, 0.05 * SIZE, mode="nearest") for c in random.transpose(2, 0, 1)])
+    np.testing.assert_allclose(blurred(random, 0.05, everywhere), reference.transpose(1, 2, 0), atol=1e-12)
+    assert np.array_equal(blurred(image, 0.05, ~everywhere), image)
+
+
+def test_scale_differs_from_view_to_view_by_as_much_as_it_says():
+    scales = [
+        np.log(corrupt_depth(ROOM, EVEN, DepthErrors(scale=0.2), 1000, f"v{n}") / ROOM).mean()
+        for n in range(200)
+    ]
+    assert stats.kstest(scales, stats.norm(0, 0.2).cdf).pvalue > 0.01
+    factors = [
+        corrupt_base_color(np.full((8, 8, 3), 0.2), np.ones((8, 8, 3)), ColorErrors(gain=0.1), 1000, f"v{n}")
+        for n in range(100)
+    ]
+    logs = np.log(np.array([f[0, 0] for f in factors]) / 0.2).ravel()
+    assert stats.kstest(logs, stats.norm(0, 0.1).cdf).pvalue > 0.01
+
+
+def test_each_error_of_depth_is_what_it_says():
+    curved = corrupt_depth(ROOM, EVEN, DepthErrors(curvature=0.2), 1000, "v")
+    slope = np.polyfit(np.log(ROOM).ravel(), np.log(curved).ravel(), 1)[0]
+    middle = np.median(ROOM)
+    np.testing.assert_allclose(np.log(curved / middle), slope * np.log(ROOM / middle), atol=1e-9)
+    assert slope != 1
+    moved = corrupt_depth(ROOM, EVEN, DepthErrors(offset=0.1), 1000, "v") - ROOM
+    assert np.ptp(moved) < 1e-9
+    assert moved.mean() != 0
+    waved = np.log(corrupt_depth(ROOM, EVEN, DepthErrors(waves=0.1), 1000, "v") / ROOM)
+    assert waved.std() == pytest.approx(0.1)
+    step = np.where(np.arange(SIZE) < 32, 1.0, 4.0) * np.ones((SIZE, 1))
+    soft = corrupt_depth(step, EVEN, DepthErrors(blur=0.03), 1000, "v")
+    between = (soft > 1.2) & (soft < 3.4)
+    assert not ((step > 1.2) & (step < 3.4)).any()
+    assert between.any(axis=0).sum() >= 2  # flying pixels at the edge
+
+
+def test_an_offset_brings_nothing_behind_the_camera():
+    depth = np.full((SIZE, SIZE), 10.0)
+    depth[:8] = 0.1
+    for number in range(50):
+        assert corrupt_depth(depth, EVEN, DepthErrors(offset=3.0), 1000, f"v{number}").min() > 0
+
+
+def test_sky_stays_sky():
+    nothing = np.full((SIZE, SIZE), np.inf)
+    assert np.isinf(corrupt_depth(nothing, EVEN, DepthErrors(0.4, 0.2, 0.1, 0.1, 0.3, 0.02), 0, "v")).all()
+    half = np.where(np.arange(SIZE)[:, None] < 20, np.inf, ROOM)
+    wrong = corrupt_depth(half, EVEN, DepthErrors(0.4, 0.2, 0.1, 0.1, 0.3, 0.02), 0, "v")
+    assert np.array_equal(np.isinf(wrong), np.isinf(half))
+
+
+def test_normals_see_the_relief_that_depth_sees():
+    """Independent reference: normals of the surface that the embossed depth draws."""
+    camera = gc.Camera.from_fov(SIZE, SIZE, 50, gc.look_at(np.array([1.0, -2, 1.5]), np.zeros(3)))
+    y, x = np.mgrid[0:SIZE, 0:SIZE] / SIZE * 2 * np.pi
+    light = np.repeat(0.5 * (np.sin(2 * x) * np.cos(y))[..., None], 3, axis=-1)
+    flat = np.tile(-camera.forward, (SIZE, SIZE, 1))
+    bump = relief(light, 0.03, 0.2)
+    embossed = 2.0 * np.exp(-0.02 * bump)
+    expected = normals_of(embossed, camera)
+    found = corrupt_normal(flat, light, camera, NormalErrors(kappa=0.02), 0, "v")
+    inner = (slice(4, -4), slice(4, -4))
+    angle, tilt = gc.angles(found, expected)[inner], gc.angles(found, flat)[inner]
+    assert tilt.mean() > 3  # there is something to compare
+    assert angle.mean() < 0.25 * tilt.mean()
+
+
+def test_normals_are_turned_as_much_as_they_say_and_flipped_on_request(scene):
+    normal, camera = scene.known["normal"].astype(float), scene.view.camera
+    seen = np.linalg.norm(normal, axis=-1) > 0
+    even = np.zeros_like(normal)
+    angles = []
+    for number in range(300):
+        turned = corrupt_normal(normal, even, camera, NormalErrors(turn=3.0), 1000, f"v{number}")
+        matrix = np.linalg.lstsq(normal[seen], turned[seen], rcond=None)[0]
+        angles.append(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1) / 2, -1, 1))))
+        assert not turned[~seen].any()
+    # rotation vectors of variance turn²/3 in each coordinate: the mean square of the angle is turn²
+    assert np.mean(np.square(angles)) == pytest.approx(9, rel=0.2)
+    flipped = corrupt_normal(normal, even, camera, NormalErrors(flip=1), 0, "v")
+    to_camera = camera.world_to_camera[:3, :3]
+    np.testing.assert_allclose(flipped @ to_camera.T, (normal @ to_camera.T) * [1, -1, -1], atol=1e-6)
+
+
+def test_masks_spread_and_tremble_by_pixels_and_miss_views():
+    y, x = np.mgrid[0:SIZE, 0:SIZE] + 0.5
+    disc = np.hypot(y - 32, x - 32) < 16
+    radii = [
+        np.sqrt(corrupt_mask(disc, "target", MaskErrors(spread=0.03), 1000, f"v{n}").sum() / np.pi)
+        for n in range(200)
+    ]
+    assert np.std(radii) == pytest.approx(0.03 * SIZE, rel=0.2)
+    assert np.mean(radii) == pytest.approx(16, abs=0.5)
+    found = [corrupt_mask(disc, "target", MaskErrors(misses=0.2), 1000, f"v{n}").any() for n in range(300)]
+    assert stats.binomtest(300 - sum(found), 300, 0.2).pvalue > 0.01
+    trembling = corrupt_mask(disc, "target", MaskErrors(tremble=0.03), 1000, "v")
+    assert 0 < (trembling != disc).sum() < 0.5 * disc.sum()
+    full, empty = np.ones((8, 8), bool), np.zeros((8, 8), bool)
+    assert corrupt_mask(full, "glossy", MaskErrors(0.1, 0.1), 0, "v").all()
+    assert not corrupt_mask(empty, "glossy", MaskErrors(0.1, 0.1), 0, "v").any()
+
+
+def test_glossy_is_what_reflects_and_a_target_is_the_one_that_is_named(scene):
+    told = scene.priors(PriorSpec("oracle"))
+    ids = scene.known["object_id"]
+    glossy = told.mask(scene.photograph, scene.view, "glossy")
+    assert np.array_equal(glossy, (ids == 1) | (ids == 2))  # roughness 0.2 and 0.45; the sky is none
+    assert np.array_equal(told.mask(scene.photograph, scene.view, "target"), ids == 3)
+
+
+def test_objects_are_taken_for_metal_as_a_whole_and_as_often_as_it_says():
+    ids = np.repeat(np.arange(6), 10).reshape(6, 10)
+    metallic = (ids == 2).astype(float)
+    flips = 0
+    for number in range(100):
+        wrong = corrupt_metallic(metallic, ids, MetallicErrors(0.3), 1000, f"v{number}")
+        assert (np.ptp(wrong, axis=1) == 0).all()
+        assert not wrong[0].any()
+        flips += int((wrong[1:, 0] != metallic[1:, 0]).sum())
+    assert stats.binomtest(flips, 500, 0.3).pvalue > 0.01
+
+
+def test_roughness_is_off_by_as_much_as_it_says():
+    matte = np.full((SIZE, SIZE), 0.5)
+    means = [
+        corrupt_roughness(matte, RoughnessErrors(bias=0.05), 1000, f"v{n}").mean() - 0.5 for n in range(200)
+    ]
+    assert stats.kstest(means, stats.norm(0, 0.05).cdf).pvalue > 0.01
+    assert corrupt_roughness(matte, RoughnessErrors(waves=0.05), 1000, "v").std() == pytest.approx(0.05)
+
+
+def test_fillings_are_displaced_by_as_much_as_they_say():
+    ramp = np.repeat(np.arange(SIZE, dtype=float)[None, :, None], 3, axis=-1) * np.ones((SIZE, 1, 1))
+    moved = corrupt_filling(ramp, InpaintingErrors(warp=0.02), 1000, "v") - ramp
+    inner = moved[8:-8, 8:-8, 0]
+    assert inner.std() == pytest.approx(0.02 * SIZE, rel=0.35)
+    tinted = corrupt_filling(ramp, InpaintingErrors(gain=0.1), 1000, "v")[:, 1:] / ramp[:, 1:]
+    assert np.ptp(tinted, axis=(0, 1)).max() < 1e-12
+    assert len(np.unique(tinted[0, 0])) == 3
+
+
+def test_one_kind_may_be_worse_than_the_others(scene):
+    spec = PriorSpec("oracle", 0, overrides={"depth": Override(severity=4)})
+    told: methods.Priors = scene.priors(spec)
+    assert not np.allclose(told.depth(scene.photograph, scene.view), scene.known["depth"])
+    np.testing.assert_allclose(told.normal(scene.photograph, scene.view), scene.known["normal"], atol=1e-6)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+import tomllib
+
+import pytest
+
+import graycard as gc
+from graycard.methods.priors import Override, PriorSpec, of_kind
+
+TOML = """
+source = "oracle"
+severity = 2
+seed = 7
+[overrides.depth]
+severity = 4
+errors = { kappa = 0.3 }
+[overrides.inpainting]
+source = "classical"
+[overrides.normal]
+source = "pretrained"
+path = "weights/normal.pt"
+"""
+
+
+def test_a_spec_reads_and_writes_as_data():
+    spec = gc.decode(PriorSpec, tomllib.loads(TOML))
+    assert gc.decode(PriorSpec, gc.encode(spec)) == spec
+    depth = of_kind(spec, "depth")
+    assert (depth.source, depth.severity, depth.seed, depth.errors.kappa) == ("oracle", 4, 7, 0.3)
+    assert depth.errors.scale == 0.2  # the rest is that of severity 4
+    assert of_kind(spec, "base_color").severity == 2
+    assert of_kind(spec, "inpainting").source == "classical"
+    assert str(of_kind(spec, "normal").weights) == "weights/normal.pt"
+    assert str(spec) == (
+        "oracle, severity 2; depth: oracle, severity 4, kappa 0.3; inpainting: classical; normal: pretrained"
+    )
+
+
+def test_equal_specs_hash_alike_and_others_do_not():
+    spec = PriorSpec("oracle", 2, overrides={"depth": Override(errors={"kappa": 0.3})})
+    again = PriorSpec("oracle", 2, overrides={"depth": Override(errors={"kappa": 0.3})})
+    others = {PriorSpec(), PriorSpec("oracle", 2), PriorSpec("oracle", 2, 1), PriorSpec("classical")}
+    assert {spec, again} == {spec}
+    assert len({spec, *others}) == 5
+
+
+def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
+    (tmp_path / "depth").mkdir()
+    spec = PriorSpec("pretrained", path=str(tmp_path))
+    assert of_kind(spec, "depth").weights == tmp_path / "depth"
+    assert of_kind(spec, "inpainting").weights == tmp_path / "inpainting.pt"
+    assert of_kind(PriorSpec("pretrained"), "depth").weights is None
+    assert of_kind(PriorSpec("oracle", path=str(tmp_path)), "depth").weights is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error", "message"),
+    [
+        ({"severity": 6}, ValueError, "expected a severity of 0 to 5, got 6"),
+        ({"severity": -1}, ValueError, "expected a severity of 0 to 5, got -1"),
+        ({"severity": True}, ValueError, "expected a severity of 0 to 5, got True"),
+        ({"seed": -3}, ValueError, "expected a seed >= 0 of the priors, got -3"),
+        ({"source": "orcale"}, gc.UnknownNameError, "did you mean 'oracle'"),
+        ({"overrides": {"dpeth": Override()}}, gc.UnknownNameError, "did you mean 'depth'"),
+        ({"overrides": {"depth": Override(severity=9)}}, ValueError, "0 to 5, got 9"),
+        ({"overrides": {"depth": Override(source="cnn")}}, gc.UnknownNameError, "source of priors"),
+        (
+            {"overrides": {"depth": Override(errors={"kapa": 1.0})}},
+            gc.UnknownNameError,
+            "error of depth that exists, got 'kapa'.*did you mean 'kappa'",
+        ),
+        (
+            {"overrides": {"depth": Override(errors={"kappa": -1.0})}},
+            ValueError,
+            "expected kappa of depth to be finite and >= 0, got -1",
+        ),
+        (
+            {"overrides": {"depth": Override(errors={"kappa": float("nan")})}},
+            ValueError,
+            "expected kappa of depth to be finite",
+        ),
+        (
+            {"source": "classical", "overrides": {"depth": Override(errors={"kappa": 1.0})}},
+            ValueError,
+            "expected errors of depth with source oracle only, got them with classical",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(wrong: dict, error: type[Exception], message: str):
+    with pytest.raises(error, match=message):
+        PriorSpec(**{"source": "oracle", **wrong})
+
+
+def test_in_a_file_it_is_the_record_that_is_wrong():
+    with pytest.raises(gc.RecordError, match="expected a severity of 0 to 5, got 8"):
+        gc.decode(PriorSpec, {"source": "oracle", "severity": 8})
+    with pytest.raises(gc.RecordError, match="did you mean 'severity'"):
+        gc.decode(PriorSpec, {"source": "oracle", "severitty": 1})
