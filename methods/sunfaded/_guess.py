@@ -1,9 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a prior says about the geometry of training views."""
+"""What a prior says about the geometry of training views: of the photographs, and anew of the albedo."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+
+from graycard import Capture
+from graycard.methods._contract import Ask, Priors
+from graycard.methods._priors import PHOTOGRAPH
+from graycard.methods.sunfaded._model import draw
+from graycard.methods.sunfaded._settings import SunFadedSettings
+from graycard.methods.surfels import decode
+
+GEOMETRY_ASKS = tuple(Ask(kind, (PHOTOGRAPH, "base_color"), optional=True) for kind in ("depth", "normal"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -13,7 +24,41 @@ class Guess:
     depth: torch.Tensor | None = None
     """Shape ``(H, W)``, float32: of any scale and offset."""
     normal: torch.Tensor | None = None
-    """Shape ``(H, W, 3)``, float32: world, of unit length."""
+    """Shape ``(H, W, 3)``, float32: world, of unit length, zero where there is nothing."""
 
 
-NO_GUESS = Guess()
+def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> list[Guess]:
+    """What the prior says when it sees an image of each training view.
+
+    Args:
+        capture: The views.
+        priors: What answers; where nothing does, there is no guess.
+        images: Shape ``(H, W, 3)``, linear, display range; one a view.
+
+    Raises:
+        MethodError: An answer is not sound.
+    """
+    found = []
+    for view, image in zip(capture.train, images, strict=True):
+        depth = priors.depth(image, view) if "depth" in priors.kinds else None
+        normal = priors.normal(image, view) if "normal" in priors.kinds else None
+        found.append(Guess(_tensor(depth), _tensor(normal)))
+    return found
+
+
+def exposed_photographs(capture: Capture) -> list[np.ndarray]:
+    """What a prior sees first: the training photographs, linear, display range."""
+    return [capture.photograph(view) * np.float32(capture.exposure) for view in capture.train]
+
+
+@torch.no_grad()
+def drawn_albedos(
+    capture: Capture, values: Mapping[str, torch.Tensor], settings: SunFadedSettings
+) -> list[np.ndarray]:
+    """What a prior sees then: the albedo of the training views as it has been found, linear."""
+    drawn = [draw(values, view.camera, settings).features[..., :3] for view in capture.train]
+    return [(image if settings.space == "linear" else decode(image)).numpy() for image in drawn]
+
+
+def _tensor(answer: np.ndarray | None) -> torch.Tensor | None:
+    return None if answer is None else torch.from_numpy(answer.astype(np.float32))

@@ -2,18 +2,25 @@
 """``sunfaded``: take the lamp on the camera out of photographs of dark places (Chang et al., CVPR 2026)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 
 from graycard import Capture, Progress
 from graycard.methods._contract import Priors
-from graycard.methods.splat import Parameters, Plan, initial_state, scene_extent, train
-from graycard.methods.sunfaded._guess import NO_GUESS
+from graycard.methods.splat import Checkpoint, Parameters, Plan, initial_state, scene_extent, train
+from graycard.methods.sunfaded._guess import (
+    GEOMETRY_ASKS,
+    Guess,
+    drawn_albedos,
+    exposed_photographs,
+    guesses,
+)
 from graycard.methods.sunfaded._model import draw
 from graycard.methods.sunfaded._objective import Objective, Photograph, photographs
 from graycard.methods.sunfaded._scene import METHOD, SunFadedScene, load_scene
-from graycard.methods.sunfaded._schedule import density_rules, learning_rates
+from graycard.methods.sunfaded._schedule import ALBEDO_PRIOR, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
 from graycard.methods.surfels import fit_checkpoint
@@ -24,6 +31,7 @@ class SunFadedMethod:
 
     summary = "surfels with albedo, ambient light and a learnt lamp on the camera (SunFaded)"
     needs = ()
+    asks = GEOMETRY_ASKS
     settings_type = SunFadedSettings
 
     def fit(
@@ -33,14 +41,11 @@ class SunFadedMethod:
 
         Raises:
             MethodError: The light is not on the camera, the photographs are black or not finite, there are
-                too few sparse points, or the fit has no way on.
+                too few sparse points, an answer of the prior is not sound, or the fit has no way on.
         """
         check_capture(capture)
         views = photographs(capture, settings)
-        state = initial_state(start(capture, views, settings, seed), seed)
-        plan = _plan(capture, views, settings, seed)
-        guesses = [NO_GUESS] * len(views)
-        parameters = train(state, plan, Objective(views, guesses, settings, seed), progress).parameters
+        parameters = _fitted(capture, priors, views, settings, seed, progress)
         return SunFadedScene(parameters, settings, capture.exposure, _reach(parameters, views, settings))
 
     def load(self, folder: Path) -> SunFadedScene:
@@ -52,9 +57,51 @@ class SunFadedMethod:
         return load_scene(folder)
 
 
-def _plan(capture: Capture, views: Sequence[Photograph], settings: SunFadedSettings, seed: int) -> Plan:
+def _fitted(
+    capture: Capture,
+    priors: Priors,
+    views: Sequence[Photograph],
+    settings: SunFadedSettings,
+    seed: int,
+    progress: Progress,
+) -> Parameters:
+    """All stages; before the fourth the prior is asked anew, with the albedo.
+
+    A fit that was cut off after that finds what the third stage left in a file of its own: so the prior is
+    asked with the same images again.
+    """
+    asked = settings.geometry_prior != "none" and bool(priors.kinds & {"depth", "normal"})
+    lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [Guess()] * len(views)
+    state = initial_state(start(capture, views, settings, seed), seed)
+    plan = _plan(capture, views, lit, settings, seed)
+    objective = Objective(views, lit, settings, seed)
+    if asked and settings.geometry_prior == "albedo":
+        until = max(1, round(ALBEDO_PRIOR * settings.iterations))
+        first = replace(plan, until=until, checkpoint=_beside(plan.checkpoint))
+        state = train(state, first, objective, progress)
+        albedos = drawn_albedos(capture, state.parameters.all, settings)
+        objective = replace(objective, guesses=guesses(capture, priors, albedos))
+    return train(state, plan, objective, progress).parameters
+
+
+def _beside(checkpoint: Checkpoint | None) -> Checkpoint | None:
+    """Where the stages before the albedo's prior are saved."""
+    if checkpoint is None:
+        return None
+    return replace(checkpoint, path=checkpoint.path.with_name(f"{checkpoint.path.name}.lit"))
+
+
+def _plan(
+    capture: Capture, views: Sequence[Photograph], lit: Sequence[Guess], settings: SunFadedSettings, seed: int
+) -> Plan:
     extent = scene_extent([view.camera for view in capture.train])
-    checkpoint = fit_checkpoint(METHOD, settings, seed, [(view.camera, view.shown) for view in views])
+    fitted = [
+        (view.camera, picture)
+        for view, guess in zip(views, lit, strict=True)
+        for picture in (view.shown, guess.depth, guess.normal)
+        if picture is not None
+    ]
+    checkpoint = fit_checkpoint(METHOD, settings, seed, fitted)
     rates = learning_rates(extent, settings)
     return Plan(settings.iterations, rates, extent, density_rules(settings), checkpoint)
 

@@ -13,32 +13,10 @@ import graycard as gc
 from graycard import methods
 from graycard.methods import splat
 from graycard.methods.surfels import SurfelScene
+from sparse_points import with_points
 
 QUICK = {"iterations": 60, "surfels": 400, "degree": 1, "fill": 0.0}
 """The sparse points alone: there are many of them here."""
-
-
-def captured(scene: Path, spacing: int = 3) -> gc.Capture:
-    """The capture with sparse points, here of every third pixel that sees something."""
-    capture = gc.open_capture(scene / "capture", check=False)
-    truth = gc.open_truth(scene / "truth", check=False)
-    found = []
-    for number, view in enumerate(capture.views):
-        if view.split == "train":
-            layers, rays = truth.layers(view), view.camera.rays()
-            distance = layers["depth"] / (rays @ view.camera.forward)
-            chosen = np.zeros(distance.shape, bool)
-            chosen[::spacing, ::spacing] = True
-            row, column = np.nonzero(chosen & np.isfinite(distance))
-            positions = view.camera.position + distance[row, column, None] * rays[row, column]
-            shown = gc.srgb_encode(capture.photograph(view)[row, column] * capture.exposure)
-            pixel = np.stack([column, row], axis=1) + 0.5
-            found.append((positions, shown, np.full(len(row), number), pixel))
-    positions, shown, views, pixel = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    colours = np.rint(255 * shown).astype(np.uint8)
-    points = gc.Points(positions, colours, np.arange(len(positions)), views, pixel)
-    gc.write_points(scene / "capture" / "points.ply", points)
-    return capture
 
 
 def oracle(scene: Path) -> methods.Priors:
@@ -49,7 +27,7 @@ def oracle(scene: Path) -> methods.Priors:
 def fitted(name: str, scene: Path, seed: int = 0, **settings: object) -> SurfelScene:
     method = methods.load_method(name)
     changes = methods.settings_of(method, QUICK | settings)
-    found = method.fit(captured(scene), oracle(scene), changes, seed, gc.silent)
+    found = method.fit(with_points(scene), oracle(scene), changes, seed, gc.silent)
     assert isinstance(found, SurfelScene)
     return found
 
@@ -93,7 +71,7 @@ def test_each_follows_the_contract(name: str, scene: Path):
 def test_a_fit_sees_the_scene(scene: Path):
     """Far better than the mean colour, on views that it was not shown too; near the true surfaces."""
     gray = methods.load_method("gray")
-    flat = gray.fit(captured(scene), methods.Priors(), methods.settings_of(gray, {}), 0, gc.silent)
+    flat = gray.fit(with_points(scene), methods.Priors(), methods.settings_of(gray, {}), 0, gc.silent)
     found = fitted("2dgs", scene, iterations=200)
     for split in ("train", "test"):
         assert display_psnr(scene, found, split) > 6 + display_psnr(scene, flat, split)
@@ -170,7 +148,7 @@ def test_a_fit_goes_on_from_its_checkpoint(scene: Path, tmp_path: Path):
     method = methods.load_method("2dgs")
     settings = methods.settings_of(method, QUICK | {"checkpoint": path})
     with pytest.raises(KilledError):
-        method.fit(captured(scene), methods.Priors(), settings, 0, kill)
+        method.fit(with_points(scene), methods.Priors(), settings, 0, kill)
     whole, resumed = fitted("2dgs", scene), fitted("2dgs", scene, checkpoint=path)
     for name, values in whole.parameters.all.items():
         assert torch.equal(values, resumed.parameters.all[name]), name
@@ -195,7 +173,7 @@ def test_what_cannot_be_fitted_says_why(scene: Path):
     bare = gc.open_capture(scene / "capture")
     with pytest.raises(gc.MethodError, match="sparse points in the capture of tiny-0000, got 0"):
         method.fit(bare, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
-    capture = captured(scene)
+    capture = with_points(scene)
     one = replace(capture, views=tuple(replace(v, camera=capture.views[0].camera) for v in capture.views))
     with pytest.raises(gc.MethodError, match="different places in tiny-0000, got all from one"):
         method.fit(one, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
@@ -212,7 +190,7 @@ def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
     }
     with pytest.raises(gc.MethodError, match="views that see surfaces, got 0 pixels"):
         method.fit(
-            captured(scene), replace(priors, layers=empty), methods.settings_of(method, {}), 0, gc.silent
+            with_points(scene), replace(priors, layers=empty), methods.settings_of(method, {}), 0, gc.silent
         )
 
 

@@ -23,7 +23,7 @@ def by_hand(values: dict[str, torch.Tensor], point: np.ndarray) -> np.ndarray:
     x, y, z = away / distance
     bands = 2.0 ** np.arange(6)
 
-    def code(number: float) -> list[float]:
+    def code(number: np.floating) -> list[float]:
         return [*np.sin(bands * number), *np.cos(bands * number)]
 
     hidden = np.array(code(np.arcsin(y)) + code(np.arctan2(x, z)))

@@ -16,7 +16,7 @@ CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), n
 
 
 def floor(albedo: float = 0.4, side: int = 10) -> Parameters:
-    """Discs on the floor, all of one albedo; ten a side are far larger than pixels: each has its own depths."""
+    """Discs on the floor, all of one albedo; ten a side are far larger than a pixel."""
     x, y = np.meshgrid(np.linspace(-3, 3, side), np.linspace(-2, 4, side))
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)

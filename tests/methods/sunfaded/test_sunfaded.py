@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``sunfaded`` on a tiny scene, behind the contract."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from graycard import methods
+from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.splat import initial_state
+from graycard.methods.splat._optimise import leaves
+from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
+from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, guesses
+from graycard.methods.sunfaded._light import NETWORK, POSITION
+from graycard.methods.sunfaded._model import AMBIENT
+from graycard.methods.sunfaded._objective import Objective, correlation, photographs
+from graycard.methods.sunfaded._schedule import ENDS, Stage, learning_rates
+from graycard.methods.sunfaded._start import start
+from sparse_points import with_points
+
+QUICK = {"iterations": 80, "surfels": 400, "fill": 0.0}
+"""The sparse points alone: there are many of them here."""
+
+
+@pytest.fixture
+def scene(make_scene: Callable[..., Path]) -> Path:
+    return make_scene(train=5, test=2)
+
+
+def settings(**changes: object) -> SunFadedSettings:
+    return methods.settings_of(methods.load_method("sunfaded"), QUICK | changes)
+
+
+def oracle(scene: Path, severity: int = 0) -> methods.Priors:
+    truth = gc.open_truth(scene / "truth", check=False)
+    known = {view.name: truth.layers(view) for view in truth.views}
+    capture = gc.open_capture(scene / "capture", check=False)
+    return make_priors(PriorSpec("oracle", severity), GEOMETRY_ASKS, capture, known)
+
+
+def fitted(
+    scene: Path, priors: methods.Priors | None = None, seed: int = 0, **changes: object
+) -> SunFadedScene:
+    method = methods.load_method("sunfaded")
+    found = method.fit(with_points(scene), priors or methods.Priors(), settings(**changes), seed, gc.silent)
+    assert isinstance(found, SunFadedScene)
+    return found
+
+
+def test_it_follows_the_contract(scene: Path):
+    found = fitted(scene)
+    assert isinstance(methods.load_method("sunfaded"), methods.Method)
+    assert isinstance(found, methods.Decomposition)
+    for view in gc.open_capture(scene / "capture", check=False).views:
+        layers = found.render(view.camera, sorted(found.provides))
+        for layer, values in layers.items():
+            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert values.dtype == np.float32
+        apart = layers["radiance.lamp"] + layers["radiance.ambient"]
+        np.testing.assert_allclose(layers["radiance"], apart, atol=1e-5)
+        whole = layers["shading"] * layers["base_color"]
+        seen = layers["base_color"].min(axis=-1) > 0.02
+        np.testing.assert_allclose(whole[seen], layers["radiance"][seen], rtol=1e-4)
+    with pytest.raises(gc.MethodError, match="expected layers out of"):
+        found.render(gc.open_capture(scene / "capture", check=False).views[0].camera, ["roughness"])
+    assert "shading" not in fitted(scene, space="srgb", iterations=5).provides
+
+
+def test_it_finds_a_lamp_on_the_right_side_and_beats_a_flat_guess(scene: Path):
+    """The lamp of the tiny scene is 30 cm to the right of the lens."""
+    found = fitted(scene, iterations=400)
+    lights = found.lights()
+    assert lights is not None
+    (lamp,) = lights
+    assert isinstance(lamp, gc.PointLight)
+    assert lamp.frame == "camera"
+    assert lamp.position[0] > 0.05
+    truth = gc.open_truth(scene / "truth", check=False)
+    errors, flat = [], []
+    for view in truth.views:
+        if view.split == "test":
+            true = truth.layers(view)
+            shown = gc.srgb_encode(true["radiance"] * truth.exposure)[true["object_id"] > 0]
+            drawn = found.render(view.camera, ["radiance"])["radiance"][true["object_id"] > 0]
+            errors.append(((gc.srgb_encode(drawn * truth.exposure) - shown) ** 2).mean())
+            flat.append(((shown.mean(axis=0) - shown) ** 2).mean())
+    assert np.mean(errors) < 0.25 * np.mean(flat)
+
+
+@pytest.mark.parametrize("stage", Stage)
+def test_each_number_gets_a_gradient_when_its_stage_begins(scene: Path, stage: Stage):
+    capture, chosen = with_points(scene), settings(geometry_start=0.0)
+    views = photographs(capture, chosen)
+    images = [capture.photograph(view) * np.float32(capture.exposure) for view in capture.train]
+    told = guesses(capture, oracle(scene), images)
+    state = initial_state(start(capture, views, chosen, 0), 0)
+    share = ENDS[stage - 1] if stage else 0.0
+    moving = leaves(state, learning_rates(2.0, chosen), share)
+    look = Objective(views, told, chosen, 0)(moving, round(share * chosen.iterations))
+    asked = {name: values for name, values in moving.items() if values.requires_grad}
+    found = torch.autograd.grad(look.loss, list(asked.values()))
+    for name, gradient in zip(asked, found, strict=True):
+        assert torch.isfinite(gradient).all(), name
+        assert gradient.abs().max() > 0, name
+
+
+def test_a_fit_is_a_function_of_its_seed(scene: Path):
+    first, again, other = (fitted(scene, seed=seed) for seed in (1, 1, 2))
+    for name, values in first.parameters.all.items():
+        assert torch.equal(values, again.parameters.all[name])
+    assert not torch.equal(first.parameters.shared[NETWORK[0]], other.parameters.shared[NETWORK[0]])
+
+
+@pytest.mark.parametrize("stop_at", [0.5, 0.95])
+def test_a_fit_goes_on_where_it_was_cut_off(scene: Path, tmp_path: Path, stop_at: float):
+    """Before and after the prior has looked at the albedo."""
+
+    def cut(share: float, message: str) -> None:
+        if share >= stop_at:
+            raise KeyboardInterrupt
+
+    capture, method = with_points(scene), methods.load_method("sunfaded")
+    chosen, told = settings(checkpoint=str(tmp_path / "fit")), oracle(scene, 3)
+    with pytest.raises(KeyboardInterrupt):
+        method.fit(capture, told, chosen, 0, cut)
+    resumed = method.fit(capture, told, chosen, 0, gc.silent)
+    whole = method.fit(capture, told, replace(chosen, checkpoint=""), 0, gc.silent)
+    assert isinstance(resumed, SunFadedScene)
+    assert isinstance(whole, SunFadedScene)
+    for name, values in whole.parameters.all.items():
+        assert torch.equal(values, resumed.parameters.all[name])
+    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+        method.fit(capture, oracle(scene, 1), chosen, 0, gc.silent)
+
+
+def test_the_prior_is_asked_again_with_the_albedo(scene: Path):
+    asked: list[np.ndarray] = []
+
+    class Notes:
+        def answer(self, question: object) -> np.ndarray:
+            asked.append(question.image)  # pyright: ignore[reportAttributeAccessIssue]
+            return np.full(asked[-1].shape[:2], 2.0)
+
+    for prior, times in (("albedo", 2), ("lit", 1), ("none", 0)):
+        asked.clear()
+        fitted(scene, methods.Priors("classical", models={"depth": Notes()}), geometry_prior=prior)
+        assert len(asked) == 5 * times
+        if times == 2:
+            assert max(image.max() for image in asked[5:]) <= 1 + 1e-6
+            assert np.abs(asked[0] - asked[5]).mean() > 0.05
+
+
+def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
+    found, view = fitted(scene, iterations=5), gc.open_capture(scene / "capture", check=False).views[0]
+    found.save(tmp_path / "saved")
+    loaded = methods.load_method("sunfaded").load(tmp_path / "saved")
+    assert loaded.lights() == found.lights()
+    for layer, values in found.render(view.camera, sorted(found.provides)).items():
+        assert np.array_equal(values, loaded.render(view.camera, [layer])[layer])
+    assert (tmp_path / "saved" / "surfels.ply").is_file()
+    with pytest.raises(gc.MethodError, match="expected a decomposition by '2dgs'"):
+        methods.load_method("2dgs").load(tmp_path / "saved")
+
+
+def test_without_ambient_light_there_is_none(scene: Path):
+    found = fitted(scene, ambient=False)
+    assert torch.equal(found.parameters.shared[AMBIENT], torch.zeros(3))
+    assert found.parameters.shared[POSITION].abs().max() > 0
+
+
+@pytest.mark.parametrize("track", ["multilight", "tabletop"])
+def test_a_light_that_stays_is_refused(make_scene: Callable[..., Path], track: str):
+    with pytest.raises(gc.MethodError, match="light moves with the camera"):
+        fitted(make_scene(track=track, train=5, test=2))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda image: image * 0, "expected light in the photographs"),
+        (lambda image: np.where(np.arange(image.size).reshape(image.shape) == 7, np.nan, image), "finite"),
+    ],
+)
+def test_photographs_without_light_or_sense_are_refused(
+    scene: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray], message: str
+):
+    honest = gc.Capture.photograph
+    monkeypatch.setattr(gc.Capture, "photograph", lambda capture, view: change(honest(capture, view)))
+    capture = replace(gc.open_capture(scene / "capture", check=False))
+    with pytest.raises(gc.MethodError, match=message):
+        methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(), 0, gc.silent)
+
+
+def test_one_view_is_refused(make_scene: Callable[..., Path]):
+    with pytest.raises(gc.MethodError, match="from different places"):
+        fitted(make_scene(train=1, test=1))
+
+
+def test_correlation_is_pearsons():
+    random = np.random.default_rng(0)
+    depth, guess = random.uniform(1, 3, (2, 5, 6))
+    alpha = np.where(random.uniform(size=(5, 6)) < 0.8, 1.0, 0.2)
+    guess[0, 0] = np.inf
+    known = (alpha > 0.5) & np.isfinite(guess)
+    found = correlation(*(torch.from_numpy(values) for values in (depth, guess, alpha)))
+    assert float(found) == pytest.approx(np.corrcoef(depth[known], guess[known])[0, 1], abs=1e-12)
+    nothing = correlation(*(torch.from_numpy(v) for v in (depth, np.full_like(guess, np.inf), alpha)))
+    assert float(nothing) == 1
+
+
+def test_no_prior_means_no_guess(scene: Path):
+    capture = gc.open_capture(scene / "capture", check=False)
+    images = [capture.photograph(view) for view in capture.train]
+    for guess in guesses(capture, methods.Priors(), images):
+        assert (guess.depth, guess.normal) == (None, None)
+    told = guesses(capture, oracle(scene), images)[0]
+    truth = gc.open_truth(scene / "truth", check=False).layers(capture.train[0])
+    assert told.depth is not None
+    assert told.normal is not None
+    np.testing.assert_allclose(told.depth, truth["depth"], rtol=1e-5)
+    np.testing.assert_allclose(told.normal, truth["normal"], atol=1e-5)
