@@ -32,7 +32,7 @@ BUILT_IN = {
     "2dgs-oracle": "graycard.methods.surfels:OracleSurfelMethod",
 }
 
-RESERVED = ("seed", "out", "save")
+RESERVED = ("seed", "out", "save", "priors")
 """Options of ``graycard fit`` itself; a setting of such a name could not be reached."""
 
 _MEMBERS = ("summary", "needs", "settings_type", "fit", "load")
