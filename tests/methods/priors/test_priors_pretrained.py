@@ -5,6 +5,7 @@ import sys
 import warnings
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,7 +71,7 @@ def save(module: torch.nn.Module, path: Path) -> Path:
     return path
 
 
-def told_by(scene, kind: str, module: torch.nn.Module, folder: Path, of: str = "photograph"):
+def told_by(scene, kind: Any, module: torch.nn.Module, folder: Path, of: str = "photograph"):
     save(module, folder / f"{kind}.pt")
     return scene.priors(PriorSpec("pretrained", path=str(folder)), (Ask(kind, (of,)),))
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import tomllib
+from typing import Any, cast
 
 import pytest
 
@@ -62,7 +63,11 @@ def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
         ({"source": "orcale"}, gc.UnknownNameError, "did you mean 'oracle'"),
         ({"overrides": {"dpeth": Override()}}, gc.UnknownNameError, "did you mean 'depth'"),
         ({"overrides": {"depth": Override(severity=9)}}, ValueError, "0 to 5, got 9"),
-        ({"overrides": {"depth": Override(source="cnn")}}, gc.UnknownNameError, "source of priors"),
+        (
+            {"overrides": {"depth": Override(source=cast(Any, "cnn"))}},
+            gc.UnknownNameError,
+            "source of priors",
+        ),
         (
             {"overrides": {"depth": Override(errors={"kapa": 1.0})}},
             gc.UnknownNameError,
