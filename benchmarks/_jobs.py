@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from graycard import (
+    Access,
     Cost,
     GraycardError,
     Job,
@@ -32,7 +33,7 @@ from graycard import (
     write_bytes,
     write_json,
 )
-from graycard.benchmarks._fit import FitSpec, fit_scene
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
 from graycard.methods import words_of
@@ -41,6 +42,9 @@ from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 R = TypeVar("R")
 
 DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
+
+PROTOCOLS = "all"
+"""A bench scores by graycard's rules and puts the published albedo protocols beside them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,8 @@ class FitJob:
     scene: Path
     folder: Path
     threads: int
+    jobs: Path | None = None
+    """Folder of all jobs of the run, whose predictions are none of this method's business."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +90,7 @@ class Done:
     job: Job
     job_hash: str
     cost: Cost
+    access: Access
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,9 +120,9 @@ def run_fit(job: FitJob) -> Outcome:
             made = job.job
             spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method)
             with _threads(job.threads):
-                cost = fit_scene(spec, job.folder / "predictions", silent)
-            write_json(job.folder / DONE, Done(made, job.job_hash, cost))
-            return Outcome(value=cost)
+                fitted = fit_scene(spec, job.folder / "predictions", silent, jobs=job.jobs, own=job.folder)
+            write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))
+            return Outcome(value=fitted)
 
     return _guarded(work, job.folder / ERROR)
 
@@ -126,7 +133,7 @@ def run_score(job: FitJob) -> Outcome:
     def work() -> Outcome:
         with _lock(job), _threads(job.threads):
             key = _score_key(job)
-            sheet = score_predictions(job.folder / "predictions", job.scene)
+            sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORES, Scored(key, sheet))
             return Outcome(value=sheet)
 
@@ -151,7 +158,7 @@ def fit_at_hand(job: FitJob) -> Outcome | None:
         whole = open_predictions(job.folder / "predictions").is_whole()
     except GraycardError:
         return None
-    return Outcome(reused=True, value=done.cost) if whole else None
+    return Outcome(reused=True, value=Fitted(done.cost, done.access)) if whole else None
 
 
 def score_at_hand(job: FitJob) -> Outcome | None:
@@ -163,9 +170,9 @@ def score_at_hand(job: FitJob) -> Outcome | None:
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:
-    """What scores depend on: the code that makes them, the predictions, the truth."""
+    """What scores depend on: the code that makes them, the predictions, the truth, the protocols."""
     truth = sha256(job.scene / "truth" / "manifest.json")
-    return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth
+    return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 
 
 def _read_or_none(cls: type[R], path: Path) -> R | None:

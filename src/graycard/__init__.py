@@ -51,6 +51,7 @@ from graycard._exr import write_rgb as write_rgb
 from graycard._files import atomic_folder as atomic_folder
 from graycard._files import atomic_path as atomic_path
 from graycard._files import free_mib as free_mib
+from graycard._files import output_error as output_error
 from graycard._files import sha256 as sha256
 from graycard._files import sha256_of_files as sha256_of_files
 from graycard._files import sources_hash as sources_hash

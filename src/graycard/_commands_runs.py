@@ -82,7 +82,7 @@ class Fit:
         settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
         spec = FitSpec(self.method, encode(settings), self.seed, self.scene)
         with screen.progress() as progress:
-            cost = fit_scene(spec, self.out, progress, self.save)
+            cost = fit_scene(spec, self.out, progress, self.save).cost
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         return OK
 
