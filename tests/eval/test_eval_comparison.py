@@ -42,7 +42,7 @@ def result_of(
     return gc.JobResult(job, "", "", "done", sheet=sheet)
 
 
-def once(values: Sequence[float | None]) -> list[list[float | None]]:
+def once(values: Sequence[float | None] | np.ndarray) -> list[list[float | None]]:
     return [[value] for value in values]
 
 
@@ -174,7 +174,8 @@ def test_seeds_are_averaged_before_scenes_and_have_a_spread_of_their_own():
     assert a.scene_sd == pytest.approx(3, rel=0.3)
     assert b.seed_sd is None
     assert a.interval is not None
-    assert a.interval[0] < a.mean < a.interval[1]  # pyright: ignore[reportOperatorIssue]
+    assert a.mean is not None
+    assert a.interval[0] < a.mean < a.interval[1]
 
 
 def test_ceilings_are_averaged_and_scores_above_them_named():
