@@ -13,16 +13,18 @@ from typing import Any
 import numpy as np
 
 from graycard import (
+    Access,
     Capture,
     Cost,
     DatasetError,
     Progress,
     Truth,
     clear_predictions,
-    open_capture,
     open_truth,
+    sha256,
     writable_folder,
 )
+from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.methods import (
     LIGHTS,
     Method,
@@ -56,36 +58,64 @@ class FitSpec:
     """What answers the method's asks."""
 
 
-def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path | None = None) -> Cost:
-    """Fit a method and write its predictions folder.
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What is to be recorded of a fit."""
+
+    cost: Cost
+    access: Access
+
+
+def fit_scene(
+    spec: FitSpec,
+    predictions: Path,
+    progress: Progress,
+    save: Path | None = None,
+    *,
+    jobs: Path | None = None,
+    own: Path | None = None,
+) -> Fitted:
+    """Fit a method and write its predictions folder; truth is closed while the method's code runs.
 
     Args:
         spec: What to fit.
         predictions: Where to; older predictions are replaced, anything else is left alone.
         progress: Called now and then.
         save: Also write the decomposition itself, to this folder.
+        jobs: Folder of other fits, whose predictions are closed too.
+        own: The folder of this fit in ``jobs``.
 
     Raises:
-        MethodError: The method, its settings or the capture do not go together.
+        MethodError: The method, its settings or the capture do not go together, or it reached for truth.
         DatasetError: The scene is missing or damaged.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     method = load_method(spec.method)
     settings = settings_of(method, spec.settings)
-    capture = open_capture(spec.scene / "capture")
-    priors = handed_priors(method, spec.priors, capture, spec.scene)
-    clear_predictions(predictions)
-    if save is not None:
-        writable_folder(save)
-    seed_everything(spec.seed)
-    start = time.perf_counter()
-    with blame(spec.method):
-        decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-    write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
-    cost = Cost(time.perf_counter() - start, peak_memory_mib())
-    if save is not None:
-        decomposition.save(save)
-    return cost
+    with copied_capture(spec.scene / "capture") as capture:
+        priors = handed_priors(method, spec.priors, capture, spec.scene)
+        clear_predictions(predictions)
+        if save is not None:
+            writable_folder(save)
+        seed_everything(spec.seed)
+        guard = closed_to_fits(spec.scene, own, jobs)
+        start = time.perf_counter()
+        with closed(guard):
+            with blame(spec.method):
+                decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+            write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
+            cost = Cost(time.perf_counter() - start, peak_memory_mib())
+            if save is not None:
+                decomposition.save(save)
+        return Fitted(cost, _access(guard, capture, priors))
+
+
+def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
+    """What a fit could see, for the record."""
+    layers = {name for found in priors.layers.values() for name in found}
+    handed = layers | ({LIGHTS} if priors.lights is not None else set())
+    manifest = sha256(Path(capture.root or "") / "manifest.json")
+    return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused))
 
 
 def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:

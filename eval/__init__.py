@@ -19,6 +19,7 @@ from graycard.eval._metrics import metrics as metrics
 from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
 from graycard.eval._sheet import score_predictions as score_predictions
+from graycard.eval._sheet import training_gauges as training_gauges
 from graycard.eval._ssim import ssim as ssim
 from graycard.eval._tolerances import REFERENCES as REFERENCES
 from graycard.eval._tolerances import Reference as Reference

@@ -19,7 +19,7 @@ from graycard.eval.protocols import PROTOCOL
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Layers that the truth of some scenes does not have."""
-_SUSPICIOUS = 1.0
+SUSPICIOUS = 1.0
 """dB above the noise ceiling: no estimate of the noise-free image scores that high by chance."""
 
 
@@ -226,9 +226,10 @@ def _ceiling(noise: Sequence[float | None]) -> float | None:
 
 
 def _too_good(value: float | None, ceiling: float | None) -> tuple[str, ...]:
-    if value is None or ceiling is None or value < ceiling + _SUSPICIOUS:
+    if value is None or ceiling is None or value < ceiling + SUSPICIOUS:
         return ()
     return (
-        f"{value:.1f} dB is above the {ceiling:.1f} dB that the noise of the truth allows: "
+        f"{value:.1f} dB is {value - ceiling:.1f} dB above the {ceiling:.1f} dB that the noise of the truth "
+        f"allows, and chance makes up for less than {SUSPICIOUS:g} dB: "
         "the prediction holds the noise of the truth itself",
     )

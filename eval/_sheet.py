@@ -4,8 +4,10 @@
 from pathlib import Path
 
 import graycard as gc
-from graycard.eval._images import score_images
+from graycard.eval._gauge import Factors
+from graycard.eval._images import fit_gauges, score_images
 from graycard.eval._light_scores import score_lights
+from graycard.eval._training import survey_training
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -48,3 +50,22 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
     )
+
+
+def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
+    """The gauges of base colour that a predictions folder has by its training views, each once.
+
+    Args:
+        predictions: The predictions folder.
+        scene: ``DATASET/<track>/<scene>``; its files are not compared with their hashes.
+
+    Returns:
+        Factors for R, G, B; none of a kind that cannot be fitted.
+
+    Raises:
+        PredictionError: The folder has no index.
+        DatasetError: The truth is missing or broken.
+    """
+    truth = gc.open_truth(Path(scene) / "truth", check=False)
+    fitted = fit_gauges(survey_training(gc.open_predictions(Path(predictions)), truth))
+    return tuple(dict.fromkeys(factors for factors in fitted.values() if not isinstance(factors, str)))

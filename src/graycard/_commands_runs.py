@@ -89,7 +89,7 @@ class Fit:
         priors = parse_priors(self.priors)
         spec = FitSpec(self.method, encode(settings), self.seed, self.scene, priors=priors)
         with screen.progress() as progress:
-            cost = fit_scene(spec, self.out, progress, self.save)
+            cost = fit_scene(spec, self.out, progress, self.save).cost
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         return OK
 
