@@ -2,9 +2,9 @@
 """Large planes among points, and where views see them: rooms and tables are made of these.
 
 A plane sweep fails where little is to be seen on a surface, where a highlight moves over it, and where it is
-seen at a grazing angle, for its windows face the camera. On a plane that is known from where the sweep did not
-fail, windows lie as the surface does, and one choice of few is asked for (piecewise planar stereo: Gallup et
-al. 2010; Sinha et al. 2009).
+seen at a grazing angle, for its windows face the camera. On a plane that is known from where the sweep did
+not fail, windows lie as the surface does, and one choice of few is asked for (piecewise planar stereo: Sinha
+et al. 2009; Gallup et al. 2010).
 """
 
 from collections.abc import Sequence

@@ -85,7 +85,8 @@ def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.nd
 def with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
     """Parameters whose colours are the features, encoded, from everywhere.
 
-    Their mean is the colour of the sky: it is seen where no photograph looked, and black would be a worse guess.
+    Their mean is the colour of the sky: it is seen where no photograph looked, and black would be a worse
+    guess.
     """
     count = len(discs)
     base = (discs.features[:, None] - 0.5) / (0.5 / np.sqrt(np.pi))
