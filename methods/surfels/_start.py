@@ -37,7 +37,7 @@ def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Param
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    between = surfels_between(capture, points, round(settings.fill * settings.surfels), OPACITY)
+    between = surfels_between(capture, points, round(settings.fill * settings.surfels), OPACITY, seed)
     if between is not None:
         return with_colours(between, settings)
     toward = _toward_cameras(capture, points)
@@ -83,9 +83,14 @@ def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.nd
 
 
 def with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
-    """Parameters whose colours are the features, encoded, from everywhere; under a black sky."""
+    """Parameters whose colours are the features, encoded, from everywhere.
+
+    Their mean is the colour of the sky: it is seen where no photograph looked, and black would be a worse
+    guess.
+    """
     count = len(discs)
     base = (discs.features[:, None] - 0.5) / (0.5 / np.sqrt(np.pi))
     detail = torch.zeros(count, coefficient_count(settings.degree) - 1, 3)
     sky = torch.zeros(coefficient_count(settings.sky_degree), 3)
+    sky[0] = base.mean(dim=(0, 1))
     return parameters_of(discs, {COEFFICIENTS: base.float(), DETAIL: detail}, {SKY: sky})

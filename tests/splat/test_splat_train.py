@@ -123,6 +123,22 @@ def test_steps_are_those_of_the_plain_adam():
     assert float(state.moments["light"].steps) == 3
 
 
+def test_the_layout_of_memory_does_not_count():
+    """Harmonics are joined for drawing: the gradients of their parts are slices of that of the whole."""
+    random = torch.Generator().manual_seed(0)
+    whole, gradient = (torch.rand(5, 4, 3, generator=random) for _ in range(2))
+    rate = {"detail": splat.Rate(1e-2)}
+    for part, slope in ((whole[:, 1:], gradient[:, 1:]), (whole.mT, gradient.mT)):
+        moved = []
+        for values, towards in ((part.clone(), slope), (part, slope.contiguous())):
+            parameters = replace(some_parameters(), shared={"detail": values})
+            state = splat.initial_state(parameters, 0)
+            moved.append(splat.adam_step(state, {"detail": towards}, rate, 0.0).parameters.shared["detail"])
+        step = (part - 1e-2 * slope.sign()).contiguous()
+        for found in moved:
+            torch.testing.assert_close(found, step, rtol=0, atol=1e-6)
+
+
 def test_survivors_of_pruning_move_as_if_nothing_had_happened():
     rates = {"albedo": splat.Rate(5e-2), splat.CENTRES: splat.Rate(1e-2)}
     plan = splat.Plan(4, rates, 1.0)
