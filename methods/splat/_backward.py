@@ -38,7 +38,7 @@ HEIGHTS = (0,) * 2
 FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
 NORMAL = (0,) * 3
-MOMENTS = (0,) * 4
+CENTRED = (0,) * 5
 PARTIAL = (0,) * 4
 
 
@@ -91,11 +91,12 @@ def pull_of_shape(normals, surfel, planes, block, depth):
     """The same from normal and moments; and the derivative by the depth, of one weight."""
     place = block * PLANES * LANES
     pull = many.add_dot(simd.broadcast(0.0), normals, surfel * 3, many.load_many(planes, place, NORMAL))
-    total, first, inverse, square = many.load_many(planes, place + 3 * LANES, MOMENTS)
+    total, first, square, mean, mean_over = many.load_many(planes, place + 3 * LANES, CENTRED)
     over = simd.broadcast(1.0) / depth
-    pull = pull + simd.fma(first, depth, simd.fma(simd.fma(square, over, inverse), over, total))
-    slope = simd.fma(square * simd.broadcast(2.0), over, inverse)
-    return pull, simd.fnma(slope, over * over, first)
+    apart = over - mean_over
+    steep = square * apart
+    pull = pull + simd.fma(first, depth - mean, simd.fma(steep, apart, total))
+    return pull, simd.fnma(steep + steep, over * over, first)
 
 
 @njit(forceinline=True)

@@ -49,7 +49,7 @@ def lane_positions():
 
 @njit(forceinline=True)
 def centre_in_tile(rows, at, axis, corner):
-    """Coordinate of the box's centre from the tile's corner."""
+    """Coordinate of the anchor from the tile's corner."""
     return (rows[at + WHOLE + axis] - np.float32(corner)) + rows[at + REST + axis]
 
 

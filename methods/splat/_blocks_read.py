@@ -6,13 +6,14 @@ from numba import njit
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, SHAPE_SUMS, pixel_of
+from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, pixel_of
 from graycard.methods.splat._blocks_write import KAPPA
 from graycard.methods.splat._tiles import TILE
 
-PLANES = SHAPE_SUMS + 2
-"""Gradients of the sums that are no channels, then that of the median depth, and the median's rank."""
-TO_MEDIAN, RANK = SHAPE_SUMS, SHAPE_SUMS + 1
+PLANES = 10
+"""Three of the normal, five of depth and distortion, and:"""
+TO_MEDIAN, RANK = 8, 9
+"""The gradient of the median depth, and the median's place in the list."""
 
 
 @njit(forceinline=True)
@@ -80,9 +81,11 @@ def read_tile(
 
 @njit(cache=True)
 def read_shape(tile_x, tile_y, shape, channels, planes, wide, stride, suffix):
-    """Gradients of normals, depth, distortion and median depth as those of the sums behind them.
+    """Gradients of normals, depth, distortion and median depth as what they make of one weight.
 
-    Depth is the first moment over the weight; distortion is weight times square less inverse squared.
+    With W the sum of weights and v the variance of 1/z, a weight at z moves the depth by (z - mean z) / W
+    and the distortion, which is W^2 v, by W (v + (1/z - mean)^2). About the means, for without them a pixel
+    with one surfel far away would get the difference of large numbers where zero is due.
     """
     normal, moments, ranks, to_normal, to_depth, to_distortion, to_median = shape
     height, width = ranks.shape
@@ -101,18 +104,14 @@ def read_shape(tile_x, tile_y, shape, channels, planes, wide, stride, suffix):
             spread = np.float64(total) * np.float64(square) - np.float64(inverse) * np.float64(inverse)
             asked = KAPPA**2 * to_distortion[row, column] if spread > 0 else 0.0
             asked_depth = np.float64(to_depth[row, column]) / total
-            pulls = (
-                asked * square - asked_depth * first / total,
-                asked_depth,
-                -2 * asked * inverse,
-                asked * total,
-            )
-            whole = pulls[0] * total + pulls[1] * first + pulls[2] * inverse + pulls[3] * square
+            mean, mean_over = np.float64(first) / total, np.float64(inverse) / total
+            pulls = (asked * spread / total, asked_depth, asked * total, mean, mean_over)
+            whole = 2 * asked * spread
             for c in range(3):
                 gradient = to_normal[row, column, c]
                 planes[at + c * LANES] = wide[pixel * stride + channels + c] = gradient
                 whole += gradient * normal[row, column, c]
-            for c in range(4):
+            for c in range(5):
                 planes[at + (3 + c) * LANES] = pulls[c]
             planes[at + TO_MEDIAN * LANES] = to_median[row, column]
             planes[at + RANK * LANES] = ranks[row, column]

@@ -285,9 +285,9 @@ def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Sl
         np.empty_like(scene.offsets),
     )
     cast(Any, unproject)(
-        scene.centres, scene.rotations, scene.scales, scene.opacities, *scene.matrices, projected.rows,
-        lists.slots, slots.geometry.reshape(-1), _flat(slots.channels), slots.stride, scene.shaped,
-        *_arrays(result),
+        scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
+        scene.camera.width, scene.camera.height, projected.rows, lists.slots, slots.geometry.reshape(-1),
+        _flat(slots.channels), slots.stride, scene.shaped, *_arrays(result),
     )  # fmt: skip
     return result
 

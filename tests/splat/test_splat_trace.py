@@ -18,24 +18,12 @@ from graycard.methods import splat
 from graycard.methods.splat import _bvh_kernels, _trace_cpu
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _trace_masks as masks
+from random_surfels import random_surfels
 
 BACKENDS: tuple[splat.Backend, ...] = ("cpu", "reference")
 PARTS = ("centres", "scales", "opacities", "features", "rotations")
 FLIP = 4e-3
 """What a surfel whose alpha is 1/255 but for rounding may change in one ray."""
-
-
-def random_surfels(count: int, seed: int = 0, channels: int = 3, scale: float = 0.15) -> splat.Surfels:
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform(-1, 1, (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, 1, count),
-        r.uniform(0, 1, (count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
 
 
 def facing(depths: list[float], opacity: float = 0.5, scale: float = 0.5) -> splat.Surfels:
