@@ -4,8 +4,10 @@
 from pathlib import Path
 
 import graycard as gc
+from graycard.eval._environment_scores import score_environments
 from graycard.eval._images import score_images
-from graycard.eval._light_scores import score_lights
+from graycard.eval._light_scores import score_lights, true_names
+from graycard.eval._training import fit_gauges, survey_training
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -45,6 +47,16 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         found.method,
         gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
+        _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
+    )
+
+
+def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    names = true_names(predictions, truth)
+    training = survey_training(predictions, truth, names)
+    return (
+        *score_images(predictions, truth, training, names),
+        *score_lights(predictions, truth, fit_gauges(training)["light"]),
+        *score_environments(predictions, truth),
     )
