@@ -17,11 +17,14 @@ from graycard import (
     Capture,
     Cost,
     DatasetError,
+    EnvironmentLight,
     Progress,
     Truth,
     clear_predictions,
+    lights_of,
     open_truth,
     sha256,
+    with_sums,
     writable_folder,
 )
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
@@ -37,8 +40,8 @@ from graycard.methods import (
 )
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
 
-OPTIONAL = frozenset({"counterfactual.radiance"})
-"""Truth that only scenes with a target have."""
+ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
+"""Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,17 +130,22 @@ def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path
     """
     asks = asks_of(method)
     told = truth_of(spec, asks)
-    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told) if told else {})
+    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told, told) if told else {})
     if not method.needs:
         return asked
-    wanted = set(method.needs)
-    layers = _true_layers(scene, capture, frozenset(wanted - {LIGHTS}), OPTIONAL)
-    lights = open_truth(scene / "truth").lights() if LIGHTS in wanted else None
-    return replace(asked, source="oracle", layers=layers, lights=lights)
+    wanted = frozenset(method.needs)
+    layers = _true_layers(scene, capture, wanted, wanted & ALWAYS)
+    found = replace(asked, source="oracle", layers=layers)
+    if LIGHTS not in wanted:
+        return found
+    truth = open_truth(scene / "truth")
+    lights = truth.lights()
+    images = {x.name: truth.environment(x) for x in lights if isinstance(x, EnvironmentLight)}
+    return replace(found, lights=lights, environments=images)
 
 
 def _true_layers(
-    scene: Path, capture: Capture, wanted: frozenset[str], optional: frozenset[str] = frozenset()
+    scene: Path, capture: Capture, wanted: frozenset[str], required: frozenset[str]
 ) -> dict[str, dict[str, np.ndarray]]:
     """True layers by view and name.
 
@@ -146,7 +154,7 @@ def _true_layers(
     """
     truth = open_truth(scene / "truth")
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
-    absent = wanted - optional.union(*layers.values())
+    absent = required.difference(*layers.values())
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return layers
@@ -174,4 +182,8 @@ def peak_memory_mib() -> float:
 
 
 def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:
-    return {name: a for name, a in truth.layers(truth.view(view)).items() if name in wanted}
+    """The wanted layers that a view has; ``<layer>.<light>`` stands for those of all lights."""
+    layers = with_sums(truth.layers(truth.view(view)))
+    stems = [name.removesuffix(".<light>") for name in wanted if name.endswith(".<light>")]
+    each = {f"{stem}.{light}" for stem in stems for light in lights_of(stem, layers)}
+    return {name: a for name, a in layers.items() if name in wanted | each}

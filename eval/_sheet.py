@@ -4,10 +4,11 @@
 from pathlib import Path
 
 import graycard as gc
+from graycard.eval._environment_scores import score_environments
 from graycard.eval._gauge import Factors
-from graycard.eval._images import fit_gauges, score_images
-from graycard.eval._light_scores import score_lights
-from graycard.eval._training import survey_training
+from graycard.eval._images import score_images
+from graycard.eval._light_scores import score_lights, true_names
+from graycard.eval._training import fit_gauges, survey_training
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -47,7 +48,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         found.method,
         gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
+        _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
     )
 
@@ -69,3 +70,13 @@ def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
     truth = gc.open_truth(Path(scene) / "truth", check=False)
     fitted = fit_gauges(survey_training(gc.open_predictions(Path(predictions)), truth))
     return tuple(dict.fromkeys(factors for factors in fitted.values() if not isinstance(factors, str)))
+
+
+def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    names = true_names(predictions, truth)
+    training = survey_training(predictions, truth, names)
+    return (
+        *score_images(predictions, truth, training, names),
+        *score_lights(predictions, truth, fit_gauges(training)["light"]),
+        *score_environments(predictions, truth),
+    )

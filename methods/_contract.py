@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, Progress
+from graycard import Camera, Capture, EnvironmentLight, Light, Progress
 from graycard.methods._priors import Ask as Ask
 from graycard.methods._priors import Priors as Priors
 
@@ -54,6 +54,15 @@ class Decomposition(Protocol):
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
+        ...
+
+
+@runtime_checkable
+class Surrounded(Protocol):
+    """A decomposition with environments among its lights."""
+
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of its lights, ``(H, W, 3)``, latitude-longitude, W/m²/sr."""
         ...
 
 

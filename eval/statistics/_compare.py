@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import graycard as gc
-from graycard.eval._images import SUSPICIOUS
+from graycard.eval._assembly import SUSPICIOUS
 from graycard.eval.statistics._interval import LEVEL, mean_interval
 from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
