@@ -6,7 +6,7 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from graycard import (
     Capture,
     Cost,
     DatasetError,
+    EnvironmentLight,
+    Light,
     Progress,
     Truth,
     clear_predictions,
@@ -23,7 +25,16 @@ from graycard import (
     open_truth,
     writable_folder,
 )
-from graycard.methods import LIGHTS, Method, Priors, blame, load_method, settings_of, write_predictions
+from graycard.methods import (
+    LIGHTS,
+    Method,
+    Priors,
+    Relightable,
+    blame,
+    load_method,
+    settings_of,
+    write_predictions,
+)
 
 OPTIONAL = frozenset({"counterfactual.radiance"})
 """Truth that only scenes with a target have."""
@@ -69,7 +80,8 @@ def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path |
     start = time.perf_counter()
     with blame(spec.method):
         decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-    write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
+    relighting = relighting_of(spec.scene) if isinstance(decomposition, Relightable) else {}
+    write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress, relighting)
     cost = Cost(time.perf_counter() - start, peak_memory_mib())
     if save is not None:
         decomposition.save(save)
@@ -91,6 +103,33 @@ def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return Priors("oracle", layers, truth.lights() if LIGHTS in wanted else None)
+
+
+def relighting_of(scene: Path) -> dict[str, tuple[Light, ...]]:
+    """The lights after each change of a scene's lights; a method is handed them when it has been fitted.
+
+    Returns:
+        By the name of the change; the image of an environment is the full path of its file. Nothing for a
+        scene without truth.
+
+    Raises:
+        DatasetError: The truth is damaged.
+    """
+    if not (scene / "truth").is_dir():
+        return {}
+    truth = open_truth(scene / "truth", check=False)
+    return {
+        edit.name: tuple(
+            _in_place(light, scene / "truth" / edit.folder) for light in truth.relit_lights(edit.name)
+        )
+        for edit in truth.edits
+    }
+
+
+def _in_place(light: Light, folder: Path) -> Light:
+    if not isinstance(light, EnvironmentLight):
+        return light
+    return replace(light, image=str((folder / light.image).absolute()))
 
 
 def seed_everything(seed: int) -> None:

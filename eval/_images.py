@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -52,8 +53,23 @@ class Scene:
     """By kind: the factors, or why there are none."""
 
 
-def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]:
+class Observer(Protocol):
+    """What else looks at the test views while they are in memory."""
+
+    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+        """Look at one view."""
+        ...
+
+
+def score_images(
+    predictions: gc.Predictions, truth: gc.Truth, observers: Sequence[Observer] = ()
+) -> list[gc.Score]:
     """All image scores, in the order of the table.
+
+    Args:
+        predictions: What is scored.
+        truth: What it is scored by.
+        observers: Each is shown every test view.
 
     Raises:
         DatasetError: The truth is broken, or no test view sees an object.
@@ -72,6 +88,8 @@ def score_images(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]
         )
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
+        for observer in observers:
+            observer.observe(predicted, true, scene)
         comparisons: Comparisons = {}
         for metric in table:
             if true.mask(metric.layer).any():
@@ -179,7 +197,7 @@ def _assemble(
             "Render the scene again"
         )
     values = {name: f.value for name, f in findings.items() if f.value is not None}
-    status, reason = _status(metric, findings, provided, unreadable)
+    status, reason = status_of(metric.layer, findings, provided, unreadable)
     pooled = metric.finish(math.fsum(values.values()) / len(values)) if status == "scored" else None
     ceiling = _ceiling([f.noise for f in findings.values()])
     gauge = scene.gauges[metric.gauge] if metric.gauge not in (None, "raw") else ""
@@ -205,13 +223,14 @@ def _assemble(
     )
 
 
-def _status(
-    metric: ImageMetric, findings: Mapping[str, Finding], provided: bool, unreadable: Sequence[str]
+def status_of(
+    layer: str, findings: Mapping[str, Finding], provided: bool, unreadable: Sequence[str]
 ) -> tuple[gc.Status, str]:
+    """Whether findings of a layer make a score, and why not."""
     if unreadable:
         return "failed", unreadable[0]
     if not provided:
-        return "not provided", f"no view has {metric.layer}"
+        return "not provided", f"no view has {layer}"
     reasons = list(dict.fromkeys(f.reason for f in findings.values() if f.value is None))
     if reasons:
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""

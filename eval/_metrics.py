@@ -44,11 +44,6 @@ class ImageMetric:
     """Another space that the breakdown has the same number in, and its name."""
 
 
-def metrics() -> tuple[gc.MetricRecord, ...]:
-    """All metrics in the order in which they are scored and shown."""
-    return tuple(m.record for m in IMAGE_METRICS) + LIGHT_METRICS
-
-
 def display(radiance: np.ndarray, exposure: float) -> np.ndarray:
     """What a display shows of linear radiance, [0, 1]."""
     return gc.srgb_encode(np.asarray(radiance, np.float64) * exposure)
@@ -58,7 +53,7 @@ def _linear(values: np.ndarray, exposure: float) -> np.ndarray:
     return values
 
 
-def _exposed(radiance: np.ndarray, exposure: float) -> np.ndarray:
+def exposed(radiance: np.ndarray, exposure: float) -> np.ndarray:
     """Linear, in the range of the display: a light in the picture would outweigh all else."""
     return np.clip(radiance * exposure, 0, 1)
 
@@ -96,7 +91,7 @@ def _radiance_metrics(group: str, title: str, layer: str, of: str) -> tuple[Imag
         headline=False, tolerance=0.01,
     )  # fmt: skip
     return (
-        ImageMetric(psnr_record, layer, display, _MEAN_SQUARE, psnr, noisy=True, beside=("linear", _exposed)),
+        ImageMetric(psnr_record, layer, display, _MEAN_SQUARE, psnr, noisy=True, beside=("linear", exposed)),
         ImageMetric(ssim_record, layer, display, ssim, _same),
         ImageMetric(flip_record, layer, display, _FLIP, _same),
     )

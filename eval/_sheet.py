@@ -6,6 +6,9 @@ from pathlib import Path
 import graycard as gc
 from graycard.eval._images import score_images
 from graycard.eval._light_scores import score_lights
+from graycard.eval._relighting import Masks, score_changed
+from graycard.eval._table import VIEW_METRICS
+from graycard.eval._view_metrics import ViewScores
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -45,6 +48,14 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         found.method,
         gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
+        _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
     )
+
+
+def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    """By graycard's own protocol, in the order of the table."""
+    views, masks = ViewScores(VIEW_METRICS), Masks()
+    images = score_images(predictions, truth, (views, masks))
+    changed = score_changed(predictions, truth, masks)
+    return (*images, *views.scores(), *changed, *score_lights(predictions, truth))
