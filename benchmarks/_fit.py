@@ -21,8 +21,10 @@ from graycard import (
     Progress,
     Truth,
     clear_predictions,
+    lights_of,
     open_capture,
     open_truth,
+    with_sums,
     writable_folder,
 )
 from graycard.methods import (
@@ -36,8 +38,8 @@ from graycard.methods import (
     write_predictions,
 )
 
-OPTIONAL = frozenset({"counterfactual.radiance"})
-"""Truth that only scenes with a target have."""
+ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
+"""Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,10 +101,14 @@ def oracle_priors(method: Method, capture: Capture, scene: Path) -> Priors:
     truth = open_truth(scene / "truth")
     wanted = set(method.needs)
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
-    absent = wanted - {LIGHTS, *OPTIONAL}.union(*layers.values())
+    absent = (wanted & ALWAYS).difference(*layers.values())
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
-    return Priors("oracle", layers, truth.lights() if LIGHTS in wanted else None)
+    if LIGHTS not in wanted:
+        return Priors("oracle", layers)
+    lights = truth.lights()
+    images = {x.name: truth.environment(x) for x in lights if isinstance(x, EnvironmentLight)}
+    return Priors("oracle", layers, lights, images)
 
 
 def relighting_of(scene: Path) -> dict[str, tuple[Light, ...]]:
@@ -154,4 +160,8 @@ def peak_memory_mib() -> float:
 
 
 def _pick(truth: Truth, view: str, wanted: set[str]) -> dict[str, np.ndarray]:
-    return {name: a for name, a in truth.layers(truth.view(view)).items() if name in wanted}
+    """The wanted layers that a view has; ``<layer>.<light>`` stands for those of all lights."""
+    layers = with_sums(truth.layers(truth.view(view)))
+    stems = [name.removesuffix(".<light>") for name in wanted if name.endswith(".<light>")]
+    each = {f"{stem}.{light}" for stem in stems for light in lights_of(stem, layers)}
+    return {name: a for name, a in layers.items() if name in wanted | each}

@@ -13,15 +13,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 import graycard as gc
-from graycard.eval._gauge import Kind, apply_gauge
-from graycard.eval._images import Finding, Scene
-from graycard.eval._metrics import display
+from graycard.eval._assembly import Finding, Scene
+from graycard.eval._gauge import Factors, apply_gauge
+from graycard.eval._image_metric import display, same
 from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView
 from graycard.eval._ssim import ssim
-from graycard.eval._training import GAUGED
-from graycard.eval._view_metrics import mean, pooled, same
+from graycard.eval._view_metrics import mean, pooled
 
 Read = Callable[[], dict[str, np.ndarray] | None]
 
@@ -228,14 +227,16 @@ def _gauged(picture: Picture, scene: Scene) -> np.ndarray | None:
         raise gc.PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
     if fault := gc.find_fault("radiance", layers["radiance"], camera.height, camera.width):
         raise gc.PredictionError(f"{where}: {fault}. Write this picture again")
-    gauge = scene.gauges[_gauge_of(scene)]
+    gauge = _albedo_scale(scene)
     if isinstance(gauge, str):
         raise gc.PredictionError(gauge)
     return apply_gauge(layers["radiance"], gauge)
 
 
-def _gauge_of(scene: Scene) -> Kind:
-    return "channel" if GAUGED in scene.training.provided else "raw"
+def _albedo_scale(scene: Scene) -> Factors | str:
+    """What the albedo gains by its gauge, and a picture under given lights with it; or why there is none."""
+    lost = scene.gauges["light"]
+    return lost if isinstance(lost, str) else (1 / lost[0], 1 / lost[1], 1 / lost[2])
 
 
 def _noise(true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
@@ -252,10 +253,9 @@ def _pool(
     scene: Scene,
 ) -> gc.Score:
     status, reason = _status(findings, kinds)
-    gauge = _gauge_of(scene)
-    score = pooled(
-        metric.record, metric.finish, findings, status=status, reason=reason, scene=scene, gauge=gauge
-    )
+    factors = _albedo_scale(scene)
+    gauge = factors if isinstance(factors, tuple) else None
+    score = pooled(metric.record, metric.finish, findings, status=status, reason=reason, gauge=gauge)
     if status != "scored":
         return score
     changes = _by_change(findings)

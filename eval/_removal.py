@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import graycard as gc
-from graycard.eval._metrics import display, exposed
+from graycard.eval._image_metric import display, exposed
 from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import TrueView

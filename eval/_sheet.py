@@ -4,10 +4,12 @@
 from pathlib import Path
 
 import graycard as gc
+from graycard.eval._environment_scores import score_environments
 from graycard.eval._images import score_images
-from graycard.eval._light_scores import score_lights
+from graycard.eval._light_scores import score_lights, true_names
 from graycard.eval._relighting import Masks, score_changed
 from graycard.eval._table import VIEW_METRICS
+from graycard.eval._training import fit_gauges, survey_training
 from graycard.eval._view_metrics import ViewScores
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
@@ -55,7 +57,13 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
 
 def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
     """By graycard's own protocol, in the order of the table."""
+    names = true_names(predictions, truth)
+    training = survey_training(predictions, truth, names)
     views, masks = ViewScores(VIEW_METRICS), Masks()
-    images = score_images(predictions, truth, (views, masks))
-    changed = score_changed(predictions, truth, masks)
-    return (*images, *views.scores(), *changed, *score_lights(predictions, truth))
+    return (
+        *score_images(predictions, truth, training, names, (views, masks)),
+        *views.scores(),
+        *score_changed(predictions, truth, masks),
+        *score_lights(predictions, truth, fit_gauges(training)["light"]),
+        *score_environments(predictions, truth),
+    )

@@ -9,18 +9,14 @@ from typing import Any
 import numpy as np
 
 import graycard as gc
-from graycard.eval._gauge import Kind, apply_gauge
-from graycard.eval._images import Finding, Scene, status_of
+from graycard.eval._assembly import Finding, Scene, status_of
+from graycard.eval._gauge import Factors, apply_gauge
+from graycard.eval._image_metric import same
 from graycard.eval._readings import PredictedView, TrueView
 from graycard.eval.protocols import PROTOCOL
 
 Answer = tuple[float, Mapping[str, float]]
 """The value of one view and the same by neighbouring rules, all before ``finish``."""
-
-
-def same(value: float) -> float:
-    """The mean over views as it is."""
-    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +34,8 @@ class ViewMetric:
     """``(prediction with its gauge, question) -> value``."""
     finish: Callable[[float], float] = same
     """Applied to the mean over views."""
-    gauge: Kind = "raw"
+    gauge: str = "raw"
+    """Name of the gauge that is applied first."""
     ceiling: Callable[[Any], float | None] = field(default=lambda question: None)
     """``question -> the best value that the truth's noise allows``, before ``finish``; None if unknown."""
 
@@ -80,6 +77,7 @@ class ViewScores:
         assert self.scene is not None, "views were observed"
         training, findings = self.scene.training, self.findings[metric.record.id]
         provided = metric.layer in self.provided | training.provided
+        factors = self.scene.gauges[metric.gauge] if metric.gauge != "raw" else ""
         status, reason = status_of(metric.layer, findings, provided, [*training.unreadable, *self.unreadable])
         return pooled(
             metric.record,
@@ -87,8 +85,7 @@ class ViewScores:
             findings,
             status=status,
             reason=reason,
-            scene=self.scene,
-            gauge=metric.gauge,
+            gauge=factors if isinstance(factors, tuple) else None,
         )
 
 
@@ -120,12 +117,10 @@ def pooled(
     *,
     status: gc.Status,
     reason: str,
-    scene: Scene,
-    gauge: Kind = "raw",
+    gauge: Factors | None = None,
 ) -> gc.Score:
     """The score of findings: their mean, finished; a part is the mean over the views that have it."""
     values = {name: f.value for name, f in findings.items() if f.value is not None}
-    factors = scene.gauges[gauge] if gauge != "raw" else ""
     scored = status == "scored"
     return gc.Score(
         record.id,
@@ -137,7 +132,7 @@ def pooled(
         record.optimum,
         per_view={name: finish(value) for name, value in values.items()},
         noise_ceiling=_ceiling([f.noise for f in findings.values()], finish),
-        gauge=factors if isinstance(factors, tuple) else None,
+        gauge=gauge,
         expected=len(findings),
         scored=len(values),
         reason=reason,

@@ -11,6 +11,7 @@ from graycard.methods._contract import Priors as Priors
 from graycard.methods._contract import PriorSource as PriorSource
 from graycard.methods._contract import Relightable as Relightable
 from graycard.methods._contract import Removable as Removable
+from graycard.methods._contract import Surrounded as Surrounded
 from graycard.methods._predict import write_predictions as write_predictions
 from graycard.methods._registry import Listing as Listing
 from graycard.methods._registry import fingerprint as fingerprint

@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, Progress
+from graycard import Camera, Capture, EnvironmentLight, Light, MethodError, Progress
 
 LIGHTS = "lights"
 """What ``needs`` calls the true lights; everything else in it is the name of a layer."""
@@ -28,6 +28,8 @@ class Priors:
     layers: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     """Arrays by view name and layer name, for training and held-out views."""
     lights: tuple[Light, ...] | None = None
+    environments: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Images of the environments among the lights, by name of the light, ``(H, W, 3)``, W/m²/sr."""
 
     def layer(self, view: str, name: str) -> np.ndarray:
         """The array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
@@ -78,6 +80,15 @@ class Decomposition(Protocol):
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
+        ...
+
+
+@runtime_checkable
+class Surrounded(Protocol):
+    """A decomposition with environments among its lights."""
+
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of its lights, ``(H, W, 3)``, latitude-longitude, W/m²/sr."""
         ...
 
 

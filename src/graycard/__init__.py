@@ -91,6 +91,7 @@ from graycard._predictions import finish_predictions as finish_predictions
 from graycard._predictions import open_predictions as open_predictions
 from graycard._predictions import predictions_hash as predictions_hash
 from graycard._predictions import write_composed as write_composed
+from graycard._predictions import write_environment as write_environment
 from graycard._predictions import write_relit as write_relit
 from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
@@ -109,6 +110,9 @@ from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
 from graycard._sensor import Sensor as Sensor
+from graycard._shares import PARTS as PARTS
+from graycard._shares import lights_of as lights_of
+from graycard._shares import with_sums as with_sums
 from graycard._transfer import ExchangeFormat as ExchangeFormat
 from graycard._transfer import export_capture as export_capture
 from graycard._transfer import import_capture as import_capture

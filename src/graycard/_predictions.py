@@ -6,6 +6,7 @@ PREDICTIONS/views/<view>.exr    channels <layer>.<suffix>, linear, float32
 PREDICTIONS/lights.json         optional: the lights that were found
 PREDICTIONS/relighting/<edit>/views/<view>.exr   optional: held-out views under changed lights
 PREDICTIONS/composition/views/<view>.exr         optional: held-out views with an object put in
+PREDICTIONS/environments/       optional: images of environments among them, or where lights.json says
 """
 
 import hashlib
@@ -18,13 +19,13 @@ import numpy as np
 
 from graycard._edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard._errors import GraycardError, OutputError, PredictionError
-from graycard._exr import read_layers, write_layers
+from graycard._exr import read_layers, read_rgb, write_layers, write_rgb
 from graycard._files import sha256, sha256_of_files, writable_folder
 from graycard._json import IN_MEMORY, check_version, decode, read_json, write_json
-from graycard._lights import Light, read_lights, write_lights
+from graycard._lights import EnvironmentLight, Light, read_lights, write_lights
 
-INDEX, LIGHTS, VIEWS = "predictions.json", "lights.json", "views"
-FOLDERS = (VIEWS, RELIGHTING, COMPOSITION)
+INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"
+FOLDERS = (VIEWS, ENVIRONMENTS, RELIGHTING, COMPOSITION)
 PREDICTIONS_VERSION = 1
 
 
@@ -110,6 +111,25 @@ class Predictions:
         except GraycardError as cause:
             raise PredictionError(str(cause)) from cause
 
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
+
+        Raises:
+            PredictionError: The file is missing or broken, lies outside of the folder, was changed after its
+                hash was taken, or holds values that are not finite or below 0.
+        """
+        path = self._root / light.image
+        if not path.resolve().is_relative_to(self._root.resolve()):
+            raise PredictionError(
+                f"expected the image of light {light.name!r} in the predictions folder, got {light.image}. "
+                "Put it beside lights.json"
+            )
+        self._check_hash(path)
+        values = read_rgb(path, PredictionError)
+        if not (values >= 0).all() or not np.isfinite(values).all():
+            raise PredictionError(f"expected finite radiance of 0 or more in {path}, got other values")
+        return values
+
     def is_whole(self) -> bool:
         """Whether the files are exactly those that the index lists, as they were written."""
         return sha256_of_files(self._root, skip=lambda name: name == INDEX) == dict(self.files)
@@ -187,6 +207,26 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
         OutputError: The folder cannot be written to, or the disk is full.
     """
     write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
+
+
+def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) -> EnvironmentLight:
+    """Write the image of a predicted environment.
+
+    Args:
+        folder: The predictions folder.
+        light: Whose image it is.
+        image: shape ``(H, W, 3)``, latitude-longitude, radiance in W/m²/sr.
+
+    Returns:
+        The light with the path of its image: what belongs into ``lights.json``.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    path = f"{ENVIRONMENTS}/{light.name}.exr"
+    write_rgb(Path(folder) / path, image)
+    return replace(light, image=path)
 
 
 def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> None:

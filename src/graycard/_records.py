@@ -15,7 +15,8 @@ Status = Literal["scored", "failed", "not provided"]
 
 Invariance = Literal["global gain", "channel gain", "sign"]
 """A change of what is predicted (of a light: of its intensity) that may leave a score as it is: times one
-positive factor, times one such factor for each channel, times -1."""
+positive factor, times one such factor for each channel, times -1. Light that surfaces receive is divided by
+what albedo is multiplied by, as the photographs do not change then."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ import graycard as gc
 
 Layers = dict[str, np.ndarray]
 Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
-PREDICTED = ("radiance", "base_color", "normal", "counterfactual.radiance")
+PREDICTED = ("radiance", "base_color", "normal", "depth", "counterfactual.radiance")
 
 
 def unchanged(view: gc.View, layers: Layers) -> Layers:

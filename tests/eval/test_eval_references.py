@@ -16,12 +16,12 @@ from skimage.metrics import peak_signal_noise_ratio
 
 import graycard as gc
 import graycard.eval as ge
+from graycard.eval._assembly import Scene
 from graycard.eval._colour_difference import REC709_TO_XYZ
-from graycard.eval._images import Scene, fit_gauges
 from graycard.eval._noise_error import NOISE_METRICS
 from graycard.eval._readings import TrueView
 from graycard.eval._relighting import RELIGHTING_METRICS, Picture, judge_picture
-from graycard.eval._training import Training
+from graycard.eval._training import Fit, Training, fit_gauges
 
 RNG = np.random.default_rng(31)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
@@ -125,7 +125,9 @@ def leakage() -> Pair:
     light = RNG.normal(size=301)
     errors = np.where(RNG.random(301) < 0.2, RNG.normal(0, 5, 301) + 3 * light, 0.37 * light + 0.1)
     assert abs(np.polyfit(light, errors, 1)[0] - 0.37) > 0.1
-    return ge.median_slope(errors, light, *ge.partners(light)), float(np.asarray(theilslopes(errors, light))[0])
+    return ge.median_slope(errors, light, *ge.partners(light)), float(
+        np.asarray(theilslopes(errors, light))[0]
+    )
 
 
 def local_variance() -> Pair:
@@ -148,7 +150,8 @@ def error_over_noise() -> Pair:
 def relit() -> Pair:
     p, t = PREDICTED.reshape(-1, 3), TRUE.reshape(-1, 3)
     factors = np.array([np.linalg.lstsq(p[:, [c]], t[:, c])[0].item() for c in range(3)])
-    training = Training(frozenset({"base_color"}), (), (ge.moments(PREDICTED, TRUE, EVERYWHERE),), ())
+    fit = Fit((ge.moments(PREDICTED, TRUE, EVERYWHERE),))
+    training = Training(frozenset({"base_color"}), (), {"base_color": fit})
     light, dark = PREDICTED[::-1], TRUE[::-1]
     picture = Picture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
     scene = Scene(0.8, training, fit_gauges(training))
