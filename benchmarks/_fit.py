@@ -3,6 +3,7 @@
 
 import random
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Mapping
@@ -18,11 +19,13 @@ from graycard import (
     Cost,
     DatasetError,
     EnvironmentLight,
+    Light,
     Progress,
     Truth,
     clear_predictions,
     lights_of,
     open_truth,
+    output_error,
     sha256,
     with_sums,
     writable_folder,
@@ -30,8 +33,10 @@ from graycard import (
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.methods import (
     LIGHTS,
+    Decomposition,
     Method,
     Priors,
+    Relightable,
     asks_of,
     blame,
     load_method,
@@ -103,14 +108,23 @@ def fit_scene(
         seed_everything(spec.seed)
         guard = closed_to_fits(spec.scene, own, jobs)
         start = time.perf_counter()
+        with closed(guard), blame(spec.method):
+            decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+        relighting = _relighting(decomposition, capture, spec.scene)
         with closed(guard):
-            with blame(spec.method):
-                decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-            write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
+            name = spec.label or spec.method
+            write_predictions(decomposition, capture, name, predictions, progress, relighting)
             cost = Cost(time.perf_counter() - start, peak_memory_mib())
             if save is not None:
                 decomposition.save(save)
         return Fitted(cost, _access(guard, capture, priors))
+
+
+def _relighting(decomposition: Decomposition, capture: Capture, scene: Path) -> dict[str, tuple[Light, ...]]:
+    """What a fitted method is to be relit with, beside its copy of the capture; nothing for one that cannot."""
+    if not isinstance(decomposition, Relightable) or capture.root is None:
+        return {}
+    return relighting_of(scene, capture.root.parent / "relighting")
 
 
 def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
@@ -158,6 +172,46 @@ def _true_layers(
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return layers
+
+
+def relighting_of(scene: Path, folder: Path) -> dict[str, tuple[Light, ...]]:
+    """The lights after each change of a scene's lights; a method is handed them when it has been fitted.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>``.
+        folder: Where images of environments are copied to, for the truth stays closed.
+
+    Returns:
+        By the name of the change; the image of an environment is the full path of its copy. Nothing for a
+        scene without truth.
+
+    Raises:
+        DatasetError: The truth is damaged.
+        OutputError: There is no room for the copies.
+    """
+    if not (scene / "truth").is_dir():
+        return {}
+    truth = open_truth(scene / "truth", check=False)
+    return {
+        edit.name: tuple(
+            _copied(light, scene / "truth" / edit.folder, folder / edit.name)
+            for light in truth.relit_lights(edit.name)
+        )
+        for edit in truth.edits
+    }
+
+
+def _copied(light: Light, source: Path, folder: Path) -> Light:
+    """The light with its image, if it has one, in a folder."""
+    if not isinstance(light, EnvironmentLight):
+        return light
+    copy = (folder / light.image).absolute()
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source / light.image, copy)
+    except OSError as cause:
+        raise output_error(copy, cause) from cause
+    return replace(light, image=str(copy))
 
 
 def seed_everything(seed: int) -> None:

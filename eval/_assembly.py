@@ -82,7 +82,7 @@ def assemble(
             "Render the scene again"
         )
     values = {name: f.value for name, f in findings.items() if f.value is not None}
-    status, reason = _status(_generic(metric), findings, bool(given), unreadable)
+    status, reason = status_of(_generic(metric), findings, bool(given), unreadable)
     pooled = metric.finish(math.fsum(values.values()) / len(values)) if status == "scored" else None
     ceiling = _ceiling([f.noise for f in findings.values()])
     warnings = extra + tuple(w for f in findings.values() for w in f.warnings) + _left_out(metrics, given)
@@ -140,9 +140,10 @@ def _left_out(metrics: Sequence[ImageMetric], given: Sequence[ImageMetric]) -> t
     return (f"the mean is without what is not predicted: {', '.join(absent)}",) if given and absent else ()
 
 
-def _status(
+def status_of(
     layer: str, findings: Mapping[str, Finding], provided: bool, unreadable: Sequence[str]
 ) -> tuple[gc.Status, str]:
+    """Whether findings of a layer make a score, and why not."""
     if unreadable:
         return "failed", unreadable[0]
     if not provided:

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of the predicted images of a scene, view by view."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
+from typing import Protocol
 
 import numpy as np
 
@@ -24,11 +25,20 @@ Comparisons = dict[tuple[str, Factors, bool], Comparison]
 """By layer, gauge, and whether the colour chart alone is judged."""
 
 
+class Observer(Protocol):
+    """What else looks at the test views while they are in memory."""
+
+    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+        """Look at one view."""
+        ...
+
+
 def score_images(
     predictions: gc.Predictions,
     truth: gc.Truth,
     training: Training,
     names: Mapping[str, str] | None = None,
+    observers: Sequence[Observer] = (),
 ) -> list[gc.Score]:
     """All image scores, in the order of the table.
 
@@ -37,6 +47,7 @@ def score_images(
         truth: What it is scored by.
         training: What the training views say.
         names: True names of lights by predicted ones; None where they are as they are.
+        observers: Each is shown every test view.
 
     Raises:
         DatasetError: The truth is broken, or no test view sees an object.
@@ -52,6 +63,8 @@ def score_images(
         predicted = read_prediction(predictions, view, names)
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
+        for observer in observers:
+            observer.observe(predicted, true, scene)
         for _, metrics in groupby(table, key=lambda m: m.layer):
             comparisons: Comparisons = {}  # of one layer at a time: all at once would take a gigabyte
             for metric in (m for m in metrics if true.mask(m.layer, m.chart).any()):

@@ -27,7 +27,6 @@ from graycard.eval._layer_metrics import (
     NORMAL_SHARES,
     TRANSPORT_METRICS,
 )
-from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
 from graycard.eval._lmse import lmse
 from graycard.eval._pixelwise import (
     Bracketed,
@@ -39,12 +38,6 @@ from graycard.eval._pixelwise import (
 )
 from graycard.eval._psnr import psnr
 from graycard.eval._ssim import ssim
-
-
-def metrics() -> tuple[gc.MetricRecord, ...]:
-    """All metrics in the order in which they are scored and shown."""
-    return tuple(m.record for m in IMAGE_METRICS) + LIGHT_METRICS + ENVIRONMENT_METRICS
-
 
 STOPS = 0, 3
 """Exposures of HDR-FLIP relative to that of the scene, which shows the photographs' 99th percentile as white:

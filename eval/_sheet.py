@@ -8,7 +8,10 @@ from graycard.eval._environment_scores import score_environments
 from graycard.eval._gauge import Factors
 from graycard.eval._images import score_images
 from graycard.eval._light_scores import score_lights, true_names
+from graycard.eval._relighting import Masks, score_changed
+from graycard.eval._table import VIEW_METRICS
 from graycard.eval._training import fit_gauges, survey_training
+from graycard.eval._view_metrics import ViewScores
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -73,10 +76,14 @@ def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
 
 
 def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    """By graycard's own protocol, in the order of the table."""
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
+    views, masks = ViewScores(VIEW_METRICS), Masks()
     return (
-        *score_images(predictions, truth, training, names),
+        *score_images(predictions, truth, training, names, (views, masks)),
+        *views.scores(),
+        *score_changed(predictions, truth, masks),
         *score_lights(predictions, truth, fit_gauges(training)["light"]),
         *score_environments(predictions, truth),
     )

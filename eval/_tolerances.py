@@ -26,6 +26,11 @@ REFERENCES: tuple[Reference, ...] = (
     Reference("LMSE", "equations 7 to 9 of Grosse et al. 2009, numpy.linalg.lstsq in each window", 1e-9, "1"),
     Reference("angle between normals", "length of the chord, 2 arcsin(|p - t| / 2)", 1e-6, "°"),
     Reference("assignment of lights", "every permutation", 1e-9, "m"),
+    Reference("residual energy", "numpy.linalg.lstsq of what is left by the object's effect", 1e-9, "1"),
+    Reference("leakage slope", "scipy.stats.theilslopes over every pair", 1e-9, "1"),
+    Reference("local variance", "sums over each window, pixel by pixel", 1e-9, "1"),
+    Reference("error over noise", "the closed form of an offset of k standard deviations", 1e-9, "σ"),
+    Reference("relit PSNR", "scikit-image, of pictures in the gauge of numpy.linalg.lstsq", 1e-9, "dB"),
     Reference("gauge", "numpy.linalg.lstsq", 1e-9, "1"),
     Reference("display encoding", "colour-science, sRGB", 1e-9, "1"),
 )

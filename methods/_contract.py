@@ -70,8 +70,18 @@ class Surrounded(Protocol):
 class Relightable(Protocol):
     """A decomposition whose lights can be exchanged."""
 
-    def relight(self, lights: tuple[Light, ...]) -> Decomposition:
-        """The same scene under other lights."""
+    def relight(self, lights: tuple[Light, ...]) -> Decomposition | None:
+        """The same scene under other lights.
+
+        Args:
+            lights: All lights that shine then, in true units; the ``image`` of an environment is the full
+                path of its file. Those of the photographs are not to be kept.
+
+        Returns:
+            What renders ``radiance`` under them, in the gauge of its own ``base_color``: a decomposition
+            whose albedo is half the true one gives half the true radiance, and the score undoes both
+            alike. None for lights that the method cannot render: that is "not provided", no failure.
+        """
         ...
 
 

@@ -126,8 +126,8 @@ def make_scene(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def scene_writer() -> Callable[..., Path]:
-    """``scene_writer(dataset, track="dark", scene="tiny-0000")`` writes one where it is told to."""
+def write_tiny() -> Callable[..., Path]:
+    """``write_tiny(dataset, **options)`` writes the scene, for fixtures that outlive a test."""
     return write_scene
 
 

@@ -33,6 +33,7 @@ from graycard._dataset import open_truth as open_truth
 from graycard._dataset import write_index as write_index
 from graycard._edits import Composition as Composition
 from graycard._edits import Donor as Donor
+from graycard._edits import EditKind as EditKind
 from graycard._edits import LightEdit as LightEdit
 from graycard._edits import composed_file as composed_file
 from graycard._errors import DatasetError as DatasetError
@@ -98,7 +99,9 @@ from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions
 from graycard._predictions import open_predictions as open_predictions
 from graycard._predictions import predictions_hash as predictions_hash
+from graycard._predictions import write_composed as write_composed
 from graycard._predictions import write_environment as write_environment
+from graycard._predictions import write_relit as write_relit
 from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
 from graycard._progress import silent as silent

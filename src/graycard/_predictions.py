@@ -4,6 +4,8 @@
 PREDICTIONS/predictions.json    who made it, for which scene
 PREDICTIONS/views/<view>.exr    channels <layer>.<suffix>, linear, float32
 PREDICTIONS/lights.json         optional: the lights that were found
+PREDICTIONS/relighting/<edit>/views/<view>.exr   optional: held-out views under changed lights
+PREDICTIONS/composition/views/<view>.exr         optional: held-out views with an object put in
 PREDICTIONS/environments/       optional: images of environments among them, or where lights.json says
 """
 
@@ -15,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from graycard._edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard._exr import read_layers, read_rgb, write_layers, write_rgb
 from graycard._files import sha256, sha256_of_files, writable_folder
@@ -22,6 +25,7 @@ from graycard._json import IN_MEMORY, check_version, decode, read_json, write_js
 from graycard._lights import EnvironmentLight, Light, read_lights, write_lights
 
 INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"
+FOLDERS = (VIEWS, ENVIRONMENTS, RELIGHTING, COMPOSITION)
 PREDICTIONS_VERSION = 1
 
 
@@ -55,6 +59,39 @@ class Predictions:
             raise PredictionError(
                 f"expected a prediction for view {view!r} at {path}, got none. Present: {have}"
             )
+        self._check_hash(path)
+        return read_layers(path, PredictionError)
+
+    def relit(self, edit: str, view: str) -> dict[str, np.ndarray] | None:
+        """The predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
+
+        Args:
+            edit: Name of the change, as in :attr:`graycard.Truth.edits`.
+            view: Name of the view.
+
+        Returns:
+            None where the method provides none.
+
+        Raises:
+            PredictionError: As for :meth:`layers`.
+        """
+        return self._optional(relit_file(edit, view))
+
+    def composed(self, view: str) -> dict[str, np.ndarray] | None:
+        """The predicted picture of a held-out view with an object of another scene: ``radiance``.
+
+        Returns:
+            None where the method provides none.
+
+        Raises:
+            PredictionError: As for :meth:`layers`.
+        """
+        return self._optional(composed_file(view))
+
+    def _optional(self, name: str) -> dict[str, np.ndarray] | None:
+        path = self._root / name
+        if not path.is_file() and name not in self.files:
+            return None
         self._check_hash(path)
         return read_layers(path, PredictionError)
 
@@ -142,7 +179,7 @@ def clear_predictions(folder: Path) -> Path:
     """
     folder = Path(folder)
     names = [p.name for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
-    foreign = sorted(set(names) - {INDEX, LIGHTS, VIEWS, ENVIRONMENTS})
+    foreign = sorted(set(names) - {INDEX, LIGHTS, *FOLDERS})
     if foreign:
         raise OutputError(
             f"expected {folder} to be free or to hold predictions, got {', '.join(foreign[:3])} in it. "
@@ -151,7 +188,7 @@ def clear_predictions(folder: Path) -> Path:
     writable_folder(folder)
     for name in (INDEX, LIGHTS):
         (folder / name).unlink(missing_ok=True)
-    for name in (VIEWS, ENVIRONMENTS):
+    for name in FOLDERS:
         shutil.rmtree(folder / name, ignore_errors=True)
     return folder
 
@@ -190,6 +227,37 @@ def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) 
     path = f"{ENVIRONMENTS}/{light.name}.exr"
     write_rgb(Path(folder) / path, image)
     return replace(light, image=path)
+
+
+def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> None:
+    """Write a picture of a held-out view under changed lights.
+
+    Args:
+        folder: The predictions folder.
+        edit: Name of the change: ``truth/relighting/<edit>/lights.json`` are the lights after it.
+        view: Name of the view, as in the capture.
+        radiance: ``(H, W, 3)``, linear, W/m²/sr.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_layers(Path(folder) / relit_file(edit, view), {"radiance": radiance})
+
+
+def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
+    """Write a picture of a held-out view with the object of ``truth/composition/composition.json`` in it.
+
+    Args:
+        folder: The predictions folder.
+        view: Name of the view, as in the capture.
+        radiance: ``(H, W, 3)``, linear, W/m²/sr.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_layers(Path(folder) / composed_file(view), {"radiance": radiance})
 
 
 def finish_predictions(

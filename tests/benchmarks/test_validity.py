@@ -33,10 +33,10 @@ def fit_and_score(run: Path, scene: Path, method: str) -> gc.JobResult:
 
 
 @pytest.fixture(scope="module")
-def made_run(tmp_path_factory: pytest.TempPathFactory, scene_writer: Callable[..., Path]) -> Path:
+def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
     """A whole and valid run; not to be changed."""
     run = tmp_path_factory.mktemp("validity") / "run"
-    scenes = [scene_writer(run / "dataset", scene=f"tiny-{n}", test=2 + n) for n in range(2)]
+    scenes = [write_tiny(run / "dataset", scene=f"tiny-{n}", test=2 + n) for n in range(2)]
     with pytest.MonkeyPatch.context() as patch:
         for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
             patch.setenv(name, "1")

@@ -20,8 +20,18 @@ from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
 from graycard.eval._light_scores import score_lights
 from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._readings import PredictedView, TrueView
+from graycard.eval._relighting import (
+    COMPOSITION_METRICS,
+    RELIGHTING_METRICS,
+    ChangedMetric,
+    Picture,
+    judge_picture,
+)
+from graycard.eval._removal import EFFECTS
 from graycard.eval._spheres import render_spheres
+from graycard.eval._table import VIEW_METRICS
 from graycard.eval._training import REFLECTANCES, Fit, Training, fit_gauges
+from graycard.eval._view_metrics import ViewMetric, judge_view
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
 
 RNG = np.random.default_rng(77)
@@ -48,6 +58,15 @@ TRUE = {
 PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k != "object_id"}
 RECEIVED = ("shading", "irradiance.lamp")
 """Light loses what albedo gains, so that the photographs stay as they are."""
+BESIDE = {
+    "radiance.var": np.full(SHAPE, 1e-4),
+    "counterfactual.radiance.var": np.full(SHAPE, 1e-4),
+    "visibility.lamp": np.repeat(RNG.integers(0, 2, (24, 13)), 2, axis=1).astype(float),
+    "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),
+    "direct.specular.lamp": RNG.uniform(0, 0.2, SHAPE),
+    **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
+}
+"""What metrics with rules of their own ask the truth for."""
 LIGHTS = tuple(
     gc.SpotLight(f"s{i}", (float(i), 0.2 * i, 1.0), (0.1 * i, 0.2, -1), (3.0, 2.0, 1.0 + i), 20, 30)
     for i in range(3)
@@ -83,10 +102,34 @@ def image_score(metric: ImageMetric, factors: np.ndarray) -> float | None:
     """The value of one view whose prediction, also in training, is multiplied; None where it failed."""
     layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
     true = TrueView(VIEW, TRUE, frozenset(), frozenset({1}))
-    training = gauges_of(layers)
-    scene = Scene(1.2, training, fit_gauges(training))
     each = replace(metric, layer=metric.layer.replace("<light>", "lamp"))
-    return judge(each, PredictedView(VIEW, layers), true, scene, {}).value
+    return judge(each, PredictedView(VIEW, layers), true, scene_of(layers), {}).value
+
+
+def scene_of(layers: dict[str, np.ndarray]) -> Scene:
+    training = gauges_of(layers)
+    return Scene(1.2, training, fit_gauges(training))
+
+
+def view_score(metric: ViewMetric, factors: np.ndarray) -> float | None:
+    """The value of one view by a rule of its own, as ``image_score``."""
+    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    true = TrueView(VIEW, TRUE | BESIDE, frozenset())
+    finding = judge_view(metric, PredictedView(VIEW, layers), true, scene_of(layers))
+    assert finding is not None, "the view has something to judge"
+    return finding.value
+
+
+def changed_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
+    """The value of one picture under changed lights, whose albedo is multiplied as well."""
+    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    true = TrueView(VIEW, TRUE, frozenset())
+    kind = record.id.split(".")[-1] if record.id.count(".") == 2 else None
+    mask, relit = true.mask("radiance"), {"radiance": layers["counterfactual.radiance"]}
+    truth = {"radiance": TRUE["counterfactual.radiance"]}
+    picture = Picture("e", kind, VIEW, truth, lambda: relit, mask)  # pyright: ignore[reportArgumentType]
+    table = (*RELIGHTING_METRICS, *COMPOSITION_METRICS)
+    return judge_picture(table, picture, scene_of(layers))[record.id].value
 
 
 @dataclass(frozen=True)
@@ -162,6 +205,22 @@ def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
     metric: ImageMetric, group: gc.Invariance
 ) -> None:
     prove(lambda factors: image_score(metric, factors), metric.record.ignores, group)
+
+
+@pytest.mark.parametrize("group", CASES)
+@pytest.mark.parametrize("metric", VIEW_METRICS, ids=lambda m: m.record.id)
+def test_a_view_metric_ignores_what_it_declares_and_nothing_else(
+    metric: ViewMetric, group: gc.Invariance
+) -> None:
+    prove(lambda factors: view_score(metric, factors), metric.record.ignores, group)
+
+
+@pytest.mark.parametrize("group", CASES)
+@pytest.mark.parametrize("metric", [*RELIGHTING_METRICS, *COMPOSITION_METRICS], ids=lambda m: m.record.id)
+def test_a_changed_picture_is_judged_in_the_gauge_of_the_albedo(
+    metric: ChangedMetric, group: gc.Invariance
+) -> None:
+    prove(lambda factors: changed_score(metric.record, factors), metric.record.ignores, group)
 
 
 @pytest.mark.parametrize("group", CASES)
