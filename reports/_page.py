@@ -190,8 +190,8 @@ def _pictures(
     """The pictures of a scene, or why there are none; and which methods have nothing to show."""
     try:
         evidence = open_scene(run / scene.folder)
-        by_name = [[r for r in results if r.job.method == m.name] for m in methods]
-        shown = [open_method(run, found, evidence.shown) for found in by_name]
+        by_name = [([r for r in results if r.job.method == m.name], not m.sees) for m in methods]
+        shown = [open_method(run, found, evidence.shown, competes) for found, competes in by_name]
         return _scene_pictures(scene, evidence, shown), "", _faults(shown)
     except gc.GraycardError as cause:
         return None, str(cause), ()

@@ -54,13 +54,13 @@ def shrink(image: np.ndarray, max_side: int) -> np.ndarray:
 def display_picture(values: np.ndarray, alt: str) -> Picture:
     """A picture of display values in [0, 1], shape ``(H, W, 3)``; what lies outside is clipped."""
     pixels = np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
-    return _picture(Image.fromarray(pixels), alt)
+    return _picture(_few_colours(Image.fromarray(pixels)), alt)
 
 
 def linear_picture(values: np.ndarray, alt: str) -> Picture:
     """A picture of linear light, shape ``(H, W, 3)``, where 1 is display white; it can be re-exposed."""
     still = Image.fromarray(np.rint(255 * gc.srgb_encode(values)).astype(np.uint8))
-    shown = _picture(still.quantize(256, dither=Image.Dither.NONE), alt)  # a third of the bytes
+    shown = _picture(_few_colours(still), alt)
     halves = Image.fromarray(split_codes(linear_codes(values)))
     return Picture(shown.source, shown.width, shown.height, alt, _data_uri(halves))
 
@@ -93,6 +93,11 @@ def split_codes(codes: np.ndarray) -> np.ndarray:
     No alpha channel: a canvas multiplies colours by alpha and loses bits.
     """
     return np.concatenate([codes >> 8, codes & 255], axis=0).astype(np.uint8)
+
+
+def _few_colours(image: Image.Image) -> Image.Image:
+    """The same picture in 256 colours of its own: a third of the bytes."""
+    return image.quantize(256, dither=Image.Dither.NONE)
 
 
 def _picture(image: Image.Image, alt: str, transparency: int | None = None) -> Picture:

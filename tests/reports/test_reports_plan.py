@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import graycard as gc
-from graycard.reports._comparison import build_gallery, usable_layer
-from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene
+from graycard.reports._comparison import build_gallery
+from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene, usable_layer
 from graycard.reports._plan import SIZE, build_plan
 
 
