@@ -16,6 +16,14 @@ from graycard._colour import luminance as luminance
 from graycard._colour import srgb_decode as srgb_decode
 from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope
+from graycard._comparison import COMPARISON as COMPARISON
+from graycard._comparison import AboveCeiling as AboveCeiling
+from graycard._comparison import Comparison as Comparison
+from graycard._comparison import MethodStanding as MethodStanding
+from graycard._comparison import MetricComparison as MetricComparison
+from graycard._comparison import PairDifference as PairDifference
+from graycard._comparison import PairVerdict as PairVerdict
+from graycard._comparison import read_comparison as read_comparison
 from graycard._dataset import IMPORTER as IMPORTER
 from graycard._dataset import TRACKS as TRACKS
 from graycard._dataset import capture_folders as capture_folders
@@ -92,6 +100,7 @@ from graycard._predictions import predictions_hash as predictions_hash
 from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
 from graycard._progress import silent as silent
+from graycard._records import Access as Access
 from graycard._records import Cost as Cost
 from graycard._records import Invariance as Invariance
 from graycard._records import Job as Job
