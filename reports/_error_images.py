@@ -74,7 +74,7 @@ def noise_ratio_image(
     """
     p, t = predicted.astype(np.float64), true.astype(np.float64)
     floor = (4 * np.finfo(np.float32).eps * np.abs(t)) ** 2
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0 / 0 where prediction and truth are black
         squares = np.where(p == t, 0.0, (p - t) ** 2 / np.maximum(variance.astype(np.float64), floor))
     ratio = np.sqrt(squares if squares.ndim == 2 else squares.mean(axis=-1))
     return np.where(mask, ratio, np.nan)

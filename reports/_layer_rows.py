@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 import graycard as gc
+from graycard.reports._colour_maps import ColourMap
 from graycard.reports._error_images import NOISE_HIGH, error_unit
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
 from graycard.reports._format import format_name, format_number
 from graycard.reports._pictures import (
     Picture,
-    colour_bar,
     display_picture,
     linear_picture,
     mapped_picture,
@@ -23,6 +23,8 @@ MAX_SIDE = 128
 """Pixels of a picture; larger ones are averaged down by a whole factor."""
 GRAY_CARD = 0.18
 """Reflectance under which light that arrives at a surface is shown: as radiance it would mostly be white."""
+RE_EXPOSED = ("radiance", "counterfactual.radiance")
+"""Embedded as linear light too, which takes three times the bytes."""
 
 _TITLES = {"counterfactual.radiance": "Radiance without the target object", "normal": "Normal, world axes"}
 _UNITS = {"base_color": "reflectance, 1 is white", "normal": "X, Y, Z as R, G, B"}
@@ -42,7 +44,7 @@ class Tile:
 class Scale:
     """A colour bar and the numbers at its ends."""
 
-    bar: Picture
+    colours: ColourMap
     low: str
     high: str
     unit: str
@@ -163,10 +165,13 @@ def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> Picture:
         return mapped_picture(small, layer.low, layer.high, "depth", alt)
     if gc.layer(layer.name).unit == "1":
         return display_picture(gc.srgb_encode(small), alt)
-    return linear_picture(small * layer.exposure * _reflected(layer.name), alt)
+    light = small * layer.exposure * _reflected(layer.name)
+    return (
+        linear_picture(light, alt)
+        if layer.name in RE_EXPOSED
+        else display_picture(gc.srgb_encode(light), alt)
+    )
 
 
-def _scale(name: str, low: float, high: float, unit: str, more: str) -> Scale:
-    ends = format_number(low), more + format_number(high)
-    colours = "depth" if name == "depth" else "error"
-    return Scale(colour_bar(colours, f"colour bar from {ends[0]} to {ends[1]} {unit}"), *ends, unit)
+def _scale(colours: ColourMap, low: float, high: float, unit: str, more: str) -> Scale:
+    return Scale(colours, format_number(low), more + format_number(high), unit)

@@ -2,6 +2,7 @@
 import base64
 import io
 import math
+import re
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from graycard.reports._pictures import (
     LEVELS,
     PEAK,
     STEP,
-    colour_bar,
     display_picture,
+    gradient,
     linear_codes,
     linear_picture,
     mapped_picture,
@@ -70,7 +71,7 @@ def test_still_picture_is_what_a_display_shows() -> None:
 
 
 def test_display_picture_clips() -> None:
-    shown = np.asarray(open_png(display_picture(np.array([[[-1.0, 0.5, 3.0]]]), "").source))
+    shown = np.asarray(open_png(display_picture(np.array([[[-1.0, 0.5, 3.0]]]), "").source).convert("RGB"))
     assert shown.tolist() == [[[0, 128, 255]]]
 
 
@@ -79,8 +80,16 @@ def test_mapped_picture_is_transparent_where_there_is_nothing() -> None:
     shown = np.asarray(open_png(mapped_picture(values, 0, 10, "error", "").source).convert("RGBA"))[0]
     table = colour_map("error")
     assert shown[:, 3].tolist() == [255, 255, 255, 0, 255]
-    np.testing.assert_array_equal(shown[[0, 1, 2, 4], :3], table[[0, 127, 254, 254]])
-    assert colour_bar("depth", "bar").width == STEPS
+    np.testing.assert_array_equal(shown[[0, 2, 4], :3], table[[0, 254, 254]])
+    assert np.abs(shown[1, :3].astype(int) - table[127]).max() <= 6  # half a step of 64
+
+
+def test_gradient_has_the_colours_of_the_pictures() -> None:
+    table = colour_map("error")
+    stops = re.findall(r"#([0-9a-f]{6})", gradient("error"))
+    ends = [tuple(bytes.fromhex(stop)) for stop in (stops[0], stops[-1])]
+    assert ends == [tuple(table[0]), tuple(table[-1])]
+    assert len(stops) == 17
 
 
 @pytest.mark.parametrize("name", ["error", "depth"])
