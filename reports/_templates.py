@@ -15,6 +15,8 @@ from graycard.reports._page import Page
 from graycard.reports._pictures import gradient
 
 TEMPLATES = Path(__file__).parent / "templates"
+MAX_NAMED_SCENES = 8
+"""With more, the bar at the top names tracks alone."""
 
 
 def render_page(page: Page) -> str:
@@ -37,6 +39,7 @@ def render_page(page: Page) -> str:
         policy=content_policy(style, script),
         linear=linear_sources(page),
         explains=EXPLAINS,
+        few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
     )
 
 

@@ -108,21 +108,21 @@ def _lead(
     second: gc.MethodStanding,
     pair: gc.PairDifference | None,
 ) -> str:
-    text = _ahead(metric, _mean(first), _mean(second), second.method)
     if pair is None or pair.interval is None:
-        return text
+        return _ahead(metric, _mean(first), _mean(second), second.method)
     low, high = pair.interval
     if (pair.first == first.method) != metric.higher_is_better:  # the one swap that remains of two
         low, high = -high, -low
-    return f"{text} (95 %: {format_value(low, metric.unit)} to {format_value(high, metric.unit)})"
+    interval = f" ({format_value(low, metric.unit)} to {format_value(high, metric.unit)})"
+    return _ahead(metric, _mean(first), _mean(second), second.method, interval)
 
 
-def _ahead(metric: gc.MetricRecord, first: float, second: float, rival: str) -> str:
+def _ahead(metric: gc.MetricRecord, first: float, second: float, rival: str, interval: str = "") -> str:
     """By how much the first is better than its rival, as a positive number whichever way is better."""
     if first == second:
         return f"level with {rival}"
     unit = " %" if metric.unit.startswith("%") else "" if metric.unit == "1" else f" {metric.unit}"
-    return f"{format_value(abs(first - second), metric.unit)}{unit} ahead of {rival}"
+    return f"{format_value(abs(first - second), metric.unit)}{unit}{interval} ahead of {rival}"
 
 
 def _evidence(pair: gc.PairDifference, scenes: int) -> str:
