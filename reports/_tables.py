@@ -5,8 +5,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import graycard as gc
-from graycard.reports._cells import Cell, MetricHead, is_better, metric_head, pool, read_metric
+from graycard.reports._cells import Cell, breakdown_text, is_better, pool, read_metric
+from graycard.reports._compared import Compared
 from graycard.reports._format import format_value
+from graycard.reports._help import MetricHead, explain_rules, metric_head
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,8 @@ class Leaderboard:
     metrics: tuple[MetricHead, ...]
     competing: tuple[Standing, ...]
     references: tuple[Standing, ...]
+    axes: tuple[tuple[str, str] | None, ...] = ()
+    """The ends of the axis of the interval plots, by metric."""
 
     @property
     def methods(self) -> tuple[MethodHead, ...]:
@@ -49,6 +53,10 @@ class MetricRow:
 
     metric: MetricHead
     cells: tuple[Cell, ...]
+    breakdowns: tuple[tuple[str, str], ...] = ()
+    """The same number by neighbouring rules, as pairs of method and text."""
+    rules: str = ""
+    """What those rules are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +85,10 @@ def metrics_of(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> tuple[g
 
 
 def leaderboard(
-    record: gc.RunRecord, results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]
+    record: gc.RunRecord,
+    results: Sequence[gc.JobResult],
+    metrics: Sequence[gc.MetricRecord],
+    compared: Compared,
 ) -> Leaderboard:
     """Methods in the order of their mean place over the headline metrics; references apart.
 
@@ -87,7 +98,9 @@ def leaderboard(
     headline = [m for m in metrics if m.headline]
     present = {r.job.method for r in results}
     heads = [MethodHead(m.name, m.summary, m.sees) for m in record.methods if m.name in present]
-    rows = {h: tuple(_cell(results, h.name, m) for m in headline) for h in heads}
+    rows = {
+        h: tuple(compared.dress(_cell(results, h.name, m), m.id, h.name) for m in headline) for h in heads
+    }
     competing = {h: cells for h, cells in rows.items() if not h.sees}
     order = {h: _mean_place(h, competing, headline) for h in competing}
     ranked = sorted(competing, key=lambda h: order[h])
@@ -97,6 +110,7 @@ def leaderboard(
             Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, headline)) for h in ranked
         ),
         tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
+        tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in headline),
     )
 
 
@@ -109,7 +123,8 @@ def metric_rows(
         cells = {method: _cell(results, method.name, metric, detailed=True) for method in methods}
         competing = {h: (cell,) for h, cell in cells.items() if not h.sees}
         marked = {h: _mark_best(competing, h, [metric])[0] for h in competing}
-        rows.append(MetricRow(metric_head(metric), tuple((cells | marked).values())))
+        parts, rules = _breakdowns(results, methods, metric)
+        rows.append(MetricRow(metric_head(metric), tuple((cells | marked).values()), parts, rules))
     return tuple(rows)
 
 
@@ -161,8 +176,25 @@ def warnings(results: Sequence[gc.JobResult]) -> tuple[Trouble, ...]:
 def _cell(
     results: Sequence[gc.JobResult], method: str, metric: gc.MetricRecord, detailed: bool = False
 ) -> Cell:
-    readings = [read_metric(r, metric.id) for r in results if r.job.method == method]
-    return pool(readings, metric.unit, detailed)
+    """One method by one metric over the scenes that have it; a scene that it was not run on is missing."""
+    scenes = {r.job.scene for r in results if r.sheet and any(s.metric == metric.id for s in r.sheet.scores)}
+    here = [r for r in results if r.job.scene in scenes] or list(results)
+    own = [r for r in here if r.job.method == method]
+    cell = pool([read_metric(r, metric.id) for r in own], metric.unit, detailed)
+    run, every = len({r.job.scene for r in own}), len({r.job.scene for r in here})
+    if run == every or cell.status != "scored":
+        return cell
+    return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
+
+
+def _breakdowns(
+    results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metric: gc.MetricRecord
+) -> tuple[tuple[tuple[str, str], ...], str]:
+    """Each method's breakdown as a text, and what its rules are."""
+    found = {h.name: [read_metric(r, metric.id) for r in results if r.job.method == h.name] for h in methods}
+    texts = {name: breakdown_text(readings, metric.unit) for name, readings in found.items()}
+    rules = explain_rules(rule for readings in found.values() for r in readings for rule in r.breakdown)
+    return tuple((name, text) for name, text in texts.items() if text), rules
 
 
 def _mark_best(

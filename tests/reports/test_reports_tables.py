@@ -7,6 +7,7 @@ import pytest
 
 import graycard as gc
 from graycard.reports._cells import Reading, pool, read_metric
+from graycard.reports._compared import compare_track
 from graycard.reports._tables import (
     Leaderboard,
     failures,
@@ -42,7 +43,8 @@ def make_board(results: list[gc.JobResult], sees: dict[str, tuple[str, ...]] | N
     names = dict.fromkeys(r.job.method for r in results)
     methods = tuple(gc.MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
     record = gc.RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
-    return leaderboard(record, results, metrics_of(record, results))
+    metrics = metrics_of(record, results)
+    return leaderboard(record, results, metrics, compare_track(None, record, "dark", metrics))
 
 
 def test_mean_is_over_scenes_not_over_jobs() -> None:
