@@ -121,7 +121,7 @@ def fit_scene(
 
 
 def _relighting(decomposition: Decomposition, capture: Capture, scene: Path) -> dict[str, tuple[Light, ...]]:
-    """What a fitted method is to be relit with, beside its copy of the capture; nothing for one that cannot."""
+    """What a fitted method is to be relit with, if it can be; images lie beside its copy of the capture."""
     if not isinstance(decomposition, Relightable) or capture.root is None:
         return {}
     return relighting_of(scene, capture.root.parent / "relighting")
