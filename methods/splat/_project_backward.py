@@ -9,6 +9,7 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat._backward import FIRST_CHANNEL, LANES, PLAIN
+from graycard.methods.splat._channels_backward import first_normal
 from graycard.methods.splat._coefficients import D, U, V
 from graycard.methods.splat._project_forward import HALF_ROOT
 from graycard.methods.splat._project_frame import (
@@ -166,17 +167,18 @@ def unproject_one(
 def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
     x, y, z = 0.0, 0.0, 0.0
+    normal = first_normal(channels)
     for at in range(0, stride, LANES):
         sum_slots(slots, first, past, stride, at, total)
         for lane in range(LANES):
             channel = at + lane
             if channel < channels:
                 to_features[surfel, channel] = total[lane]
-            elif channel == channels:
+            elif channel == normal:
                 x = np.float64(total[lane])
-            elif channel == channels + 1:
+            elif channel == normal + 1:
                 y = np.float64(total[lane])
-            elif channel == channels + 2:
+            elif channel == normal + 2:
                 z = np.float64(total[lane])
     return x, y, z
 
