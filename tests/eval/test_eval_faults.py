@@ -19,7 +19,7 @@ ALBEDO = UNGAUGED + GAUGED
 IMAGES = tuple(
     m.record.id
     for m in IMAGE_METRICS
-    if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart
+    if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart and m.available()
 )
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))
 LIGHTS = tuple(
