@@ -111,9 +111,8 @@ def _read(path: Path) -> "dict[str, torch.Tensor]":
             return load_file(path)
         return dict(torch.load(path, map_location="cpu", weights_only=True))
     except Exception as cause:  # torch and safetensors raise a dozen kinds for a damaged file
-        raise gc.WeightsError(
-            f"expected a file of tensors at {path}, got: {cause}. Fetch it again"
-        ) from cause
+        first = str(cause).splitlines()[0]
+        raise gc.WeightsError(f"expected a file of tensors at {path}, got: {first} Fetch it again") from cause
 
 
 def _layer_errors(pair: "torch.Tensor", weights: "Mapping[str, torch.Tensor]") -> "list[torch.Tensor]":
