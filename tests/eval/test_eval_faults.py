@@ -20,7 +20,7 @@ IMAGES = (
     *(
         m.record.id
         for m in IMAGE_METRICS
-        if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart
+        if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart and m.available()
     ),
     "novel_view.noise_rms",
 )
