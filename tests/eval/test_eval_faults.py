@@ -16,11 +16,11 @@ Layers = dict[str, np.ndarray]
 UNGAUGED = ("albedo.psnr.raw", "albedo.lmse")
 GAUGED = ("albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip", "albedo.ciede2000")
 ALBEDO = UNGAUGED + GAUGED
-IMAGES = tuple(
-    m.record.id
-    for m in IMAGE_METRICS
-    if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart
-) + ("novel_view.noise_rms",)
+_HERE = ("radiance", "base_color", "normal", "depth")
+IMAGES = (
+    *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart),
+    "novel_view.noise_rms",
+)
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))
 LIGHTS = tuple(
     m.id for m in ge.metrics() if m.group == "light" and m.id not in ("light.direction", "light.extent")
