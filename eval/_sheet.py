@@ -6,6 +6,7 @@ from pathlib import Path
 import graycard as gc
 from graycard.eval._environment_scores import score_environments
 from graycard.eval._gauge import Factors
+from graycard.eval._hints import Hints, with_hints
 from graycard.eval._images import score_images
 from graycard.eval._light_scores import score_lights, true_names
 from graycard.eval._relighting import Masks, score_changed
@@ -79,11 +80,12 @@ def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...
     """By graycard's own protocol, in the order of the table."""
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
-    views, masks = ViewScores(VIEW_METRICS), Masks()
-    return (
-        *score_images(predictions, truth, training, names, (views, masks)),
+    views, masks, hints = ViewScores(VIEW_METRICS), Masks(), Hints()
+    scores = (
+        *score_images(predictions, truth, training, names, (views, masks, hints)),
         *views.scores(),
         *score_changed(predictions, truth, masks),
         *score_lights(predictions, truth, fit_gauges(training)["light"]),
         *score_environments(predictions, truth),
     )
+    return with_hints(scores, hints.found(predictions, truth))

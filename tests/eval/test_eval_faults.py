@@ -16,12 +16,9 @@ Layers = dict[str, np.ndarray]
 UNGAUGED = ("albedo.psnr.raw", "albedo.lmse")
 GAUGED = ("albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip", "albedo.ciede2000")
 ALBEDO = UNGAUGED + GAUGED
+_HERE = ("radiance", "base_color", "normal", "depth")
 IMAGES = (
-    *(
-        m.record.id
-        for m in IMAGE_METRICS
-        if m.layer in ("radiance", "base_color", "normal", "depth") and not m.chart and m.available()
-    ),
+    *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart and m.available()),
     "novel_view.noise_rms",
 )
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))

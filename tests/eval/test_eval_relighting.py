@@ -151,7 +151,7 @@ def test_without_base_color_a_picture_is_taken_as_it_is(sheet_of: Callable[..., 
         return {k: v for k, v in layers.items() if k != "base_color"}
 
     score = sheet_of(exact, no_albedo).score("relighting.psnr")
-    assert (score.value, score.gauge) == (math.inf, None)
+    assert (score.value, score.gauge) == (math.inf, (1, 1, 1))
 
 
 def test_without_a_gauge_it_fails(sheet_of: Callable[..., gc.ScoreSheet]) -> None:

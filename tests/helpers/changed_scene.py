@@ -16,8 +16,9 @@ EDITS = (
     gc.LightEdit("environment-1", "Other surroundings."),
 )
 SIGMA = 1e-3
-EXPOSURE = 0.9
+EXPOSURE = 0.45
 """At which nothing in the pictures is white."""
+DESK = gc.PointLight("desk", (1.0, -2.0, 1.5), (2.0, 3.0, 4.0))
 LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
 DONOR = gc.Donor("multilight", "objects", 3, {}, "pot", 5)
 ADDED = 9
@@ -35,6 +36,7 @@ def enrich(scene: Path) -> Path:
             _write_changed(scene / "truth", view.name, layers, np.random.default_rng(50 + number))
     for edit in EDITS:
         gc.write_lights(scene / "truth" / edit.folder / "lights.json", (LAMP,))
+    gc.write_lights(scene / "truth" / "lights.json", (LAMP, DESK))
     gc.write_json(
         scene / "truth" / "composition" / "composition.json", gc.Composition(DONOR, np.eye(4), ADDED)
     )
@@ -47,13 +49,14 @@ def _lit(layers: Layers, rng: np.random.Generator) -> Layers:
     shape = layers["object_id"].shape
     column = np.linspace(0, 1, shape[1])[None, :, None] * np.ones((*shape, 3))
     in_shadow = (np.arange(shape[1]) % 12 < 5)[None] & np.ones(shape, bool)
-    shading = (0.4 + 0.6 * column**2) * np.where(in_shadow, 0.2, 1)[..., None] * (1.0, 0.9, 0.8)
+    shading = (0.8 + 1.2 * column**2) * np.where(in_shadow, 0.2, 1)[..., None] * (1.0, 0.9, 0.8)
     base = np.maximum(layers["base_color"], 0.02) * (layers["object_id"] > 0)[..., None]
     gloss = np.where((np.arange(shape[0]) % 8 < 3)[:, None, None], 0.5, 0) * base * shading
     radiance = base * shading + gloss
     made = {
         "base_color": base,
         "shading": shading,
+        "roughness": 0.2 + 0.5 * column[..., 0],
         "visibility.lamp": 1.0 - in_shadow,
         "direct.diffuse.lamp": base * shading,
         "direct.specular.lamp": gloss,
