@@ -155,3 +155,17 @@ def test_worst_tiles_of_a_scene(scene: SceneEvidence) -> None:
     assert 0 <= left < 1
     assert top >= 0
     assert side == pytest.approx(8 / tile.truth.width)
+
+
+def test_tile_names_the_layer_that_its_error_was_made_of(scene: SceneEvidence) -> None:
+    """Base colour that is too bright where surfaces are seen from the side."""
+    layers = {}
+    for view in scene.test:
+        true = scene.truth.layers(view)
+        grazing = scene_properties(true, view)["grazing view"]
+        layers[view.name] = {"base_color": true["base_color"] + 0.4 * grazing[..., None] ** 2}
+    (found,) = find_worst_tiles(scene, [MethodEvidence("baked", layers=layers)])
+    (tile,) = found.tiles
+    assert tile.reason.startswith("rises with: grazing view (rank correlation +")
+    assert tile.explanation is not None
+    assert tile.explanation.width == tile.truth.width
