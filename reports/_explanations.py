@@ -10,8 +10,12 @@ from scipy.stats import rankdata
 
 import graycard as gc
 
-EXPLAINS = 0.5
-"""Least absolute rank correlation that counts: below it no layer is named."""
+EXPLAINS = 0.6
+"""Least absolute rank correlation that counts: below it no layer is named.
+
+Smooth patterns correlate by chance. In a region of 42 x 42 pixels the best of 18 unrelated ones (white noise
+blurred by a Gaussian of 3, 4 or 6 pixels) reaches 0.6 in 0, 4 and 33 of 100 cases.
+"""
 LEAST_PIXELS = 32
 """With fewer no correlation is computed."""
 

@@ -41,6 +41,8 @@ class MetricHead:
     """What a prediction may be changed by without changing the score; empty for nothing."""
     tolerance: str = ""
     """A difference that the gate still lets pass."""
+    here: str = ""
+    """The worst and best value of this table, and whose they are."""
 
 
 def metric_head(record: gc.MetricRecord) -> MetricHead:

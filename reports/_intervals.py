@@ -57,9 +57,9 @@ def axis_of(values: Iterable[float], unit: str) -> Axis | None:
 
 
 def axis_of_standings(standings: Iterable[gc.MethodStanding], unit: str) -> Axis | None:
-    """The axis of the means, intervals and ceilings of methods."""
-    found = [v for s in standings for v in (s.mean, s.ceiling, *(s.interval or ())) if v is not None]
-    return axis_of(found, unit)
+    """The axis of the means, intervals and ceilings of methods; None where all are one number."""
+    found = {v for s in standings for v in (s.mean, s.ceiling, *(s.interval or ())) if v is not None}
+    return axis_of(found, unit) if len(found) > 1 else None
 
 
 def interval_plot(standing: gc.MethodStanding, axis: Axis | None) -> IntervalPlot | None:

@@ -85,7 +85,7 @@ def scene_section(
         reason=reason,
         faults=faults,
         rows=metric_rows(results, here, metrics),
-        spreads=protocol_spreads(results, [m.name for m in here]),
+        spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
         view_rows=view_rows(results, here, metrics),
         warnings=warnings([r for r in results if r.job.method in competing]),
     )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of a track and of a scene, driven by the metric records alone."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import graycard as gc
@@ -104,8 +104,10 @@ def leaderboard(
     competing = {h: cells for h, cells in rows.items() if not h.sees}
     order = {h: _mean_place(h, competing, headline) for h in competing}
     ranked = sorted(competing, key=lambda h: order[h])
+    columns = [{h: cells[i] for h, cells in rows.items()} for i in range(len(headline))]
+    here = [_range_of(c, m.higher_is_better) for c, m in zip(columns, headline, strict=True)]
     return Leaderboard(
-        tuple(metric_head(m) for m in headline),
+        tuple(replace(metric_head(m), here=text) for m, text in zip(headline, here, strict=True)),
         tuple(
             Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, headline)) for h in ranked
         ),
@@ -124,7 +126,8 @@ def metric_rows(
         competing = {h: (cell,) for h, cell in cells.items() if not h.sees}
         marked = {h: _mark_best(competing, h, [metric])[0] for h in competing}
         parts, rules = _breakdowns(results, methods, metric)
-        rows.append(MetricRow(metric_head(metric), tuple((cells | marked).values()), parts, rules))
+        head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
+        rows.append(MetricRow(head, tuple((cells | marked).values()), parts, rules))
     return tuple(rows)
 
 
@@ -185,6 +188,15 @@ def _cell(
     if run == every or cell.status != "scored":
         return cell
     return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
+
+
+def _range_of(cells: Mapping[MethodHead, Cell], higher_is_better: bool) -> str:
+    """The worst and the best value of a table with their methods: what is good, and what is not."""
+    found = [(cell.value, cell.text, head.name) for head, cell in cells.items() if cell.value is not None]
+    if len(found) < 2:
+        return ""
+    worst, *_, best = sorted(found, key=lambda f: f[0], reverse=not higher_is_better)
+    return f"from {worst[1]} ({worst[2]}) to {best[1]} ({best[2]})"
 
 
 def _breakdowns(

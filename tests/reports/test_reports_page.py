@@ -88,7 +88,9 @@ def test_names_what_the_run_holds(outline: Outline) -> None:
         "1 h 2 min", "llvm_ad_rgb", "0123abc+", "An & Example <CPU>", "12.5 s", "346 MiB", "0123456789ab",
         "also sees: radiance, lights", "ceiling 48.50", "∞", "12 jobs, 1 failed",
         "1 of 2 lights has no partner", "gauge 2 1 0.5", "× 2 1 0.5",
-        "10·log10(1 / MSE), srgb(L·exposure) <mask>", "higher is better; perfect is ∞ dB",
+        "10·log10(1 / MSE), srgb(L·exposure) <mask>", "in dB; higher is better; perfect is ∞ dB",
+        "without unit;",
+        "here from 10.46 (<script>window.broken = 1</script>) to ∞ (truth)",
     ):  # fmt: skip
         assert part in outline.words, part
 

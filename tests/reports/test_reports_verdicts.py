@@ -119,6 +119,7 @@ def test_axis_holds_means_intervals_and_ceilings_but_nothing_infinite() -> None:
     assert third.beyond == "high"
     assert interval_plot(stands("d", None), axis) is None
     assert axis_of([math.inf], "dB") is None
+    assert axis_of_standings([stands("a", 0.0)], "dB") is None
     assert interval_plot(stands("d", 1.0), None) is None
     flat = axis_of([3.0], "dB")
     assert flat is not None
