@@ -9,6 +9,7 @@ import pytest
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_pixels as pixels
 
 LANES = simd.LANES
 SIZES = [1, 3, 7, 16]
@@ -63,12 +64,12 @@ def summed(vectors: Any, template: Any, out: Any) -> None:
 
 @numba.njit
 def turned_over(square: Any, template: Any, out: Any) -> None:
-    many.store_many(out, 0, many.transpose(many.load_many(square, 0, template)))
+    many.store_many(out, 0, pixels.transpose(many.load_many(square, 0, template)))
 
 
 @numba.njit
 def squares(array: Any, out: Any) -> None:
-    many.store_square(out, 2, 19, 100, many.load_square(array, 1, 17, 90))
+    pixels.store_square(out, 2, 19, 100, pixels.load_square(array, 1, 17, 90))
 
 
 @numba.njit
@@ -179,7 +180,8 @@ def test_one_lane_above_is_enough(lane: int):
 @pytest.mark.parametrize("word", [1, 0x8000_0000_0000_0000, 0xFFFF_FFFF_FFFF_FFFF, 0b1011 << 33])
 def test_bits_are_found_and_counted(word: int):
     lowest = (word & -word).bit_length() - 1
-    assert bits_of(np.uint64(word)) == (lowest, word.bit_count())
+    given = np.uint64(word)
+    assert bits_of(given) == (lowest, word.bit_count())  # pyright: ignore[reportArgumentType]
 
 
 @numba.njit
@@ -195,12 +197,12 @@ def sums_of_unequal_lengths(a: Any) -> Any:
 
 @numba.njit
 def no_square(a: Any) -> Any:
-    return many.transpose(many.load_many(a, 0, (0, 0)))
+    return pixels.transpose(many.load_many(a, 0, (0, 0)))
 
 
 @numba.njit
 def no_square_to_write(a: Any) -> None:
-    many.store_square(a, 0, 16, 64, many.load_many(a, 0, (0, 0)))
+    pixels.store_square(a, 0, 16, 64, many.load_many(a, 0, (0, 0)))
 
 
 @numba.njit
