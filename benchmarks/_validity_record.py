@@ -107,7 +107,7 @@ def _score_fault(score: Score | None, views: set[str], expected: int) -> str:
         return (
             f"expected as many views, got {score.expected} expected, {score.scored} scored, {len(views)} kept"
         )
-    if score.expected != expected:
+    if views and score.expected != expected:  # what is not made of views may depend on what was predicted
         return f"expected {expected} to be scored, as others have on this scene, got {score.expected}"
     return ""
 
@@ -183,10 +183,17 @@ def access_breaches(run: RunRecord) -> list[Breach]:
         if access.refused:
             what = f"expected a fit from its capture, got an attempt to reach {', '.join(access.refused)}"
             found.append(Breach("truth", where, what))
-        if extra := sorted(set(access.handed) - declared.get(result.job.method, set())):
+        known = declared.get(result.job.method, set())
+        if extra := sorted(name for name in access.handed if not _is_declared(name, known)):
             what = f"expected a fit that is handed what its row declares, got also {', '.join(extra)}"
             found.append(Breach("truth", where, what))
     return found
+
+
+def _is_declared(name: str, declared: set[str]) -> bool:
+    """Whether a layer is one of those declared, or that of a light where those of all lights are."""
+    stems = (layer.removesuffix("<light>") for layer in declared if layer.endswith(".<light>"))
+    return name in declared or any(name.startswith(stem) for stem in stems)
 
 
 def ceiling_breaches(run: RunRecord) -> list[Breach]:
