@@ -98,6 +98,17 @@ def test_values_of_moved_pictures_are_those_of_the_specification(name: str):
     assert_same(splat.rasterize(surfels, camera, offsets=offsets), truth)
 
 
+def test_a_plane_is_not_met_in_front_of_the_near_plane():
+    """It passes 5 mm below the camera: the steeper half of the rays below the horizon meets it too early."""
+    flat = [[0.0, 0.005, 1.0]], [[0.5**0.5, 0.5**0.5, 0, 0]], [[5.0, 5.0]], [1.0], [[1.0]]
+    floor = splat.Surfels(*(torch.tensor(value, dtype=torch.float64) for value in flat))
+    camera = gc.Camera(20, 20, np.array([[10, 0, 10.0], [0, 10, 10], [0, 0, 1]]), np.eye(4))
+    maps = splat.rasterize_features(floor, camera)
+    assert (maps.alpha[10:15] > 0.9).all()  # down by up to 1 in 2: at 0.005 / 0.5 m or farther
+    assert (maps.alpha[15:] == 0).all()
+    assert_same(maps, splat.rasterize_features(floor, camera, backend="reference"))
+
+
 def test_equal_depths_are_drawn_as_they_come():
     """More of them than are drawn at a time, and further ones before and behind."""
     surfels = random_surfels(210, 6, scale=0.4)

@@ -84,7 +84,7 @@ def above(a: Any, b: Any) -> int:
 
 
 @numba.njit
-def bits_of(word: int) -> tuple[int, int]:
+def bits_of(word: Any) -> tuple[int, int]:
     return many.lowest_bit(word), many.bit_count(word)
 
 
