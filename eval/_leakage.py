@@ -5,7 +5,9 @@ A prediction that is the true albedo times (shading)^k has the slope k: 0 where 
 of the light does. Slopes are medians over pairs of pixels (Theil 1950, Sen 1968), not Huber's: they need no
 scale of the errors, which is 0 for a perfect prediction, and no starting point; and three in ten pixels that
 are wrong at will (other surfaces at an outline) do not move them far. All pairs would be too many, so each
-pixel has one partner (Theil's incomplete method), by a rule without chance.
+pixel has one partner (Theil's incomplete method), by a rule without chance. Partners are of one object: a
+prediction without any light in it, as a constant, errs by the difference of two objects' albedos, and which
+of them stands in the brighter place is the scene's own matter.
 """
 
 from collections.abc import Callable
@@ -86,9 +88,11 @@ def log_errors(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 def _over_the_mask(true: TrueView, exposure: float) -> Pairs | None:
     light, certain = _log_shading(true)
-    inside = np.flatnonzero(_scatters(true).ravel() & certain)
-    low, high = partners(light[inside])
-    return _pairs(true, light, inside[low], inside[high])
+    inside, ids = np.flatnonzero(_scatters(true).ravel() & certain), true.take("object_id").ravel()
+    inside = inside[np.argsort(ids[inside], kind="stable")]
+    objects = np.split(inside, np.flatnonzero(np.diff(ids[inside])) + 1)
+    low, high = np.concatenate([[of[side] for side in partners(light[of])] for of in objects], axis=1)
+    return _pairs(true, light, low, high)
 
 
 def _across_shadow_edges(true: TrueView, exposure: float) -> Pairs | None:
@@ -139,10 +143,11 @@ def _at_highlights(true: TrueView, exposure: float) -> Pairs | None:
     seen = np.all(diffuse * exposure > _LEAST_LIGHT, axis=-1, keepdims=True)
     gloss = np.log1p(np.maximum(specular, 0) / np.where(seen, diffuse, 1)).mean(axis=-1)
     shading, certain = _log_shading(true)
+    alike = shading.reshape(gloss.shape), np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1)
     wanted = []
     for axis in (0, 1):
-        step, (a, b) = np.abs(np.subtract(*_sides(gloss, axis))), _sides(shading.reshape(gloss.shape), axis)
-        wanted.append(np.abs(a - b) < step / 4)
+        step, *others = (np.abs(np.subtract(*_sides(image, axis))) for image in (gloss, *alike))
+        wanted.append(np.all([other < step / 4 for other in others], axis=0))
     return _local_pairs(true, gloss.ravel(), seen.ravel() & certain, wanted)
 
 
@@ -193,7 +198,7 @@ def _metric(
 LEAKAGE_METRICS: tuple[ViewMetric, ...] = (
     _metric(
         "leakage", "Light in albedo", ("shading",), _over_the_mask,
-        "light is the shading; a pixel with the one half of all ranks further on (Theil's incomplete method)",
+        "light is the shading; a pixel with the one half of its object's ranks further on (Theil, incomplete)",
     ),
     _metric(
         "leakage.shadow", "Shadows in albedo", ("shading", "visibility."), _across_shadow_edges,
@@ -203,6 +208,6 @@ LEAKAGE_METRICS: tuple[ViewMetric, ...] = (
         "leakage.highlight", "Highlights in albedo",
         ("shading", "direct.diffuse.", "direct.specular."), _at_highlights,
         "light is (diffuse + specular) / diffuse; pixels of one object, a 28th of the side apart, in almost "
-        "the same shading",
+        "the same shading and true base_color",
     ),
 )  # fmt: skip

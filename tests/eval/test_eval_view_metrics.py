@@ -141,6 +141,13 @@ def test_shading_to_a_power_leaks_by_that_power(
     assert value(sheet, "albedo.leakage.highlight") == pytest.approx(0, abs=1e-5)
 
 
+def test_a_constant_holds_no_light(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
+    """Its error is the texture alone, which the light does not follow."""
+    sheet = sheet_of(lambda view, layers: {"base_color": np.full_like(layers["base_color"], 0.18)})
+    for metric in LEAKS[:2]:
+        assert value(sheet, metric) < 0.1
+
+
 def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
     def change(view: gc.View, layers: Layers) -> Layers:
         gloss = 1 + layers["direct.specular.lamp"] / np.maximum(layers["direct.diffuse.lamp"], 1e-9)
