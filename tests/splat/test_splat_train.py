@@ -129,7 +129,7 @@ def test_steps_are_those_of_the_plain_adam():
 def test_the_layout_of_memory_does_not_count():
     """Harmonics are joined for drawing: the gradients of their parts are slices of that of the whole."""
     random = torch.Generator().manual_seed(0)
-    whole, gradient = (torch.rand(5, 4, 3, generator=random) for _ in range(2))
+    whole, gradient = (torch.randn(5, 4, 3, generator=random) for _ in range(2))
     rate = {"detail": splat.Rate(1e-2)}
     for part, slope in ((whole[:, 1:], gradient[:, 1:]), (whole.mT, gradient.mT)):
         moved = []
