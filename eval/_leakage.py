@@ -198,7 +198,7 @@ def _metric(
 LEAKAGE_METRICS: tuple[ViewMetric, ...] = (
     _metric(
         "leakage", "Light in albedo", ("shading",), _over_the_mask,
-        "light is the shading; a pixel with the one half of its object's ranks further on (Theil, incomplete)",
+        "light is the shading; a pixel with the one half of its ranks further on (Theil, incomplete)",
     ),
     _metric(
         "leakage.shadow", "Shadows in albedo", ("shading", "visibility."), _across_shadow_edges,
