@@ -3,6 +3,7 @@
 
 import random
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Mapping
@@ -13,20 +14,29 @@ from typing import Any
 import numpy as np
 
 from graycard import (
+    Access,
     Capture,
     Cost,
     DatasetError,
+    EnvironmentLight,
+    Light,
     Progress,
     Truth,
     clear_predictions,
-    open_capture,
+    lights_of,
     open_truth,
+    output_error,
+    sha256,
+    with_sums,
     writable_folder,
 )
+from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.methods import (
     LIGHTS,
+    Decomposition,
     Method,
     Priors,
+    Relightable,
     asks_of,
     blame,
     load_method,
@@ -35,8 +45,8 @@ from graycard.methods import (
 )
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
 
-OPTIONAL = frozenset({"counterfactual.radiance"})
-"""Truth that only scenes with a target have."""
+ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
+"""Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,36 +66,73 @@ class FitSpec:
     """What answers the method's asks."""
 
 
-def fit_scene(spec: FitSpec, predictions: Path, progress: Progress, save: Path | None = None) -> Cost:
-    """Fit a method and write its predictions folder.
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What is to be recorded of a fit."""
+
+    cost: Cost
+    access: Access
+
+
+def fit_scene(
+    spec: FitSpec,
+    predictions: Path,
+    progress: Progress,
+    save: Path | None = None,
+    *,
+    jobs: Path | None = None,
+    own: Path | None = None,
+) -> Fitted:
+    """Fit a method and write its predictions folder; truth is closed while the method's code runs.
 
     Args:
         spec: What to fit.
         predictions: Where to; older predictions are replaced, anything else is left alone.
         progress: Called now and then.
         save: Also write the decomposition itself, to this folder.
+        jobs: Folder of other fits, whose predictions are closed too.
+        own: The folder of this fit in ``jobs``.
 
     Raises:
-        MethodError: The method, its settings or the capture do not go together.
+        MethodError: The method, its settings or the capture do not go together, or it reached for truth.
         DatasetError: The scene is missing or damaged.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     method = load_method(spec.method)
     settings = settings_of(method, spec.settings)
-    capture = open_capture(spec.scene / "capture")
-    priors = handed_priors(method, spec.priors, capture, spec.scene)
-    clear_predictions(predictions)
-    if save is not None:
-        writable_folder(save)
-    seed_everything(spec.seed)
-    start = time.perf_counter()
-    with blame(spec.method):
-        decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-    write_predictions(decomposition, capture, spec.label or spec.method, predictions, progress)
-    cost = Cost(time.perf_counter() - start, peak_memory_mib())
-    if save is not None:
-        decomposition.save(save)
-    return cost
+    with copied_capture(spec.scene / "capture") as capture:
+        priors = handed_priors(method, spec.priors, capture, spec.scene)
+        clear_predictions(predictions)
+        if save is not None:
+            writable_folder(save)
+        seed_everything(spec.seed)
+        guard = closed_to_fits(spec.scene, own, jobs)
+        start = time.perf_counter()
+        with closed(guard), blame(spec.method):
+            decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+        relighting = _relighting(decomposition, capture, spec.scene)
+        with closed(guard):
+            name = spec.label or spec.method
+            write_predictions(decomposition, capture, name, predictions, progress, relighting)
+            cost = Cost(time.perf_counter() - start, peak_memory_mib())
+            if save is not None:
+                decomposition.save(save)
+        return Fitted(cost, _access(guard, capture, priors))
+
+
+def _relighting(decomposition: Decomposition, capture: Capture, scene: Path) -> dict[str, tuple[Light, ...]]:
+    """What a fitted method is to be relit with, if it can be; images lie beside its copy of the capture."""
+    if not isinstance(decomposition, Relightable) or capture.root is None:
+        return {}
+    return relighting_of(scene, capture.root.parent / "relighting")
+
+
+def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
+    """What a fit could see, for the record."""
+    layers = {name for found in priors.layers.values() for name in found}
+    handed = layers | ({LIGHTS} if priors.lights is not None else set())
+    manifest = sha256(Path(capture.root or "") / "manifest.json")
+    return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused))
 
 
 def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:
@@ -97,17 +144,22 @@ def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path
     """
     asks = asks_of(method)
     told = truth_of(spec, asks)
-    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told) if told else {})
+    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told, told) if told else {})
     if not method.needs:
         return asked
-    wanted = set(method.needs)
-    layers = _true_layers(scene, capture, frozenset(wanted - {LIGHTS}), OPTIONAL)
-    lights = open_truth(scene / "truth").lights() if LIGHTS in wanted else None
-    return replace(asked, source="oracle", layers=layers, lights=lights)
+    wanted = frozenset(method.needs)
+    layers = _true_layers(scene, capture, wanted, wanted & ALWAYS)
+    found = replace(asked, source="oracle", layers=layers)
+    if LIGHTS not in wanted:
+        return found
+    truth = open_truth(scene / "truth")
+    lights = truth.lights()
+    images = {x.name: truth.environment(x) for x in lights if isinstance(x, EnvironmentLight)}
+    return replace(found, lights=lights, environments=images)
 
 
 def _true_layers(
-    scene: Path, capture: Capture, wanted: frozenset[str], optional: frozenset[str] = frozenset()
+    scene: Path, capture: Capture, wanted: frozenset[str], required: frozenset[str]
 ) -> dict[str, dict[str, np.ndarray]]:
     """True layers by view and name.
 
@@ -116,10 +168,50 @@ def _true_layers(
     """
     truth = open_truth(scene / "truth")
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
-    absent = wanted - optional.union(*layers.values())
+    absent = required.difference(*layers.values())
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return layers
+
+
+def relighting_of(scene: Path, folder: Path) -> dict[str, tuple[Light, ...]]:
+    """The lights after each change of a scene's lights; a method is handed them when it has been fitted.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>``.
+        folder: Where images of environments are copied to, for the truth stays closed.
+
+    Returns:
+        By the name of the change; the image of an environment is the full path of its copy. Nothing for a
+        scene without truth.
+
+    Raises:
+        DatasetError: The truth is damaged.
+        OutputError: There is no room for the copies.
+    """
+    if not (scene / "truth").is_dir():
+        return {}
+    truth = open_truth(scene / "truth", check=False)
+    return {
+        edit.name: tuple(
+            _copied(light, scene / "truth" / edit.folder, folder / edit.name)
+            for light in truth.relit_lights(edit.name)
+        )
+        for edit in truth.edits
+    }
+
+
+def _copied(light: Light, source: Path, folder: Path) -> Light:
+    """The light with its image, if it has one, in a folder."""
+    if not isinstance(light, EnvironmentLight):
+        return light
+    copy = (folder / light.image).absolute()
+    try:
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source / light.image, copy)
+    except OSError as cause:
+        raise output_error(copy, cause) from cause
+    return replace(light, image=str(copy))
 
 
 def seed_everything(seed: int) -> None:
@@ -144,4 +236,8 @@ def peak_memory_mib() -> float:
 
 
 def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:
-    return {name: a for name, a in truth.layers(truth.view(view)).items() if name in wanted}
+    """The wanted layers that a view has; ``<layer>.<light>`` stands for those of all lights."""
+    layers = with_sums(truth.layers(truth.view(view)))
+    stems = [name.removesuffix(".<light>") for name in wanted if name.endswith(".<light>")]
+    each = {f"{stem}.{light}" for stem in stems for light in lights_of(stem, layers)}
+    return {name: a for name, a in layers.items() if name in wanted | each}

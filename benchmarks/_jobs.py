@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from graycard import (
+    Access,
     Cost,
     GraycardError,
     Job,
@@ -32,7 +33,7 @@ from graycard import (
     write_bytes,
     write_json,
 )
-from graycard.benchmarks._fit import FitSpec, fit_scene
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
 from graycard.methods import words_of
@@ -42,6 +43,9 @@ from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 R = TypeVar("R")
 
 DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
+
+PROTOCOLS = "all"
+"""A bench scores by graycard's rules and puts the published albedo protocols beside them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +80,8 @@ class FitJob:
     scene: Path
     folder: Path
     threads: int
+    jobs: Path | None = None
+    """Folder of all jobs of the run, whose predictions are none of this method's business."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +91,7 @@ class Done:
     job: Job
     job_hash: str
     cost: Cost
+    access: Access
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +122,9 @@ def run_fit(job: FitJob) -> Outcome:
             priors = decode(PriorSpec, made.priors)
             spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method, priors)
             with _threads(job.threads):
-                cost = fit_scene(spec, job.folder / "predictions", silent)
-            write_json(job.folder / DONE, Done(made, job.job_hash, cost))
-            return Outcome(value=cost)
+                fitted = fit_scene(spec, job.folder / "predictions", silent, jobs=job.jobs, own=job.folder)
+            write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))
+            return Outcome(value=fitted)
 
     return _guarded(work, job.folder / ERROR)
 
@@ -128,7 +135,7 @@ def run_score(job: FitJob) -> Outcome:
     def work() -> Outcome:
         with _lock(job), _threads(job.threads):
             key = _score_key(job)
-            sheet = score_predictions(job.folder / "predictions", job.scene)
+            sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)
             write_json(job.folder / SCORES, Scored(key, sheet))
             return Outcome(value=sheet)
 
@@ -153,7 +160,7 @@ def fit_at_hand(job: FitJob) -> Outcome | None:
         whole = open_predictions(job.folder / "predictions").is_whole()
     except GraycardError:
         return None
-    return Outcome(reused=True, value=done.cost) if whole else None
+    return Outcome(reused=True, value=Fitted(done.cost, done.access)) if whole else None
 
 
 def score_at_hand(job: FitJob) -> Outcome | None:
@@ -165,9 +172,9 @@ def score_at_hand(job: FitJob) -> Outcome | None:
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:
-    """What scores depend on: the code that makes them, the predictions, the truth."""
+    """What scores depend on: the code that makes them, the predictions, the truth, the protocols."""
     truth = sha256(job.scene / "truth" / "manifest.json")
-    return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth
+    return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 
 
 def _read_or_none(cls: type[R], path: Path) -> R | None:

@@ -69,7 +69,8 @@ def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -
         status="failed" if reason else "done",
         reason=reason,
         sheet=scored.value if scored and not reason else None,
-        cost=fitted.value,
+        cost=fitted.value.cost if fitted.value else None,
+        access=fitted.value.access if fitted.value else None,
     )
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run a suite: render the scenes, fit every method on each, score, and write ``run.json``.
+"""Run a suite: render the scenes, fit every method on each, score, compare, and write what was found.
 
     RUN/dataset/<track>/<scene>/{capture,truth}
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
-    RUN/run.json
+    RUN/run.json comparison.json
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -17,7 +17,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from graycard import Job, Progress, RunRecord, dumps, encode, sha256, writable_folder, write_json
+from graycard import COMPARISON, Job, Progress, RunRecord, dumps, encode, sha256, writable_folder, write_json
 from graycard.benchmarks._jobs import (
     FitJob,
     RenderJob,
@@ -41,6 +41,7 @@ from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.eval import metrics
+from graycard.eval.statistics import compare_run
 from graycard.methods import Method, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import truth_of, weights_of
 from graycard.synth import SceneSpec, scene_name
@@ -105,6 +106,7 @@ def run_bench(
     if part and before is not None:
         record = joined(record, before)
     write_json(run / "run.json", record)
+    write_json(run / COMPARISON, compare_run(record))
     return record
 
 
@@ -136,7 +138,7 @@ def _plan(suite: Suite, scenes: list[tuple[SceneSpec, Path]], run: Path, threads
                 job = Job(spec.track, folder.name, method.row, seed, settings, method.name, priors)
                 name = job_hash(job, sees, fingerprint(method.name))
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
-                plan.append(FitJob(job, name, folder, where, threads))
+                plan.append(FitJob(job, name, folder, where, threads, run / "jobs"))
     return plan
 
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from graycard.eval._metrics import ImageMetric, Space
-from graycard.eval._pixelwise import Errors, Pixelwise
+from graycard.eval._image_metric import ImageMetric, Space
+from graycard.eval._pixelwise import Bracketed, Errors, Pixelwise
 from graycard.eval._psnr import psnr
 
 
@@ -18,9 +18,9 @@ class Comparison:
     """One layer of one view, ready to be judged."""
 
     predicted: np.ndarray
-    """shape ``(H, W, 3)``, linear, float64, with the gauge applied."""
+    """shape ``(H, W, 3)`` or ``(H, W)``, linear, float64, with the gauge applied."""
     true: np.ndarray
-    """shape ``(H, W, 3)``, linear, float64."""
+    """Same shape, linear, float64."""
     mask: np.ndarray
     """shape ``(H, W)``, bool."""
     exposure: float
@@ -53,7 +53,8 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
     value_of = metric.measure
     if not isinstance(value_of, Pixelwise):
         return value_of(*seen.shown(metric.space), seen.mask), {}
-    errors = seen.errors(value_of.errors, metric.space)
+    spaces = value_of.spaces if isinstance(value_of, Bracketed) else (metric.space,)
+    errors = np.max([seen.errors(value_of.errors, space) for space in spaces], axis=0)
     parts = {name: float(value_of.statistic(errors[of])) for name, of in _regions(seen).items() if of.any()}
     if metric.beside:
         name, space = metric.beside

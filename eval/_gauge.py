@@ -44,12 +44,17 @@ def moments(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> Moment
     return Moments((p * t).sum(axis=0), (p * p).sum(axis=0), (t * t).sum(axis=0))
 
 
-def fit_gauge(views: Iterable[Moments], kind: Kind) -> Factors:
+def fit_gauge(views: Iterable[Moments], kind: Kind, layer: str = "base_color") -> Factors:
     """The factors that bring predictions closest to the truth, over all given views together.
 
     ``channel``: s_c = Σ p_c t_c / Σ p_c², one factor each for R, G, B (Grosse et al. 2009 per
     channel). ``scalar``: the same with the sums over channels too, one factor for all. ``raw``: 1.
     A channel in which the truth is black everywhere leaves nothing to fit; its factor is 1.
+
+    Args:
+        views: Sums of each view.
+        kind: How many factors.
+        layer: What is fitted, for the message.
 
     Raises:
         PredictionError: The prediction is black, or no positive factor fits it.
@@ -60,7 +65,7 @@ def fit_gauge(views: Iterable[Moments], kind: Kind) -> Factors:
     sums = np.array([[v.predicted_true, v.predicted_square, v.true_square] for v in seen]).sum(axis=0)
     if kind == "scalar":
         sums = np.repeat(sums.sum(axis=1, keepdims=True), 3, axis=1)
-    red, green, blue = (_factor(sums[:, i], "RGB"[i]) for i in range(3))
+    red, green, blue = (_factor(sums[:, i], "RGB"[i], layer) for i in range(3))
     return red, green, blue
 
 
@@ -75,14 +80,14 @@ def apply_gauge(values: np.ndarray, gauge: tuple[float, ...]) -> np.ndarray:
     return np.asarray(values, np.float64) * np.array(gauge, np.float64)
 
 
-def _factor(sums: np.ndarray, channel: str) -> float:
+def _factor(sums: np.ndarray, channel: str, layer: str) -> float:
     predicted_true, predicted_square, true_square = sums
     if true_square == 0:
         return 1.0
     if predicted_square == 0 or predicted_true <= 0:
         what = "black in" if predicted_square == 0 else "not positive in"
         raise gc.PredictionError(
-            f"expected base_color that a positive gauge can bring to the truth, got training views that are "
-            f"{what} channel {channel} wherever an object is seen. Predict positive base_color"
+            f"expected {layer} that a positive gauge can bring to the truth, got training views that are "
+            f"{what} channel {channel} wherever an object is seen. Predict positive {layer}"
         )
     return float(predicted_true / predicted_square)

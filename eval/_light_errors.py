@@ -63,10 +63,17 @@ def match_lights(
     )
 
 
-def intensity_error(predicted: gc.LocalLight, true: gc.LocalLight) -> float:
-    """Mean over channels of |log2(predicted / true)| of the axial radiant intensity, in stops.
+def intensity_error(
+    predicted: gc.LocalLight, true: gc.LocalLight, gauge: tuple[float, float, float] = (1.0, 1.0, 1.0)
+) -> float:
+    """Mean over channels of |log2(gauge · predicted / true)| of the axial radiant intensity, in stops.
 
     A channel in which the true light is dark has no ratio and does not enter.
+
+    Args:
+        predicted: A light.
+        true: The one that it stands for.
+        gauge: Factors (R, G, B) on the predicted intensity.
 
     Raises:
         PredictionError: The predicted intensity is not positive where the true one is.
@@ -79,7 +86,7 @@ def intensity_error(predicted: gc.LocalLight, true: gc.LocalLight) -> float:
             f"{true.name!r} shines, got {predicted.axial_intensity.tolist()} W/sr. A light that is off "
             "is to be left out of lights.json"
         )
-    return float(np.abs(np.log2(p / t)).mean()) if lit.any() else 0.0
+    return float(np.abs(np.log2(np.array(gauge)[lit] * p / t)).mean()) if lit.any() else 0.0
 
 
 def _places(lights: Sequence[gc.LocalLight], cameras: Sequence[gc.Camera]) -> np.ndarray:

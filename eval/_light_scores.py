@@ -1,50 +1,160 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of the predicted lights of a scene; environments have no place and are not counted."""
+"""Scores of the predicted lights of a scene that have a place."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 import graycard as gc
+from graycard.eval._gauge import Factors
 from graycard.eval._light_errors import LightMatch, intensity_error, match_lights
-from graycard.eval._metrics import LIGHT_METRICS
+from graycard.eval._light_metrics import LIGHT_METRICS
+from graycard.eval._light_shapes import axis_of, chromaticity_error, direction_error, extent_error, radius_of
 from graycard.eval.protocols import PROTOCOL
 
-_INDEX = "lights.json"
-_NEEDS_PAIRS = ("light.position", "light.intensity")
+INDEX = "lights.json"
 
 
-def score_lights(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]:
+@dataclass(frozen=True, slots=True)
+class Case:
+    """The lights of a scene, predicted and true, matched."""
+
+    predicted: Sequence[gc.LocalLight]
+    true: Sequence[gc.LocalLight]
+    cameras: Sequence[gc.Camera]
+    diameter: float
+    gauge: Factors | str
+    """What light gains where albedo loses, or why that is not known."""
+    match: LightMatch
+
+    @property
+    def pairs(self) -> list[tuple[gc.LocalLight, gc.LocalLight]]:
+        """Predicted and true."""
+        return [(self.predicted[i], self.true[j]) for i, j in self.match.pairs]
+
+
+Error = Callable[[gc.LocalLight, gc.LocalLight, Case], float]
+"""Of a predicted light against its true partner."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """How one number is made from matched lights."""
+
+    judges: Callable[[gc.LocalLight], bool]
+    """Which true lights."""
+    error: Error | None = None
+    """Averaged over those that have a partner; None for what looks at all lights together."""
+    together: Callable[[Case], float] | None = None
+    empty: bool = False
+    """Whether it says something of a scene without such lights."""
+
+
+def _any(light: gc.LocalLight) -> bool:
+    return True
+
+
+def _position(case: Case) -> float:
+    near = [min(distance / case.diameter, 1.0) for distance in case.match.distances]
+    unmatched = case.match.missing + case.match.extra
+    return 100 * (sum(near) + unmatched) / (len(near) + unmatched)
+
+
+def _gauged_intensity(predicted: gc.LocalLight, true: gc.LocalLight, case: Case) -> float:
+    if isinstance(case.gauge, str):
+        raise gc.PredictionError(case.gauge)
+    return intensity_error(predicted, true, case.gauge)
+
+
+_RULES: dict[str, Rule] = {
+    "light.position": Rule(_any, together=_position),
+    "light.intensity": Rule(_any, lambda p, t, case: intensity_error(p, t)),
+    "light.intensity.channel": Rule(_any, _gauged_intensity),
+    "light.chromaticity": Rule(
+        lambda light: bool(light.axial_intensity.any()), lambda p, t, case: chromaticity_error(p, t)
+    ),
+    "light.direction": Rule(
+        lambda light: bool(axis_of(light).any()), lambda p, t, case: direction_error(p, t, case.cameras)
+    ),
+    "light.extent": Rule(lambda light: radius_of(light) > 0, lambda p, t, case: extent_error(p, t)),
+    "light.missing": Rule(_any, together=lambda case: float(case.match.missing), empty=True),
+    "light.extra": Rule(_any, together=lambda case: float(case.match.extra), empty=True),
+}
+
+
+def score_lights(
+    predictions: gc.Predictions, truth: gc.Truth, gauge: Factors | str = (1.0, 1.0, 1.0)
+) -> list[gc.Score]:
     """All light scores, in the order of the table.
 
-    A scene without local lights has no errors of position and intensity, only counts.
+    A scene without local lights has only counts, one without axes no directions, and so on.
 
     Args:
         predictions: What is scored.
         truth: What it is scored by.
+        gauge: Factors (R, G, B) on predicted light, or why they are not known.
 
     Raises:
         DatasetError: The true lights are missing or broken.
     """
-    true = _local(truth.lights())
-    records = [r for r in LIGHT_METRICS if true or r.id not in _NEEDS_PAIRS]
+    true = local(truth.lights())
+    records = [r for r in LIGHT_METRICS if _RULES[r.id].empty or any(map(_RULES[r.id].judges, true))]
     try:
-        lights = _predicted_lights(predictions)
+        lights = predicted_lights(predictions)
     except gc.PredictionError as cause:
         return [_score(r, len(true), "failed", reason=str(cause)) for r in records]
     if lights is None:
-        return [_score(r, len(true), "not provided", reason=f"there is no {_INDEX}") for r in records]
+        return [_score(r, len(true), "not provided", reason=f"there is no {INDEX}") for r in records]
     cameras = [v.camera for v in truth.views if v.split == "test"]
-    predicted = _local(lights)
+    predicted = local(lights)
     match = match_lights(predicted, true, cameras)
-    return [_judge(r, match, predicted, true, truth.diameter) for r in records]
+    case = Case(predicted, true, cameras, truth.diameter, gauge, match)
+    return [_judge(r, _RULES[r.id], case) for r in records]
 
 
-def _predicted_lights(predictions: gc.Predictions) -> tuple[gc.Light, ...] | None:
+def true_names(predictions: gc.Predictions, truth: gc.Truth) -> dict[str, str] | None:
+    """Names of true lights by those of the predicted ones that stand for them.
+
+    Local lights by least sum of distances, environments in their order. None where no lights are predicted,
+    or none that can be read: then names stand as they are.
+
+    Raises:
+        DatasetError: The true lights are missing or broken.
+    """
+    try:
+        lights = predicted_lights(predictions)
+    except gc.PredictionError:
+        return None
+    if not lights:
+        return None
+    true = truth.lights()
+    p, t = local(lights), local(true)
+    cameras = [v.camera for v in truth.views if v.split == "test"]
+    names = {p[i].name: t[j].name for i, j in match_lights(p, t, cameras).pairs}
+    return names | {a.name: b.name for a, b in zip(distant(lights), distant(true), strict=False)}
+
+
+def predicted_lights(predictions: gc.Predictions) -> tuple[gc.Light, ...] | None:
+    """The predicted lights; None where there are none.
+
+    Raises:
+        PredictionError: They are broken, or have a place or an intensity that is not finite.
+    """
     lights = predictions.lights()
-    for light in _local(lights or ()):
+    for light in local(lights or ()):
         _check(light)
     return lights
+
+
+def local(lights: Iterable[gc.Light]) -> list[gc.LocalLight]:
+    """The lights that have a place."""
+    return [light for light in lights if not isinstance(light, gc.EnvironmentLight)]
+
+
+def distant(lights: Iterable[gc.Light]) -> list[gc.EnvironmentLight]:
+    """The lights that have none."""
+    return [light for light in lights if isinstance(light, gc.EnvironmentLight)]
 
 
 def _check(light: gc.LocalLight) -> None:
@@ -52,52 +162,32 @@ def _check(light: gc.LocalLight) -> None:
         if not np.isfinite(values).all():
             raise gc.PredictionError(
                 f"expected light {light.name!r} with a finite {name}, got {np.asarray(values).tolist()}. "
-                f"Mend {_INDEX}"
+                f"Mend {INDEX}"
             )
 
 
-def _local(lights: Sequence[gc.Light]) -> list[gc.LocalLight]:
-    return [light for light in lights if not isinstance(light, gc.EnvironmentLight)]
-
-
-def _judge(
-    record: gc.MetricRecord,
-    match: LightMatch,
-    predicted: Sequence[gc.LocalLight],
-    true: Sequence[gc.LocalLight],
-    diameter: float,
-) -> gc.Score:
-    if record.id == "light.intensity" and not match.pairs:
-        reason = f"expected local lights to match with {len(true)} true ones, got none in {_INDEX}"
-        return _score(record, len(true), "failed", reason=reason)
+def _judge(record: gc.MetricRecord, rule: Rule, case: Case) -> gc.Score:
+    judged = sum(map(rule.judges, case.true))
+    pairs = [(p, t) for p, t in case.pairs if rule.judges(t)]
+    alone = judged - len(pairs)
+    if rule.error and not pairs:
+        reason = f"expected local lights to match with {judged} true ones, got none in {INDEX}"
+        return _score(record, judged, "failed", reason=reason)
     try:
-        value = _value(record, match, predicted, true, diameter)
+        value = _value(rule, pairs, case)
     except gc.PredictionError as cause:
-        return _score(record, len(true), "failed", reason=str(cause))
+        return _score(record, judged, "failed", reason=str(cause))
     unmatched = ()
-    if record.id == "light.intensity" and match.missing:
-        unmatched = (f"{match.missing} of {len(true)} lights have no partner and are not in the mean",)
-    return _score(record, len(true), "scored", value=value, scored=len(match.pairs), warnings=unmatched)
+    if rule.error and alone:
+        unmatched = (f"{alone} of {judged} lights have no partner and are not in the mean",)
+    return _score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
 
 
-def _value(
-    record: gc.MetricRecord,
-    match: LightMatch,
-    predicted: Sequence[gc.LocalLight],
-    true: Sequence[gc.LocalLight],
-    diameter: float,
-) -> float:
-    match record.id:
-        case "light.position":
-            near = [min(distance / diameter, 1.0) for distance in match.distances]
-            unmatched = match.missing + match.extra
-            return 100 * (sum(near) + unmatched) / (len(near) + unmatched)
-        case "light.intensity":
-            return float(np.mean([intensity_error(predicted[i], true[j]) for i, j in match.pairs]))
-        case "light.missing":
-            return float(match.missing)
-        case _:
-            return float(match.extra)
+def _value(rule: Rule, pairs: Sequence[tuple[gc.LocalLight, gc.LocalLight]], case: Case) -> float:
+    if rule.error:
+        return float(np.mean([rule.error(p, t, case) for p, t in pairs]))
+    assert rule.together is not None
+    return rule.together(case)
 
 
 def _score(

@@ -9,6 +9,7 @@ import numpy as np
 from graycard import angles
 from graycard.eval._colour_difference import ciede2000
 from graycard.eval._flip import flip_map
+from graycard.eval._image_metric import Space
 from graycard.eval._mask import judged_pixels
 
 Errors = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -27,10 +28,30 @@ class Pixelwise:
         return float(self.statistic(self.errors(predicted, true, mask)))
 
 
+@dataclass(frozen=True, slots=True)
+class Bracketed(Pixelwise):
+    """A measure of one view at several exposures: of each pixel the greatest error counts."""
+
+    spaces: tuple[Space, ...]
+    """One for each exposure; what another metric has computed in one of them is not computed again."""
+
+
+def share_below(errors: np.ndarray, limit: float) -> np.floating:
+    """Share of the pixels with an error below a limit, %."""
+    return 100 * np.mean(errors < limit)
+
+
 def square_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Mean over channels of the squared difference, shape ``(N,)``, in the unit squared."""
+    """Mean over channels, if there are any, of the squared difference, ``(N,)``, in the unit squared."""
     p, t = judged_pixels(predicted, true, mask)
-    return np.mean((p - t) ** 2, axis=-1)
+    difference = (p - t).reshape(len(p), -1)
+    return np.einsum("nc,nc->n", difference, difference) / difference.shape[1]
+
+
+def absolute_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Distances of a layer of one channel, shape ``(N,)``, in its unit."""
+    p, t = judged_pixels(predicted, true, mask)
+    return np.abs(p - t)
 
 
 def angle_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -7,7 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import graycard as gc
+from graycard.eval._chart import NAME as CHART
 from graycard.eval._mask import judged_mask
+
+WITH_LIGHTS = frozenset({"radiance", "counterfactual.radiance", "normal", "depth"})
+"""Layers that are judged on the surfaces of lights, too."""
+_EACH = ".<light>"
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +51,10 @@ class TrueView:
     view: gc.View
     layers: Mapping[str, np.ndarray]
     emitters: frozenset[int]
+    charts: frozenset[int] = frozenset()
+    """Ids of the objects that are colour charts."""
+    masks: dict[tuple[str, bool], np.ndarray] = field(default_factory=dict, repr=False, compare=False)
+    """Those that were asked for already."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be compared with.
@@ -63,13 +72,33 @@ class TrueView:
             raise gc.DatasetError(f"truth of view {name}: {found}. Run `graycard render` again")
         return self.layers[layer]
 
-    def mask(self, layer: str) -> np.ndarray:
+    def mask(self, layer: str, chart: bool = False) -> np.ndarray:
         """The judged pixels of a layer, shape ``(H, W)``, bool.
+
+        Depth is judged where it is finite, and roughness where there is a specular lobe that it can widen.
+
+        Args:
+            layer: Which.
+            chart: Whether only pure pixels of the colour chart are judged.
 
         Raises:
             DatasetError: The truth has no object ids.
         """
-        return judged_mask(self.take("object_id"), self.emitters if layer == "base_color" else frozenset())
+        if (layer, chart) not in self.masks:
+            self.masks[layer, chart] = self._mask(layer, chart)
+        return self.masks[layer, chart]
+
+    def _mask(self, layer: str, chart: bool) -> np.ndarray:
+        ids = self.take("object_id")
+        mask = judged_mask(ids, frozenset() if layer in WITH_LIGHTS else self.emitters)
+        if chart:
+            pure = self.pure()
+            mask = mask & np.isin(ids, sorted(self.charts)) & (mask if pure is None else pure)
+        if layer == "depth":
+            mask = mask & np.isfinite(self.take(layer))
+        if layer == "roughness" and "f0" in self.layers:
+            mask = mask & (self.take("f0") > 0).any(axis=-1)
+        return mask
 
     def pure(self) -> np.ndarray | None:
         """Pixels that show one surface of one colour, shape ``(H, W)``, bool; None where none are named.
@@ -80,13 +109,22 @@ class TrueView:
         return self.take("pure") > 0.5 if "pure" in self.layers else None
 
 
-def read_prediction(predictions: gc.Predictions, view: gc.View) -> PredictedView:
-    """What is predicted for a view; a file that cannot be read becomes a fault."""
+def read_prediction(
+    predictions: gc.Predictions, view: gc.View, names: Mapping[str, str] | None = None
+) -> PredictedView:
+    """What is predicted for a view, with what follows by addition; an unreadable file becomes a fault.
+
+    Args:
+        predictions: The folder.
+        view: Which view.
+        names: True names of lights by predicted ones: layers of a light change their names so, and those of
+            any other light are left out. None keeps all.
+    """
     if view.name not in predictions.view_names():
         listed = f"views/{view.name}.exr" in predictions.files
         return PredictedView(view, fault=_gone(view.name) if listed else "", exists=False)
     try:
-        return PredictedView(view, predictions.layers(view.name))
+        return PredictedView(view, _renamed(gc.with_sums(predictions.layers(view.name)), names))
     except gc.GraycardError as cause:
         return PredictedView(view, fault=f"{view.name}: {cause}")
 
@@ -97,7 +135,22 @@ def read_truth(truth: gc.Truth, view: gc.View) -> TrueView:
     Raises:
         DatasetError: The file is missing or broken.
     """
-    return TrueView(view, truth.layers(view), truth.emitter_ids())
+    charts = frozenset(o.id for o in truth.objects if o.name == CHART)
+    return TrueView(view, gc.with_sums(truth.layers(view)), truth.emitter_ids(), charts)
+
+
+def _renamed(layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None) -> Mapping[str, np.ndarray]:
+    if names is None:
+        return layers
+    stems = {layer.name.removesuffix(_EACH) for layer in gc.layers() if layer.name.endswith(_EACH)}
+    found: dict[str, np.ndarray] = {}
+    for name, values in layers.items():
+        stem, _, light = name.rpartition(".")
+        if stem not in stems:
+            found[name] = values
+        elif light in names:
+            found[f"{stem}.{names[light]}"] = values
+    return found
 
 
 def _gone(name: str) -> str:

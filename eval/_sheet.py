@@ -4,8 +4,15 @@
 from pathlib import Path
 
 import graycard as gc
+from graycard.eval._environment_scores import score_environments
+from graycard.eval._gauge import Factors
+from graycard.eval._hints import Hints, with_hints
 from graycard.eval._images import score_images
-from graycard.eval._light_scores import score_lights
+from graycard.eval._light_scores import score_lights, true_names
+from graycard.eval._relighting import Masks, score_changed
+from graycard.eval._table import VIEW_METRICS
+from graycard.eval._training import fit_gauges, survey_training
+from graycard.eval._view_metrics import ViewScores
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
 
@@ -45,6 +52,40 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         found.method,
         gc.predictions_hash(Path(predictions)),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        (*score_images(found, truth), *score_lights(found, truth)) if len(published) < len(chosen) else (),
+        _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
     )
+
+
+def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
+    """The gauges of base colour that a predictions folder has by its training views, each once.
+
+    Args:
+        predictions: The predictions folder.
+        scene: ``DATASET/<track>/<scene>``; its files are not compared with their hashes.
+
+    Returns:
+        Factors for R, G, B; none of a kind that cannot be fitted.
+
+    Raises:
+        PredictionError: The folder has no index.
+        DatasetError: The truth is missing or broken.
+    """
+    truth = gc.open_truth(Path(scene) / "truth", check=False)
+    fitted = fit_gauges(survey_training(gc.open_predictions(Path(predictions)), truth))
+    return tuple(dict.fromkeys(factors for factors in fitted.values() if not isinstance(factors, str)))
+
+
+def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    """By graycard's own protocol, in the order of the table."""
+    names = true_names(predictions, truth)
+    training = survey_training(predictions, truth, names)
+    views, masks, hints = ViewScores(VIEW_METRICS), Masks(), Hints()
+    scores = (
+        *score_images(predictions, truth, training, names, (views, masks, hints)),
+        *views.scores(),
+        *score_changed(predictions, truth, masks),
+        *score_lights(predictions, truth, fit_gauges(training)["light"]),
+        *score_environments(predictions, truth),
+    )
+    return with_hints(scores, hints.found(predictions, truth))

@@ -1,13 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the training views of a prediction are read for: the gauge, and which layers there are."""
+"""What the training views of a prediction are read for: the gauges, and which layers there are."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import get_args
 
 import graycard as gc
 from graycard.eval._gauge import Factors, Kind, Moments, fit_gauge, moments
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 
 GAUGED = "base_color"
+REFLECTANCES = (GAUGED, "diffuse_reflectance", "albedo")
+"""What can trade a scale with light; the first that a prediction has says what its light is divided by."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """What the gauge of one layer is fitted to."""
+
+    moments: tuple[Moments, ...]
+    """Of the views in which the layer is fit to be used."""
+    faults: tuple[str, ...] = ()
+    """Why it is not, for the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,48 +32,83 @@ class Training:
     """Layers that at least one view has."""
     unreadable: tuple[str, ...]
     """Why a file cannot be read, for each such file."""
-    moments: tuple[Moments, ...]
-    """Of the views in which base colour is fit to be used."""
-    faults: tuple[str, ...]
-    """Why base colour is not, for the others."""
+    fits: Mapping[str, Fit]
+    """By reflectance: those that the prediction and the truth have, and base colour in any case."""
 
-    def gauge(self, kind: Kind) -> Factors:
+    def gauge(self, kind: Kind, layer: str = GAUGED) -> Factors:
         """The fitted factors.
 
         Raises:
-            PredictionError: Base colour is missing or faulty in a training view, or black.
+            PredictionError: The layer is missing or faulty in a training view, or black.
         """
-        if kind != "raw" and (self.faults or not self.moments):
-            first = self.faults[0] if self.faults else "no training view sees an object"
+        fit = self.fits[layer]
+        if kind != "raw" and (fit.faults or not fit.moments):
+            first = fit.faults[0] if fit.faults else "no training view sees an object"
             raise gc.PredictionError(
-                f"expected {GAUGED} on the training views, where the gauge is fitted, got "
-                f"{len(self.faults)} of them without: {first}"
+                f"expected {layer} on the training views, where the gauge is fitted, got "
+                f"{len(fit.faults)} of them without: {first}"
             )
-        return fit_gauge(self.moments, kind)
+        return fit_gauge(fit.moments, kind, layer)
 
 
-def survey_training(predictions: gc.Predictions, truth: gc.Truth) -> Training:
+def survey_training(
+    predictions: gc.Predictions, truth: gc.Truth, names: Mapping[str, str] | None = None
+) -> Training:
     """Read the training views one after the other.
+
+    Args:
+        predictions: What is scored.
+        truth: What it is scored by.
+        names: True names of lights by predicted ones, as for :func:`read_prediction`.
 
     Raises:
         DatasetError: The truth of a view is missing or broken.
     """
     provided: set[str] = set()
     unreadable: list[str] = []
-    sums: list[Moments] = []
-    faults: list[str] = []
+    sums: dict[str, list[Moments]] = {layer: [] for layer in REFLECTANCES}
+    faults: dict[str, list[str]] = {layer: [] for layer in REFLECTANCES}
+    known = {GAUGED}
     for view in (v for v in truth.views if v.split == "train"):
-        predicted = read_prediction(predictions, view)
+        predicted, true = read_prediction(predictions, view, names), read_truth(truth, view)
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
-        try:
-            sums += _moments(predicted, read_truth(truth, view))
-        except gc.PredictionError as cause:
-            faults.append(str(cause))
-    return Training(frozenset(provided), tuple(unreadable), tuple(sums), tuple(faults))
+        known |= true.layers.keys()
+        for layer in known.intersection(REFLECTANCES):
+            try:
+                sums[layer] += _moments(layer, predicted, true)
+            except gc.PredictionError as cause:
+                faults[layer].append(str(cause))
+    gauged = [layer for layer in REFLECTANCES if layer == GAUGED or layer in provided & known]
+    fits = {layer: Fit(tuple(sums[layer]), tuple(faults[layer])) for layer in gauged}
+    return Training(frozenset(provided), tuple(unreadable), fits)
 
 
-def _moments(predicted: PredictedView, true: TrueView) -> list[Moments]:
-    mask = true.mask(GAUGED)
-    values = predicted.take(GAUGED)
-    return [moments(values, true.take(GAUGED), mask)] if mask.any() else []
+def fit_gauges(training: Training) -> dict[str, Factors | str]:
+    """All gauges by name: the factors, or why there are none.
+
+    ``raw``, ``scalar`` and ``channel`` are those of base colour, ``<layer>.<kind>`` those of another
+    reflectance. ``light`` is what light gains where albedo loses: one over the scale per channel of the
+    first reflectance that is predicted, and 1 where none is, as nothing was traded.
+    """
+    found: dict[str, Factors | str] = {}
+    for layer in training.fits:
+        for kind in get_args(Kind):
+            found[kind if layer == GAUGED else f"{layer}.{kind}"] = _gauge(training, kind, layer)
+    traded = [layer for layer in REFLECTANCES if layer in training.provided and layer in training.fits]
+    scale = _gauge(training, "channel", traded[0]) if traded else (1.0, 1.0, 1.0)
+    found["light"] = scale if isinstance(scale, str) else (1 / scale[0], 1 / scale[1], 1 / scale[2])
+    return found
+
+
+def _gauge(training: Training, kind: Kind, layer: str) -> Factors | str:
+    try:
+        return training.gauge(kind, layer)
+    except gc.PredictionError as cause:
+        return str(cause)
+
+
+def _moments(layer: str, predicted: PredictedView, true: TrueView) -> list[Moments]:
+    mask = true.mask(layer)
+    values = predicted.take(layer)
+    return [moments(values, true.take(layer), mask)] if mask.any() else []

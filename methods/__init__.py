@@ -10,6 +10,7 @@ from graycard.methods._contract import Method as Method
 from graycard.methods._contract import NoSettings as NoSettings
 from graycard.methods._contract import Relightable as Relightable
 from graycard.methods._contract import Removable as Removable
+from graycard.methods._contract import Surrounded as Surrounded
 from graycard.methods._contract import asks_of as asks_of
 from graycard.methods._predict import write_predictions as write_predictions
 from graycard.methods._priors import Ask as Ask

@@ -12,7 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, Progress
+from graycard import Camera, Capture, EnvironmentLight, Light, Progress
 from graycard.methods._priors import Ask as Ask
 from graycard.methods._priors import Priors as Priors
 
@@ -58,11 +58,30 @@ class Decomposition(Protocol):
 
 
 @runtime_checkable
+class Surrounded(Protocol):
+    """A decomposition with environments among its lights."""
+
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of its lights, ``(H, W, 3)``, latitude-longitude, W/m²/sr."""
+        ...
+
+
+@runtime_checkable
 class Relightable(Protocol):
     """A decomposition whose lights can be exchanged."""
 
-    def relight(self, lights: tuple[Light, ...]) -> Decomposition:
-        """The same scene under other lights."""
+    def relight(self, lights: tuple[Light, ...]) -> Decomposition | None:
+        """The same scene under other lights.
+
+        Args:
+            lights: All lights that shine then, in true units; the ``image`` of an environment is the full
+                path of its file. Those of the photographs are not to be kept.
+
+        Returns:
+            What renders ``radiance`` under them, in the gauge of its own ``base_color``: a decomposition
+            whose albedo is half the true one gives half the true radiance, and the score undoes both
+            alike. None for lights that the method cannot render: that is "not provided", no failure.
+        """
         ...
 
 

@@ -2,15 +2,25 @@
 """Decompositions that know images for certain cameras and nothing in between."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, light_from_json, light_to_json
+from graycard import (
+    Camera,
+    Capture,
+    EnvironmentLight,
+    Light,
+    MethodError,
+    light_from_json,
+    light_to_json,
+)
 from graycard.methods._contract import Priors
 from graycard.methods._store import restore, store
+
+_SURROUNDINGS = "environments"
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +31,8 @@ class Lookup:
     images: Mapping[str, Mapping[str, np.ndarray]]
     """By the digest of the camera, then by layer name."""
     found_lights: tuple[Light, ...] | None = None
+    environments: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Images of the environments among the lights, by name."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -48,6 +60,16 @@ class Lookup:
         """The lights that were handed in."""
         return self.found_lights
 
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of :meth:`lights`.
+
+        Raises:
+            MethodError: It was not handed in.
+        """
+        if light.name not in self.environments:
+            raise MethodError(f"expected the image of {light.name!r} among {sorted(self.environments)}")
+        return self.environments[light.name]
+
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON.
 
@@ -61,6 +83,7 @@ class Lookup:
 def pack(lookup: Lookup) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """The facts and arrays of a lookup, for :func:`graycard.methods._store.store`."""
     arrays = {f"{key}/{name}": a for key, known in lookup.images.items() for name, a in known.items()}
+    arrays |= {f"{_SURROUNDINGS}/{name}": image for name, image in lookup.environments.items()}
     lights = None if lookup.found_lights is None else [light_to_json(x) for x in lookup.found_lights]
     return {"lights": lights}, arrays
 
@@ -68,12 +91,14 @@ def pack(lookup: Lookup) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def unpack(method: str, facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Lookup:
     """The lookup that was packed."""
     images: dict[str, dict[str, np.ndarray]] = {}
+    environments: dict[str, np.ndarray] = {}
     for key, values in arrays.items():
         digest, _, name = key.partition("/")
-        images.setdefault(digest, {})[name] = values
+        known = environments if digest == _SURROUNDINGS else images.setdefault(digest, {})
+        known[name] = values
     lights = facts["lights"]
     found = None if lights is None else tuple(light_from_json(x, MethodError, method) for x in lights)
-    return Lookup(method, images, found)
+    return Lookup(method, images, found, environments)
 
 
 def load_lookup(folder: Path, method: str) -> Lookup:

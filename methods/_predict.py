@@ -8,6 +8,7 @@ import numpy as np
 
 from graycard import (
     Capture,
+    EnvironmentLight,
     Light,
     MethodError,
     Predictions,
@@ -16,19 +17,38 @@ from graycard import (
     finish_predictions,
     layer,
     shape_of,
+    write_environment,
+    write_relit,
     write_view,
 )
 from graycard.methods._blame import blame
-from graycard.methods._contract import Decomposition, Removable
+from graycard.methods._contract import Decomposition, Relightable, Removable, Surrounded
+
+Relighting = Mapping[str, tuple[Light, ...]]
+"""The lights that shine after each change of them, by the name of the change."""
 
 
 def write_predictions(
-    decomposition: Decomposition, capture: Capture, method: str, folder: Path, progress: Progress
+    decomposition: Decomposition,
+    capture: Capture,
+    method: str,
+    folder: Path,
+    progress: Progress,
+    relighting: Relighting | None = None,
 ) -> None:
     """Render every layer that a decomposition provides, for every view, and its lights.
 
     Training views are rendered too: gauges are fitted on them. If the scene has a target and the
-    decomposition can remove objects, the radiance without the target is rendered as well.
+    decomposition can remove objects, the radiance without the target is rendered as well; if it can be
+    relit, the held-out views under each change of the lights.
+
+    Args:
+        decomposition: What was fitted.
+        capture: What it was fitted to.
+        method: Its name.
+        folder: The predictions folder.
+        progress: Called now and then.
+        relighting: What it is to be relit with; nothing of it was seen during the fit.
 
     Raises:
         UnknownNameError: The decomposition provides a layer that is not in the vocabulary.
@@ -44,8 +64,34 @@ def write_predictions(
             layers = _layers(decomposition, without, view)
         write_view(folder, view.name, layers)
     with blame(method):
-        lights = _lights(decomposition)
+        lights, images = _lights(decomposition), _environments(decomposition)
+    lights = lights and tuple(
+        write_environment(folder, light, images[light.name]) if isinstance(light, EnvironmentLight) else light
+        for light in lights
+    )
+    if isinstance(decomposition, Relightable):
+        _write_relit(decomposition, capture, method, folder, relighting or {}, progress)
     finish_predictions(folder, Predictions(method, capture.track, capture.scene), lights)
+
+
+def _write_relit(
+    decomposition: Relightable,
+    capture: Capture,
+    method: str,
+    folder: Path,
+    relighting: Relighting,
+    progress: Progress,
+) -> None:
+    for done, (edit, lights) in enumerate(relighting.items()):
+        progress(done / len(relighting), f"relighting: {edit}")
+        with blame(method):
+            relit = decomposition.relight(lights)
+        if relit is None:
+            continue
+        for view in capture.test:
+            with blame(method):
+                picture = _render(relit, view, ["radiance"])["radiance"]
+            write_relit(folder, edit, view.name, picture)
 
 
 def _without_target(decomposition: Decomposition, capture: Capture) -> Decomposition | None:
@@ -98,3 +144,22 @@ def _lights(decomposition: Decomposition) -> tuple[Light, ...] | None:
     if not isinstance(lights, Sequence) or not all(isinstance(item, Light) for item in lights):
         raise MethodError(f"expected lights as a sequence of graycard lights or None, got {lights!r}")
     return tuple(lights)
+
+
+def _environments(decomposition: Decomposition) -> dict[str, np.ndarray]:
+    """Images of the environments among the lights, by name."""
+    distant = [light for light in decomposition.lights() or () if isinstance(light, EnvironmentLight)]
+    if not distant:
+        return {}
+    if not isinstance(decomposition, Surrounded):
+        raise MethodError(
+            f"expected a method environment(light) that gives the image of {distant[0].name!r}, got none"
+        )
+    found = {light.name: np.asarray(decomposition.environment(light)) for light in distant}
+    for name, image in found.items():
+        if image.ndim != 3 or image.shape[-1] != 3 or image.dtype.kind not in "fiu":
+            raise MethodError(
+                f"expected the image of {name!r} as real numbers of shape (H, W, 3), got {image.dtype} of "
+                f"shape {image.shape}"
+            )
+    return found

@@ -83,6 +83,8 @@ class Priors:
     layers: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
     """Truth that the method needs: arrays by view name and layer name, training and held-out views."""
     lights: tuple[Light, ...] | None = None
+    environments: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Images of the environments among the lights, by name of the light, ``(H, W, 3)``, W/m²/sr."""
     models: Mapping[str, PriorModel] = field(default_factory=dict)
     """What answers, by kind."""
 

@@ -33,7 +33,7 @@ BUILT_IN = {
     "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
 }
 
-RESERVED = ("seed", "out", "save")
+RESERVED = ("seed", "out", "save", "priors")
 """Options of ``graycard fit`` itself; a setting of such a name could not be reached."""
 
 _MEMBERS = ("summary", "needs", "settings_type", "fit", "load")

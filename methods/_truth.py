@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, Progress
+from graycard import PARTS, Camera, Capture, EnvironmentLight, Light, MethodError, Progress
 from graycard.methods._contract import NoSettings, Priors
 from graycard.methods._lookup import Lookup, pack, unpack
 from graycard.methods._store import restore, store
 
 WITHOUT_TARGET = "counterfactual.radiance"
+_SURFACE = ("base_color", "diffuse_reflectance", "albedo", "roughness", "metallic", "normal", "depth")
+_LIGHT = ("radiance", "shading", "irradiance.<light>", "radiance.<light>", *PARTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +42,14 @@ class Oracle:
         """The exact lights."""
         return self.known.lights()
 
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The exact image of an environment.
+
+        Raises:
+            MethodError: It is none of the scene's.
+        """
+        return self.known.environment(light)
+
     def remove(self, object_id: int) -> Lookup:
         """The scene as it was rendered without its target.
 
@@ -65,7 +75,7 @@ class TruthMethod:
     """Hands back the truth that it is handed: proves the scores, and bounds every table."""
 
     summary = "The truth itself: what a perfect method scores"
-    needs = ("radiance", "base_color", "normal", "depth", WITHOUT_TARGET, "lights")
+    needs = (*_SURFACE, *_LIGHT, WITHOUT_TARGET, "lights")
     settings_type = NoSettings
 
     def fit(
@@ -79,7 +89,8 @@ class TruthMethod:
         if priors.source != "oracle":
             raise MethodError(f"expected the truth as an oracle prior, got source {priors.source!r}")
         images = {view.camera.digest: priors.layers[view.name] for view in capture.views}
-        return Oracle(Lookup("truth", images, priors.lights), capture.target)
+        known = Lookup("truth", images, priors.lights, priors.environments)
+        return Oracle(known, capture.target)
 
     def load(self, folder: Path) -> Oracle:
         """A saved oracle.

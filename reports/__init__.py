@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run as one HTML file that opens offline: leaderboards, pictures, lights and the facts of the run; a
-scene as one contact sheet.
+"""A run as one HTML file that opens offline: who is best and how surely, leaderboards, pictures, where each
+method is most wrong, lights and the facts of the run; a scene as one contact sheet.
 
 The report reads run records and the folders that they name; how a score was made it does not know.
 """

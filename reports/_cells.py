@@ -3,29 +3,15 @@
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Literal
 
 import graycard as gc
-from graycard.reports._format import format_value
+from graycard.reports._format import format_name, format_value
+from graycard.reports._intervals import IntervalPlot
 
 CellStatus = Literal["scored", "failed", "not provided", "not run"]
-
-
-@dataclass(frozen=True, slots=True)
-class MetricHead:
-    """A metric as the head of a column or row, with the help that explains it."""
-
-    id: str
-    title: str
-    group: str
-    unit: str
-    """Empty where the metric has none."""
-    arrow: str
-    direction: str
-    optimum: str
-    formula: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +25,7 @@ class Reading:
     gauge: tuple[float, ...] | None = None
     interval: tuple[float, float] | None = None
     reason: str = ""
+    breakdown: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,21 +41,8 @@ class Cell:
     complete: bool = False
     """Whether every job that should be in the mean is in it: only then may it be compared."""
     best: bool = False
-
-
-def metric_head(record: gc.MetricRecord) -> MetricHead:
-    """A metric with its direction in words."""
-    up = record.higher_is_better
-    return MetricHead(
-        record.id,
-        record.title,
-        record.group,
-        "" if record.unit == "1" else record.unit,
-        "↑" if up else "↓",
-        "higher is better" if up else "lower is better",
-        format_value(record.optimum, record.unit),
-        record.formula,
-    )
+    plot: IntervalPlot | None = None
+    """Of the mean with its interval; None where scores of one scene stand."""
 
 
 def read_metric(result: gc.JobResult, metric: str) -> Reading:
@@ -104,6 +78,21 @@ def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell
     return Cell("not provided", "–", reason="not provided")
 
 
+def breakdown_text(readings: Sequence[Reading], unit: str) -> str:
+    """The same number by neighbouring rules, the mean over seeds, then scenes; empty where there are none.
+
+    A rule enters if every reading has it: another mean would be over other scenes.
+    """
+    scored = [r for r in readings if r.status == "scored"]
+    rules = dict.fromkeys(rule for r in scored for rule in r.breakdown)
+    means = {
+        rule: mean_over_scenes((r.scene, r.breakdown[rule]) for r in scored)
+        for rule in rules
+        if all(rule in r.breakdown for r in scored)
+    }
+    return ", ".join(f"{format_name(rule).lower()} {format_value(m, unit)}" for rule, m in means.items())
+
+
 def mean_over_scenes(values: Iterable[tuple[str, float]]) -> float:
     """Mean of the scene values, each the mean over its seeds; of pairs of scene and value."""
     by_scene: dict[str, list[float]] = defaultdict(list)
@@ -121,7 +110,14 @@ def _reading_of(scene: str, score: gc.Score) -> Reading:
     if score.status == "scored" and (score.value is None or math.isnan(score.value)):
         return Reading(scene, "failed", reason=f"expected a value of {score.metric}, got {score.value}")
     return Reading(
-        scene, score.status, score.value, score.noise_ceiling, score.gauge, score.interval, score.reason
+        scene,
+        score.status,
+        score.value,
+        score.noise_ceiling,
+        score.gauge,
+        score.interval,
+        score.reason,
+        score.breakdown,
     )
 
 

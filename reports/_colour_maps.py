@@ -16,6 +16,7 @@ STEPS = 255
 """Colours in a map; the 256th index of a PNG palette is left for "no value"."""
 
 ColourMap = Literal["error", "depth"]
+COLOUR_MAPS: tuple[ColourMap, ...] = ("error", "depth")
 
 _ANCHORS: dict[ColourMap, tuple[tuple[float, float, float], ...]] = {
     "error": ((1, 0, 0), (22, 30, -29), (41, 53, 9), (65, 47, 41), (80, 1, 47), (95, -14, 32)),

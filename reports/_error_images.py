@@ -5,18 +5,29 @@ The scores of a report come from its record; these images only show where to loo
 """
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
 import graycard as gc
 
 _ROUND = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)
-_UNITS = {"base_color": "linear difference", "normal": "degrees", "depth": "m"}
+
+NOISE_HIGH = 5.0
+"""Upper end of every map of error to noise, in standard deviations: one scale for all reports."""
 
 
 def error_unit(layer: str) -> str:
     """The unit of :func:`error_image`."""
-    return _UNITS.get(layer, "display difference")
+    match _kind(layer):
+        case "angle":
+            return "degrees"
+        case "length":
+            return "m"
+        case "share":
+            return "linear difference"
+        case _:
+            return "display difference"
 
 
 def error_image(
@@ -24,9 +35,9 @@ def error_image(
 ) -> np.ndarray:
     """The error in each pixel, shape ``(H, W)``, float64; NaN outside the mask.
 
-    Radiance: largest difference over the channels of display values, ``|srgb(p·exposure) -
-    srgb(t·exposure)|``. Base colour: the same in linear light. Normal: the angle in degrees.
-    Depth: ``|p - t|`` in metres.
+    Light: largest difference over the channels of display values, ``|srgb(p·exposure) -
+    srgb(t·exposure)|``. Base colour and what else has no unit: the same in linear light. Normal: the
+    angle in degrees. What is in metres: ``|p - t|``.
 
     Args:
         layer: Name of the layer.
@@ -36,16 +47,37 @@ def error_image(
         exposure: Factor that brings radiance to display range.
     """
     p, t = predicted.astype(np.float64), true.astype(np.float64)
-    match layer:
-        case "normal":
+    match _kind(layer):
+        case "angle":
             error = gc.angles(p, t)
-        case "depth":
-            error = _absolute_difference(p, t)
-        case "base_color":
-            error = np.abs(p - t).max(axis=-1)
+        case "light":
+            error = _largest(np.abs(gc.srgb_encode(p * exposure) - gc.srgb_encode(t * exposure)))
         case _:
-            error = np.abs(gc.srgb_encode(p * exposure) - gc.srgb_encode(t * exposure)).max(axis=-1)
+            error = _largest(_absolute_difference(p, t))
     return np.where(mask, error, np.nan)
+
+
+def noise_ratio_image(
+    predicted: np.ndarray, true: np.ndarray, variance: np.ndarray, mask: np.ndarray
+) -> np.ndarray:
+    """The error in units of the truth's own noise, shape ``(H, W)``, float64; NaN outside the mask.
+
+    ``sqrt(mean over channels of (p - t)² / variance)`` in linear light. A prediction that is exact but for
+    the noise of the truth has 1 on average. Where the truth has no noise, the rounding of its float32
+    stands for it.
+
+    Args:
+        predicted: shape ``(H, W)`` or ``(H, W, 3)``, linear.
+        true: Same shape.
+        variance: Same shape: of the mean that ``true`` is, in its unit squared.
+        mask: shape ``(H, W)``, bool.
+    """
+    p, t = predicted.astype(np.float64), true.astype(np.float64)
+    floor = (4 * np.finfo(np.float32).eps * np.abs(t)) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):  # 0 / 0 where prediction and truth are black
+        squares = np.where(p == t, 0.0, (p - t) ** 2 / np.maximum(variance.astype(np.float64), floor))
+    ratio = np.sqrt(squares if squares.ndim == 2 else squares.mean(axis=-1))
+    return np.where(mask, ratio, np.nan)
 
 
 def shared_scale(errors: Sequence[np.ndarray]) -> float:
@@ -60,6 +92,18 @@ def shared_scale(errors: Sequence[np.ndarray]) -> float:
     high = float(np.percentile(values, 98))
     power = 10.0 ** np.floor(np.log10(high))
     return next(float(f"{step * power:.6g}") for step in _ROUND if step * power >= high * (1 - 1e-9))
+
+
+def _kind(layer: str) -> Literal["angle", "length", "share", "light"]:
+    if layer == "normal":
+        return "angle"
+    unit = gc.layer(layer).unit
+    return "length" if unit == "m" else "share" if unit == "1" else "light"
+
+
+def _largest(error: np.ndarray) -> np.ndarray:
+    """Largest over the channels; an image of one channel as it is."""
+    return error if error.ndim == 2 else error.max(axis=-1)
 
 
 def _absolute_difference(p: np.ndarray, t: np.ndarray) -> np.ndarray:

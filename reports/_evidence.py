@@ -2,7 +2,7 @@
 """What the folders of a run hold about one scene; what is missing or broken becomes a reason, no error."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,14 @@ class SceneEvidence:
         left_out = self.truth.emitter_ids() if layer == "base_color" else frozenset()
         return (ids > 0) & ~np.isin(ids, sorted(left_out))
 
+    def at(self, view: gc.View) -> "SceneEvidence":
+        """The same scene with another test view to be shown.
+
+        Raises:
+            DatasetError: The file of the view is missing or broken.
+        """
+        return replace(self, shown=(view,), layers={view.name: self.truth.layers(view)})
+
 
 @dataclass(frozen=True, slots=True)
 class MethodEvidence:
@@ -62,10 +70,21 @@ class MethodEvidence:
     """Factors for R, G, B, as fitted for the score :data:`GAUGED_BY`."""
     seeds: int = 1
     """Number of jobs, of which the first is shown."""
+    competes: bool = True
+    """Whether it was handed the photographs alone."""
+    predictions: gc.Predictions | None = None
+    """Where more views can be read from."""
 
     def layer(self, view: str, name: str) -> np.ndarray | None:
         """A predicted layer; None where it is not provided."""
         return self.layers.get(view, {}).get(name)
+
+    def at(self, view: gc.View) -> "MethodEvidence":
+        """The same method with the layers of another view; what cannot be read is a fault of that view."""
+        if self.predictions is None:
+            return self
+        layers, faults = _read_views(self.predictions, [view])
+        return replace(self, layers=layers, faults=faults)
 
 
 def open_scene(folder: Path) -> SceneEvidence:
@@ -83,20 +102,39 @@ def open_scene(folder: Path) -> SceneEvidence:
     return SceneEvidence(truth, capture, shown, layers, truth.lights(), settings)
 
 
-def open_method(run: Path, results: Sequence[gc.JobResult], views: Sequence[gc.View]) -> MethodEvidence:
+def open_method(
+    run: Path, results: Sequence[gc.JobResult], views: Sequence[gc.View], competes: bool = True
+) -> MethodEvidence:
     """What a method handed in for a scene, from its first job that is not failed, or from its first."""
     result = next((r for r in results if r.status == "done"), results[0])
     method, seeds = result.job.method, len(results)
     if result.status == "failed":
-        return MethodEvidence(method, fault=result.reason or "the job failed", seeds=seeds)
+        return MethodEvidence(method, fault=result.reason or "the job failed", seeds=seeds, competes=competes)
     try:
         found = gc.open_predictions(run / result.folder / "predictions")
     except gc.GraycardError as cause:
-        return MethodEvidence(method, fault=str(cause), seeds=seeds)
+        return MethodEvidence(method, fault=str(cause), seeds=seeds, competes=competes)
     layers, faults = _read_views(found, views)
     lights, lights_fault = _read_lights(found)
     gauge = _gauge_of(result)
-    return MethodEvidence(method, "", layers, faults, lights, lights_fault, gauge, seeds)
+    return MethodEvidence(method, "", layers, faults, lights, lights_fault, gauge, seeds, competes, found)
+
+
+def usable_layer(
+    method: MethodEvidence, view: gc.View, name: str
+) -> tuple[np.ndarray, str] | tuple[None, str]:
+    """A predicted layer that can be shown, the gauge applied; else None and why."""
+    if method.fault or view.name in method.faults:
+        return None, "failed"
+    values = method.layer(view.name, name)
+    if values is None:
+        return None, "not provided"
+    fault = gc.find_fault(name, values, view.camera.height, view.camera.width)
+    if fault:
+        return None, f"failed: {fault}"
+    if name == "base_color" and method.gauge:
+        return values * np.array(method.gauge), "× " + " ".join(f"{g:.3g}" for g in method.gauge)
+    return values, ""
 
 
 def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:

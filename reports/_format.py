@@ -35,6 +35,16 @@ def format_number(value: float) -> str:
     return f"{value:.3g}".replace("-", "−") if math.isfinite(value) else format_value(value, "")
 
 
+def format_p(p: float) -> str:
+    """A p value with as many digits as a reader uses.
+
+    Example:
+        >>> format_p(0.0234), format_p(0.00012)
+        ('p = 0.023', 'p < 0.001')
+    """
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}" if p < 0.1 else f"p = {p:.2f}"
+
+
 def format_vector(values: Iterable[float]) -> str:
     """Numbers side by side, as in ``1.2, 0.5, −3``."""
     return ", ".join(format_number(float(v)) for v in values)

@@ -21,6 +21,9 @@ PEAK = 2.0**16
 LEVELS = 1 + round(math.log1p(PEAK / KNEE) / STEP)
 """Number of codes."""
 
+MAP_LEVELS = 64
+"""Colours of a map in a picture: neighbours differ less than an eye sees, and the file is smaller."""
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
@@ -54,27 +57,31 @@ def shrink(image: np.ndarray, max_side: int) -> np.ndarray:
 def display_picture(values: np.ndarray, alt: str) -> Picture:
     """A picture of display values in [0, 1], shape ``(H, W, 3)``; what lies outside is clipped."""
     pixels = np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
-    return _picture(Image.fromarray(pixels), alt)
+    return _picture(_few_colours(Image.fromarray(pixels)), alt)
 
 
 def linear_picture(values: np.ndarray, alt: str) -> Picture:
     """A picture of linear light, shape ``(H, W, 3)``, where 1 is display white; it can be re-exposed."""
     still = Image.fromarray(np.rint(255 * gc.srgb_encode(values)).astype(np.uint8))
-    shown = _picture(still.quantize(256, dither=Image.Dither.NONE), alt)  # a third of the bytes
+    shown = _picture(_few_colours(still), alt)
     halves = Image.fromarray(split_codes(linear_codes(values)))
     return Picture(shown.source, shown.width, shown.height, alt, _data_uri(halves))
 
 
 def mapped_picture(values: np.ndarray, low: float, high: float, name: ColourMap, alt: str) -> Picture:
     """A picture of numbers through a colour map, shape ``(H, W)``; transparent where NaN."""
-    image = Image.fromarray(to_index(values, low, high))
-    image.putpalette(np.append(colour_map(name), [[128, 128, 128]], axis=0).astype(np.uint8).tobytes())
-    return _picture(image, alt, transparency=STEPS)
+    index = to_index(values, low, high)
+    shown = np.rint(index * ((MAP_LEVELS - 1) / (STEPS - 1))).astype(np.uint8)
+    image = Image.fromarray(np.where(index == STEPS, MAP_LEVELS, shown).astype(np.uint8))
+    image.putpalette(np.append(_map_levels(name), [[128, 128, 128]], axis=0).astype(np.uint8).tobytes())
+    return _picture(image, alt, transparency=MAP_LEVELS)
 
 
-def colour_bar(name: ColourMap, alt: str) -> Picture:
-    """All colours of a map, from low on the left to high on the right."""
-    return mapped_picture(np.arange(STEPS)[None].astype(float), 0, STEPS - 1, name, alt)
+def gradient(name: ColourMap) -> str:
+    """A colour map as a CSS gradient, from low on the left to high on the right."""
+    stops = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in _map_levels(name)[:: MAP_LEVELS // 16].tolist())
+    last = "#{:02x}{:02x}{:02x}".format(*_map_levels(name)[-1].tolist())
+    return f"linear-gradient(to right, {', '.join(stops)}, {last})"
 
 
 def linear_codes(values: np.ndarray) -> np.ndarray:
@@ -93,6 +100,16 @@ def split_codes(codes: np.ndarray) -> np.ndarray:
     No alpha channel: a canvas multiplies colours by alpha and loses bits.
     """
     return np.concatenate([codes >> 8, codes & 255], axis=0).astype(np.uint8)
+
+
+def _map_levels(name: ColourMap) -> np.ndarray:
+    """The colours of a map that pictures use, shape ``(MAP_LEVELS, 3)``, uint8."""
+    return colour_map(name)[np.rint(np.linspace(0, STEPS - 1, MAP_LEVELS)).astype(int)]
+
+
+def _few_colours(image: Image.Image) -> Image.Image:
+    """The same picture in 128 colours of its own: a quarter of the bytes."""
+    return image.quantize(128, dither=Image.Dither.NONE)
 
 
 def _picture(image: Image.Image, alt: str, transparency: int | None = None) -> Picture:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plan of a scene from above: surfaces, cameras, true lights and predicted ones, for an SVG."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +9,8 @@ import numpy as np
 import graycard as gc
 from graycard.reports._evidence import MethodEvidence, SceneEvidence
 from graycard.reports._format import format_number, format_vector
+from graycard.reports._heights import Heights, lay_out_heights
+from graycard.reports._light_pairs import Pairing, local_lights, pair_lights, places_of
 
 SIZE = 420.0
 """Longer side of the plan in SVG units."""
@@ -54,6 +56,17 @@ class LightRow:
     kind: str
     position: str
     intensity: str
+    partner: str
+    """Of a predicted light the true one that it stands for; of a true one who has none for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """From a predicted light to the true one that it stands for."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    shape: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +80,8 @@ class Plan:
     """Rectangles that shine, as SVG points."""
     cameras: tuple[CameraMark, ...]
     lights: tuple[LightMark, ...]
+    links: tuple[Link, ...]
+    heights: Heights
     metre_bar: float
     metre_text: str
     rows: tuple[LightRow, ...]
@@ -113,23 +128,30 @@ def lay_out(
     The frame holds the lights of the first owner; those of the others may lie outside.
     """
     dots, first = np.concatenate([np.empty((0, 3)), *surfaces]), owners[0][2]
-    test = [v for v in views if v.split == "test"]
+    test = [v.camera for v in views if v.split == "test"]
     eyes = [v.camera.position for v in views]
-    true = [p for light in _local(first) for p in _positions(light, test)]
-    shining = [light for light in first if isinstance(light, gc.RectangleLight)]
-    edges = [corner for light in shining for corner in _corners(light)]
+    true = [p for light in local_lights(first) for p in places_of(light, test)]
+    outlines = [o for light in first if isinstance(light, gc.RectangleLight) for o in _corners(light, test)]
+    edges = [corner for outline in outlines for corner in outline]
     frame = _fit_frame(np.concatenate([dots, np.array(eyes + true + edges)]))
     metres = _round_length(0.25 * (frame.width - 2 * MARGIN) / frame.scale)
+    pairings = {owner[0]: pair_lights(owner[2], first, test) for owner in owners[1:]}
     return Plan(
         width=frame.width,
         height=frame.height,
         dots=tuple(dict.fromkeys(frame.place(p) for p in dots)),
-        outlines=tuple(_outline(light, frame) for light in shining),
+        outlines=tuple(_points(frame.place(corner) for corner in outline) for outline in outlines),
         cameras=tuple(_camera_mark(view, frame) for view in views),
         lights=tuple(mark for owner in owners for mark in _light_marks(*owner, test, frame)),
+        links=tuple(
+            link for owner in owners[1:] for link in _links(pairings[owner[0]], owner[1], test, frame)
+        ),
+        heights=lay_out_heights(frame.height, views, dots, owners),
         metre_bar=round(metres * frame.scale, 1),
         metre_text=f"{format_number(metres)} m",
-        rows=tuple(_light_row(name, shape, light) for name, shape, found in owners for light in found),
+        rows=tuple(
+            _light_row(name, shape, light, pairings) for name, shape, found in owners for light in found
+        ),
         silent=silent,
     )
 
@@ -138,16 +160,6 @@ def _why_silent(method: MethodEvidence) -> str:
     if method.fault:
         return "the job failed"
     return f"failed: {method.lights_fault}" if method.lights_fault else "not provided"
-
-
-def _local(lights: Iterable[gc.Light]) -> list[gc.LocalLight]:
-    return [light for light in lights if not isinstance(light, gc.EnvironmentLight)]
-
-
-def _positions(light: gc.LocalLight, test: Sequence[gc.View]) -> list[np.ndarray]:
-    if light.frame == "world":
-        return [np.array(light.position)]
-    return [gc.world_position(light, view.camera) for view in test]
 
 
 def surface_points(view: gc.View, depth: np.ndarray | None) -> np.ndarray:
@@ -182,11 +194,11 @@ def _camera_mark(view: gc.View, frame: _Frame) -> CameraMark:
 
 
 def _light_marks(
-    owner: str, shape: int, lights: Sequence[gc.Light], test: Sequence[gc.View], frame: _Frame
+    owner: str, shape: int, lights: Sequence[gc.Light], test: Sequence[gc.Camera], frame: _Frame
 ) -> list[LightMark]:
     marks = []
-    for light in _local(lights):
-        for position in _positions(light, test):
+    for light in local_lights(lights):
+        for position in places_of(light, test):
             if not np.isfinite(position).all():
                 continue
             place = frame.place(position)
@@ -195,22 +207,48 @@ def _light_marks(
     return marks
 
 
-def _light_row(owner: str, shape: int, light: gc.Light) -> LightRow:
+def _links(pairing: Pairing, shape: int, test: Sequence[gc.Camera], frame: _Frame) -> list[Link]:
+    """A line for each pair; for a pair of which one is on the camera, for each test camera."""
+    links = []
+    for pair in pairing.pairs:
+        ends = np.broadcast_arrays(places_of(pair.predicted, test), places_of(pair.true, test))
+        for start, end in zip(*ends, strict=True):
+            links.append(Link(frame.clamp(*frame.place(start)), frame.clamp(*frame.place(end)), shape))
+    return links
+
+
+def _light_row(owner: str, shape: int, light: gc.Light, pairings: Mapping[str, Pairing]) -> LightRow:
     kind = str(gc.light_to_json(light)["type"])
     if isinstance(light, gc.EnvironmentLight):
-        return LightRow(owner, shape, light.name, kind, "infinitely far away", "–")
+        return LightRow(owner, shape, light.name, kind, "infinitely far away", "–", "")
     axes = " from the camera" if light.frame == "camera" else ""
-    intensity = format_vector(light.axial_intensity)
-    return LightRow(owner, shape, light.name, kind, format_vector(light.position) + axes, intensity)
+    place, intensity = format_vector(light.position) + axes, format_vector(light.axial_intensity)
+    own = pairings.get(owner)
+    partner = _partner(light, own) if own else _missed(light, pairings)
+    return LightRow(owner, shape, light.name, kind, place, intensity, partner)
 
 
-def _outline(light: gc.RectangleLight, frame: _Frame) -> str:
-    return _points(frame.place(corner) for corner in _corners(light))
+def _partner(light: gc.LocalLight, pairing: Pairing) -> str:
+    for pair in pairing.pairs:
+        if pair.predicted is light:
+            return f"{pair.true.name}, {format_number(pair.distance)} m away"
+    return "extra: no true light is left for it"
 
 
-def _corners(light: gc.RectangleLight) -> list[np.ndarray]:
-    centre, u, v = np.array(light.position), np.array(light.half_u), np.array(light.half_v)
-    return [centre + a * u + b * v for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
+def _missed(light: gc.LocalLight, pairings: Mapping[str, Pairing]) -> str:
+    by = [name for name, pairing in pairings.items() if any(light is t for t in pairing.missing)]
+    return f"missing in {', '.join(by)}" if by else ""
+
+
+def _corners(light: gc.RectangleLight, test: Sequence[gc.Camera]) -> list[list[np.ndarray]]:
+    """The four corners in the world, once, or on the camera once for each test camera."""
+    turns = [np.eye(3)] if light.frame == "world" else [c.camera_to_world[:3, :3] for c in test]
+    u, v = np.array(light.half_u), np.array(light.half_v)
+    signs = ((1, 1), (1, -1), (-1, -1), (-1, 1))
+    return [
+        [centre + turn @ (a * u + b * v) for a, b in signs]
+        for centre, turn in zip(places_of(light, test), turns, strict=True)
+    ]
 
 
 def _points(points: Iterable[Sequence[float] | np.ndarray]) -> str:

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of a track and of a scene, driven by the metric records alone."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import graycard as gc
-from graycard.reports._cells import Cell, MetricHead, is_better, metric_head, pool, read_metric
+from graycard.reports._cells import Cell, breakdown_text, is_better, pool, read_metric
+from graycard.reports._compared import Compared
 from graycard.reports._format import format_value
+from graycard.reports._help import MetricHead, explain_rules, metric_head
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,8 @@ class Leaderboard:
     metrics: tuple[MetricHead, ...]
     competing: tuple[Standing, ...]
     references: tuple[Standing, ...]
+    axes: tuple[tuple[str, str] | None, ...] = ()
+    """The ends of the axis of the interval plots, by metric."""
 
     @property
     def methods(self) -> tuple[MethodHead, ...]:
@@ -49,6 +53,10 @@ class MetricRow:
 
     metric: MetricHead
     cells: tuple[Cell, ...]
+    breakdowns: tuple[tuple[str, str], ...] = ()
+    """The same number by neighbouring rules, as pairs of method and text."""
+    rules: str = ""
+    """What those rules are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +85,10 @@ def metrics_of(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> tuple[g
 
 
 def leaderboard(
-    record: gc.RunRecord, results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]
+    record: gc.RunRecord,
+    results: Sequence[gc.JobResult],
+    metrics: Sequence[gc.MetricRecord],
+    compared: Compared,
 ) -> Leaderboard:
     """Methods in the order of their mean place over the headline metrics; references apart.
 
@@ -87,16 +98,21 @@ def leaderboard(
     headline = [m for m in metrics if m.headline]
     present = {r.job.method for r in results}
     heads = [MethodHead(m.name, m.summary, m.sees) for m in record.methods if m.name in present]
-    rows = {h: tuple(_cell(results, h.name, m) for m in headline) for h in heads}
+    rows = {
+        h: tuple(compared.dress(_cell(results, h.name, m), m.id, h.name) for m in headline) for h in heads
+    }
     competing = {h: cells for h, cells in rows.items() if not h.sees}
     order = {h: _mean_place(h, competing, headline) for h in competing}
     ranked = sorted(competing, key=lambda h: order[h])
+    columns = [{h: cells[i] for h, cells in rows.items()} for i in range(len(headline))]
+    here = [_range_of(c, m.higher_is_better) for c, m in zip(columns, headline, strict=True)]
     return Leaderboard(
-        tuple(metric_head(m) for m in headline),
+        tuple(replace(metric_head(m), here=text) for m, text in zip(headline, here, strict=True)),
         tuple(
             Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, headline)) for h in ranked
         ),
         tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
+        tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in headline),
     )
 
 
@@ -109,7 +125,9 @@ def metric_rows(
         cells = {method: _cell(results, method.name, metric, detailed=True) for method in methods}
         competing = {h: (cell,) for h, cell in cells.items() if not h.sees}
         marked = {h: _mark_best(competing, h, [metric])[0] for h in competing}
-        rows.append(MetricRow(metric_head(metric), tuple((cells | marked).values())))
+        parts, rules = _breakdowns(results, methods, metric)
+        head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
+        rows.append(MetricRow(head, tuple((cells | marked).values()), parts, rules))
     return tuple(rows)
 
 
@@ -161,8 +179,34 @@ def warnings(results: Sequence[gc.JobResult]) -> tuple[Trouble, ...]:
 def _cell(
     results: Sequence[gc.JobResult], method: str, metric: gc.MetricRecord, detailed: bool = False
 ) -> Cell:
-    readings = [read_metric(r, metric.id) for r in results if r.job.method == method]
-    return pool(readings, metric.unit, detailed)
+    """One method by one metric over the scenes that have it; a scene that it was not run on is missing."""
+    scenes = {r.job.scene for r in results if r.sheet and any(s.metric == metric.id for s in r.sheet.scores)}
+    here = [r for r in results if r.job.scene in scenes] or list(results)
+    own = [r for r in here if r.job.method == method]
+    cell = pool([read_metric(r, metric.id) for r in own], metric.unit, detailed)
+    run, every = len({r.job.scene for r in own}), len({r.job.scene for r in here})
+    if run == every or cell.status != "scored":
+        return cell
+    return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
+
+
+def _range_of(cells: Mapping[MethodHead, Cell], higher_is_better: bool) -> str:
+    """The worst and the best value of a table with their methods: what is good, and what is not."""
+    found = [(cell.value, cell.text, head.name) for head, cell in cells.items() if cell.value is not None]
+    if len(found) < 2:
+        return ""
+    worst, *_, best = sorted(found, key=lambda f: f[0], reverse=not higher_is_better)
+    return f"from {worst[1]} ({worst[2]}) to {best[1]} ({best[2]})"
+
+
+def _breakdowns(
+    results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metric: gc.MetricRecord
+) -> tuple[tuple[tuple[str, str], ...], str]:
+    """Each method's breakdown as a text, and what its rules are."""
+    found = {h.name: [read_metric(r, metric.id) for r in results if r.job.method == h.name] for h in methods}
+    texts = {name: breakdown_text(readings, metric.unit) for name, readings in found.items()}
+    rules = explain_rules(rule for readings in found.values() for r in readings for rule in r.breakdown)
+    return tuple((name, text) for name, text in texts.items() if text), rules
 
 
 def _mark_best(

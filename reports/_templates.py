@@ -8,10 +8,15 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from graycard.reports._format import format_name
+from graycard.reports._colour_maps import COLOUR_MAPS
+from graycard.reports._explanations import EXPLAINS
+from graycard.reports._format import format_name, format_number
 from graycard.reports._page import Page
+from graycard.reports._pictures import gradient
 
 TEMPLATES = Path(__file__).parent / "templates"
+MAX_NAMED_SCENES = 8
+"""With more, the bar at the top names tracks alone."""
 
 
 def render_page(page: Page) -> str:
@@ -24,13 +29,17 @@ def render_page(page: Page) -> str:
         lstrip_blocks=True,
     )
     environment.filters["words"] = format_name
-    style, script = _asset("report.css"), _asset("report.js")
+    environment.filters["number"] = format_number
+    bars = "".join(f".bar.{name} {{ background: {gradient(name)}; }}\n" for name in COLOUR_MAPS)
+    style, script = _asset("report.css") + bars, _asset("report.js")
     return environment.get_template("report.html.j2").render(
         page=page,
         style=Markup(style),
         script=Markup(script),
         policy=content_policy(style, script),
         linear=linear_sources(page),
+        explains=EXPLAINS,
+        few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
     )
 
 

@@ -126,6 +126,12 @@ def make_scene(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
+def write_tiny() -> Callable[..., Path]:
+    """``write_tiny(dataset, **options)`` writes the scene, for fixtures that outlive a test."""
+    return write_scene
+
+
+@pytest.fixture(scope="session")
 def tiny_scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One scene folder a track, shared and not to be changed."""
     dataset = tmp_path_factory.mktemp("tiny")

@@ -21,7 +21,7 @@ from graycard.benchmarks.speed._engine_records import (
 )
 from graycard.benchmarks.speed._engine_scaling import ScalingPlan, measure_scaling
 from graycard.benchmarks.speed._engine_scenes import WORKLOADS, Workload, engine_camera, engine_surfels
-from graycard.benchmarks.speed._engine_step import measure_step
+from graycard.benchmarks.speed._engine_step import measure_steps
 from graycard.benchmarks.speed._machine import (
     QUICK,
     Patience,
@@ -53,7 +53,7 @@ class SpeedPlan:
     """S is small enough for the reference."""
     loss_sizes: tuple[int, ...] = (256, 512)
     stepped: Workload = WORKLOADS[3]
-    """On which a whole step of a fit is timed."""
+    """On which a whole step of ``2dgs`` is timed."""
     traced: tuple[Workload, ...] = TRACED
     incoherent: int = INCOHERENT
     """Rays beside those of the camera."""
@@ -141,8 +141,8 @@ def _with_part(speed: EngineSpeed, part: Part, plan: SpeedPlan, progress: gc.Pro
             losses = measure_losses(plan.loss_sizes, plan.patience, progress)
             return replace(speed, losses=tuple(losses))
         case "step":
-            progress(0.0, "a whole step of a fit")
-            return replace(speed, steps=(measure_step(plan.stepped, 3, plan.patience),))
+            progress(0.0, "a whole step of 2dgs")
+            return replace(speed, steps=measure_steps(plan.stepped, plan.patience))
         case "tracer":
             traced = measure_tracer(plan.traced, plan.patience, plan.incoherent, progress)
             return replace(speed, tracer=tuple(traced))

@@ -8,7 +8,7 @@ from typing import Any
 from graycard.benchmarks.speed._machine import Peak, Timing
 from graycard.benchmarks.speed._tracer import TracerCost
 
-RECORD_VERSION = 1
+RECORD_VERSION = 2
 
 
 def flops_forward(channels: int) -> int:
@@ -137,13 +137,14 @@ class LossCost:
 
 @dataclass(frozen=True, slots=True)
 class StepCost:
-    """A whole step of a fit."""
+    """A whole step of ``2dgs``."""
 
     workload: str
-    channels: int
+    losses: str
+    """What it lowers."""
     whole: Timing
     stages: Mapping[str, Timing]
-    """Each repeated alone."""
+    """Each but Adam holds those before it."""
 
 
 @dataclass(frozen=True, slots=True)

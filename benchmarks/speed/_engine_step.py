@@ -1,70 +1,78 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole step of a fit on a workload: parameters to image, loss, the way back, and Adam."""
+"""A whole step of ``2dgs`` on a workload, without and with the losses on geometry: what a user waits for."""
 
-from dataclasses import fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import torch
 
-import graycard as gc
 from graycard.benchmarks.speed._engine_records import StepCost
 from graycard.benchmarks.speed._engine_scenes import Workload, engine_camera, engine_surfels
 from graycard.benchmarks.speed._machine import Patience, time_calls
-from graycard.methods.splat import Surfels, photometric_map, rasterize_features
+from graycard.methods.splat import FitState, Plan, adam_step, initial_state, surfels_of, train_step
+from graycard.methods.surfels import (
+    Objective,
+    Photograph,
+    SurfelSettings,
+    colours,
+    learning_rates,
+    sky_basis,
+    with_colours,
+)
 
-LEARNING_RATE = 1e-6
-"""So small that the scene stays the workload however often it is measured."""
-TARGET_SEED = 9
-
-
-class TrainingStep:
-    """Surfels as an optimiser holds them, and a target."""
-
-    def __init__(self, workload: Workload, channels: int) -> None:
-        surfels = engine_surfels(workload, channels)
-        tensors = [getattr(surfels, one.name) for one in fields(surfels)]
-        tensors[2], tensors[3] = tensors[2].log(), tensors[3].logit(eps=1e-6)
-        self.camera: gc.Camera = engine_camera(workload)
-        self.parameters = [tensor.clone().requires_grad_() for tensor in tensors]
-        self.adam = torch.optim.Adam(self.parameters, lr=LEARNING_RATE, eps=1e-15, fused=True)
-        random = torch.Generator().manual_seed(TARGET_SEED)
-        self.target = torch.rand(workload.size, workload.size, channels, generator=random)
-
-    def image(self) -> torch.Tensor:
-        """Parameters to surfels, and surfels to the image."""
-        centres, turns, log_scales, logits, features = self.parameters
-        turns = torch.nn.functional.normalize(turns, dim=1)
-        surfels = Surfels(centres, turns, log_scales.exp(), logits.sigmoid(), features)
-        return rasterize_features(surfels, self.camera).features
-
-    def loss(self, image: torch.Tensor) -> torch.Tensor:
-        """0.8 L1 + 0.2 (1 - SSIM)."""
-        return photometric_map(image, self.target).mean()
-
-    def whole(self) -> None:
-        """All of it."""
-        self.adam.zero_grad()
-        self.loss(self.image()).backward()
-        self.adam.step()
+STILL = 1e-9
+"""Factor of all learning rates: one step is taken again and again, and the cloud must not change by it."""
+LOSSES: Mapping[str, SurfelSettings] = {
+    "photometric": SurfelSettings(normal_weight=0.0, distortion_weight=0.0),
+    "and geometry": SurfelSettings(),
+}
+"""What a step lowers, by what the table calls it: the defaults hold the depth-normal loss and distortion."""
 
 
-def measure_step(workload: Workload, channels: int, patience: Patience) -> StepCost:
-    """Time a step as a whole, and its stages alone.
+def measure_steps(workload: Workload, patience: Patience) -> tuple[StepCost, ...]:
+    """Time a step for each of ``LOSSES``, and its stages.
 
     Args:
-        workload: The scene.
-        channels: of features; with all of them the loss compares.
+        workload: The cloud and the size of its image.
         patience: How long to measure.
+
+    Returns:
+        The stages are ``colours``: surfels and their colours from the parameters; ``loss``: these, drawing,
+        and the losses; ``gradients``: these, and all the way back; ``Adam``: alone. The whole is these with
+        what densification remembers.
     """
-    step = TrainingStep(workload, channels)
-    whole = time_calls(step.whole, patience)
-    image = step.image()
-    leaf = image.detach().requires_grad_()
-    upstream = torch.autograd.grad(step.loss(leaf), leaf)[0]
-    stages = {
-        "image": step.image,
-        "loss, both ways": lambda: torch.autograd.grad(step.loss(leaf), leaf),
-        "way back": lambda: torch.autograd.grad(image, step.parameters, upstream, retain_graph=True),
-        "Adam": step.adam.step,
-    }
-    timed = {name: time_calls(call, patience) for name, call in stages.items()}
-    return StepCost(workload.name, channels, whole, timed)
+    return tuple(_cost(workload, name, settings, patience) for name, settings in LOSSES.items())
+
+
+def _cost(workload: Workload, losses: str, settings: SurfelSettings, patience: Patience) -> StepCost:
+    state, plan, objective = _fit(workload, settings)
+    stages = {name: time_calls(call, patience) for name, call in _stages(state, plan, objective)}
+    whole = time_calls(lambda: train_step(state, plan, objective), patience)
+    return StepCost(workload.name, losses, whole, stages)
+
+
+def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, Plan, Objective]:
+    """A fit shortly before its end, when every loss and every harmonic counts."""
+    camera = engine_camera(workload)
+    target = torch.rand(workload.size, workload.size, 3, generator=torch.Generator().manual_seed(0))
+    view = Photograph(camera, target, sky_basis(camera, settings.sky_degree))
+    state = initial_state(with_colours(engine_surfels(workload), settings), 0)
+    still = {name: rate.times(STILL) for name, rate in learning_rates(1.0, settings).items()}
+    plan = Plan(settings.iterations, still, 1.0)
+    return replace(state, step=settings.iterations - 1), plan, Objective([view], settings, 0)
+
+
+def _stages(state: FitState, plan: Plan, objective: Objective) -> Iterator[tuple[str, Callable[[], object]]]:
+    camera, degree = objective.views[0].camera, objective.settings.degree
+    values = {name: p.clone().requires_grad_() for name, p in state.parameters.all.items()}
+
+    def gradients() -> dict[str, torch.Tensor]:
+        loss = objective(values, state.step).loss
+        found = torch.autograd.grad(loss, list(values.values()), allow_unused=True, materialize_grads=True)
+        return dict(zip(values, found, strict=True))
+
+    kept, share = gradients(), state.step / plan.steps
+    yield "colours", lambda: surfels_of(values, colours(values, camera.position, degree))
+    yield "loss", lambda: objective(values, state.step)
+    yield "gradients", gradients
+    yield "Adam", lambda: adam_step(state, kept, plan.rates, share)

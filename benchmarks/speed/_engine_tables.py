@@ -152,10 +152,11 @@ def _losses(speed: EngineSpeed) -> SpeedTable:
 def _steps(speed: EngineSpeed) -> SpeedTable:
     names = list(dict.fromkeys(name for step in speed.steps for name in step.stages))
     rows = (
-        (step.workload, str(step.channels), *(_ms(step.stages[name]) for name in names), _ms(step.whole))
+        (step.workload, step.losses, *(_ms(step.stages[name]) for name in names), _ms(step.whole))
         for step in speed.steps
     )
-    return SpeedTable("A whole step of a fit, ms", ("workload", "C", *names, "whole"), tuple(rows))
+    title = "A whole step of 2dgs, ms; each stage but Adam holds those before it"
+    return SpeedTable(title, ("workload", "losses", *names, "whole"), tuple(rows))
 
 
 def _tracer(speed: EngineSpeed) -> SpeedTable:

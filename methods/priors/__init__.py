@@ -10,3 +10,4 @@ from graycard.methods.priors._spec import KindSpec as KindSpec
 from graycard.methods.priors._spec import Override as Override
 from graycard.methods.priors._spec import PriorSpec as PriorSpec
 from graycard.methods.priors._spec import of_kind as of_kind
+from graycard.methods.priors._spec import parse_priors as parse_priors

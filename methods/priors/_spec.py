@@ -2,12 +2,13 @@
 """Which priors a fit is given: part of what addresses a job, of a suite, of a run record."""
 
 import math
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from graycard import UnknownNameError, dumps
+from graycard import RecordError, UnknownNameError, decode, dumps
 from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
 from graycard.methods.priors import _colour, _depth, _inpainting, _mask, _material, _normal
 
@@ -92,6 +93,36 @@ class KindSpec:
     """Of a pretrained source: the folder or file; None for others, and where no path is given."""
     errors: Any
     """Of the oracle: the dataclass of its kind."""
+
+
+def parse_priors(text: str) -> PriorSpec:
+    """A spec in a word, as on a command line.
+
+    Args:
+        text: ``none``, ``classical``, ``oracle`` or ``oracle:3`` (severity), ``pretrained:FOLDER``, or a path
+            to a TOML file with the fields of a spec.
+
+    Raises:
+        RecordError: It is none of these, or the file is broken.
+        UnknownNameError: A source, a kind or a parameter that does not exist.
+    """
+    if text.endswith(".toml"):
+        try:
+            data: dict[str, Any] = tomllib.loads(Path(text).read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
+            raise RecordError(f"expected priors as TOML in {text}, got: {cause}") from cause
+        return decode(PriorSpec, data, RecordError, text)
+    source, _, more = text.partition(":")
+    if source not in SOURCES:
+        raise UnknownNameError("source of priors", source, SOURCES)
+    data = {"source": source}
+    if more and source == "oracle" and more.isdecimal():
+        data["severity"] = int(more)
+    elif more and source == "pretrained":
+        data["path"] = more
+    elif more:
+        raise RecordError(f"expected priors as in oracle:3 or pretrained:FOLDER, got {text!r}")
+    return decode(PriorSpec, data, RecordError, text)
 
 
 def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:

@@ -13,8 +13,10 @@ from numba import njit, prange
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
 from graycard.methods.splat._blocks import (
+    CENTRED,
     GROUP,
     LANES,
+    NORMAL,
     PIXELS,
     aligned,
     centre_in_tile,
@@ -27,6 +29,7 @@ from graycard.methods.splat._blocks import (
     where_drawn,
 )
 from graycard.methods.splat._blocks_read import PLANES, RANK, TO_MEDIAN, read_shape, read_tile
+from graycard.methods.splat._channels_backward import channel_gradient, narrow_gradient
 from graycard.methods.splat._coefficients import COLUMNS
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat._tiles import TILE, past_tile
@@ -37,9 +40,6 @@ HEIGHTS = (0,) * 2
 """With depths: of the disc's height, and of the centre's z-depth."""
 FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
-NORMAL = (0,) * 3
-MOMENTS = (0,) * 4
-PARTIAL = (0,) * 4
 
 
 @njit(forceinline=True)
@@ -91,11 +91,12 @@ def pull_of_shape(normals, surfel, planes, block, depth):
     """The same from normal and moments; and the derivative by the depth, of one weight."""
     place = block * PLANES * LANES
     pull = many.add_dot(simd.broadcast(0.0), normals, surfel * 3, many.load_many(planes, place, NORMAL))
-    total, first, inverse, square = many.load_many(planes, place + 3 * LANES, MOMENTS)
+    total, first, square, mean, mean_over = many.load_many(planes, place + 3 * LANES, CENTRED)
     over = simd.broadcast(1.0) / depth
-    pull = pull + simd.fma(first, depth, simd.fma(simd.fma(square, over, inverse), over, total))
-    slope = simd.fma(square * simd.broadcast(2.0), over, inverse)
-    return pull, simd.fnma(slope, over * over, first)
+    apart = over - mean_over
+    steep = square * apart
+    pull = pull + simd.fma(first, depth - mean, simd.fma(steep, apart, total))
+    return pull, simd.fnma(steep + steep, over * over, first)
 
 
 @njit(forceinline=True)
@@ -168,19 +169,6 @@ def pair_gradient(
 
 
 @njit(forceinline=True)
-def channel_gradient(mask, weights, wide, stride, to_channels, at):
-    """Gradients of a surfel's channels from one tile, sixteen channels at a time: weights times rows."""
-    for channel in range(0, stride, GROUP):
-        total = many.repeat(simd.broadcast(0.0), PARTIAL)
-        bits = mask
-        while bits != 0:
-            block, bits = next_bit(bits)
-            row = block * LANES * stride + channel
-            total = many.add_rows(total, weights, block * LANES, wide, row, stride)
-        simd.store(to_channels, at + channel, (total[0] + total[1]) + (total[2] + total[3]))
-
-
-@njit(forceinline=True)
 def slot_of(bounds, surfel, first, tile_x, tile_y):
     """Place of a pair among the places of its surfel: row-major over the tiles that it touches."""
     left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
@@ -216,7 +204,11 @@ def tile_gradient(
         )  # fmt: skip
         simd.store(to_geometry, slot * LANES, total)
         if to_channels is not None:
-            channel_gradient(mask, weights, wide, stride, to_channels, slot * stride)
+            at = slot * stride
+            if sixteen is not None:
+                channel_gradient(mask, weights, wide, stride, to_channels, at)
+            if template is not None:
+                narrow_gradient(mask, weights, channels, gradients, planes, template, to_channels, at)
 
 
 @njit(cache=True)
@@ -229,7 +221,8 @@ def gradient_part(
     positions, through = lane_positions(), aligned(PIXELS)
     suffix, gradients = aligned(PIXELS), aligned(channels * PIXELS)
     planes = floats_for(shape, PLANES * PIXELS)
-    weights, wide = floats_for(to_channels, PIXELS), floats_for(to_channels, stride * PIXELS)
+    weights, wide = floats_for(to_channels, PIXELS), floats_for(sixteen, stride * PIXELS)
+    room = aligned(PIXELS)
     columns = (image.shape[1] + TILE - 1) // TILE
     for turn in range((start.size - 1 + parts - 1 - part) // parts):
         tile = turn * parts + part
@@ -237,10 +230,10 @@ def gradient_part(
         through[:] = 1
         read_tile(
             tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
-            gradients, wide, stride, suffix,
+            gradients, wide, stride, suffix, room,
         )  # fmt: skip
         if shape is not None:
-            read_shape(tile_x, tile_y, shape, channels, planes, wide, stride, suffix)
+            read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix)
         tile_gradient(
             tile_x, tile_y, start[tile], drawn[tile], start[tile + 1], rows, bounds, listed, slots, masks,
             features, channels, template, sixteen, narrow, extra, normals, positions, through, suffix,
@@ -278,8 +271,8 @@ def backward(
         shape: None, or what it takes with the normals, see ``read_shape``.
         to_geometry: float32, flat, ``LANES`` a pair, to be written: ``PLAIN``, then channels if they are
             narrow, else ``HEIGHTS``, which are zero without normals.
-        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then of normals; None
-            if channels are narrow.
+        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then, from
+            ``_channels_backward.first_normal`` on, of normals; None if channels are narrow.
         stride: a multiple of ``GROUP``.
     """
     for part in prange(parts):

@@ -19,8 +19,12 @@ PIXELS = BLOCKS * LANES
 GROUP = 16
 """Channels that are summed at a time."""
 SIXTEEN = (0,) * GROUP
+ONE, NORMAL, MOMENTS = (0,), (0,) * 3, (0,) * 4
+"""Templates: one vector, the three of a normal, and the sums of w, w z, w / z and w / z^2."""
+CENTRED = (0,) * 5
+"""What depth and distortion pull: a constant, by z and by the square of 1/z, less their means; the means."""
 SHAPE_SUMS = 7
-"""Sums beside those of the channels: three of the normal, then of w, w z, w / z and w / z^2."""
+"""Sums beside those of the channels: three of the normal, then the moments."""
 HUGE = 1e30
 """An exponent at which nothing is left."""
 TINY = 1e-30
@@ -49,7 +53,7 @@ def lane_positions():
 
 @njit(forceinline=True)
 def centre_in_tile(rows, at, axis, corner):
-    """Coordinate of the box's centre from the tile's corner."""
+    """Coordinate of the anchor from the tile's corner."""
     return (rows[at + WHOLE + axis] - np.float32(corner)) + rows[at + REST + axis]
 
 

@@ -6,51 +6,100 @@ from numba import njit
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat._blocks import BLOCKS, GROUP, LANES, SHAPE_SUMS, pixel_of
-from graycard.methods.splat._blocks_write import KAPPA
-from graycard.methods.splat._tiles import TILE
+from graycard.methods.splat import _simd_pixels as pixels
+from graycard.methods.splat._blocks import (
+    BLOCKS,
+    GROUP,
+    LANES,
+    MOMENTS,
+    NORMAL,
+    ONE,
+    PIXELS,
+    pixel_of,
+)
+from graycard.methods.splat._blocks_write import KAPPA, as_image, is_whole, spread_of
 
-PLANES = SHAPE_SUMS + 2
-"""Gradients of the sums that are no channels, then that of the median depth, and the median's rank."""
-TO_MEDIAN, RANK = SHAPE_SUMS, SHAPE_SUMS + 1
+PLANES = 10
+"""Three of the normal, five of ``CENTRED``, and:"""
+TO_MEDIAN, RANK = 8, 9
+"""The gradient of the median depth, and the median's place in the list."""
+TO_DEPTH, TO_DISTORTION = 3, 4
+"""Planes where these gradients wait until they are ``CENTRED``."""
 
 
 @njit(forceinline=True)
-def read_lanes(tile_x, tile_y, channel, count, image, to_image, gradients, wide, stride, suffix):
-    """Bring so many channels of the image's gradient into blocks; add what they make of each pixel."""
-    height, width, channels = image.shape
+def read_lanes(tile_x, tile_y, image, to_image, channel, count, gradients, stride, first, suffix):
+    """Bring so many channels of an image's gradient to ``stride`` vectors a block, zero beyond the image.
+
+    With the image, what they make of each pixel is added to ``suffix``.
+    """
+    height, width = to_image.shape[:2]
     for block in range(BLOCKS):
         for lane in range(LANES):
             row, column = pixel_of(block, lane)
             row, column = tile_y + row, tile_x + column
-            total, pixel = 0.0, block * LANES + lane
-            for c in range(channel, channel + count):
+            for c in range(count):
                 gradient = 0.0
                 if row < height and column < width:
-                    gradient = np.float64(to_image[row, column, c])
-                    total += gradient * image[row, column, c]
-                gradients[(block * channels + c) * LANES + lane] = gradient
-                if wide is not None:
-                    wide[pixel * stride + c] = gradient
-            suffix[pixel] += total
+                    gradient = np.float64(to_image[row, column, channel + c])
+                    if image is not None:
+                        suffix[block * LANES + lane] += gradient * image[row, column, channel + c]
+                gradients[(block * stride + first + c) * LANES + lane] = gradient
+
+
+@njit(forceinline=True)
+def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, first, suffix):
+    """As ``read_lanes``, for all channels, as many as the template is long."""
+    width, channels = to_image.shape[1], len(template)
+    if not is_whole(tile_x, tile_y, to_image):
+        read_lanes(tile_x, tile_y, image, to_image, 0, channels, gradients, stride, first, suffix)
+        return
+    asked = to_image.reshape(-1)
+    for block in range(BLOCKS):
+        row, column = pixel_of(block, 0)
+        at = ((tile_y + row) * width + tile_x + column) * channels
+        pulls = pixels.load_pixels(asked, at, width * channels, template)
+        many.store_many(gradients, (block * stride + first) * LANES, pulls)
+        if image is not None:
+            drawn = pixels.load_pixels(image.reshape(-1), at, width * channels, template)
+            total = many.add_pairs(simd.load(suffix, block * LANES), drawn, pulls)
+            simd.store(suffix, block * LANES, total)
+
+
+@njit(cache=True)
+def read_plane(tile_x, tile_y, plane, to_plane, gradients, stride, first, suffix):
+    """As ``read_lanes``, for images without channels."""
+    image = None if plane is None else as_image(plane)
+    read_image(tile_x, tile_y, image, as_image(to_plane), ONE, gradients, stride, first, suffix)
+
+
+@njit(forceinline=True)
+def widen(gradients, stride, first, count, wide, row, channel):
+    """Write so many vectors of each block pixel by pixel, ``row`` floats apart."""
+    for block in range(BLOCKS):
+        for lane in range(LANES):
+            for c in range(count):
+                value = gradients[(block * stride + first + c) * LANES + lane]
+                wide[(block * LANES + lane) * row + channel + c] = value
 
 
 @njit(cache=True)
 def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stride, suffix):
-    """As ``read_lanes``, for sixteen channels; faster where the tile lies within the image."""
-    height, width, channels = image.shape
-    if tile_y + TILE > height or tile_x + TILE > width:
-        read_lanes(tile_x, tile_y, channel, GROUP, image, to_image, gradients, wide, stride, suffix)
+    """As ``read_lanes``, for sixteen channels; and pixel by pixel into ``wide``, ``stride`` floats apart."""
+    width, channels = image.shape[1:]
+    if not is_whole(tile_x, tile_y, image):
+        read_lanes(tile_x, tile_y, image, to_image, channel, GROUP, gradients, channels, channel, suffix)
+        widen(gradients, channels, channel, GROUP, wide, stride, channel)
         return
     drawn, asked = image.reshape(-1), to_image.reshape(-1)
     for block in range(BLOCKS):
         row, column = pixel_of(block, 0)
         at = ((tile_y + row) * width + tile_x + column) * channels + channel
-        pixels = many.load_square(asked, at, channels, width * channels)
-        many.store_square(wide, block * LANES * stride + channel, stride, 4 * stride, pixels)
-        pulls = many.transpose(pixels)
+        values = pixels.load_square(asked, at, channels, width * channels)
+        pixels.store_square(wide, block * LANES * stride + channel, stride, 4 * stride, values)
+        pulls = pixels.transpose(values)
         many.store_many(gradients, (block * channels + channel) * LANES, pulls)
-        sums = many.transpose(many.load_square(drawn, at, channels, width * channels))
+        sums = pixels.transpose(pixels.load_square(drawn, at, channels, width * channels))
         total = many.add_pairs(simd.load(suffix, block * LANES), sums, pulls)
         simd.store(suffix, block * LANES, total)
 
@@ -58,62 +107,52 @@ def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stri
 @njit(cache=True)
 def read_tile(
     tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
-    gradients, wide, stride, suffix,
+    gradients, wide, stride, suffix, room,
 ):  # fmt: skip
-    """Gradients of channels and of transmittance; ``suffix`` begins as what they make of each pixel."""
-    height, width, channels = image.shape
-    for block in range(BLOCKS):
-        for lane in range(LANES):
-            row, column = pixel_of(block, lane)
-            row, column, pixel = tile_y + row, tile_x + column, block * LANES + lane
-            inside = row < height and column < width
-            suffix[pixel] = transmittance[row, column] * to_transmittance[row, column] if inside else 0.0
-    channel = 0
+    """Gradients of channels and of transmittance; ``suffix`` becomes what they make of each pixel."""
+    channels = image.shape[2]
+    suffix[:] = 0
+    read_plane(tile_x, tile_y, transmittance, to_transmittance, room, 1, 0, suffix)
     if sixteen is not None:
-        while channel + GROUP <= channels:
+        for channel in range(0, channels, GROUP):
             read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stride, suffix)
-            channel += GROUP
     if template is not None:
-        count = len(template)
-        read_lanes(tile_x, tile_y, channel, count, image, to_image, gradients, wide, stride, suffix)
+        read_image(tile_x, tile_y, image, to_image, template, gradients, channels, 0, suffix)
+
+
+@njit(forceinline=True)
+def pull_moments(tile, planes, moments, ranks, suffix):
+    """Make ``CENTRED`` of the gradients of depth and distortion, which lie in its first planes.
+
+    With W the sum of weights and v the variance of 1/z, a weight at z moves the depth by (z - mean z) / W
+    and the distortion, which is W^2 v, by W (v + (1/z - mean)^2). About the means, for without them a pixel
+    with one surfel far away would get the difference of large numbers where zero is due. What they make of a
+    whole pixel is nothing for depth, a ratio, and twice itself for distortion, a product.
+    """
+    zero, kappa = simd.broadcast(0.0), simd.broadcast(KAPPA**2)
+    for block in range(BLOCKS):
+        at, kept = block * PLANES * LANES, tile * PIXELS + block * LANES
+        total, first, inverse, square = many.load_many(moments, 4 * kept, MOMENTS)
+        rank, spread = simd.load(ranks, kept), spread_of(total, inverse, square)
+        to_depth = simd.load(planes, at + TO_DEPTH * LANES)
+        to_spread = kappa * simd.load(planes, at + TO_DISTORTION * LANES)
+        to_spread = simd.where_less(zero, spread, to_spread, zero)
+        over = simd.where_at_least(rank, zero, simd.broadcast(1.0) / total, zero)
+        pulls = (to_spread * spread * over, to_depth * over, to_spread * total, first * over, inverse * over)
+        many.store_many(planes, at + TO_DEPTH * LANES, pulls)
+        simd.store(planes, at + RANK * LANES, rank)
+        whole = simd.fma(to_spread + to_spread, spread, simd.load(suffix, block * LANES))
+        simd.store(suffix, block * LANES, whole)
 
 
 @njit(cache=True)
-def read_shape(tile_x, tile_y, shape, channels, planes, wide, stride, suffix):
-    """Gradients of normals, depth, distortion and median depth as those of the sums behind them.
-
-    Depth is the first moment over the weight; distortion is weight times square less inverse squared.
-    """
+def read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix):
+    """Gradients of normals, depth, distortion and median depth as those of the sums behind them."""
     normal, moments, ranks, to_normal, to_depth, to_distortion, to_median = shape
-    height, width = ranks.shape
-    planes[:] = 0
-    for block in range(BLOCKS):
-        for lane in range(LANES):
-            row, column = pixel_of(block, lane)
-            row, column, pixel = tile_y + row, tile_x + column, block * LANES + lane
-            at = block * PLANES * LANES + lane
-            planes[at + RANK * LANES] = -1
-            for c in range(channels, stride):
-                wide[pixel * stride + c] = 0
-            if row >= height or column >= width or ranks[row, column] < 0:
-                continue
-            total, first, inverse, square = moments[row, column]
-            spread = np.float64(total) * np.float64(square) - np.float64(inverse) * np.float64(inverse)
-            asked = KAPPA**2 * to_distortion[row, column] if spread > 0 else 0.0
-            asked_depth = np.float64(to_depth[row, column]) / total
-            pulls = (
-                asked * square - asked_depth * first / total,
-                asked_depth,
-                -2 * asked * inverse,
-                asked * total,
-            )
-            whole = pulls[0] * total + pulls[1] * first + pulls[2] * inverse + pulls[3] * square
-            for c in range(3):
-                gradient = to_normal[row, column, c]
-                planes[at + c * LANES] = wide[pixel * stride + channels + c] = gradient
-                whole += gradient * normal[row, column, c]
-            for c in range(4):
-                planes[at + (3 + c) * LANES] = pulls[c]
-            planes[at + TO_MEDIAN * LANES] = to_median[row, column]
-            planes[at + RANK * LANES] = ranks[row, column]
-            suffix[pixel] += whole
+    read_image(tile_x, tile_y, normal, to_normal, NORMAL, planes, PLANES, 0, suffix)
+    read_plane(tile_x, tile_y, None, to_depth, planes, PLANES, TO_DEPTH, suffix)
+    read_plane(tile_x, tile_y, None, to_distortion, planes, PLANES, TO_DISTORTION, suffix)
+    read_plane(tile_x, tile_y, None, to_median, planes, PLANES, TO_MEDIAN, suffix)
+    pull_moments(tile, planes, moments, ranks, suffix)
+    if sixteen is not None:
+        widen(planes, PLANES, 0, 3, wide, stride, channels)

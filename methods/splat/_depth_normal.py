@@ -134,14 +134,10 @@ class _Mismatch(torch.autograd.Function):
         ctx: Any, depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: _Frame
     ) -> torch.Tensor:
         """As :func:`depth_normal_map`."""
-        from graycard.methods.splat._depth_normal_forward import mismatch_forward
-
-        values = torch.ones(depth.shape, dtype=depth.dtype)
-        images = _numbers(normal), _numbers(alpha), values.numpy()
-        mismatch_forward(_numbers(depth), frame.rays, frame.lens, frame.to_world, *images)
+        values = _mismatch(_numbers(depth), _numbers(normal), _numbers(alpha), frame)
         ctx.save_for_backward(depth, normal, alpha)
         ctx.frame = frame
-        return values
+        return torch.from_numpy(values)
 
     @staticmethod
     @once_differentiable
@@ -149,13 +145,51 @@ class _Mismatch(torch.autograd.Function):
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         """The gradients of depth and normal."""
-        from graycard.methods.splat._depth_normal_backward import mismatch_backward
+        depth, normal, alpha = (_numbers(one) for one in ctx.saved_tensors)
+        made = _mismatch_gradients(depth, normal, alpha, ctx.frame, _numbers(grad_outputs[0]))
+        return *(torch.from_numpy(values) for values in made), None, None
 
-        depth, normal, alpha = ctx.saved_tensors
-        pulls, to_normal = torch.zeros((2, *depth.shape), dtype=depth.dtype), torch.zeros_like(normal)
-        to_depth = torch.empty(depth.shape, dtype=depth.dtype)
-        given = _numbers(normal), _numbers(alpha), _numbers(grad_outputs[0])
-        made = pulls.numpy(), to_depth.numpy(), to_normal.numpy()
-        rays, lens, to_world, to_camera = ctx.frame
-        mismatch_backward(_numbers(depth), rays, lens, to_world, to_camera, *given, *made)
-        return to_depth, to_normal, None, None
+
+def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: _Frame) -> np.ndarray:
+    """As :func:`depth_normal_map`."""
+    if _by_lines(depth):
+        from graycard.methods.splat._depth_normal_kernels import mismatch_lines_forward
+
+        values = np.empty_like(depth)
+        flat = normal.reshape(-1), alpha.reshape(-1), values.reshape(-1)
+        place = frame.rays, frame.lens, frame.to_world.reshape(-1)
+        mismatch_lines_forward(depth.reshape(-1), depth.shape[1], *place, *flat)
+        return values
+    from graycard.methods.splat._depth_normal_forward import mismatch_forward
+
+    values = np.ones_like(depth)
+    mismatch_forward(depth, frame.rays, frame.lens, frame.to_world, normal, alpha, values)
+    return values
+
+
+def _mismatch_gradients(
+    depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: _Frame, upstream: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of depth and normal."""
+    to_depth = np.empty_like(depth)
+    if _by_lines(depth):
+        from graycard.methods.splat._depth_normal_kernels import mismatch_lines_backward
+
+        pulls, to_normal = np.empty((2, *depth.shape), np.float32), np.empty_like(normal)
+        place = frame.rays, frame.lens, frame.to_world.reshape(-1), frame.to_camera.reshape(-1)
+        given = normal.reshape(-1), alpha.reshape(-1), upstream.reshape(-1)
+        made = pulls, to_depth.reshape(-1), to_normal.reshape(-1)
+        mismatch_lines_backward(depth.reshape(-1), depth.shape[1], *place, *given, *made)
+        return to_depth, to_normal
+    from graycard.methods.splat._depth_normal_backward import mismatch_backward
+
+    pulls, to_normal = np.zeros((2, *depth.shape), depth.dtype), np.zeros_like(normal)
+    mismatch_backward(depth, *frame, normal, alpha, upstream, pulls, to_depth, to_normal)
+    return to_depth, to_normal
+
+
+def _by_lines(depth: np.ndarray) -> bool:
+    """Whether the faster kernels can take it."""
+    from graycard.methods.splat._depth_normal_kernels import LEAST_WIDTH  # Numba takes long to import
+
+    return depth.dtype == np.float32 and depth.shape[1] >= LEAST_WIDTH

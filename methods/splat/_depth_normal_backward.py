@@ -37,7 +37,7 @@ def times_opposite(pulled, opposite):
 def gathered(depth, pulls, row, column):
     """Gradient of the depth of a pixel."""
     height, width = depth.shape
-    total = pulls[0, row, column] * 0
+    total = pulls[0, 0, 0]  # on the border nothing pulls: zero in the dtype of the images
     if column > 1:
         total += times_opposite(pulls[0, row, column - 1], depth[row, column - 2])
     if column < width - 2:

@@ -14,6 +14,8 @@ from graycard.methods.splat._blocks import (
     BLOCKS,
     GROUP,
     LANES,
+    MOMENTS,
+    NORMAL,
     PIXELS,
     SHAPE_SUMS,
     aligned,
@@ -34,7 +36,6 @@ from graycard.methods.splat._tiles import TILE
 
 BATCH = 64
 """Surfels at a time: as many as a word has bits."""
-NORMAL = (0,) * 3
 
 
 @njit(forceinline=True)
@@ -105,7 +106,7 @@ def sum_group(found, hits, listed, first, weights, values, stride, channel, sums
 @njit(forceinline=True)
 def sum_moments(found, weights, depths, sums, at):
     """Add to the sums of w, w z, w / z and w / z^2."""
-    total, first, inverse, square = many.load_many(sums, at, (0, 0, 0, 0))
+    total, first, inverse, square = many.load_many(sums, at, MOMENTS)
     for hit in range(found):
         weight, depth = simd.load(weights, hit * LANES), simd.load(depths, hit * LANES)
         over = simd.broadcast(1.0) / depth
@@ -199,7 +200,7 @@ def draw_part(
         drawn[tile] = stopped - first
         write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image, transmittance)
         if shape is not None:
-            write_shape(tile_x, tile_y, shape_sums, medians, shape)
+            write_shape(tile_x, tile_y, tile, shape_sums, medians, shape)
 
 
 @njit(parallel=True, cache=True)

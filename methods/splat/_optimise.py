@@ -86,6 +86,7 @@ class FitState:
 
 def initial_state(parameters: Parameters, seed: int) -> FitState:
     """The state before the first step."""
+    parameters = Parameters(_dense(parameters.surfels), _dense(parameters.shared))
     moments = {name: _no_moments(values) for name, values in parameters.all.items()}
     random = torch.Generator().manual_seed(seed).get_state()
     return FitState(0, parameters, moments, nothing_seen(parameters), random)
@@ -124,7 +125,7 @@ def adam_step(
         _check_finite(gradient, name, state.step)
         m = state.moments[name]
         adam(
-            [everything[name]], [gradient], [m.first], [m.second], [], [m.steps],
+            [everything[name]], [gradient.contiguous()], [m.first], [m.second], [], [m.steps],
             fused=True, amsgrad=False, beta1=0.9, beta2=0.999, lr=rates[name].at(share),
             weight_decay=0.0, eps=EPSILON, maximize=False,
         )  # fmt: skip
@@ -164,6 +165,11 @@ def watch_screen(
         screen.views + seen,
         torch.maximum(screen.radius, torch.where(seen, radius, 0.0)),
     )
+
+
+def _dense(values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """The same in C order: the fused Adam of torch reads memory as it lies, whatever the strides say."""
+    return {name: v.contiguous() for name, v in values.items()}
 
 
 def _no_moments(values: torch.Tensor) -> Moments:

@@ -9,10 +9,12 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat._backward import FIRST_CHANNEL, LANES, PLAIN
+from graycard.methods.splat._channels_backward import first_normal
 from graycard.methods.splat._coefficients import D, U, V
 from graycard.methods.splat._project_forward import HALF_ROOT
 from graycard.methods.splat._project_frame import (
     added,
+    anchor_of,
     away_from,
     box_centre,
     centre_seen,
@@ -40,11 +42,11 @@ def sum_slots(slots, first, past, width, at, total):
 
 
 @njit(forceinline=True, error_model="numpy")
-def form_gradient(total, column, factor, to_rays, box):
+def form_gradient(total, column, factor, to_rays, anchor):
     """From the gradient of a linear form on pixels to that on rays."""
     x, y = factor * np.float64(total[column]), factor * np.float64(total[column + 1])
     constant = factor * np.float64(total[column + 2])
-    return turned(to_rays, (x + constant * box[0], y + constant * box[1], constant))
+    return turned(to_rays, (x + constant * anchor[0], y + constant * anchor[1], constant))
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -111,7 +113,7 @@ def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
 
 @njit(forceinline=True, error_model="numpy")
 def unproject_one(
-    surfel, centres, rotations, scales, opacities, camera, row, total, heights, to_normal,
+    surfel, centres, rotations, scales, opacities, moved, camera, size, row, total, heights, to_normal,
     to_centres, to_rotations, to_scales, to_opacities, to_offsets,
 ):  # fmt: skip
     """Write the gradients of one surfel from the sums of its slots."""
@@ -126,10 +128,11 @@ def unproject_one(
     wide, high = scaled(sizes[0], u), scaled(sizes[1], v)
     box_x, box_y, boxed = box_centre(K, wide, high, centre)
     box = box_x, box_y
+    anchor = anchor_of(box, moved, size)
 
-    to_first = form_gradient(total, U, -2.0, to_rays, box)
-    to_second = form_gradient(total, V, -2.0, to_rays, box)
-    to_away = form_gradient(total, D, 2.0, to_rays, box)
+    to_first = form_gradient(total, U, -2.0, to_rays, anchor)
+    to_second = form_gradient(total, V, -2.0, to_rays, anchor)
+    to_away = form_gradient(total, D, 2.0, to_rays, anchor)
     to_u, away_u, height_u, centre_u, to_size_u = axis_gradient(to_first, u, away, height, centre, sizes[0])
     to_v, away_v, height_v, centre_v, to_size_v = axis_gradient(to_second, v, away, height, centre, sizes[1])
     to_height = height_u + height_v
@@ -164,25 +167,27 @@ def unproject_one(
 def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
     x, y, z = 0.0, 0.0, 0.0
+    normal = first_normal(channels)
     for at in range(0, stride, LANES):
         sum_slots(slots, first, past, stride, at, total)
         for lane in range(LANES):
             channel = at + lane
             if channel < channels:
                 to_features[surfel, channel] = total[lane]
-            elif channel == channels:
+            elif channel == normal:
                 x = np.float64(total[lane])
-            elif channel == channels + 1:
+            elif channel == normal + 1:
                 y = np.float64(total[lane])
-            elif channel == channels + 2:
+            elif channel == normal + 2:
                 z = np.float64(total[lane])
     return x, y, z
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def unproject(
-    centres, rotations, scales, opacities, pose, K, to_rays, rows, slots, to_geometry, to_channels, stride,
-    heights, to_centres, to_rotations, to_scales, to_opacities, to_features, to_offsets,
+    centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height, rows, slots,
+    to_geometry, to_channels, stride, heights, to_centres, to_rotations, to_scales, to_opacities,
+    to_features, to_offsets,
 ):  # fmt: skip
     """Gradients of the surfels; the first arguments are those of ``project``.
 
@@ -191,9 +196,12 @@ def unproject(
         rotations: as there.
         scales: as there.
         opacities: as there.
+        offsets: as there.
         pose: as there.
         K: as there.
         to_rays: as there.
+        width: as there.
+        height: as there.
         rows: what it wrote.
         slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
         to_geometry: what ``backward`` wrote, and
@@ -207,7 +215,7 @@ def unproject(
         to_features: float32 ``(N, channels)``,
         to_offsets: ``(N, 2)``.
     """
-    channels = to_features.shape[1]
+    channels, size = to_features.shape[1], (np.float64(width), np.float64(height))
     for surfel in prange(len(centres)):
         first, past = slots[surfel], slots[surfel + 1]
         if first == past:
@@ -224,7 +232,8 @@ def unproject(
         if to_channels is None:
             for channel in range(channels):
                 to_features[surfel, channel] = total[FIRST_CHANNEL + channel]
+        moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
         unproject_one(
-            surfel, centres, rotations, scales, opacities, (pose, K, to_rays), rows[surfel], total, heights,
-            to_normal, to_centres, to_rotations, to_scales, to_opacities, to_offsets,
+            surfel, centres, rotations, scales, opacities, moved, (pose, K, to_rays), size, rows[surfel],
+            total, heights, to_normal, to_centres, to_rotations, to_scales, to_opacities, to_offsets,
         )  # fmt: skip

@@ -21,6 +21,7 @@ from graycard.methods.splat._coefficients import (
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR
 from graycard.methods.splat._project_frame import (
     added,
+    anchor_of,
     away_from,
     box_centre,
     centre_seen,
@@ -74,27 +75,27 @@ def write_form(row, first, form):
 
 
 @njit(forceinline=True)
-def write_centre(row, axis, value):
-    """One coordinate of the box's centre, in two parts."""
+def write_anchor(row, axis, value):
+    """One coordinate of the anchor, in two parts."""
     row[WHOLE + axis] = np.float32(np.floor(value + 0.5))
     row[REST + axis] = np.float32(value - np.float64(row[WHOLE + axis]))
 
 
 @njit(forceinline=True, error_model="numpy")
-def write_row(row, axes, centre, scales, logarithm, box, moved, to_rays):
+def write_row(row, axes, centre, scales, logarithm, anchor, moved, to_rays):
     """The columns of ``_coefficients`` but for the depth of the centre."""
     u, v, away = axes
     height = dot(away, centre)
     first = scaled(HALF_ROOT / scales[0], added(scaled(height, u), -dot(u, centre), away))
     second = scaled(HALF_ROOT / scales[1], added(scaled(height, v), -dot(v, centre), away))
-    write_form(row, U, on_image(first, to_rays, box))
-    write_form(row, V, on_image(second, to_rays, box))
-    write_form(row, D, on_image(away, to_rays, box))
+    write_form(row, U, on_image(first, to_rays, anchor))
+    write_form(row, V, on_image(second, to_rays, anchor))
+    write_form(row, D, on_image(away, to_rays, anchor))
     row[LOG_OPACITY] = logarithm * LOG2_E
     row[HEIGHT] = height / NEAR
     row[CENTRE_Z] = centre[2]
-    write_centre(row, 0, box[0] + moved[0])
-    write_centre(row, 1, box[1] + moved[1])
+    write_anchor(row, 0, anchor[0] + moved[0])
+    write_anchor(row, 1, anchor[1] + moved[1])
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -111,7 +112,8 @@ def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size,
     square = max(2 * (logarithm - LOG_ALPHA_MIN), 0.0)
     bounds = reach(square, K, wide, high, centre, (x, y), moved, size)
     if bounds[0] < bounds[1] and bounds[2] < bounds[3]:
-        write_row(row, (u, v, scaled(sign, normal)), centre, sizes, logarithm, (x, y), moved, to_rays)
+        anchor = anchor_of((x, y), moved, size)
+        write_row(row, (u, v, scaled(sign, normal)), centre, sizes, logarithm, anchor, moved, to_rays)
         normals[surfel, 0], normals[surfel, 1], normals[surfel, 2] = scaled(-sign, world[2])
     return bounds
 

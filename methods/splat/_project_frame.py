@@ -9,6 +9,8 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
+from graycard.methods.splat._coefficients import BEYOND
+
 
 @njit(forceinline=True, error_model="numpy")
 def dot(a, b):
@@ -83,10 +85,10 @@ def away_from(centre, normal):
 
 
 @njit(forceinline=True, error_model="numpy")
-def on_image(form, to_rays, box):
-    """A linear form on rays as one on pixels: slopes, and the value at the box's centre."""
+def on_image(form, to_rays, anchor):
+    """A linear form on rays as one on pixels: slopes, and the value at the anchor."""
     x, y, constant = turned_back(to_rays, form)
-    return x, y, x * box[0] + y * box[1] + constant
+    return x, y, x * anchor[0] + y * anchor[1] + constant
 
 
 @njit(forceinline=True, error_model="numpy")
@@ -119,3 +121,11 @@ def box_centre(K, u, v, centre):
         return x, y, 1.0
     x, y, _xx, _yy, _norm = rim(0.0, K, u, v, centre)
     return x, y, 0.0
+
+
+@njit(forceinline=True, error_model="numpy")
+def anchor_of(box, moved, size):
+    """Where the linear forms of a surfel begin, before its picture is moved, see ``_coefficients``."""
+    x = min(max(box[0] + moved[0], -BEYOND), size[0] + BEYOND)
+    y = min(max(box[1] + moved[1], -BEYOND), size[1] + BEYOND)
+    return x - moved[0], y - moved[1]

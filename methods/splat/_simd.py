@@ -193,6 +193,16 @@ def fnma(typing: Any, a: types.Type, b: types.Type, c: types.Type) -> Any:
 
 
 @_instruction
+def square_root(typing: Any, values: types.Type) -> Any:
+    """Rounded as IEEE 754 has it; NaN of negative numbers."""
+
+    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
+        return _call(builder, "llvm.sqrt.v16f32", given)
+
+    return _signature(values), code
+
+
+@_instruction
 def exp2(typing: Any, exponent: types.Type) -> Any:
     """``2 ** exponent`` with a relative error below ``EXP2_ERROR``, arguments clamped to ``EXP2_RANGE``.
 

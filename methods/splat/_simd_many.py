@@ -225,14 +225,37 @@ def lane_sums(typing: Any, vectors: types.Type) -> Any:
     count = _vectors(vectors).count
 
     def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
-        partial = [*_unpack(builder, given[0], count), *[None] * (LANES - count)]
-        while len(partial) > 1:
-            half = len(partial) // 2
-            pairs = zip(partial[:half], partial[half:], strict=True)
-            partial = [_fold(builder, x, y, half) for x, y in pairs]
-        return partial[0]
+        return _lane_sums(builder, [*_unpack(builder, given[0], count), *[None] * (LANES - count)])
 
     return float32x16(vectors), code
+
+
+@_instruction
+def lane_sums_of_halves(typing: Any, low: types.Type, high: types.Type) -> Any:
+    """As :func:`lane_sums` of two tuples of up to eight: the sums of the second begin at lane eight.
+
+    The second tuple may not be the longer one.
+    """
+    counts, half = (_vectors(low).count, _vectors(high).count), LANES // 2
+    if not counts[1] <= counts[0] <= half:
+        raise TypingError(f"expected up to {half} float32x16 and no more of the second, got {counts}")
+
+    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
+        both = [_unpack(builder, values, count) for values, count in zip(given, counts, strict=True)]
+        return _lane_sums(
+            builder, [one for values in both for one in (*values, *[None] * (half - len(values)))]
+        )
+
+    return float32x16(low, high), code
+
+
+def _lane_sums(builder: ir.IRBuilder, partial: list[Any]) -> Any:
+    """Of sixteen vectors, some of them None, none of which faces another half of the list alone."""
+    while len(partial) > 1:
+        half = len(partial) // 2
+        pairs = zip(partial[:half], partial[half:], strict=True)
+        partial = [_fold(builder, x, y, half) for x, y in pairs]
+    return partial[0]
 
 
 def _fold(builder: ir.IRBuilder, x: Any, y: Any, half: int) -> Any:
@@ -240,26 +263,6 @@ def _fold(builder: ir.IRBuilder, x: Any, y: Any, half: int) -> Any:
     if x is None:
         return None
     return _fold_pair(builder, x, _constant(0.0) if y is None else y, half)
-
-
-@_instruction
-def transpose(typing: Any, vectors: types.Type) -> Any:
-    """Sixteen vectors of sixteen: lane j of vector i goes to lane i of vector j."""
-    if _vectors(vectors).count != LANES:
-        raise TypingError(f"expected {LANES} vectors, got {vectors}")
-
-    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
-        rows = _unpack(builder, given[0], LANES)
-        for half in (8, 4, 2, 1):  # swap the off-diagonal quarters of squares of 2 half x 2 half
-            low = [i if i & half == 0 else LANES + i - half for i in range(LANES)]
-            high = [i + half if i & half == 0 else LANES + i for i in range(LANES)]
-            for i in (i for i in range(LANES) if i & half == 0):
-                pair = (rows[i], rows[i + half])
-                rows[i] = builder.shuffle_vector(*pair, ir.Constant(_INT_VECTOR, low))
-                rows[i + half] = builder.shuffle_vector(*pair, ir.Constant(_INT_VECTOR, high))
-        return _pack(builder, rows)
-
-    return vectors(vectors), code
 
 
 @_instruction
@@ -309,50 +312,3 @@ def bit_count(typing: Any, bits: types.Type) -> Any:
         return builder.ctpop(given[0])
 
     return types.int64(types.uint64), code
-
-
-def _square(builder: ir.IRBuilder, first: Any, step: Any, jump: Any) -> list[Any]:
-    """Addresses of 4 x 4 vectors: ``step`` floats apart within a row, rows ``jump`` floats apart."""
-    places = []
-    for row in range(4):
-        place = builder.gep(first, [builder.mul(jump, ir.Constant(_WORD, row))], inbounds=True)
-        for _column in range(4):
-            places.append(place)
-            place = builder.gep(place, [step], inbounds=True)
-    return places
-
-
-@_instruction
-def load_square(
-    typing: Any, array: types.Type, offset: types.Type, step: types.Type, jump: types.Type
-) -> Any:
-    """Sixteen vectors from ``array[offset:]``, four by four: ``step`` apart in a row, rows ``jump`` apart."""
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[Any]) -> Any:
-        first = _address(context, builder, signature, given)
-        return _pack(builder, [_load(builder, place) for place in _square(builder, first, *given[2:])])
-
-    return types.UniTuple(float32x16, LANES)(array, offset, types.int64, types.int64), code
-
-
-@_instruction
-def store_square(
-    typing: Any,
-    array: types.Type,
-    offset: types.Type,
-    step: types.Type,
-    jump: types.Type,
-    vectors: types.Type,
-) -> Any:
-    """Write sixteen vectors to where :func:`load_square` reads them."""
-    if _vectors(vectors).count != LANES:
-        raise TypingError(f"expected {LANES} vectors, got {vectors}")
-
-    def code(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[Any]) -> Any:
-        first = _address(context, builder, signature, given)
-        places = _square(builder, first, given[2], given[3])
-        for place, vector in zip(places, _unpack(builder, given[4], LANES), strict=True):
-            builder.store(vector, builder.bitcast(place, _VECTOR.as_pointer()), align=4)
-        return context.get_dummy_value()
-
-    return types.void(array, offset, types.int64, types.int64, vectors), code

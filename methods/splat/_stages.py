@@ -13,7 +13,7 @@ from numba import get_num_threads
 
 from graycard import Camera, MethodError
 from graycard.methods.splat._backward import HEIGHTS, backward
-from graycard.methods.splat._blocks import GROUP, LANES, SIXTEEN
+from graycard.methods.splat._blocks import GROUP, LANES, PIXELS, SIXTEEN
 from graycard.methods.splat._coefficients import COLUMNS
 from graycard.methods.splat._forward import forward
 from graycard.methods.splat._project_backward import unproject
@@ -89,9 +89,9 @@ class Shape:
     distortion: np.ndarray
     median_depth: np.ndarray
     moments: np.ndarray
-    """Shape ``(H, W, 4)``: sums of w, w z, w / z and w / z^2."""
+    """Flat, float32: for each block of each tile four vectors, the sums of w, w z, w / z and w / z^2."""
     ranks: np.ndarray
-    """Shape ``(H, W)``, int32: place in its tile's list of the surfel of the median depth, or -1."""
+    """Flat, float32, a vector a block: place in the tile's list of the surfel of the median depth, or -1."""
 
 
 @dataclass(frozen=True)
@@ -225,7 +225,7 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
         np.empty(lists.tiles.surfels.size, np.uint16),
         np.empty(tiles, np.int32),
         np.empty(tiles, np.int32),
-        _empty_shape(size) if scene.shaped else None,
+        _empty_shape(size, tiles) if scene.shaped else None,
     )
     cast(Any, forward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
@@ -285,9 +285,9 @@ def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Sl
         np.empty_like(scene.offsets),
     )
     cast(Any, unproject)(
-        scene.centres, scene.rotations, scene.scales, scene.opacities, *scene.matrices, projected.rows,
-        lists.slots, slots.geometry.reshape(-1), _flat(slots.channels), slots.stride, scene.shaped,
-        *_arrays(result),
+        scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
+        scene.camera.width, scene.camera.height, projected.rows, lists.slots, slots.geometry.reshape(-1),
+        _flat(slots.channels), slots.stride, scene.shaped, *_arrays(result),
     )  # fmt: skip
     return result
 
@@ -319,6 +319,7 @@ def _vectors(count: int, width: int) -> np.ndarray:
     return room[first : first + count * width].reshape(count, width)
 
 
-def _empty_shape(size: tuple[int, int]) -> Shape:
-    images = [np.empty((*size, 3), np.float32), *(np.empty(size, np.float32) for _ in range(3))]
-    return Shape(*[*images, np.empty((*size, 4), np.float32), np.empty(size, np.int32)])
+def _empty_shape(size: tuple[int, int], tiles: int) -> Shape:
+    depth, distortion, median = (np.empty(size, np.float32) for _ in range(3))
+    moments, ranks = (_vectors(tiles, count * PIXELS).reshape(-1) for count in (4, 1))
+    return Shape(np.empty((*size, 3), np.float32), depth, distortion, median, moments, ranks)

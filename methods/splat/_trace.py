@@ -49,6 +49,7 @@ def trace(
 
     Raises:
         UnknownNameError: There is no such back end.
+        MethodError: Tree and results would not fit into the memory that is available (``cpu``).
         ValueError: Features, rays or the tree do not fit the surfels.
     """
     features = checked_features(surfels, features)

@@ -11,6 +11,7 @@ from graycard.methods.splat._bvh import Bvh, bvh_of
 from graycard.methods.splat._bvh_kernels import RECORD, gather_features, gather_gradients
 from graycard.methods.splat._rays import Rays, Traced
 from graycard.methods.splat._simd import LANES
+from graycard.methods.splat._stages import check_memory
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._trace_backward import INNER, backward
 from graycard.methods.splat._trace_forward import forward, packets_of
@@ -38,8 +39,11 @@ def trace_cpu(surfels: Surfels, rays: Rays, features: torch.Tensor, bvh: Bvh | N
         What the rays meet, differentiable once in all that was given.
 
     Raises:
+        MethodError: There is not enough memory.
         ValueError: The tree is that of other surfels, or the surfels are not on the CPU.
     """
+    needed = _bytes_needed(len(surfels), len(rays), features.shape[1])
+    check_memory(needed, f"{len(surfels)} surfels along {len(rays)} rays")
     if bvh is None:
         bvh = bvh_of(surfels)
     else:
@@ -96,7 +100,7 @@ class _Trace(torch.autograd.Function):
     ) -> tuple[torch.Tensor | None, ...]:
         """Gradients of all tensors of the forward pass."""
         tree, geometry = ctx.plan.bvh.tree, ctx.plan.bvh.geometry
-        stride = LANES * (1 + -(-max(ctx.shape[1] - INNER, 0) // LANES))
+        stride = _stride(ctx.shape[1])
         sums = np.zeros((_parts(tree.order.size * stride), tree.order.size * stride), np.float32)
         to_rays = [np.empty_like(ctx.scene[1]), np.empty_like(ctx.scene[2])]
         to_outputs = (_float32(values) for values in grad_outputs)
@@ -111,6 +115,17 @@ class _Trace(torch.autograd.Function):
 
 def _float32(values: torch.Tensor) -> np.ndarray:
     return np.ascontiguousarray(values.detach().numpy(), np.float32)
+
+
+def _bytes_needed(surfels: int, rays: int, channels: int) -> int:
+    """About what tree, results and sums of gradients take, there and back."""
+    a_surfel = 2 * 80 + 4 * (RECORD + channels) + 4 * _stride(channels)
+    return surfels * a_surfel + rays * 4 * (2 * channels + 12 + 2 * 6)
+
+
+def _stride(channels: int) -> int:
+    """Floats of a surfel's gradients: one vector, and what it has no room for."""
+    return LANES * (1 + -(-max(channels - INNER, 0) // LANES))
 
 
 def _parts(floats: int) -> int:

@@ -55,7 +55,7 @@ def start(capture: Capture, views: Sequence[Photograph], settings: SunFadedSetti
     Raises:
         MethodError: There are too few sparse points.
     """
-    discs = sparse_discs(capture, settings.surfels, settings.fill)
+    discs = sparse_discs(capture, settings.surfels, settings.fill, seed)
     linear = settings.space == "linear"
     albedo = (decode(discs.features) if linear else discs.features).float().clamp(DARKEST, 1)
     shared = lamp_parameters(seed)

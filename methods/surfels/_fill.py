@@ -15,23 +15,25 @@ from scipy.spatial import QhullError
 from graycard import Camera, Capture, MethodError, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import encode
-from graycard.methods.surfels._sweep import SweptDepth, SweptView, depth_ratio, sweep_depths
+from graycard.methods.surfels._planes import with_planes
+from graycard.methods.surfels._sweep import HIDES, SweptDepth, SweptView, depth_ratio, sweep_depths
 
 MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
 MARGIN = 1.6
-"""How far the depths that are looked at go beyond those of the points of a view, as a factor."""
+"""How far the depths that are looked at go beyond those of points, as a factor: the nearest of the view, and
+the farthest of all views, for few points lie on what is far."""
 FAR = 0.95
 """Quantile of all known depths that counts as far."""
-HIDES = 0.05
-"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
 SMOOTH = 5
 """Pixels on each side of the windows whose median depth is taken."""
 FLAT = 9
 """Pixels on each side of the windows whose mean inverse depth gives normals."""
 
 
-def surfels_between(capture: Capture, points: Points, count: int, opacity: float) -> Surfels | None:
+def surfels_between(
+    capture: Capture, points: Points, count: int, opacity: float, seed: int
+) -> Surfels | None:
     """Discs on a grid of each training view's pixels, at the depth that stereo finds.
 
     Args:
@@ -39,6 +41,7 @@ def surfels_between(capture: Capture, points: Points, count: int, opacity: float
         points: Sparse points, world: between which depths surfaces are sought.
         count: About how many discs in all.
         opacity: alpha at each centre.
+        seed: Of the search for planes.
 
     Returns:
         The surfels; None if there would be next to none.
@@ -52,11 +55,12 @@ def surfels_between(capture: Capture, points: Points, count: int, opacity: float
     shown = [
         encode(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure))) for v in capture.train
     ]
+    far = MARGIN * max(float(z.max()) for _, z in known)
     views = [
-        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), float(z.max() * MARGIN))
+        SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), far)
         for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
     ]
-    depths = dense_depths(cameras, sweep_depths(views))
+    depths = dense_depths(cameras, with_planes(views, sweep_depths(views), seed))
     parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))

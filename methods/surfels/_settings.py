@@ -14,11 +14,10 @@ class SurfelSettings:
     surfels: int = 5000
     """No more than these."""
     fill: float = 0.75
-    """Share of ``surfels`` that begin where stereo finds depth; 0: on the sparse points alone, as in the
-    paper, whose captures have many more views and points."""
-    degree: int = 1
-    """Of the spherical harmonics of each surfel's colour, 0 to 3; three have more numbers than a dozen views
-    can tell."""
+    """Share of ``surfels`` that begin where stereo and large planes give depth; 0: on sparse points alone,
+    as in the paper, whose captures have many more views and points."""
+    degree: int = 3
+    """Of the spherical harmonics of each surfel's colour, 0 to 3."""
     sky_degree: int = 0
     """Of those of what is seen past all surfels, 0 to 3."""
     ssim_share: float = 0.2

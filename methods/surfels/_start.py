@@ -31,16 +31,17 @@ def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Param
     Raises:
         MethodError: There are too few points.
     """
-    return with_colours(sparse_discs(capture, settings.surfels, settings.fill), settings)
+    return with_colours(sparse_discs(capture, settings.surfels, settings.fill, seed), settings)
 
 
-def sparse_discs(capture: Capture, count: int, fill: float) -> Discs:
+def sparse_discs(capture: Capture, count: int, fill: float, seed: int) -> Discs:
     """Round discs where stereo finds depth, else on the sparse points, facing the cameras that found them.
 
     Args:
         capture: The photographs; the discs' features are their encoded colours.
         count: Discs that there may be in the end.
         fill: Share of them that begin where stereo finds depth; 0: none.
+        seed: Of the fit.
 
     Raises:
         MethodError: There are too few points.
@@ -51,7 +52,7 @@ def sparse_discs(capture: Capture, count: int, fill: float) -> Discs:
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    between = surfels_between(capture, points, round(fill * count), OPACITY)
+    between = surfels_between(capture, points, round(fill * count), OPACITY, seed)
     if between is not None:
         return between
     toward = _toward_cameras(capture, points)
@@ -97,9 +98,14 @@ def _oriented_points(capture: Capture, priors: Priors, name: str) -> tuple[np.nd
 
 
 def with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
-    """Parameters whose colours are the features, encoded, from everywhere; under a black sky."""
+    """Parameters whose colours are the features, encoded, from everywhere.
+
+    Their mean is the colour of the sky: it is seen where no photograph looked, and black would be a worse
+    guess.
+    """
     count = len(discs)
     base = (discs.features[:, None] - 0.5) / (0.5 / np.sqrt(np.pi))
     detail = torch.zeros(count, coefficient_count(settings.degree) - 1, 3)
     sky = torch.zeros(coefficient_count(settings.sky_degree), 3)
+    sky[0] = base.mean(dim=(0, 1))
     return parameters_of(discs, {COEFFICIENTS: base.float(), DETAIL: detail}, {SKY: sky})

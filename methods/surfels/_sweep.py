@@ -13,6 +13,8 @@ from torch.nn.functional import avg_pool2d, grid_sample
 
 from graycard import Camera
 
+Ease = tuple[np.ndarray, np.ndarray]
+
 PLANES = 64
 WINDOW = 7
 """Pixels on each side of the windows that are compared."""
@@ -28,6 +30,9 @@ WITNESSES = 2
 """Views that must agree; one where there is but one."""
 AGREEMENT = 0.03
 """Relative difference of depth up to which two views agree."""
+
+HIDES = 0.05
+"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +63,7 @@ def sweep_depths(views: Sequence[SweptView]) -> list[SweptDepth]:
     Args:
         views: Two or more, of one scene.
     """
-    partners = [_partners(views, number) for number in range(len(views))]
+    partners = [partners_of(views, number) for number in range(len(views))]
     depths = [sweep_depth(views, number) for number in range(len(views))]
     swept = []
     for number, found in enumerate(partners):
@@ -78,10 +83,10 @@ def sweep_depth(views: Sequence[SweptView], number: int) -> np.ndarray:
     Returns:
         Shape ``(H, W)``, metres; NaN if no other looks from nearby in about the same direction.
     """
-    return _swept(views[number], [views[p] for p in _partners(views, number)])
+    return _swept(views[number], [views[p] for p in partners_of(views, number)])
 
 
-def _partners(views: Sequence[SweptView], number: int) -> list[int]:
+def partners_of(views: Sequence[SweptView], number: int) -> list[int]:
     """The views that look from nearby in about the same direction, nearest first."""
     here = views[number].camera
     away = [float(np.linalg.norm(v.camera.position - here.position)) for v in views]
@@ -95,16 +100,33 @@ def _swept(view: SweptView, partners: Sequence[SweptView]) -> np.ndarray:
     if not partners:
         return np.full(view.grey.shape, np.nan)
     inverse = np.linspace(1 / view.far, 1 / view.near, PLANES)
-    likeness = torch.stack([_likeness(view, partner, inverse) for partner in partners])
-    better = likeness.topk((len(partners) + 1) // 2, dim=0).values.mean(dim=0)
-    cost = _semi_global(1 - better.permute(1, 2, 0).numpy())
+    likeness = mean_likeness(view, partners, inverse[:, None, None], WINDOW)
+    cost = semi_global(1 - likeness.permute(1, 2, 0).numpy(), STEP, JUMP)
     return 1 / _lowest(cost, inverse)
 
 
-def _likeness(view: SweptView, partner: SweptView, inverse: np.ndarray) -> torch.Tensor:
-    """Normalised cross-correlation of windows, shape ``(planes, H, W)``; 0 outside the partner."""
+def mean_likeness(
+    view: SweptView, partners: Sequence[SweptView], inverse: np.ndarray, window: int
+) -> torch.Tensor:
+    """How much the better half of the partners look like a view, if its surfaces are at some depths.
+
+    Args:
+        view: The view.
+        partners: One or more others.
+        inverse: shape ``(K, H, W)`` or ``(K, 1, 1)``: K hypotheses of one over z-depth, 1/m, positive.
+        window: Pixels on each side of the windows that are compared, odd.
+
+    Returns:
+        Mean normalised cross-correlation of windows, shape ``(K, H, W)``, [-1, 1].
+    """
+    likeness = torch.stack([_likeness(view, partner, inverse, window) for partner in partners])
+    return likeness.topk((len(partners) + 1) // 2, dim=0).values.mean(dim=0)
+
+
+def _likeness(view: SweptView, partner: SweptView, inverse: np.ndarray, window: int) -> torch.Tensor:
+    """Normalised cross-correlation of windows, shape ``(K, H, W)``; 0 outside the partner."""
     rays = view.camera.rays() / (view.camera.rays() @ view.camera.forward)[..., None]
-    points = view.camera.position + rays / inverse[:, None, None, None]
+    points = view.camera.position + rays / inverse[..., None]
     pixels, z = partner.camera.project(points)
     size = np.array([partner.camera.width, partner.camera.height])
     seen = torch.from_numpy((z > 0) & (pixels > 0).all(axis=-1) & (pixels < size).all(axis=-1))
@@ -112,40 +134,51 @@ def _likeness(view: SweptView, partner: SweptView, inverse: np.ndarray) -> torch
     images = partner.grey.expand(len(inverse), 1, -1, -1)
     warped = grid_sample(images, grid, align_corners=False, padding_mode="border")
     mine = view.grey[None, None]
-    mean, other = _window(mine), _window(warped)
-    covariance = _window(mine * warped) - mean * other
-    variances = (_window(mine * mine) - mean**2) * (_window(warped * warped) - other**2)
+    mean, other = _mean(mine, window), _mean(warped, window)
+    covariance = _mean(mine * warped, window) - mean * other
+    variances = (_mean(mine * mine, window) - mean**2) * (_mean(warped * warped, window) - other**2)
     correlation = covariance / (variances.clamp(min=0).sqrt() + NOISE)
     return torch.where(seen, correlation[:, 0], 0.0)
 
 
-def _window(images: torch.Tensor) -> torch.Tensor:
+def _mean(images: torch.Tensor, window: int) -> torch.Tensor:
     """Mean over a square window; at the border over what there is."""
-    half = WINDOW // 2
-    rows = avg_pool2d(images, (WINDOW, 1), 1, (half, 0), count_include_pad=False)
-    return avg_pool2d(rows, (1, WINDOW), 1, (0, half), count_include_pad=False)
+    half = window // 2
+    rows = avg_pool2d(images, (window, 1), 1, (half, 0), count_include_pad=False)
+    return avg_pool2d(rows, (1, window), 1, (0, half), count_include_pad=False)
 
 
-def _semi_global(cost: np.ndarray) -> np.ndarray:
-    """Costs ``(H, W, planes)`` summed along paths from four sides, on which a change of plane has a price."""
+def semi_global(cost: np.ndarray, step: float, jump: float, ease: Ease | None = None) -> np.ndarray:
+    """Costs summed along paths from four sides, on which a change of label has a price.
+
+    Args:
+        cost: shape ``(H, W, K)``, of each of K labels.
+        step: Price of a change to the label before or after.
+        jump: Price of any other change.
+        ease: Factors on both prices between neighbours, (0, 1]: shapes ``(H - 1, W)`` and ``(H, W - 1)``;
+            1 if None.
+    """
+    height, width = cost.shape[:2]
+    factors = ease or (np.ones((height - 1, width)), np.ones((height, width - 1)))
     total = np.zeros_like(cost)
-    for axis in (0, 1):
-        lines = np.moveaxis(cost, axis, 0)
+    for axis, factor in enumerate(factors):
+        lines, weights = np.moveaxis(cost, axis, 0), np.moveaxis(factor, axis, 0)[..., None]
         for way in (1, -1):
-            total += np.moveaxis(_along(lines[::way])[::way], 0, axis)
+            paths = _along(lines[::way], step * weights[::way], jump * weights[::way])
+            total += np.moveaxis(paths[::way], 0, axis)
     return total
 
 
-def _along(lines: np.ndarray) -> np.ndarray:
-    """The least cost of a path that ends at each pixel and plane, along the first axis."""
+def _along(lines: np.ndarray, step: np.ndarray, jump: np.ndarray) -> np.ndarray:
+    """The least cost of a path that ends at each pixel and label, along the first axis."""
     paths = np.empty_like(lines)
     paths[0] = lines[0]
     for here in range(1, len(lines)):
         before = paths[here - 1]
         least = before.min(axis=-1, keepdims=True)
         beside = np.pad(before, ((0, 0), (1, 1)), constant_values=np.inf)
-        stepped = np.minimum(beside[:, :-2], beside[:, 2:]) + STEP
-        paths[here] = lines[here] + np.minimum(np.minimum(before, stepped), least + JUMP) - least
+        stepped = np.minimum(beside[:, :-2], beside[:, 2:]) + step[here - 1]
+        paths[here] = lines[here] + np.minimum(np.minimum(before, stepped), least + jump[here - 1]) - least
     return paths
 
 

@@ -16,6 +16,14 @@ from graycard._colour import luminance as luminance
 from graycard._colour import srgb_decode as srgb_decode
 from graycard._colour import srgb_encode as srgb_encode
 from graycard._colour import srgb_slope as srgb_slope
+from graycard._comparison import COMPARISON as COMPARISON
+from graycard._comparison import AboveCeiling as AboveCeiling
+from graycard._comparison import Comparison as Comparison
+from graycard._comparison import MethodStanding as MethodStanding
+from graycard._comparison import MetricComparison as MetricComparison
+from graycard._comparison import PairDifference as PairDifference
+from graycard._comparison import PairVerdict as PairVerdict
+from graycard._comparison import read_comparison as read_comparison
 from graycard._dataset import IMPORTER as IMPORTER
 from graycard._dataset import TRACKS as TRACKS
 from graycard._dataset import capture_folders as capture_folders
@@ -25,6 +33,7 @@ from graycard._dataset import open_truth as open_truth
 from graycard._dataset import write_index as write_index
 from graycard._edits import Composition as Composition
 from graycard._edits import Donor as Donor
+from graycard._edits import EditKind as EditKind
 from graycard._edits import LightEdit as LightEdit
 from graycard._edits import composed_file as composed_file
 from graycard._errors import DatasetError as DatasetError
@@ -36,6 +45,7 @@ from graycard._errors import PredictionError as PredictionError
 from graycard._errors import RecordError as RecordError
 from graycard._errors import RenderError as RenderError
 from graycard._errors import UnknownNameError as UnknownNameError
+from graycard._errors import WeightsError as WeightsError
 from graycard._exr import read_layers as read_layers
 from graycard._exr import read_rgb as read_rgb
 from graycard._exr import write_layers as write_layers
@@ -43,6 +53,7 @@ from graycard._exr import write_rgb as write_rgb
 from graycard._files import atomic_folder as atomic_folder
 from graycard._files import atomic_path as atomic_path
 from graycard._files import free_mib as free_mib
+from graycard._files import output_error as output_error
 from graycard._files import sha256 as sha256
 from graycard._files import sha256_of_files as sha256_of_files
 from graycard._files import sources_hash as sources_hash
@@ -89,9 +100,13 @@ from graycard._predictions import clear_predictions as clear_predictions
 from graycard._predictions import finish_predictions as finish_predictions
 from graycard._predictions import open_predictions as open_predictions
 from graycard._predictions import predictions_hash as predictions_hash
+from graycard._predictions import write_composed as write_composed
+from graycard._predictions import write_environment as write_environment
+from graycard._predictions import write_relit as write_relit
 from graycard._predictions import write_view as write_view
 from graycard._progress import Progress as Progress
 from graycard._progress import silent as silent
+from graycard._records import Access as Access
 from graycard._records import Cost as Cost
 from graycard._records import Invariance as Invariance
 from graycard._records import Job as Job
@@ -106,6 +121,9 @@ from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
 from graycard._sensor import Sensor as Sensor
+from graycard._shares import PARTS as PARTS
+from graycard._shares import lights_of as lights_of
+from graycard._shares import with_sums as with_sums
 from graycard._transfer import ExchangeFormat as ExchangeFormat
 from graycard._transfer import export_capture as export_capture
 from graycard._transfer import import_capture as import_capture

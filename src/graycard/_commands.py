@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from graycard._commands_checks import CheckResult, Compare
 from graycard._commands_runs import Bench, Fit, Gate, Methods, Report
 from graycard._commands_scenes import Export, Import, Look, Render, Scenes, Verify
 from graycard._commands_scores import ScoreCommand
@@ -49,6 +50,8 @@ COMMANDS: dict[str, type[Any]] = {
     "score": ScoreCommand,
     "bench": Bench,
     "gate": Gate,
+    "compare": Compare,
+    "check-result": CheckResult,
     "report": Report,
     "look": Look,
     "export": Export,

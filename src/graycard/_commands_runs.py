@@ -40,11 +40,13 @@ class Methods:
         return OK
 
     def _show(self, screen: Screen, name: str) -> int:
-        from graycard.methods import load_method
+        from graycard.methods import asks_of, load_method
 
         method = load_method(name)
         screen.out.print(f"{name}: {method.summary}")
-        screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}\n")
+        asked = [f"{ask.kind} of {', '.join(ask.of)}" for ask in asks_of(method)]
+        screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}")
+        screen.out.print(f"asks a prior for: {'; '.join(asked) or 'nothing'}\n")
         with suppress(SystemExit):
             tyro.cli(
                 method.settings_type, args=["--help"], prog=f"graycard fit {name} SCENE --out PREDICTIONS"
@@ -71,18 +73,23 @@ class Fit:
     """Equal seeds give equal predictions."""
     save: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
     """Also save the decomposition itself here."""
+    priors: str = "none"
+    """What answers what the method asks: none, oracle:SEVERITY, classical, pretrained:FOLDER, or a path to
+    priors that ends in .toml."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Fit, then render every view."""
         from graycard._json import encode
         from graycard.benchmarks import FitSpec, fit_scene
         from graycard.methods import load_method
+        from graycard.methods.priors import parse_priors
 
         method = load_method(self.method)
         settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
-        spec = FitSpec(self.method, encode(settings), self.seed, self.scene)
+        priors = parse_priors(self.priors)
+        spec = FitSpec(self.method, encode(settings), self.seed, self.scene, priors=priors)
         with screen.progress() as progress:
-            cost = fit_scene(spec, self.out, progress, self.save)
+            cost = fit_scene(spec, self.out, progress, self.save).cost
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         return OK
 

@@ -3,11 +3,28 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from graycard._errors import UnknownNameError
+
+RELIGHTING, COMPOSITION = "relighting", "composition"
+"""Folders of changed lights and of the composition, relative to the truth, and to a predictions folder."""
+
+EditKind = Literal["off", "moved", "recoloured", "environment"]
+"""What is done to the lights: one is switched off, moved or given another colour; or all are off and the
+surroundings are others."""
+
+_KINDS: tuple[tuple[str, EditKind], ...] = (
+    ("without-", "off"),
+    ("moved-", "moved"),
+    ("flash-moved", "moved"),
+    ("recoloured-", "recoloured"),
+    ("flash-recoloured", "recoloured"),
+    ("environment-", "environment"),
+)
+"""By how the name of an edit begins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +39,28 @@ class LightEdit:
     """One sentence that says what is changed."""
 
     @property
+    def kind(self) -> EditKind | None:
+        """What is done to the lights, by the name; None for a name of another maker."""
+        return next((kind for start, kind in _KINDS if self.name.startswith(start)), None)
+
+    @property
     def folder(self) -> str:
-        """Where its files are, relative to the truth."""
-        return f"relighting/{self.name}"
+        """Where its files are, relative to the truth, and to a predictions folder."""
+        return relit_folder(self.name)
 
     def view_file(self, view: str) -> str:
         """The file of a view under the changed lights, relative to the truth."""
-        return f"{self.folder}/views/{view}.exr"
+        return relit_file(self.name, view)
+
+
+def relit_folder(edit: str) -> str:
+    """Folder of a change of the lights, relative to the truth, and to a predictions folder."""
+    return f"{RELIGHTING}/{edit}"
+
+
+def relit_file(edit: str, view: str) -> str:
+    """The file of a view under changed lights, relative to the truth, and to a predictions folder."""
+    return f"{relit_folder(edit)}/views/{view}.exr"
 
 
 def find_edit(edits: Iterable[LightEdit], name: str) -> LightEdit:
@@ -73,10 +105,6 @@ class Composition:
     """Id of the object in ``object_id`` layers of the composed views; others have the ids of this scene."""
 
 
-COMPOSITION = "composition"
-"""Folder of the composition, relative to the truth."""
-
-
 def composed_file(view: str) -> str:
-    """The file of a composed view, relative to the truth."""
+    """The file of a composed view, relative to the truth, and to a predictions folder."""
     return f"{COMPOSITION}/views/{view}.exr"

@@ -2,6 +2,7 @@
 """Layers in OpenEXR files: named channels, float32, scene-linear Rec.709, written whole or not at all."""
 
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,7 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, st
 
 
 def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
+    sys.audit("graycard.read", str(path))  # OpenEXR opens files where Python's own audit does not see it
     if not Path(path).is_file():
         raise error(f"expected an EXR file at {path}, got none")
     try:

@@ -4,6 +4,9 @@
 PREDICTIONS/predictions.json    who made it, for which scene
 PREDICTIONS/views/<view>.exr    channels <layer>.<suffix>, linear, float32
 PREDICTIONS/lights.json         optional: the lights that were found
+PREDICTIONS/relighting/<edit>/views/<view>.exr   optional: held-out views under changed lights
+PREDICTIONS/composition/views/<view>.exr         optional: held-out views with an object put in
+PREDICTIONS/environments/       optional: images of environments among them, or where lights.json says
 """
 
 import hashlib
@@ -14,13 +17,15 @@ from pathlib import Path
 
 import numpy as np
 
+from graycard._edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard._errors import GraycardError, OutputError, PredictionError
-from graycard._exr import read_layers, write_layers
+from graycard._exr import read_layers, read_rgb, write_layers, write_rgb
 from graycard._files import sha256, sha256_of_files, writable_folder
 from graycard._json import IN_MEMORY, check_version, decode, read_json, write_json
-from graycard._lights import Light, read_lights, write_lights
+from graycard._lights import EnvironmentLight, Light, read_lights, write_lights
 
-INDEX, LIGHTS, VIEWS = "predictions.json", "lights.json", "views"
+INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"
+FOLDERS = (VIEWS, ENVIRONMENTS, RELIGHTING, COMPOSITION)
 PREDICTIONS_VERSION = 1
 
 
@@ -57,6 +62,39 @@ class Predictions:
         self._check_hash(path)
         return read_layers(path, PredictionError)
 
+    def relit(self, edit: str, view: str) -> dict[str, np.ndarray] | None:
+        """The predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
+
+        Args:
+            edit: Name of the change, as in :attr:`graycard.Truth.edits`.
+            view: Name of the view.
+
+        Returns:
+            None where the method provides none.
+
+        Raises:
+            PredictionError: As for :meth:`layers`.
+        """
+        return self._optional(relit_file(edit, view))
+
+    def composed(self, view: str) -> dict[str, np.ndarray] | None:
+        """The predicted picture of a held-out view with an object of another scene: ``radiance``.
+
+        Returns:
+            None where the method provides none.
+
+        Raises:
+            PredictionError: As for :meth:`layers`.
+        """
+        return self._optional(composed_file(view))
+
+    def _optional(self, name: str) -> dict[str, np.ndarray] | None:
+        path = self._root / name
+        if not path.is_file() and name not in self.files:
+            return None
+        self._check_hash(path)
+        return read_layers(path, PredictionError)
+
     def lights(self) -> tuple[Light, ...] | None:
         """The predicted lights; None where the method provides none.
 
@@ -72,6 +110,25 @@ class Predictions:
             return read_lights(path)
         except GraycardError as cause:
             raise PredictionError(str(cause)) from cause
+
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
+
+        Raises:
+            PredictionError: The file is missing or broken, lies outside of the folder, was changed after its
+                hash was taken, or holds values that are not finite or below 0.
+        """
+        path = self._root / light.image
+        if not path.resolve().is_relative_to(self._root.resolve()):
+            raise PredictionError(
+                f"expected the image of light {light.name!r} in the predictions folder, got {light.image}. "
+                "Put it beside lights.json"
+            )
+        self._check_hash(path)
+        values = read_rgb(path, PredictionError)
+        if not (values >= 0).all() or not np.isfinite(values).all():
+            raise PredictionError(f"expected finite radiance of 0 or more in {path}, got other values")
+        return values
 
     def is_whole(self) -> bool:
         """Whether the files are exactly those that the index lists, as they were written."""
@@ -122,7 +179,7 @@ def clear_predictions(folder: Path) -> Path:
     """
     folder = Path(folder)
     names = [p.name for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
-    foreign = sorted(set(names) - {INDEX, LIGHTS, VIEWS})
+    foreign = sorted(set(names) - {INDEX, LIGHTS, *FOLDERS})
     if foreign:
         raise OutputError(
             f"expected {folder} to be free or to hold predictions, got {', '.join(foreign[:3])} in it. "
@@ -131,7 +188,8 @@ def clear_predictions(folder: Path) -> Path:
     writable_folder(folder)
     for name in (INDEX, LIGHTS):
         (folder / name).unlink(missing_ok=True)
-    shutil.rmtree(folder / VIEWS, ignore_errors=True)
+    for name in FOLDERS:
+        shutil.rmtree(folder / name, ignore_errors=True)
     return folder
 
 
@@ -149,6 +207,57 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
         OutputError: The folder cannot be written to, or the disk is full.
     """
     write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
+
+
+def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) -> EnvironmentLight:
+    """Write the image of a predicted environment.
+
+    Args:
+        folder: The predictions folder.
+        light: Whose image it is.
+        image: shape ``(H, W, 3)``, latitude-longitude, radiance in W/m²/sr.
+
+    Returns:
+        The light with the path of its image: what belongs into ``lights.json``.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    path = f"{ENVIRONMENTS}/{light.name}.exr"
+    write_rgb(Path(folder) / path, image)
+    return replace(light, image=path)
+
+
+def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> None:
+    """Write a picture of a held-out view under changed lights.
+
+    Args:
+        folder: The predictions folder.
+        edit: Name of the change: ``truth/relighting/<edit>/lights.json`` are the lights after it.
+        view: Name of the view, as in the capture.
+        radiance: ``(H, W, 3)``, linear, W/m²/sr.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_layers(Path(folder) / relit_file(edit, view), {"radiance": radiance})
+
+
+def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
+    """Write a picture of a held-out view with the object of ``truth/composition/composition.json`` in it.
+
+    Args:
+        folder: The predictions folder.
+        view: Name of the view, as in the capture.
+        radiance: ``(H, W, 3)``, linear, W/m²/sr.
+
+    Raises:
+        ValueError: The array has another shape.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    write_layers(Path(folder) / composed_file(view), {"radiance": radiance})
 
 
 def finish_predictions(

@@ -15,7 +15,8 @@ Status = Literal["scored", "failed", "not provided"]
 
 Invariance = Literal["global gain", "channel gain", "sign"]
 """A change of what is predicted (of a light: of its intensity) that may leave a score as it is: times one
-positive factor, times one such factor for each channel, times -1."""
+positive factor, times one such factor for each channel, times -1. Light that surfaces receive is divided by
+what albedo is multiplied by, as the photographs do not change then."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +111,21 @@ class Cost:
 
 
 @dataclass(frozen=True, slots=True)
+class Access:
+    """What a fit could see: the evidence that no truth was read."""
+
+    guard: str
+    """How truth was closed to the method's process, and the version of that way."""
+    capture_sha256: str
+    """Hash of the manifest of the capture that was copied for the fit."""
+    handed: tuple[str, ...] = ()
+    """Layers of truth (and ``lights``) that were handed in as priors, sorted; empty for a fit from the
+    capture alone."""
+    refused: tuple[str, ...] = ()
+    """Paths of truth that the method tried to open, in order, each once; it was refused them."""
+
+
+@dataclass(frozen=True, slots=True)
 class JobResult:
     """How a job ended."""
 
@@ -122,6 +138,8 @@ class JobResult:
     """Why it failed."""
     sheet: ScoreSheet | None = None
     cost: Cost | None = None
+    access: Access | None = None
+    """What the fit could see; None in the record of a graycard that did not close the truth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +217,7 @@ def read_score_sheet(path: Path) -> ScoreSheet:
     Raises:
         RecordError: It is missing, damaged, misspelt, or of a newer format.
     """
-    return _read(ScoreSheet, path, "graycard-scores")
+    return read_record(ScoreSheet, path, "graycard-scores")
 
 
 def read_run(run: Path) -> RunRecord:
@@ -213,12 +231,17 @@ def read_run(run: Path) -> RunRecord:
         raise RecordError(
             f"expected a run folder with run.json at {run}, got none. Make one with `graycard bench`"
         )
-    return _read(RunRecord, path, "graycard-run")
+    return read_record(RunRecord, path, "graycard-run")
 
 
-def _read(cls: type[Any], path: Path, kind: str) -> Any:
+def read_record(cls: type[Any], path: Path, kind: str, newest: int = RECORD_VERSION) -> Any:
+    """A record of some format from a file.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, of another format, or of a version above ``newest``.
+    """
     data = read_json(path)
-    check_version(data, RECORD_VERSION, path)
+    check_version(data, newest, path)
     record = decode(cls, data, RecordError, str(path))
     if record.format != kind:
         raise RecordError(f"expected {kind} in {path}, got {record.format}")

@@ -9,9 +9,9 @@ import numpy as np
 from graycard._capture import View, file_of, find_view
 from graycard._edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard._errors import DatasetError
-from graycard._exr import read_layers
+from graycard._exr import read_layers, read_rgb
 from graycard._json import IN_MEMORY, decode, read_json
-from graycard._lights import Light, read_lights
+from graycard._lights import EnvironmentLight, Light, read_lights
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +68,14 @@ class Truth:
             DatasetError: The file is missing or broken.
         """
         return read_lights(file_of(self.root, "lights.json"))
+
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
+
+        Raises:
+            DatasetError: The file is missing or broken.
+        """
+        return read_rgb(file_of(self.root, light.image))
 
     def relit(self, edit: str, view: View) -> dict[str, np.ndarray]:
         """A held-out view under changed lights: ``radiance`` with its variance and both its halves.

@@ -13,6 +13,7 @@ import pytest
 
 import graycard as gc
 from graycard.__main__ import main
+from graycard.benchmarks import check_result
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks._runner import job_hash
 
@@ -40,6 +41,23 @@ def test_every_job_is_there(tiny_run: Path):
     assert all(r.status == "done" and r.cost and r.cost.peak_memory_mib > 1 for r in record.results)
     assert record.environment["packages"]["mitsuba"]
     assert record.environment["renderer"][0]["variant"] in ("llvm_ad_rgb", "scalar_rgb")
+
+
+def test_a_bench_compares_and_its_result_is_valid(tiny_run: Path):
+    """All but the commit, which a checkout under work does not have."""
+    found = gc.read_comparison(tiny_run)
+    assert found
+    assert {pair.verdict for table in found.metrics for pair in table.pairs} <= {"too few scenes"}
+    assert {m.method for m in found.find("dark", "albedo.psnr.channel").methods} == {
+        "truth", "gray", "input", "retinex"
+    }  # fmt: skip
+    breaches = check_result(tiny_run, rescore=True).breaches
+    assert {(breach.rule, breach.unknown) for breach in breaches} <= {("origin", False)}, breaches
+    record = gc.read_run(tiny_run)
+    assert all(len(r.sheet.protocols) > 10 for r in record.results if r.sheet)
+    assert all(not r.access.refused for r in record.results if r.access)
+    sees = {m.name: bool(m.sees) for m in record.methods}
+    assert all(r.access and bool(r.access.handed) is sees[r.job.method] for r in record.results)
 
 
 def test_truth_scores_the_optimum_of_every_metric(tiny_run: Path):

@@ -96,7 +96,13 @@ def test_a_run_holds_every_part(record: speed.EngineSpeed):
     assert {point.along for point in record.scaling} == {"surfels", "pixels", "channels", "threads"}
     assert "reference" in {peer.peer for peer in record.peers}
     assert {loss.loss for loss in record.losses} == {"L1 + SSIM", "depth-normal"}
-    assert [step.workload for step in record.steps] == ["tiny"]
+    assert [(step.workload, step.losses) for step in record.steps] == [
+        ("tiny", "photometric"),
+        ("tiny", "and geometry"),
+    ]
+    for step in record.steps:
+        assert list(step.stages) == ["colours", "loss", "gradients", "Adam"]
+        assert all(timing.ms > 0 for timing in (step.whole, *step.stages.values()))
     assert [cost.kind for cost in record.tracer] == ["camera", "incoherent"]
     assert {"cpu", "git_commit", "packages"} <= set(record.environment)
     assert {"numba", "torch"} <= set(record.environment["packages"])
@@ -143,7 +149,7 @@ def test_tables_have_a_row_for_each_figure(record: speed.EngineSpeed):
     assert rows["Scaling"] == len(record.scaling)
     assert rows["Peers in the same run"] == len(record.peers)
     assert rows["Losses"] == len(record.losses)
-    assert rows["A whole step of a fit"] == 1
+    assert rows["A whole step of 2dgs"] == 2
     assert rows["Tracer beside Mitsuba's ellipsoids"] == 2
 
 

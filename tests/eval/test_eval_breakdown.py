@@ -36,8 +36,8 @@ def left_half(ids: np.ndarray) -> np.ndarray:
 
 def shifted(view: gc.View, layers: Layers) -> Layers:
     """Wrong on the right half alone."""
-    right = ~left_half(layers["radiance"][..., 0])[..., None]
-    return {k: np.where(right, v * 0.8 + 0.05, v).astype(np.float32) for k, v in layers.items()}
+    right = ~left_half(layers["radiance"][..., 0])
+    return {k: np.where(right.T, v.T * 0.8 + 0.05, v.T).T.astype(np.float32) for k, v in layers.items()}
 
 
 def test_interior_and_boundary_are_what_the_truth_calls_pure(

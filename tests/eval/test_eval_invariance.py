@@ -12,27 +12,69 @@ from hypothesis import strategies as st
 
 import graycard as gc
 import graycard.eval as ge
-from graycard.eval._images import Scene, fit_gauges, judge
+from graycard.eval._assembly import Scene
+from graycard.eval._environment_scores import compare_spheres
+from graycard.eval._image_metric import ImageMetric
+from graycard.eval._images import judge
+from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
 from graycard.eval._light_scores import score_lights
-from graycard.eval._metrics import IMAGE_METRICS, LIGHT_METRICS, ImageMetric
+from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._readings import PredictedView, TrueView
-from graycard.eval._training import Training
+from graycard.eval._relighting import (
+    COMPOSITION_METRICS,
+    RELIGHTING_METRICS,
+    ChangedMetric,
+    Picture,
+    judge_picture,
+)
+from graycard.eval._removal import EFFECTS
+from graycard.eval._spheres import render_spheres
+from graycard.eval._table import VIEW_METRICS
+from graycard.eval._training import REFLECTANCES, Fit, Training, fit_gauges
+from graycard.eval._view_metrics import ViewMetric, judge_view
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
 
 RNG = np.random.default_rng(77)
-SHAPE = 24, 26, 3
-CAMERA = gc.Camera.from_fov(26, 24, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+SHAPE = 32, 34, 3
+CAMERA = gc.Camera.from_fov(34, 32, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
 VIEW = gc.View("test_000", "test", CAMERA)
 COLOR = RNG.uniform(0.1, 0.5, SHAPE)
 TRUE = {
     "radiance": RNG.uniform(0.05, 0.7, SHAPE),
     "counterfactual.radiance": RNG.uniform(0.05, 0.7, SHAPE),
     "base_color": COLOR,
+    "diffuse_reflectance": COLOR * 0.8,
+    "albedo": COLOR * 0.9,
     "normal": RNG.normal(size=SHAPE) / 2,
     "object_id": np.ones(SHAPE[:2], np.uint32),
+    "depth": RNG.uniform(1, 2, SHAPE[:2]),
+    "roughness": RNG.uniform(0.2, 0.8, SHAPE[:2]),
+    "metallic": RNG.uniform(0.2, 0.8, SHAPE[:2]),
+    "shading": RNG.uniform(0.2, 2, SHAPE),
+    "irradiance.lamp": RNG.uniform(0.5, 6, SHAPE),
+    "radiance.lamp": RNG.uniform(0.05, 0.7, SHAPE),
+    **{part: RNG.uniform(0.05, 0.7, SHAPE) for part in gc.PARTS},
 }
-PREDICTED = {k: v * RNG.uniform(0.7, 1.2, SHAPE) for k, v in TRUE.items() if k != "object_id"}
-LIGHTS = tuple(gc.PointLight(f"l{i}", (float(i), 0.2 * i, 1.0), (3.0, 2.0, 1.0 + i)) for i in range(3))
+PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k != "object_id"}
+RECEIVED = ("shading", "irradiance.lamp")
+"""Light loses what albedo gains, so that the photographs stay as they are."""
+LIT = np.repeat(RNG.integers(0, 2, (24, 13)), 2, axis=1).astype(float)
+BESIDE = {
+    "radiance.var": np.full(SHAPE, 1e-4),
+    "counterfactual.radiance.var": np.full(SHAPE, 1e-4),
+    "shading": np.where(LIT[..., None] > 0, 1.0, 0.3) * np.ones(SHAPE),
+    "visibility.lamp": LIT,
+    "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),
+    "direct.specular.lamp": RNG.uniform(0, 0.2, SHAPE),
+    **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
+}
+"""What metrics with rules of their own ask the truth for."""
+LIGHTS = tuple(
+    gc.SpotLight(f"s{i}", (float(i), 0.2 * i, 1.0), (0.1 * i, 0.2, -1), (3.0, 2.0, 1.0 + i), 20, 30)
+    for i in range(3)
+)
+SPHERE = gc.SphereLight("s3", (5.0, 0.0, 1.0), 0.2, (3.0, 2.0, 4.0))
+SKY = RNG.uniform(0.1, 2, (8, 16, 3))
 
 GAIN = st.floats(0.3, 5)
 CHANGES: dict[gc.Invariance, st.SearchStrategy[np.ndarray]] = {
@@ -46,14 +88,50 @@ ONCE = settings(max_examples=8, database=None, deadline=None, phases=(Phase.gene
 CASES: tuple[gc.Invariance, ...] = get_args(gc.Invariance)
 
 
+def acted_on(name: str, values: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """What an element of a group makes of a layer; a layer of one channel takes the first factor."""
+    scale = factors if values.ndim == 3 else factors[0]
+    return values / scale if name in RECEIVED else values * scale
+
+
+def gauges_of(layers: dict[str, np.ndarray]) -> Training:
+    mask = np.ones(SHAPE[:2], bool)
+    fits = {name: Fit((ge.moments(layers[name], TRUE[name], mask),)) for name in REFLECTANCES}
+    return Training(frozenset(layers), (), fits)
+
+
 def image_score(metric: ImageMetric, factors: np.ndarray) -> float | None:
     """The value of one view whose prediction, also in training, is multiplied; None where it failed."""
-    layers = {name: values * factors for name, values in PREDICTED.items()}
+    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    true = TrueView(VIEW, TRUE, frozenset(), frozenset({1}))
+    each = replace(metric, layer=metric.layer.replace("<light>", "lamp"))
+    return judge(each, PredictedView(VIEW, layers), true, scene_of(layers), {}).value
+
+
+def scene_of(layers: dict[str, np.ndarray]) -> Scene:
+    training = gauges_of(layers)
+    return Scene(1.2, training, fit_gauges(training))
+
+
+def view_score(metric: ViewMetric, factors: np.ndarray) -> float | None:
+    """The value of one view by a rule of its own, as ``image_score``."""
+    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    true = TrueView(VIEW, TRUE | BESIDE, frozenset())
+    finding = judge_view(metric, PredictedView(VIEW, layers), true, scene_of(layers))
+    assert finding is not None, "the view has something to judge"
+    return finding.value
+
+
+def changed_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
+    """The value of one picture under changed lights, whose albedo is multiplied as well."""
+    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
     true = TrueView(VIEW, TRUE, frozenset())
-    sums = ge.moments(layers["base_color"], TRUE["base_color"], true.mask("base_color"))
-    training = Training(frozenset(layers), (), (sums,), ())
-    scene = Scene(1.2, training, fit_gauges(training))
-    return judge(metric, PredictedView(VIEW, layers), true, scene, {}).value
+    kind = record.id.split(".")[-1] if record.id.count(".") == 2 else None
+    mask, relit = true.mask("radiance"), {"radiance": layers["counterfactual.radiance"]}
+    truth = {"radiance": TRUE["counterfactual.radiance"]}
+    picture = Picture("e", kind, VIEW, truth, lambda: relit, mask)  # pyright: ignore[reportArgumentType]
+    table = (*RELIGHTING_METRICS, *COMPOSITION_METRICS)
+    return judge_picture(table, picture, scene_of(layers))[record.id].value
 
 
 @dataclass(frozen=True)
@@ -69,12 +147,26 @@ class Stub:
 
 
 def light_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
-    shifted = [replace(light, position=(light.position[0], 0.1, 1.2)) for light in LIGHTS]
+    """The value for lights whose intensity is multiplied, and albedo divided, by what the group says."""
     colors = [np.array(light.intensity) * (1.1, 1.0, 0.9) * factors for light in LIGHTS]
-    scaled = [replace(a, intensity=tuple(b.tolist())) for a, b in zip(shifted, colors, strict=True)]
-    scores = score_lights(Stub(tuple(scaled)), Stub(LIGHTS))  # pyright: ignore[reportArgumentType]
+    shifted = [
+        replace(light, position=(light.position[0], 0.1, 1.2), direction=(0, 0, -1), intensity=tuple(color))
+        for light, color in zip(LIGHTS, np.array(colors).tolist(), strict=True)
+    ]
+    radiance = tuple((np.array(SPHERE.radiance) * (1.1, 1.0, 0.9) * factors).tolist())
+    found = (*shifted, replace(SPHERE, radiance=radiance, radius=0.3))
+    gauge = fit_gauges(gauges_of({name: PREDICTED[name] / factors for name in REFLECTANCES}))["light"]
+    scores = score_lights(Stub(found), Stub((*LIGHTS, SPHERE)), gauge)  # pyright: ignore[reportArgumentType]
     (score,) = (s for s in scores if s.metric == record.id)
     return score.value
+
+
+def environment_score(factors: np.ndarray) -> float | None:
+    blurred = np.roll(SKY, 1, axis=1) * (1.1, 1.0, 0.8)
+    try:
+        return compare_spheres(render_spheres(blurred * factors), render_spheres(SKY)).value
+    except gc.PredictionError:
+        return None
 
 
 def protocol_score(protocol: AlbedoProtocol, factors: np.ndarray) -> float | None:
@@ -109,6 +201,7 @@ def prove(
     holds()
 
 
+@pytest.mark.usefixtures("random_lpips")
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("metric", IMAGE_METRICS, ids=lambda m: m.record.id)
 def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
@@ -118,11 +211,35 @@ def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
 
 
 @pytest.mark.parametrize("group", CASES)
+@pytest.mark.parametrize("metric", VIEW_METRICS, ids=lambda m: m.record.id)
+def test_a_view_metric_ignores_what_it_declares_and_nothing_else(
+    metric: ViewMetric, group: gc.Invariance
+) -> None:
+    prove(lambda factors: view_score(metric, factors), metric.record.ignores, group)
+
+
+@pytest.mark.parametrize("group", CASES)
+@pytest.mark.parametrize("metric", [*RELIGHTING_METRICS, *COMPOSITION_METRICS], ids=lambda m: m.record.id)
+def test_a_changed_picture_is_judged_in_the_gauge_of_the_albedo(
+    metric: ChangedMetric, group: gc.Invariance
+) -> None:
+    prove(lambda factors: changed_score(metric.record, factors), metric.record.ignores, group)
+
+
+@pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("record", LIGHT_METRICS, ids=lambda r: r.id)
 def test_a_light_metric_ignores_what_it_declares_and_nothing_else(
     record: gc.MetricRecord, group: gc.Invariance
 ) -> None:
     prove(lambda factors: light_score(record, factors), record.ignores, group)
+
+
+@pytest.mark.parametrize("group", CASES)
+@pytest.mark.parametrize("record", ENVIRONMENT_METRICS, ids=lambda r: r.id)
+def test_an_environment_metric_ignores_what_it_declares_and_nothing_else(
+    record: gc.MetricRecord, group: gc.Invariance
+) -> None:
+    prove(environment_score, record.ignores, group)
 
 
 @pytest.mark.parametrize("group", CASES)

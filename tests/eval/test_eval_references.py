@@ -1,26 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every metric against a second library or a closed form, as closely as one table says."""
 
-import warnings
 from collections.abc import Callable
 from itertools import permutations
-from types import ModuleType
 
 import flip_evaluator
 import numpy as np
 import pytest
 from scipy.ndimage import convolve1d
+from scipy.stats import theilslopes
 from skimage.color import deltaE_ciede2000
 from skimage.metrics import peak_signal_noise_ratio
 
 import graycard as gc
 import graycard.eval as ge
+import layer_references
+from graycard.eval._assembly import Scene
 from graycard.eval._colour_difference import REC709_TO_XYZ
+from graycard.eval._noise_error import NOISE_METRICS
+from graycard.eval._readings import TrueView
+from graycard.eval._relighting import RELIGHTING_METRICS, Picture, judge_picture
+from graycard.eval._training import Fit, Training, fit_gauges
+from layer_references import Pair, colour_science
 
 RNG = np.random.default_rng(31)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
 PREDICTED = np.clip(TRUE * (1.1, 0.9, 1.0) + RNG.normal(0, 0.1, TRUE.shape), 0, 1)
 EVERYWHERE = np.ones((50, 42), bool)
+VIEW = gc.View("v", "test", gc.Camera.from_fov(42, 50, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3))))
 SHARMA = (
     ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
     ((50.0, 3.1571, -77.2803), (50.0, 0.0, -82.7485), 2.8615),
@@ -30,15 +37,6 @@ SHARMA = (
     ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
 )
 """Pairs 1, 2, 9, 17, 25 and 34 of the paper's test data: hue near blue, hues apart, dark."""
-Pair = tuple[np.ndarray | float, np.ndarray | float]
-
-
-def colour_science() -> ModuleType:
-    """The library, which warns about plotting when it is imported."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import colour
-    return colour
 
 
 def psnr() -> Pair:
@@ -106,6 +104,53 @@ def assignment() -> Pair:
     return np.array(ours), np.array(best)
 
 
+def residual() -> Pair:
+    inside = RNG.random((50, 42)) < 0.3
+    effect, left = (image[inside].ravel() for image in (TRUE - PREDICTED, 0.4 * TRUE))
+    ours = ge.residual_energy(PREDICTED + 0.4 * TRUE, PREDICTED, TRUE, inside)
+    return ours, np.linalg.lstsq(effect[:, None], left)[0].item()
+
+
+def leakage() -> Pair:
+    """One pixel in five has any error at all, which moves a least squares fit and not a median."""
+    light = RNG.normal(size=301)
+    errors = np.where(RNG.random(301) < 0.2, RNG.normal(0, 5, 301) + 3 * light, 0.37 * light + 0.1)
+    assert abs(np.polyfit(light, errors, 1)[0] - 0.37) > 0.1
+    return ge.median_slope(errors, light, *ge.partners(light)), float(
+        np.asarray(theilslopes(errors, light))[0]
+    )
+
+
+def local_variance() -> Pair:
+    mask = RNG.random((50, 42)) < 0.7
+    expected = np.zeros_like(TRUE)
+    for i, j in np.argwhere(mask):
+        window = slice(max(i - 2, 0), i + 3), slice(max(j - 2, 0), j + 3)
+        expected[i, j] = TRUE[window][mask[window]].mean(axis=0)
+    return ge.local_variance(TRUE, mask), expected
+
+
+def error_over_noise() -> Pair:
+    offsets, sigma = RNG.uniform(0, 4, 3), 0.01
+    layers = {"radiance": TRUE, "radiance.var": np.full_like(TRUE, sigma**2), "object_id": EVERYWHERE * 1}
+    question = NOISE_METRICS[0].question(TrueView(VIEW, layers, frozenset()), 1.0)
+    ours, _ = NOISE_METRICS[0].answer(TRUE + offsets * sigma, question)
+    return ours, float(np.sqrt(np.mean(offsets**2)))
+
+
+def relit() -> Pair:
+    p, t = PREDICTED.reshape(-1, 3), TRUE.reshape(-1, 3)
+    factors = np.array([np.linalg.lstsq(p[:, [c]], t[:, c])[0].item() for c in range(3)])
+    fit = Fit((ge.moments(PREDICTED, TRUE, EVERYWHERE),))
+    training = Training(frozenset({"base_color"}), (), {"base_color": fit})
+    light, dark = PREDICTED[::-1], TRUE[::-1]
+    picture = Picture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
+    scene = Scene(0.8, training, fit_gauges(training))
+    found = judge_picture(RELIGHTING_METRICS, picture, scene)["relighting.psnr"].value
+    shown = gc.srgb_encode(dark * 0.8), gc.srgb_encode(light * factors * 0.8)
+    return ge.psnr(found or 0), float(peak_signal_noise_ratio(*shown, data_range=1))
+
+
 def gauge() -> Pair:
     found = ge.fit_gauge([ge.moments(PREDICTED, TRUE, EVERYWHERE)], "channel")
     p, t = PREDICTED.reshape(-1, 3), TRUE.reshape(-1, 3)
@@ -126,8 +171,26 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
     "LMSE": lmse,
     "angle between normals": angle,
     "assignment of lights": assignment,
+    "residual energy": residual,
+    "leakage slope": leakage,
+    "local variance": local_variance,
+    "error over noise": error_over_noise,
+    "relit PSNR": relit,
     "gauge": gauge,
     "display encoding": encoding,
+    "HDR-FLIP": layer_references.flip_hdr,
+    "colour chart": layer_references.chart,
+    "share of normals": layer_references.share_of_normals,
+    "depth and materials": layer_references.plain_distances,
+    "depth within a ratio": layer_references.within_ratio,
+    "sums of parts": layer_references.sums_of_parts,
+    "gauged intensity": layer_references.gauged_intensity,
+    "direction and colour of light": layer_references.angle_of_light,
+    "size of light": layer_references.size_of_light,
+    "mirror sphere": layer_references.mirror_sphere,
+    "diffuse sphere": layer_references.diffuse_sphere,
+    "glossy sphere": layer_references.glossy_sphere,
+    "LPIPS": layer_references.lpips,
 }
 
 

@@ -60,17 +60,20 @@ def test_scores_stand_in_the_order_of_the_table(
     track: str, tiny_scenes: dict[str, Path], predict: Predict
 ) -> None:
     sheet = ge.score_predictions(predict(tiny_scenes[track]), tiny_scenes[track])
-    table = [m.id for m in ge.metrics() if track == "tabletop" or m.group != "counterfactual"]
-    assert [s.metric for s in sheet.scores] == table
+    table = [m.id for m in ge.metrics()]
+    found = [s.metric for s in sheet.scores]
+    assert found == [name for name in table if name in found]
+    assert ("counterfactual.psnr" in found) == (track == "tabletop")
 
 
 def test_the_table_is_consistent() -> None:
     table = ge.metrics()
-    assert len({m.id for m in table}) == len(table) == 19
+    assert len({m.id for m in table}) == len(table) == 72
     assert {m.id for m in table if m.headline} == {
         "novel_view.psnr",
         "counterfactual.psnr",
         "albedo.psnr.channel",
+        "relighting.psnr",
         "normal.mean_angle",
         "light.position",
     }
@@ -168,12 +171,13 @@ def test_the_background_changes_nothing(tiny_scenes: dict[str, Path], predict: P
         return {k: v * np.float32(0.9) + np.float32(0.01) for k, v in layers.items()}
 
     def wrong_outside(view: gc.View, layers: Layers) -> Layers:
-        seen = truth.layers(view)["object_id"][..., None] > 0
-        return {k: np.where(seen, v, 7).astype(np.float32) for k, v in wrong(view, layers).items()}
+        seen = truth.layers(view)["object_id"].T > 0
+        return {k: np.where(seen, v.T, 7).T.astype(np.float32) for k, v in wrong(view, layers).items()}
 
     first, second = (ge.score_predictions(predict(scene, c), scene) for c in (wrong, wrong_outside))
     assert [s.value for s in first.scores] == [s.value for s in second.scores]
-    assert all(s.value != s.optimum for s in first.scores if not s.metric.startswith("light."))
+    slack = ("light.", "normal.within", "depth.within")
+    assert all(s.value != s.optimum for s in first.scores if not s.metric.startswith(slack))
 
 
 def test_surfaces_of_lights_have_no_base_color_to_be_found(
@@ -187,8 +191,8 @@ def test_surfaces_of_lights_have_no_base_color_to_be_found(
     gc.seal(scene / "truth", manifest)
 
     def change(view: gc.View, layers: Layers) -> Layers:
-        ball = truth.layers(view)["object_id"][..., None] == 2
-        return {k: np.where(ball, 0.5, v) for k, v in layers.items()}
+        ball = truth.layers(view)["object_id"].T == 2
+        return {k: np.where(ball, 0.5, v.T).T for k, v in layers.items()}
 
     sheet = ge.score_predictions(predict(scene, change), scene)
     assert value(sheet, "albedo.psnr.raw") == value(sheet, "albedo.psnr.channel") == math.inf
@@ -272,12 +276,13 @@ def test_missing_extra_and_swapped_lights(make_scene: Callable[..., Path], predi
         gc.SphereLight("b", (-1.0, 0.5, 2.0), 0.1, (9.0, 9.0, 9.0)),
     )
     sky = gc.EnvironmentLight("sky", "sky.exr")
+    gc.write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
     gc.write_lights(scene / "truth" / "lights.json", (*pair, sky))
     gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
 
     def scores(*lights: gc.Light) -> list[float | None]:
         sheet = ge.score_predictions(predict(scene, lights=lights), scene)
-        return [s.value for s in sheet.scores if s.metric.startswith("light.")]
+        return [sheet.score(f"light.{name}").value for name in ("position", "intensity", "missing", "extra")]
 
     assert scores(*pair) == [0, 0, 0, 0], "an environment is not counted"
     assert scores(pair[1], sky, pair[0]) == [0, 0, 0, 0]
@@ -304,6 +309,7 @@ def test_a_scene_without_local_lights_has_counts_only(
     make_scene: Callable[..., Path], predict: Predict
 ) -> None:
     scene = make_scene()
+    gc.write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
     gc.write_lights(scene / "truth" / "lights.json", (gc.EnvironmentLight("sky", "sky.exr"),))
     gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
     sheet = ge.score_predictions(predict(scene, lights=(LAMP,)), scene)

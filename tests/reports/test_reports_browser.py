@@ -75,9 +75,9 @@ def test_report_in_a_browser(browser: Browser, tiny_run: Path) -> None:
     scene.locator(".views input").nth(1).check()
     assert (first.is_visible(), second.is_visible()) == (False, True)
 
-    page.locator(".metric button").first.focus()
+    page.locator(".leaderboard .metric button").first.focus()
     page.keyboard.press("Tab")
-    tip = page.locator(".tip").nth(1)
+    tip = page.locator(".leaderboard .tip").nth(1)
     assert tip.is_visible()
     page.keyboard.press("Escape")
     assert not tip.is_visible()

@@ -2,6 +2,7 @@
 import base64
 import io
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,14 +11,14 @@ from skimage.color import rgb2lab
 
 import graycard as gc
 from graycard.reports._colour_maps import STEPS, ColourMap, colour_map, to_index
-from graycard.reports._error_images import error_image, error_unit, shared_scale
+from graycard.reports._error_images import error_image, error_unit, noise_ratio_image, shared_scale
 from graycard.reports._pictures import (
     KNEE,
     LEVELS,
     PEAK,
     STEP,
-    colour_bar,
     display_picture,
+    gradient,
     linear_codes,
     linear_picture,
     mapped_picture,
@@ -70,7 +71,7 @@ def test_still_picture_is_what_a_display_shows() -> None:
 
 
 def test_display_picture_clips() -> None:
-    shown = np.asarray(open_png(display_picture(np.array([[[-1.0, 0.5, 3.0]]]), "").source))
+    shown = np.asarray(open_png(display_picture(np.array([[[-1.0, 0.5, 3.0]]]), "").source).convert("RGB"))
     assert shown.tolist() == [[[0, 128, 255]]]
 
 
@@ -79,8 +80,16 @@ def test_mapped_picture_is_transparent_where_there_is_nothing() -> None:
     shown = np.asarray(open_png(mapped_picture(values, 0, 10, "error", "").source).convert("RGBA"))[0]
     table = colour_map("error")
     assert shown[:, 3].tolist() == [255, 255, 255, 0, 255]
-    np.testing.assert_array_equal(shown[[0, 1, 2, 4], :3], table[[0, 127, 254, 254]])
-    assert colour_bar("depth", "bar").width == STEPS
+    np.testing.assert_array_equal(shown[[0, 2, 4], :3], table[[0, 254, 254]])
+    assert np.abs(shown[1, :3].astype(int) - table[127]).max() <= 6  # half a step of 64
+
+
+def test_gradient_has_the_colours_of_the_pictures() -> None:
+    table = colour_map("error")
+    stops = re.findall(r"#([0-9a-f]{6})", gradient("error"))
+    ends = [tuple(bytes.fromhex(stop)) for stop in (stops[0], stops[-1])]
+    assert ends == [tuple(table[0]), tuple(table[-1])]
+    assert len(stops) == 17
 
 
 @pytest.mark.parametrize("name", ["error", "depth"])
@@ -131,3 +140,34 @@ def test_two_infinite_depths_agree_and_one_does_not() -> None:
 def test_scale_is_the_next_round_number(top: float, scale: float) -> None:
     assert shared_scale([np.array([[0.0, np.nan, top]])]) == scale
     assert shared_scale([]) == 1.0
+
+
+def test_error_of_noise_alone_is_one_standard_deviation() -> None:
+    true, sigma = RNG.random((60, 60, 3)), 0.1 + RNG.random((60, 60, 3))
+    mask = np.ones((60, 60), bool)
+    mask[0] = False
+    ratio = noise_ratio_image(true + sigma * RNG.normal(size=true.shape), true, sigma**2, mask)
+    assert np.isnan(ratio[0]).all()
+    squares = ratio[mask] ** 2  # each a mean of three: the mean of all has a deviation of sqrt(2 / 3 / 3540)
+    assert squares.mean() == pytest.approx(1, abs=4 * math.sqrt(2 / 3 / squares.size))
+    np.testing.assert_allclose(noise_ratio_image(true + 2 * sigma, true, sigma**2, mask)[mask], 2)
+
+
+def test_without_noise_an_equal_value_is_right_and_another_wrong() -> None:
+    true = np.array([[0.0, 0.0, 0.5, 0.5]], np.float32)
+    found = noise_ratio_image(np.array([[0.0, 0.1, 0.5, 0.6]]), true, np.zeros((1, 4)), np.ones((1, 4), bool))
+    assert found[0, [0, 2]].tolist() == [0, 0]
+    assert (found[0, [1, 3]] > 1e3).all()
+
+
+@pytest.mark.parametrize(
+    ("layer", "unit"),
+    [("roughness", "linear difference"), ("shading", "display difference"), ("position", "m"),
+     ("irradiance.lamp", "display difference"), ("albedo", "linear difference")],
+)  # fmt: skip
+def test_every_layer_has_an_error(layer: str, unit: str) -> None:
+    shape = gc.shape_of(layer, 4, 5)
+    error = error_image(layer, np.full(shape, 0.5), np.full(shape, 0.25), np.ones((4, 5), bool), 1.0)
+    step = float(gc.srgb_encode(np.array(0.5)) - gc.srgb_encode(np.array(0.25)))
+    assert error_unit(layer) == unit
+    np.testing.assert_allclose(error, step if unit.startswith("display") else 0.25)

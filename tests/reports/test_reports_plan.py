@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import graycard as gc
-from graycard.reports._comparison import build_gallery, usable_layer
-from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene
+from graycard.reports._comparison import build_gallery
+from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene, usable_layer
 from graycard.reports._plan import SIZE, build_plan
 
 
@@ -118,6 +118,46 @@ def test_layers_that_the_truth_lacks_are_left_out(scene: SceneEvidence) -> None:
     assert build_plan(bare, []).dots == ()
 
 
+def test_further_layers_are_shown_if_a_competing_method_hands_them_in(scene: SceneEvidence) -> None:
+    shape = scene.layers[scene.shown[0].name]["depth"].shape
+    more = {
+        "shading": np.full((*shape, 3), 0.2), "shading.var": np.full((*shape, 3), 1e-4),
+        "irradiance.lamp": np.full((*shape, 3), 0.5), "roughness": np.full(shape, 0.3),
+        "albedo": np.full((*shape, 3), 0.4), "f0": np.full((*shape, 3), 0.04),
+    }  # fmt: skip
+    rich = replace(scene, layers={name: {**layers, **more} for name, layers in scene.layers.items()})
+    given = {name: {k: v for k, v in more.items() if k != "f0"} for name in rich.layers}
+    rows = build_gallery(rich, [MethodEvidence("m", layers=given)]).views[0].rows
+    found = {row.title: row for row in rows}
+    assert [t for t in found if t not in ("Radiance", "Base color", "Normal, world axes", "Depth")] == [
+        "Albedo", "Irradiance lamp", "Roughness", "Shading",
+    ]  # fmt: skip
+    assert found["Shading"].unit == found["Irradiance lamp"].unit == "as displayed on a gray card"
+    assert found["Shading"].noise_ratios
+    assert not found["Roughness"].noise_ratios
+    assert found["Roughness"].value_scale is not None
+    assert (found["Roughness"].value_scale.low, found["Roughness"].error_scale.unit) == (
+        "0.3", "linear difference",
+    )  # fmt: skip
+    reference = MethodEvidence("m", layers=given, competes=False)
+    assert len(build_gallery(rich, [reference]).views[0].rows) == len(rows) - 4
+
+
+def test_map_of_error_to_noise_says_how_much_is_noise_alone(scene: SceneEvidence) -> None:
+    view = scene.shown[0]
+    true = scene.layers[view.name]["radiance"]
+    seen = scene.mask("radiance", view)
+    sigma = 0.1 * true.std()
+    noisy = {**scene.layers[view.name], "radiance.var": np.full(true.shape, sigma**2)}
+    wrong = true + sigma * np.where(np.arange(true.shape[1])[:, None] < 10, 1.0, 3.0)
+    method = MethodEvidence("m", layers={view.name: {"radiance": wrong}})
+    rich = replace(scene, shown=(view,), layers={view.name: noisy})
+    row = build_gallery(rich, [method, MethodEvidence("none")]).views[0].rows[0]
+    share = seen[:, :10].sum() / seen.sum()
+    assert [t.note for t in row.noise_ratios] == [f"{share:.0%} of the pixels within 2", ""]
+    assert (row.noise_scale.low, row.noise_scale.high) == ("0", "≥ 5")
+
+
 def test_only_some_views_and_photographs_are_embedded(make_scene: Callable[..., Path]) -> None:
     found = open_scene(make_scene(train=9, test=4))
     test = [v.name for v in found.test]
@@ -142,3 +182,70 @@ def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
     fixed = replace(dark, lights=(at(0.0, 0.0), gc.EnvironmentLight("sky", "environment.exr")))
     assert "; 2 lights" in describe_scene(record, fixed)
     assert "on the camera" not in describe_scene(record, fixed)
+
+
+def test_predicted_lights_are_joined_to_the_true_ones_whatever_their_order(scene: SceneEvidence) -> None:
+    true = (at(0.0, 0.0, "a"), at(1.0, 0.0, "b"), at(0.0, 1.0, "c"))
+    swapped = MethodEvidence("few", lights=(at(1.1, 0.0, "x"), at(0.0, 0.1, "y")))
+    many = MethodEvidence("many", lights=(*true, at(0.2, 0.2, "ghost"), at(np.nan, 0.0, "nowhere")))
+    found = build_plan(replace(scene, lights=true), [swapped, many])
+    partners = {(r.owner, r.name): r.partner for r in found.rows}
+    assert partners["few", "x"] == "b, 0.1 m away"
+    assert partners["few", "y"] == "a, 0.1 m away"
+    assert partners["ground truth", "c"] == "missing in few"
+    assert partners["ground truth", "a"] == ""
+    assert partners["many", "ghost"].startswith("extra")
+    assert partners["many", "nowhere"].startswith("extra")
+    marks = {m.label: (m.x, m.y) for m in found.lights}
+    assert (marks["few: x"], marks["ground truth: b"], 1) in [(k.start, k.end, k.shape) for k in found.links]
+    assert len(found.links) == 2 + 3
+
+
+def test_light_that_moves_with_the_camera_is_joined_in_every_test_view(scene: SceneEvidence) -> None:
+    lamp = gc.PointLight("lamp", (0.1, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
+    fixed = MethodEvidence("fixed", lights=(at(0.0, 0.0, "still"),))
+    near = MethodEvidence("near", lights=(replace(lamp, position=(0.1, 0.0, 0.25)),))
+    found = build_plan(replace(scene, lights=(lamp,)), [fixed, near])
+    cameras = [v.camera for v in scene.test]
+    apart = [np.linalg.norm(gc.world_position(lamp, c) - (0.0, 0.0, 0.5)) for c in cameras]
+    partners = {r.owner: r.partner for r in found.rows}
+    assert partners["fixed"] == f"lamp, {np.mean(apart):.3g} m away"
+    assert partners["near"] == "lamp, 0.25 m away"
+    still = [k for k in found.links if k.shape == 1]
+    assert len(still) == len(cameras) == len({k.end for k in still})
+    assert len({k.start for k in still}) == 1
+
+
+def test_without_test_views_no_light_is_joined(scene: SceneEvidence) -> None:
+    train = tuple(v for v in scene.truth.views if v.split == "train")
+    bare = replace(scene, truth=replace(scene.truth, views=train), shown=(), layers={}, lights=(at(0, 0),))
+    found = build_plan(bare, [MethodEvidence("m", lights=(at(1.0, 0.0),))])
+    assert found.links == ()
+    assert [r.partner for r in found.rows] == ["missing in m", "extra: no true light is left for it"]
+
+
+def test_window_on_the_camera_turns_with_it(scene: SceneEvidence) -> None:
+    window = gc.RectangleLight("w", (0, 0, 0.1), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1), "camera")
+    found = build_plan(replace(scene, lights=(window,)), [])
+    assert len(found.outlines) == len(scene.test)
+    scale = found.metre_bar / float(found.metre_text.split()[0])
+    for outline, view in zip(found.outlines, scene.test, strict=True):
+        first, second = (np.array([float(x) for x in p.split(",")]) for p in outline.split()[:2])
+        edge = view.camera.camera_to_world[:3, :3] @ (0.0, 0.5, 0.0)
+        np.testing.assert_allclose((first - second) / scale, edge[:2] * (1, -1), atol=0.01)
+
+
+def test_heights_are_in_proportion_and_say_what_is_beyond(scene: SceneEvidence) -> None:
+    lights = tuple(gc.PointLight(str(z), (0.0, 0.0, z), (1.0, 1.0, 1.0)) for z in (0.5, 1.5, 2.5))
+    far = MethodEvidence("far", lights=(replace(lights[0], position=(0.0, 0.0, 99.0)),))
+    heights = build_plan(replace(scene, lights=lights), [far]).heights
+    low, middle, high, beyond = heights.marks
+    assert low.y - middle.y == pytest.approx(middle.y - high.y, abs=0.2)
+    assert high.y < low.y  # up is up
+    assert (beyond.outside, low.outside) == (True, False)
+    assert 0 < beyond.y < high.y
+    assert beyond.x > high.x  # each owner has a column
+    metres = {text: y for y, text in heights.ticks}
+    assert metres["0.5 m"] == pytest.approx(low.y, abs=0.2)
+    assert 3 <= len(metres) <= 8
+    assert heights.cameras

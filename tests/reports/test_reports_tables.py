@@ -7,6 +7,7 @@ import pytest
 
 import graycard as gc
 from graycard.reports._cells import Reading, pool, read_metric
+from graycard.reports._compared import compare_track
 from graycard.reports._tables import (
     Leaderboard,
     failures,
@@ -42,7 +43,8 @@ def make_board(results: list[gc.JobResult], sees: dict[str, tuple[str, ...]] | N
     names = dict.fromkeys(r.job.method for r in results)
     methods = tuple(gc.MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
     record = gc.RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
-    return leaderboard(record, results, metrics_of(record, results))
+    metrics = metrics_of(record, results)
+    return leaderboard(record, results, metrics, compare_track(None, record, "dark", metrics))
 
 
 def test_mean_is_over_scenes_not_over_jobs() -> None:
@@ -196,3 +198,24 @@ def test_single_views_of_a_failed_job_are_failed_not_missing() -> None:
     assert sorted((c.status, c.text) for c in row.cells) == [
         ("failed", "failed"), ("not provided", "–"), ("scored", "1.00"),
     ]  # fmt: skip
+
+
+def test_help_of_a_column_names_its_worst_and_best_value() -> None:
+    board = make_board([make_result(n, "a", make_score(UP, v), make_score(DOWN, v)) for n, v in
+                        (("x", 5), ("y", 9), ("z", 7))])  # fmt: skip
+    assert [m.here for m in board.metrics] == ["from 5.00 (x) to 9.00 (y)", "from 9.00 (y) to 5.00 (x)"]
+    assert make_board([make_result("x", "a", make_score(UP, 5))]).metrics[0].here == ""
+
+
+def test_method_that_was_not_run_on_every_scene_is_not_compared() -> None:
+    results = [make_result("everywhere", s, make_score(UP, 5)) for s in ("a", "b")]
+    board = make_board([*results, make_result("once", "a", make_score(UP, 50))])
+    assert [(s.method.name, s.cells[0].best) for s in board.competing] == [
+        ("everywhere", True), ("once", False),
+    ]  # fmt: skip
+    assert "run on 1 of 2 scenes" in board.competing[1].cells[0].notes
+
+
+def test_scene_without_the_metric_does_not_count() -> None:
+    results = [make_result("x", "a", make_score(UP, 5)), make_result("x", "b", make_score(DOWN, 5))]
+    assert [c.complete for c in make_board(results).competing[0].cells] == [True, True]

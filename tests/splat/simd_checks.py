@@ -9,6 +9,8 @@ import numba
 import numpy as np
 
 from graycard.methods.splat import _simd as simd
+from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_pixels as pixels
 
 FLOATS = np.finfo(np.float32)
 
@@ -53,6 +55,31 @@ def sums(a: Any, out: Any) -> None:
     w = simd.load(a, 16)
     x = simd.load(a, 240)
     simd.store(out, 0, simd.lane_sums((v, w, v, v, v, v, v, v, v, w, v, v, v, v, w, x)))
+
+
+@numba.njit
+def halves(a: Any, out: Any) -> None:
+    low, high = many.load_many(a, 0, (0,) * 5), many.load_many(a, 80, (0,) * 3)
+    simd.store(out, 0, many.lane_sums_of_halves(low, high))
+
+
+@numba.njit
+def roots(a: Any, out: Any) -> None:
+    simd.store(out, 0, simd.square_root(simd.load(a, 0)))
+
+
+@numba.njit
+def block(image: Any, at: int, jump: int, template: Any, out: Any, copy: Any) -> None:
+    vectors = pixels.load_pixels(image, at, jump, template)
+    many.store_many(out, 0, vectors)
+    pixels.store_pixels(copy, at, jump, vectors)
+
+
+@numba.njit
+def line(image: Any, at: int, template: Any, out: Any, copy: Any) -> None:
+    vectors = pixels.load_line(image, at, template)
+    many.store_many(out, 0, vectors)
+    pixels.store_line(copy, at, vectors)
 
 
 def random(count: int, seed: int = 0) -> np.ndarray:
@@ -111,7 +138,51 @@ def check_sums() -> None:
     np.testing.assert_allclose(out, [v, w, *[v] * 7, w, *[v] * 4, w, x], rtol=1e-5, atol=1e-6)
 
 
-CHECKS = (check_arithmetic, check_choices, check_memory, check_powers, check_sums)
+def check_halves() -> None:
+    a, out = random(128), np.ones(16, np.float32)
+    halves(a, out)
+    sums = a.reshape(8, 16).sum(axis=1, dtype=np.float64)
+    expected = [*sums[:5], 0, 0, 0, *sums[5:], 0, 0, 0, 0, 0]
+    np.testing.assert_allclose(out, expected, rtol=1e-5, atol=1e-6)
+
+
+def check_roots() -> None:
+    a, out = random(16) ** 2, np.zeros(16, np.float32)
+    roots(a, out)
+    np.testing.assert_array_equal(out, np.sqrt(a))
+
+
+def check_pixels() -> None:
+    """Only the block, or the piece of a line, is read and written."""
+    for channels in (1, 2, 3, 8):
+        image, out = random(6 * 21 * channels).reshape(6, 21, channels), np.zeros(16 * channels, np.float32)
+        places = {(1, 2, 4, 4), (3, 5, 1, 16)}
+        for top, left, rows, columns in places:
+            copy, at = np.full_like(image, np.nan), (top * 21 + left) * channels
+            flat, template = (image.reshape(-1), copy.reshape(-1)), (0,) * channels
+            if rows > 1:
+                block(flat[0], at, 21 * channels, template, out, flat[1])
+            else:
+                line(flat[0], at, template, out, flat[1])
+            inside = (slice(top, top + rows), slice(left, left + columns))
+            expected = np.full_like(image, np.nan)
+            expected[inside] = image[inside]
+            np.testing.assert_array_equal(
+                out.reshape(channels, rows, columns), np.moveaxis(image[inside], 2, 0)
+            )
+            np.testing.assert_array_equal(copy, expected)
+
+
+CHECKS = (
+    check_arithmetic,
+    check_choices,
+    check_memory,
+    check_powers,
+    check_sums,
+    check_halves,
+    check_roots,
+    check_pixels,
+)
 
 if __name__ == "__main__":
     for check in CHECKS:

@@ -14,6 +14,7 @@ import torch
 import graycard as gc
 from graycard.methods import splat
 from graycard.methods.splat import _stages
+from random_surfels import random_surfels
 
 FLIP = 4e-3
 """What a surfel whose alpha is 1/255 but for rounding may change in one pixel."""
@@ -23,19 +24,6 @@ def camera_of(width: int = 37, height: int = 29, focal: float = 30) -> gc.Camera
     K = np.array([[focal, 0, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.2], [0, 0, 1]])
     pose = gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3))
     return gc.Camera(width, height, K, pose)
-
-
-def random_surfels(count: int, seed: int = 0, channels: int = 3, scale: float = 0.15) -> splat.Surfels:
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform(-1, 1, (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, 1, count),
-        r.uniform(0, 1, (count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
 
 
 def moved(surfels: splat.Surfels, direction: tuple[float, float, float]) -> splat.Surfels:
@@ -108,6 +96,27 @@ def test_values_of_moved_pictures_are_those_of_the_specification(name: str):
     offsets = offsets_of(surfels)
     truth = splat.rasterize(surfels, camera, offsets=offsets, backend="reference")
     assert_same(splat.rasterize(surfels, camera, offsets=offsets), truth)
+
+
+def test_a_plane_is_not_met_in_front_of_the_near_plane():
+    """It passes 5 mm below the camera: the steeper half of the rays below the horizon meets it too early."""
+    flat = [[0.0, 0.005, 1.0]], [[0.5**0.5, 0.5**0.5, 0, 0]], [[5.0, 5.0]], [1.0], [[1.0]]
+    floor = splat.Surfels(*(torch.tensor(value, dtype=torch.float64) for value in flat))
+    camera = gc.Camera(20, 20, np.array([[10, 0, 10.0], [0, 10, 10], [0, 0, 1]]), np.eye(4))
+    maps = splat.rasterize_features(floor, camera)
+    assert (maps.alpha[10:15] > 0.9).all()  # down by up to 1 in 2: at 0.005 / 0.5 m or farther
+    assert (maps.alpha[15:] == 0).all()
+    assert_same(maps, splat.rasterize_features(floor, camera, backend="reference"))
+
+
+def test_equal_depths_are_drawn_as_they_come():
+    """More of them than are drawn at a time, and further ones before and behind."""
+    surfels = random_surfels(210, 6, scale=0.4)
+    depths = torch.tensor([3.0, 2.0, 4.0], dtype=torch.float64)[torch.arange(210) // 30 % 3]
+    centres = torch.cat([surfels.centres[:, :2], depths[:, None]], dim=1)
+    surfels = with_opacity(replace(surfels, centres=centres), 0.03, 0.06)
+    camera = gc.Camera(20, 18, np.array([[20, 0, 10.0], [0, 20, 9], [0, 0, 1]]), np.eye(4))
+    assert_same(splat.rasterize(surfels, camera), splat.rasterize(surfels, camera, backend="reference"))
 
 
 @pytest.mark.parametrize("draw", [splat.rasterize, splat.rasterize_features])

@@ -7,6 +7,7 @@ What stands in is written from the CUDA sources of gsplat 1.5.3, its rules for e
 import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
@@ -21,6 +22,7 @@ from graycard.benchmarks.speed import _gsplat as peer
 from graycard.methods import splat
 from graycard.methods.splat import _cuda
 from graycard.methods.splat._cuda_footprints import Kernels
+from random_surfels import random_surfels as any_surfels
 
 needs_gsplat = pytest.mark.skipif(find_spec("gsplat") is None, reason="gsplat comes with the extra 'cuda'")
 needs_gpu = pytest.mark.skipif(
@@ -109,17 +111,7 @@ def camera_of(width: int = 21, height: int = 18, focal: float = 20) -> gc.Camera
     return gc.Camera(width, height, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
 
 
-def random_surfels(count: int, seed: int = 1000, channels: int = 3, scale: float = 0.2) -> splat.Surfels:
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform(-1, 1, (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, 0.97, count),
-        r.uniform(0, 1, (count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
+random_surfels = partial(any_surfels, seed=1000, scale=0.2, opacities=(0.02, 0.97))
 
 
 def at(surfels: splat.Surfels, direction: tuple[float, float, float]) -> splat.Surfels:

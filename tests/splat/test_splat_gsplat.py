@@ -11,6 +11,7 @@ import graycard as gc
 from graycard.benchmarks.speed import _gsplat as peer
 from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, disc_to_image, see
+from random_surfels import random_surfels as any_surfels
 
 pytest.importorskip("gsplat", reason="gsplat comes with the extra 'cuda'")
 
@@ -25,16 +26,7 @@ def camera_of(width: int = 40, height: int = 30) -> gc.Camera:
 
 def random_surfels(count: int, seed: int, scale: float = 0.15, opacity: float = 0.6) -> splat.Surfels:
     """In front of the camera, and too thin together to end a pixel."""
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform(-1, 1, (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, opacity, count),
-        r.uniform(-1, 1, (count, 4)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
+    return any_surfels(count, seed, 4, scale, opacities=(0.02, opacity), features=(-1.0, 1.0))
 
 
 def drawn_by_gsplat(

@@ -348,6 +348,32 @@ def test_disagreement_is_that_of_the_definition(dtype: torch.dtype):
     assert (got[0] == 1).all()
 
 
+@pytest.mark.parametrize("width", [3, 19, 20, 21, 53])
+def test_single_and_double_precision_agree_where_depth_ends(width: int):
+    """Two kernels, of which the one for float32 takes sixteen pixels at a time."""
+    random, size = np.random.default_rng(1000), (23, width)
+    K = np.array([[40, 0.3, width / 2], [0, 44, 11], [0, 0, 1]])
+    camera = gc.Camera(width, 23, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    depth = 2 + 0.3 * random.uniform(size=size)
+    for nothing, share in ((0.0, 0.05), (-1.0, 0.02), (np.inf, 0.02), (np.nan, 0.01)):
+        depth[random.uniform(size=size) < share] = nothing
+    values = depth, random.normal(size=(*size, 3)), random.uniform(size=size)
+    single, double = (
+        [torch.from_numpy(one.astype(np.float32)).to(dtype) for one in values]
+        for dtype in (torch.float32, torch.float64)
+    )
+
+    def disagreement(*images: torch.Tensor) -> torch.Tensor:
+        depth, normal, alpha = images
+        return splat.depth_normal_map(depth, normal, alpha, camera)
+
+    ours = [disagreement(*images) for images in (single, double)]
+    torch.testing.assert_close(ours[0].double(), ours[1], rtol=0, atol=1e-5, equal_nan=True)
+    slopes = [both_gradients(disagreement, images) for images in (single, double)]
+    for ours_single, truth in zip(*slopes, strict=True):
+        torch.testing.assert_close(ours_single.double(), truth, rtol=1e-4, atol=1e-4, equal_nan=True)
+
+
 def test_surfels_on_their_surface_agree():
     camera, normal = camera_of(), np.array([0.0, -1.0, 0.0])
     depth = torch.from_numpy(plane_depth(camera, normal, np.zeros(3)))

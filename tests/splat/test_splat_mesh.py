@@ -52,9 +52,8 @@ def test_nothing_shines_through(shape: str, origin: tuple[float, float, float], 
     inside = silhouette(camera, shape, 0.9)  # at the rim of a plane there are no discs beyond
     assert inside.sum() > 150
     assert alpha[inside].min() > 0.99
-    reach = (
-        3.4 * float(surfels.scales.max()) + 0.25
-    )  # a disc falls below 1/255; pixels of low-pass, seen at a slant
+    # Where a disc falls below 1/255, and two pixels of low-pass, which at a slant are 25 cm.
+    reach = 3.4 * float(surfels.scales.max()) + 0.25
     assert alpha[~silhouette(camera, shape, 1 + reach)].max(initial=0) < 0.01
 
 

@@ -2,6 +2,7 @@
 """The specification itself, against closed forms, the paper's own equations and finite differences."""
 
 from dataclasses import fields, replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import graycard as gc
 from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, see
 from graycard.methods.splat._reference import rasterize_reference
+from random_surfels import random_surfels as any_surfels
 
 
 def camera_of(
@@ -38,17 +40,9 @@ def surfels_of(
     )
 
 
-def random_surfels(count: int, seed: int, channels: int = 3, scale: float = 0.2) -> splat.Surfels:
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        np.stack([r.uniform(-1, 1, count), r.uniform(-1, 1, count), r.uniform(1.5, 3, count)], axis=1),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.4, (count, 2))),
-        r.uniform(0.2, 0.97, count),
-        r.normal(size=(count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
+IN_FRONT = ((-1.0, -1.0, 1.5), (1.0, 1.0, 3.0))
+"""Of a camera at the origin."""
+random_surfels = partial(any_surfels, scale=0.2, box=IN_FRONT, opacities=(0.2, 0.97), features=(-1.0, 1.0))
 
 
 def test_a_disc_that_faces_the_camera_is_a_gaussian():

@@ -14,6 +14,7 @@ import pytest
 from llvmlite import binding
 
 from graycard.methods.splat import _simd as simd
+from graycard.methods.splat import _simd_many as many
 
 SCRIPT = Path(__file__).with_name("simd_checks.py")
 
@@ -59,6 +60,17 @@ def test_other_types_are_refused():
 
     with pytest.raises(numba.TypingError, match="expected float32x16 in every place"):
         wrong(1.0)
+
+
+@pytest.mark.parametrize("counts", [(2, 3), (9, 1)])
+def test_halves_of_other_lengths_are_refused(counts: tuple[int, int]):
+    @numba.njit
+    def wrong(low: tuple[int, ...], high: tuple[int, ...]) -> None:
+        v = simd.broadcast(1.0)
+        many.lane_sums_of_halves(many.repeat(v, low), many.repeat(v, high))
+
+    with pytest.raises(numba.TypingError, match="expected up to 8 float32x16 and no more of the second"):
+        wrong((0,) * counts[0], (0,) * counts[1])
 
 
 def test_a_tuple_of_other_length_is_refused():

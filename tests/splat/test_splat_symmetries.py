@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import graycard as gc
 from graycard.methods import splat
+from random_surfels import random_surfels as any_surfels
 
 BACKENDS: list[splat.Backend] = ["cpu", "reference"]
 PLAIN = ("features", "alpha", "depth", "median_depth", "distortion")
@@ -24,18 +25,12 @@ def camera_of(width: int = 35, height: int = 26, pose: np.ndarray | None = None)
     return gc.Camera(width, height, K, np.eye(4) if pose is None else pose)
 
 
+IN_FRONT = ((-1.0, -1.0, 1.5), (1.0, 1.0, 3.5))
+"""Of a camera at the origin."""
+
+
 def random_surfels(count: int = 40, seed: int = 1000, channels: int = 3) -> splat.Surfels:
-    """In front of a camera at the origin."""
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform([-1, -1, 1.5], [1, 1, 3.5], (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        0.15 * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, 0.97, count),
-        r.uniform(-1, 1, (count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
+    return any_surfels(count, seed, channels, box=IN_FRONT, opacities=(0.02, 0.97), features=(-1.0, 1.0))
 
 
 def draw(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend) -> splat.Maps:

@@ -3,10 +3,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numba
 import numpy as np
+import psutil
 import pytest
 import torch
 from hypothesis import given, settings
@@ -18,24 +20,12 @@ from graycard.methods import splat
 from graycard.methods.splat import _bvh_kernels, _trace_cpu
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _trace_masks as masks
+from random_surfels import random_surfels
 
 BACKENDS: tuple[splat.Backend, ...] = ("cpu", "reference")
 PARTS = ("centres", "scales", "opacities", "features", "rotations")
 FLIP = 4e-3
 """What a surfel whose alpha is 1/255 but for rounding may change in one ray."""
-
-
-def random_surfels(count: int, seed: int = 0, channels: int = 3, scale: float = 0.15) -> splat.Surfels:
-    r = np.random.default_rng(seed)
-    turn = r.normal(size=(count, 4))
-    values = [
-        r.uniform(-1, 1, (count, 3)),
-        turn / np.linalg.norm(turn, axis=1, keepdims=True),
-        scale * np.exp(r.normal(0, 0.5, (count, 2))),
-        r.uniform(0.02, 1, count),
-        r.uniform(0, 1, (count, channels)),
-    ]
-    return splat.Surfels(*(torch.from_numpy(v) for v in values))
 
 
 def facing(depths: list[float], opacity: float = 0.5, scale: float = 0.5) -> splat.Surfels:
@@ -282,6 +272,23 @@ def test_equal_distances_are_taken_by_index(backend: splat.Backend):
     rays = rays_of(np.zeros((3, 3)), np.array([[0.0, 0, 1], [0, 0, 1], [0, 0, -1]]))
     expected = [[0.5, 0.25, 0.125, 0.0625]] * 2 + [[0.0] * 4]
     np.testing.assert_allclose(given_by(backend, one_hot, rays).features, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("spread", [0.01, 0.3])
+def test_equal_distances_are_taken_by_index_wherever_they_lie(spread: float, backend: splat.Backend):
+    """Discs all over one plane, which the tree has in another order; rays across it, side by side or not."""
+    count, r = 60, np.random.default_rng(30)
+    places = np.concatenate([r.uniform(-0.4, 0.4, (count, 2)), np.ones((count, 1))], axis=1)
+    plane = facing([1.0] * count, 0.1, 0.5)
+    plane = replace(plane, centres=torch.from_numpy(places), features=torch.eye(count, dtype=torch.float64))
+    origins = np.concatenate([r.uniform(-spread, spread, (16, 2)), np.zeros((16, 1))], axis=1)
+    found = given_by(backend, plane, rays_of(origins, np.tile([0.0, 0, 1], (16, 1))))
+    square = ((origins[:, None, :2] - places[:, :2]) ** 2).sum(axis=2) / 0.5**2
+    alpha = 0.1 * np.exp(-square / 2)
+    before = np.cumprod(np.concatenate([np.ones((16, 1)), 1 - alpha], axis=1), axis=1)
+    np.testing.assert_allclose(found.features, alpha * before[:, :-1], atol=1e-5)
+    assert alpha.min() > 1.1 / 255
 
 
 @pytest.mark.parametrize("rays", ["beam", "single"])
@@ -544,6 +551,31 @@ def test_what_does_not_fit_is_refused():
         splat.trace(surfels, rays, near=-1)
     with pytest.raises(gc.UnknownNameError, match="did you mean 'reference'"):
         splat.trace(surfels, rays, backend="referense")  # type: ignore[arg-type]  # on purpose
+
+
+@pytest.mark.parametrize(("surfels", "rays"), [(3, 2_000_000), (1_000_000, 3)])
+def test_too_little_memory_is_said_before_it_is_taken(
+    surfels: int, rays: int, monkeypatch: pytest.MonkeyPatch
+):
+    """Whether it is surfels or rays that would take it."""
+    few = SimpleNamespace(available=2_000_000)
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: few)
+    lines = splat.Rays(*(torch.eye(3)[:1].expand(rays, 3) for _ in range(2)))
+    one = facing([1.0])
+    many = splat.Surfels(
+        *(getattr(one, f.name).float().expand(surfels, *getattr(one, f.name).shape[1:]) for f in fields(one))
+    )
+    with pytest.raises(gc.MethodError, match=rf"GiB of memory to draw {surfels} surfels along {rays} rays"):
+        splat.trace(many, lines)
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+@pytest.mark.parametrize("name", ["origins", "directions"])
+def test_rays_that_are_no_numbers_are_refused(name: str, bad: float):
+    values = {"origins": torch.zeros(3, 3), "directions": torch.eye(3)}
+    values[name][1, 2] = bad
+    with pytest.raises(ValueError, match=rf"expected {name} to be finite, got .*(nan|inf).* at ray 1"):
+        splat.Rays(**values)
 
 
 def test_surfels_elsewhere_are_refused():

@@ -8,14 +8,17 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 import torch
 from safetensors.torch import load_file
 
 import graycard as gc
 from graycard.methods import splat
+from graycard.methods.splat import _stages
 
 PROGRAM = Path(__file__).with_name("fit_checks.py")
 _spec = importlib.util.spec_from_file_location("fit_checks", PROGRAM)
@@ -123,6 +126,22 @@ def test_steps_are_those_of_the_plain_adam():
     assert float(state.moments["light"].steps) == 3
 
 
+def test_the_layout_of_memory_does_not_count():
+    """Harmonics are joined for drawing: the gradients of their parts are slices of that of the whole."""
+    random = torch.Generator().manual_seed(0)
+    whole, gradient = (torch.randn(5, 4, 3, generator=random) for _ in range(2))
+    rate = {"detail": splat.Rate(1e-2)}
+    for part, slope in ((whole[:, 1:], gradient[:, 1:]), (whole.mT, gradient.mT)):
+        moved = []
+        for values, towards in ((part.clone(), slope), (part, slope.contiguous())):
+            parameters = replace(some_parameters(), shared={"detail": values})
+            state = splat.initial_state(parameters, 0)
+            moved.append(splat.adam_step(state, {"detail": towards}, rate, 0.0).parameters.shared["detail"])
+        step = (part - 1e-2 * slope.sign()).contiguous()
+        for found in moved:
+            torch.testing.assert_close(found, step, rtol=0, atol=1e-6)
+
+
 def test_survivors_of_pruning_move_as_if_nothing_had_happened():
     rates = {"albedo": splat.Rate(5e-2), splat.CENTRES: splat.Rate(1e-2)}
     plan = splat.Plan(4, rates, 1.0)
@@ -174,6 +193,24 @@ def test_a_loss_that_is_not_finite_is_named():
     plan = splat.Plan(9, {"albedo": splat.Rate(1e-3)}, 1.0)
     with pytest.raises(gc.MethodError, match="expected a finite loss, got inf at step 2"):
         splat.train(splat.initial_state(some_parameters(), 0), plan, look, gc.silent)
+
+
+def test_a_fit_that_does_not_fit_into_memory_says_so(monkeypatch: pytest.MonkeyPatch):
+    """Not at the step that would end the process, but before."""
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1000))
+    monkeypatch.setattr(_stages, "UNCHECKED", 0)
+    with pytest.raises(gc.MethodError, match=r"GiB of memory to draw 12 surfels, got .*: draw fewer"):
+        splat.train(fit_checks.start(), fit_checks.plan(None), fit_checks.objective, gc.silent)
+
+
+@pytest.mark.parametrize("name", [splat.CENTRES, splat.LOG_SCALES, splat.ROTATIONS, splat.LOGITS])
+def test_a_fit_of_what_is_no_number_is_refused(name: str):
+    """By the tensor that holds it, before it is drawn."""
+    start = fit_checks.start()
+    start.parameters.surfels[name].view(12, -1)[4, 0] = float("nan")
+    of = {splat.LOG_SCALES: "scales", splat.LOGITS: "opacities"}.get(name, name)
+    with pytest.raises(ValueError, match=f"expected {of} to be finite, got .*nan.* at surfel 4"):
+        splat.train(start, fit_checks.plan(None), fit_checks.objective, gc.silent)
 
 
 def test_large_gradients_are_no_fault():

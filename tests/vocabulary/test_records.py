@@ -134,3 +134,33 @@ def test_srgb_against_the_standard():
     slope = (gc.srgb_encode(x + 1e-6) - gc.srgb_encode(x - 1e-6)) / 2e-6
     assert gc.srgb_slope(x) == pytest.approx(slope, rel=1e-4)
     assert not gc.srgb_slope(np.array([-0.1, 1.5])).any()
+
+
+PAIR = gc.PairDifference("a", "b", 8, 1.5, (0.5, 2.5), 0.0078, 0.0078, 0.004, 0.004, "better")
+STANDING = gc.MethodStanding("a", True, 8, 8, 2, 25.0, (23.0, 27.0), 2.0, 0.3, 40.0, 1)
+COMPARED = gc.Comparison(
+    "demo", 1, 0.95, 6, 1.0, "who wins", (gc.MetricComparison("dark", "m", (STANDING,), (PAIR,)),),
+    (gc.AboveCeiling("dark", "s", "a", 0, "m", math.inf, 40.0, math.inf, ("radiance",)),),
+)  # fmt: skip
+
+
+def test_a_comparison_round_trips_and_is_found_by_name(tmp_path: Path):
+    assert gc.read_comparison(tmp_path) is None
+    gc.write_json(tmp_path / gc.COMPARISON, COMPARED)
+    assert gc.read_comparison(tmp_path) == COMPARED
+    assert COMPARED.find("dark", "m").pairs == (PAIR,)
+    with pytest.raises(
+        gc.RecordError, match="expected a track and metric of this comparison, got 'dark', 'n'"
+    ):
+        COMPARED.find("dark", "n")
+
+
+def test_a_comparison_of_another_verdict_or_a_newer_format_is_refused(tmp_path: Path):
+    data = gc.encode(COMPARED)
+    gc.write_json(tmp_path / gc.COMPARISON, {**data, "format_version": 9})
+    with pytest.raises(gc.RecordError, match="got version 9"):
+        gc.read_comparison(tmp_path)
+    data["metrics"][0]["pairs"][0]["verdict"] = "glorious"
+    gc.write_json(tmp_path / gc.COMPARISON, data)
+    with pytest.raises(gc.RecordError, match="verdict"):
+        gc.read_comparison(tmp_path)

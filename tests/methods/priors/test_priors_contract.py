@@ -4,6 +4,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -155,7 +156,11 @@ def test_what_does_not_go_together_is_met_before_the_fit(spec: PriorSpec, asked:
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: Ask("dpeth"), gc.UnknownNameError, "kind of prior that exists.*did you mean 'depth'"),
+        (
+            lambda: Ask(cast(Any, "dpeth")),
+            gc.UnknownNameError,
+            "kind of prior that exists.*did you mean 'depth'",
+        ),
         (lambda: Ask("mask"), gc.UnknownNameError, "subject of a mask that exists, got 'photograph'"),
         (lambda: Ask("depth", ()), ValueError, "expected what depth is asked of, got nothing"),
     ],

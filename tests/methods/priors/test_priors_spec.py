@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 import tomllib
+from typing import Any, cast
 
 import pytest
 
 import graycard as gc
-from graycard.methods.priors import Override, PriorSpec, of_kind
+from graycard.methods.priors import Override, PriorSpec, of_kind, parse_priors
 
 TOML = """
 source = "oracle"
@@ -62,7 +63,11 @@ def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
         ({"source": "orcale"}, gc.UnknownNameError, "did you mean 'oracle'"),
         ({"overrides": {"dpeth": Override()}}, gc.UnknownNameError, "did you mean 'depth'"),
         ({"overrides": {"depth": Override(severity=9)}}, ValueError, "0 to 5, got 9"),
-        ({"overrides": {"depth": Override(source="cnn")}}, gc.UnknownNameError, "source of priors"),
+        (
+            {"overrides": {"depth": Override(source=cast(Any, "cnn"))}},
+            gc.UnknownNameError,
+            "source of priors",
+        ),
         (
             {"overrides": {"depth": Override(errors={"kapa": 1.0})}},
             gc.UnknownNameError,
@@ -95,3 +100,31 @@ def test_in_a_file_it_is_the_record_that_is_wrong():
         gc.decode(PriorSpec, {"source": "oracle", "severity": 8})
     with pytest.raises(gc.RecordError, match="did you mean 'severity'"):
         gc.decode(PriorSpec, {"source": "oracle", "severitty": 1})
+
+
+def test_a_spec_in_a_word(tmp_path):
+    (tmp_path / "mine.toml").write_text(TOML)
+    assert parse_priors("none") == PriorSpec()
+    assert parse_priors("oracle") == PriorSpec("oracle")
+    assert parse_priors("oracle:3") == PriorSpec("oracle", 3)
+    assert parse_priors("pretrained:/w:1") == PriorSpec("pretrained", path="/w:1")
+    assert parse_priors(str(tmp_path / "mine.toml")).overrides["depth"].severity == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("orcale:2", gc.UnknownNameError, "did you mean 'oracle'"),
+        (
+            "oracle:worst",
+            gc.RecordError,
+            "expected priors as in oracle:3 or pretrained:FOLDER, got 'oracle:wo",
+        ),
+        ("oracle:9", gc.RecordError, "expected a severity of 0 to 5, got 9"),
+        ("classical:1", gc.RecordError, "expected priors as in oracle:3"),
+        ("nowhere.toml", gc.RecordError, "expected priors as TOML in nowhere.toml, got"),
+    ],
+)
+def test_words_that_are_none(text: str, error: type[Exception], message: str):
+    with pytest.raises(error, match=message):
+        parse_priors(text)

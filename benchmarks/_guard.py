@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Truth is closed while a method's code runs: it gets a copy of the capture, and a hook refuses the rest.
+
+The copy lies outside of the dataset, so no path that a method is handed leads to the truth. Whoever opens it
+by a path found elsewhere is refused by an audit hook (PEP 578), which sees what Python and graycard's own
+readers open, list, link or hand to another program, in every thread. It keeps mistakes and shortcuts out, not
+malice: code that reads files in a language of its own is not seen.
+"""
+
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from graycard import Capture, MethodError, open_capture, output_error
+
+GUARD = "capture-copy-and-audit-hook-1"
+"""Name and version of this way to close the truth, for the record."""
+
+_ONE_PATH = frozenset({"open", "os.listdir", "os.scandir", "os.chdir", "graycard.read"})
+_TWO_PATHS = frozenset({"os.link", "os.symlink", "os.rename"})
+_PROGRAMS = frozenset({"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn"})
+
+
+class Guard:
+    """What is closed, and what was tried."""
+
+    def __init__(self, dataset: Path, jobs: Path | None = None, own: Path | None = None) -> None:
+        """Close every ``truth/`` of a dataset, and the jobs of a run but one.
+
+        Args:
+            dataset: ``DATASET``; its scenes are ``DATASET/<track>/<scene>``.
+            jobs: Where predictions of other methods lie, one of which may be the truth itself.
+            own: The folder in ``jobs`` that stays open.
+        """
+        self._dataset = os.path.realpath(dataset)
+        self._jobs = os.path.realpath(jobs) if jobs is not None else None
+        self._own = os.path.realpath(own) if own is not None else None
+        self.refused: list[str] = []
+        """Paths that were refused, in order, each once."""
+
+    def closes(self, path: str) -> bool:
+        """Whether a path, links in it followed, leads to what is closed."""
+        real = os.path.realpath(path)
+        if _inside(real, self._dataset):
+            parts = os.path.relpath(real, self._dataset).split(os.sep)
+            return len(parts) > 2 and parts[2] == "truth"
+        return _inside(real, self._jobs) and not _inside(real, self._own)
+
+    def names(self, words: str) -> bool:
+        """Whether a command names the dataset or other jobs: another program has no hook."""
+        return any(place in words for place in (self._dataset, self._jobs) if place)
+
+    def refuse(self, what: str) -> None:
+        """Keep in mind what was tried.
+
+        Raises:
+            MethodError: Always.
+        """
+        if what not in self.refused:
+            self.refused.append(what)
+        raise MethodError(
+            f"expected a method to keep to its capture, got an attempt to reach {what}: truth is closed "
+            "while a method runs. A method that is to see some of it names it in `needs`"
+        )
+
+
+class _Hook:
+    """The one hook of this process; a hook cannot be taken off again, so it rests between fits."""
+
+    guard: Guard | None = None
+    installed = False
+
+    def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
+        guard = self.guard
+        if guard is None or event not in _WATCHED:
+            return
+        if event in _PROGRAMS:
+            if guard.names(repr(arguments[:3])):
+                guard.refuse(f"{event} {arguments[:2]!r}")
+            return
+        for path in arguments[: 2 if event in _TWO_PATHS else 1]:
+            if (text := _text(path)) is not None and guard.closes(text):
+                guard.refuse(os.path.abspath(text))
+
+
+_WATCHED = _ONE_PATH | _TWO_PATHS | _PROGRAMS
+_HOOK = _Hook()
+
+
+@contextmanager
+def closed(guard: Guard) -> Iterator[None]:
+    """Close the truth to all threads of this process for the time of the block.
+
+    Raises:
+        MethodError: Raised in the code that tries to reach it.
+    """
+    if not _HOOK.installed:
+        sys.addaudithook(_HOOK)
+        _HOOK.installed = True
+    before, _HOOK.guard = _HOOK.guard, guard
+    try:
+        yield
+    finally:
+        _HOOK.guard = before
+
+
+@contextmanager
+def copied_capture(folder: Path) -> Iterator[Capture]:
+    """A copy of a capture in a temporary folder of its own, which goes with the block.
+
+    Raises:
+        DatasetError: It is missing or damaged.
+        OutputError: There is no room for the copy.
+    """
+    open_capture(folder)  # what is wrong with it is said of the folder that the user knows
+    with tempfile.TemporaryDirectory(prefix="graycard-", ignore_cleanup_errors=True) as root:
+        copy = Path(root) / "capture"
+        try:
+            shutil.copytree(folder, copy)
+        except OSError as cause:
+            raise output_error(copy, cause) from cause
+        yield open_capture(copy)
+
+
+def closed_to_fits(scene: Path, own: Path | None = None, jobs: Path | None = None) -> Guard:
+    """The guard of a fit on ``DATASET/<track>/<scene>``."""
+    return Guard(Path(scene).absolute().parents[1], jobs, own)
+
+
+def _inside(path: str, folder: str | None) -> bool:
+    return folder is not None and (path == folder or path.startswith(folder.rstrip(os.sep) + os.sep))
+
+
+def _text(path: Any) -> str | None:
+    """A path as text; None for an open file's number, which was judged when it was opened."""
+    return os.fsdecode(path) if isinstance(path, str | bytes | os.PathLike) else None

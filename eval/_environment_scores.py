@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scores of the surroundings that a method predicts: lights without a place."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+import graycard as gc
+from graycard.eval._image_metric import display
+from graycard.eval._light_metrics import ENVIRONMENT_METRICS
+from graycard.eval._light_scores import INDEX, distant
+from graycard.eval._psnr import psnr
+from graycard.eval._spheres import exposure_for, render_spheres
+from graycard.eval.protocols import PROTOCOL
+
+Spheres = Mapping[str, np.ndarray]
+
+
+def score_environments(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]:
+    """The score of the environment, where the scene has one.
+
+    Raises:
+        DatasetError: The true lights or their images are missing or broken.
+    """
+    true = distant(truth.lights())
+    if not true:
+        return []
+    wanted = _together([render_spheres(truth.environment(light)) for light in true])
+    try:
+        lights = predictions.lights()
+        if lights is None or not distant(lights):
+            what = f"there is no {INDEX}" if lights is None else f"{INDEX} has no environment"
+            return [_score("not provided", reason=what)]
+        found = [render_spheres(predictions.environment(light)) for light in distant(lights)]
+        return [compare_spheres(_together(found), wanted)]
+    except gc.PredictionError as cause:
+        return [_score("failed", reason=str(cause))]
+
+
+def compare_spheres(predicted: Spheres, true: Spheres) -> gc.Score:
+    """The score of three spheres, with one scale over all of them; each one's own is in the breakdown.
+
+    Args:
+        predicted: By name, each ``(N, 3)``, linear radiance.
+        true: The same.
+
+    Raises:
+        PredictionError: No positive scale brings the prediction to the truth.
+    """
+    p, t = (np.concatenate(list(spheres.values())) for spheres in (predicted, true))
+    if not (p * t).sum() > 0:
+        raise gc.PredictionError("expected an environment that shines, got a black one. Leave it out instead")
+    scale, exposure = float((p * t).sum() / (p * p).sum()), exposure_for(true["diffuse"])
+    squares = {
+        name: float(
+            np.mean((display(scale * predicted[name], exposure) - display(true[name], exposure)) ** 2)
+        )
+        for name in true
+    }
+    value = psnr(float(np.mean(list(squares.values()))))
+    return _score("scored", value, (scale,) * 3, {name: psnr(square) for name, square in squares.items()})
+
+
+def _together(lit: Sequence[Spheres]) -> Spheres:
+    """Spheres under several environments at once: light adds up."""
+    return {name: np.sum([spheres[name] for spheres in lit], axis=0) for name in lit[0]}
+
+
+def _score(
+    status: gc.Status,
+    value: float | None = None,
+    gauge: tuple[float, ...] | None = None,
+    breakdown: Mapping[str, float] | None = None,
+    reason: str = "",
+) -> gc.Score:
+    (record,) = ENVIRONMENT_METRICS
+    return gc.Score(
+        record.id,
+        PROTOCOL,
+        status,
+        value,
+        record.unit,
+        record.higher_is_better,
+        record.optimum,
+        gauge=gauge,
+        expected=1,
+        scored=int(status == "scored"),
+        reason=reason,
+        breakdown=breakdown or {},
+    )

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is left of a removed object, apart for where it stood, its shadow, its mirror image and the rest."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+import graycard as gc
+from graycard.eval._image_metric import display, exposed
+from graycard.eval._pixelwise import square_errors
+from graycard.eval._psnr import psnr
+from graycard.eval._readings import TrueView
+from graycard.eval._view_metrics import Answer, ViewMetric
+
+LAYER = "counterfactual.radiance"
+EFFECTS = ("footprint", "shadow", "mirror")
+"""Regions by what the target does there; shadow and mirror image may overlap."""
+_WHERE = {
+    "footprint": "where the object is seen",
+    "shadow": "where the object takes direct light away",
+    "mirror": "where the object is seen by reflection",
+    "rest": "outside of footprint, shadow and mirror image",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Removed:
+    """What is asked of a removal in one region of one view."""
+
+    without: np.ndarray
+    """True radiance without the object, shape ``(H, W, 3)``."""
+    with_object: np.ndarray
+    """True radiance with it."""
+    region: np.ndarray
+    """Shape ``(H, W)``, bool."""
+    exposure: float
+    variance: np.ndarray | None
+    """Of ``without``; None where it is not known."""
+
+
+def residual_energy(
+    predicted: np.ndarray, without: np.ndarray, with_object: np.ndarray, region: np.ndarray
+) -> float:
+    """How much of an object's effect is still in a picture: <p - c, o - c> / ‖o - c‖² over a region.
+
+    The coefficient of the least squares fit of p - c by o - c. What the picture lacks in other ways, and is
+    not alike the effect, does not enter.
+
+    Args:
+        predicted: p, the picture from which the object was removed, shape ``(H, W, 3)``.
+        without: c, the true picture without the object, shape ``(H, W, 3)``, same unit.
+        with_object: o, the true picture with it, shape ``(H, W, 3)``, same unit.
+        region: shape ``(H, W)``, bool.
+
+    Returns:
+        0: the effect is gone; 1: it is still there; below 0: more was taken away than the object did.
+
+    Raises:
+        ValueError: The object changes nothing in the region.
+
+    Example:
+        >>> import numpy as np
+        >>> dark, lit = np.full((2, 2, 3), 0.2), np.full((2, 2, 3), 0.6)
+        >>> round(residual_energy(dark + 0.1, dark, lit, np.ones((2, 2), bool)), 3)
+        0.25
+    """
+    effect = np.asarray(with_object, np.float64)[region] - without[region]
+    left = np.asarray(predicted, np.float64)[region] - without[region]
+    energy = float((effect**2).sum())
+    if energy == 0:
+        raise ValueError("expected a region in which the object changes something, got no change")
+    return float((left * effect).sum()) / energy
+
+
+def _region(true: TrueView, name: str) -> np.ndarray:
+    seen = true.mask(LAYER)
+    if name != "rest":
+        return seen & (true.take(f"effect.{name}") > 0.5)
+    return seen & ~np.any([true.take(f"effect.{effect}") > 0.5 for effect in EFFECTS], axis=0)
+
+
+def _asked(true: TrueView, exposure: float, name: str) -> Removed | None:
+    region = _region(true, name)
+    variance = true.take(f"{LAYER}.var") if f"{LAYER}.var" in true.layers else None
+    without, with_object = (true.take(layer).astype(np.float64) for layer in (LAYER, "radiance"))
+    return Removed(without, with_object, region, exposure, variance) if region.any() else None
+
+
+def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed | None:
+    asked = _asked(true, exposure, name)
+    if asked is None:
+        return None
+    o, c = exposed(asked.with_object, exposure), exposed(asked.without, exposure)
+    return asked if (o != c)[asked.region].any() else None
+
+
+def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
+    p, t = (display(image, asked.exposure) for image in (predicted, asked.without))
+    return float(square_errors(p, t, asked.region).mean()), {}
+
+
+def _noise(asked: Removed) -> float | None:
+    if asked.variance is None:
+        return None
+    variance = gc.display_variance(asked.without, asked.variance, asked.exposure)
+    return float(variance[asked.region].mean())
+
+
+def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
+    p, c, o = (exposed(i, asked.exposure) for i in (predicted, asked.without, asked.with_object))
+    left = residual_energy(p, c, o, asked.region)
+    return abs(left), {"signed": left}
+
+
+def _psnr_metric(region: str) -> ViewMetric:
+    record = gc.MetricRecord(
+        f"counterfactual.psnr.{region}", f"Removal PSNR, {region}", "counterfactual", "dB", True, math.inf,
+        "10·log10(1 / mean over views of MSE) of radiance without the target object as displayed, "
+        f"srgb(L·exposure), {_WHERE[region]}",
+        headline=False, tolerance=0.5,
+    )  # fmt: skip
+    needs = LAYER, "effect.footprint", "effect.shadow", "effect.mirror"
+    return ViewMetric(
+        record,
+        LAYER,
+        needs,
+        lambda true, exposure: _asked(true, exposure, region),
+        _square_error,
+        finish=psnr,
+        ceiling=_noise,
+    )
+
+
+def _residual_metric(region: str) -> ViewMetric:
+    record = gc.MetricRecord(
+        f"counterfactual.residual.{region}", f"Object left over, {region}", "counterfactual", "1", False, 0.0,
+        "mean over views of |<p - c, o - c> / ‖o - c‖²| (prediction p, truth without object c, with it o; "
+        f"linear, L·exposure clipped to [0, 1]) {_WHERE[region]}: 0 gone, 1 still there",
+        headline=False, tolerance=0.02,
+    )  # fmt: skip
+    needs = LAYER, f"effect.{region}"
+    return ViewMetric(
+        record, LAYER, needs, lambda true, exposure: _asked_for_residual(true, exposure, region), _residual
+    )
+
+
+REMOVAL_METRICS: tuple[ViewMetric, ...] = (
+    *(_psnr_metric(region) for region in (*EFFECTS, "rest")),
+    *(_residual_metric(region) for region in EFFECTS),
+)

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All metrics, in the order in which they are scored and shown."""
+
+import graycard as gc
+from graycard.eval._leakage import LEAKAGE_METRICS
+from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
+from graycard.eval._metrics import IMAGE_METRICS
+from graycard.eval._noise_error import NOISE_METRICS
+from graycard.eval._relighting import COMPOSITION_METRICS, RELIGHTING_METRICS
+from graycard.eval._removal import REMOVAL_METRICS
+from graycard.eval._view_metrics import ViewMetric
+
+VIEW_METRICS: tuple[ViewMetric, ...] = (*NOISE_METRICS, *REMOVAL_METRICS, *LEAKAGE_METRICS)
+
+
+def metrics() -> tuple[gc.MetricRecord, ...]:
+    """All metrics in the order in which they are scored and shown."""
+    image_like = *IMAGE_METRICS, *VIEW_METRICS, *RELIGHTING_METRICS, *COMPOSITION_METRICS
+    return tuple(m.record for m in image_like) + LIGHT_METRICS + ENVIRONMENT_METRICS

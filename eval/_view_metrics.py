@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Metrics with a rule of their own: the truth of a view asks, and one predicted layer answers."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import graycard as gc
+from graycard.eval._assembly import Finding, Scene, status_of
+from graycard.eval._gauge import Factors, apply_gauge
+from graycard.eval._image_metric import same
+from graycard.eval._readings import PredictedView, TrueView
+from graycard.eval.protocols import PROTOCOL
+
+Answer = tuple[float, Mapping[str, float]]
+"""The value of one view and the same by neighbouring rules, all before ``finish``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViewMetric:
+    """How one number is made from one predicted layer and whatever the truth knows of the view."""
+
+    record: gc.MetricRecord
+    layer: str
+    """Which is predicted."""
+    needs: tuple[str, ...]
+    """True layers, or how their names begin, without which a scene does not have the metric."""
+    question: Callable[[TrueView, float], Any]
+    """``(truth, exposure) -> what is asked``; None where the view has nothing to judge."""
+    answer: Callable[[np.ndarray, Any], Answer]
+    """``(prediction with its gauge, question) -> value``."""
+    finish: Callable[[float], float] = same
+    """Applied to the mean over views."""
+    gauge: str = "raw"
+    """Name of the gauge that is applied first."""
+    ceiling: Callable[[Any], float | None] = field(default=lambda question: None)
+    """``question -> the best value that the truth's noise allows``, before ``finish``; None if unknown."""
+
+    def applies(self, true: TrueView) -> bool:
+        """Whether the truth has the layers that it needs."""
+        return all(any(name.startswith(need) for name in true.layers) for need in self.needs)
+
+
+@dataclass(slots=True)
+class ViewScores:
+    """Findings of several metrics, gathered while the views pass by."""
+
+    table: Sequence[ViewMetric]
+    findings: dict[str, dict[str, Finding]] = field(default_factory=dict)
+    """By metric and view."""
+    provided: set[str] = field(default_factory=set)
+    unreadable: list[str] = field(default_factory=list)
+    scene: Scene | None = None
+
+    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+        """Judge a test view; a fault of the prediction is found, not raised.
+
+        Raises:
+            DatasetError: The truth of the view is broken.
+        """
+        self.scene = scene
+        self.provided |= predicted.layers.keys()
+        self.unreadable += [predicted.fault] if predicted.fault else []
+        for metric in self.table:
+            finding = judge_view(metric, predicted, true, scene)
+            if finding is not None:
+                self.findings.setdefault(metric.record.id, {})[true.view.name] = finding
+
+    def scores(self) -> list[gc.Score]:
+        """One score for each metric that a view had a question of, in the order of the table."""
+        return [self._score(metric) for metric in self.table if metric.record.id in self.findings]
+
+    def _score(self, metric: ViewMetric) -> gc.Score:
+        assert self.scene is not None, "views were observed"
+        training, findings = self.scene.training, self.findings[metric.record.id]
+        provided = metric.layer in self.provided | training.provided
+        factors = self.scene.gauges[metric.gauge] if metric.gauge != "raw" else ""
+        status, reason = status_of(metric.layer, findings, provided, [*training.unreadable, *self.unreadable])
+        return pooled(
+            metric.record,
+            metric.finish,
+            findings,
+            status=status,
+            reason=reason,
+            gauge=factors if isinstance(factors, tuple) else None,
+        )
+
+
+def judge_view(metric: ViewMetric, predicted: PredictedView, true: TrueView, scene: Scene) -> Finding | None:
+    """Judge one view by one metric; None where the truth has nothing to ask.
+
+    Raises:
+        DatasetError: The truth of the view is broken.
+    """
+    question = metric.question(true, scene.exposure) if metric.applies(true) else None
+    if question is None:
+        return None
+    noise, gauge = metric.ceiling(question), scene.gauges[metric.gauge]
+    try:
+        values = predicted.take(metric.layer)
+    except gc.PredictionError as cause:
+        return Finding(reason=str(cause), noise=noise)
+    if isinstance(gauge, str):
+        return Finding(reason=gauge, noise=noise)
+    values = apply_gauge(values, gauge) if metric.gauge != "raw" else np.asarray(values, np.float64)
+    value, parts = metric.answer(values, question)
+    return Finding(value, noise=noise, parts=parts)
+
+
+def pooled(
+    record: gc.MetricRecord,
+    finish: Callable[[float], float],
+    findings: Mapping[str, Finding],
+    *,
+    status: gc.Status,
+    reason: str,
+    gauge: Factors | None = None,
+) -> gc.Score:
+    """The score of findings: their mean, finished; a part is the mean over the views that have it."""
+    values = {name: f.value for name, f in findings.items() if f.value is not None}
+    scored = status == "scored"
+    return gc.Score(
+        record.id,
+        PROTOCOL,
+        status,
+        finish(mean(list(values.values()))) if scored else None,
+        record.unit,
+        record.higher_is_better,
+        record.optimum,
+        per_view={name: finish(value) for name, value in values.items()},
+        noise_ceiling=_ceiling([f.noise for f in findings.values()], finish),
+        gauge=gauge,
+        expected=len(findings),
+        scored=len(values),
+        reason=reason,
+        breakdown=_parts([f.parts for f in findings.values()], finish) if scored else {},
+    )
+
+
+def mean(values: Sequence[float]) -> float:
+    """Arithmetic mean, by an exact sum."""
+    return math.fsum(values) / len(values)
+
+
+def _parts(parts: Sequence[Mapping[str, float]], finish: Callable[[float], float]) -> dict[str, float]:
+    names = dict.fromkeys(name for view in parts for name in view)
+    return {name: finish(mean([view[name] for view in parts if name in view])) for name in names}
+
+
+def _ceiling(noise: Sequence[float | None], finish: Callable[[float], float]) -> float | None:
+    known = [n for n in noise if n is not None]
+    best = mean(known) if known and len(known) == len(noise) else 0.0
+    return finish(best) if best > 0 else None

@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All that a report says of one scene."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import graycard as gc
+from graycard.reports._comparison import Gallery, build_gallery
+from graycard.reports._evidence import (
+    MethodEvidence,
+    SceneEvidence,
+    describe_scene,
+    open_method,
+    open_scene,
+)
+from graycard.reports._facts import flatten
+from graycard.reports._plan import Plan, build_plan
+from graycard.reports._spread import Spread, protocol_spreads
+from graycard.reports._tables import MethodHead, MetricRow, Trouble, ViewRow, metric_rows, view_rows, warnings
+from graycard.reports._worst_tile import MethodTiles, find_worst_tiles
+
+
+@dataclass(frozen=True, slots=True)
+class ScenePictures:
+    """What the folders of a scene have to show."""
+
+    description: str
+    settings: tuple[tuple[str, str], ...]
+    views: int
+    """Number of test views, of which some are embedded."""
+    photographs: int
+    """Number of training photographs, of which some are embedded."""
+    gallery: Gallery
+    worst: tuple[MethodTiles, ...]
+    plan: Plan
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFault:
+    """A method of which nothing can be shown, or not all."""
+
+    method: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSection:
+    """One scene of a track."""
+
+    anchor: str
+    name: str
+    title: str
+    methods: tuple[MethodHead, ...]
+    pictures: ScenePictures | None
+    reason: str
+    """Why there are no pictures."""
+    faults: tuple[MethodFault, ...]
+    rows: tuple[MetricRow, ...]
+    spreads: tuple[Spread, ...]
+    """Of base colour over published protocols; empty where none was asked for."""
+    view_rows: tuple[ViewRow, ...]
+    warnings: tuple[Trouble, ...]
+
+
+def scene_section(
+    run: Path,
+    scene: gc.SceneRecord,
+    track_results: Sequence[gc.JobResult],
+    methods: Sequence[MethodHead],
+    metrics: Sequence[gc.MetricRecord],
+    anchor: str,
+) -> SceneSection:
+    """A scene with what its folders have to show; what is missing or broken is said in its place."""
+    results = [r for r in track_results if r.job.scene == scene.scene]
+    here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
+    competing = {m.name for m in here if not m.sees}  # that the truth is too good is no news
+    pictures, reason, faults = _pictures(run, scene, results, here)
+    return SceneSection(
+        anchor=anchor,
+        name=scene.scene,
+        title=scene.title,
+        methods=here,
+        pictures=pictures,
+        reason=reason,
+        faults=faults,
+        rows=metric_rows(results, here, metrics),
+        spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
+        view_rows=view_rows(results, here, metrics),
+        warnings=warnings([r for r in results if r.job.method in competing]),
+    )
+
+
+def _pictures(
+    run: Path, scene: gc.SceneRecord, results: Sequence[gc.JobResult], methods: Sequence[MethodHead]
+) -> tuple[ScenePictures | None, str, tuple[MethodFault, ...]]:
+    """The pictures of a scene, or why there are none; and which methods have nothing to show."""
+    try:
+        evidence = open_scene(run / scene.folder)
+        by_name = [([r for r in results if r.job.method == m.name], not m.sees) for m in methods]
+        shown = [open_method(run, found, evidence.shown, competes) for found, competes in by_name]
+        return _scene_pictures(scene, evidence, shown), "", _faults(shown)
+    except gc.GraycardError as cause:
+        return None, str(cause), ()
+
+
+def _scene_pictures(
+    scene: gc.SceneRecord, evidence: SceneEvidence, shown: Sequence[MethodEvidence]
+) -> ScenePictures:
+    return ScenePictures(
+        describe_scene(scene, evidence),
+        flatten(evidence.settings) if evidence.settings else (),
+        len(evidence.test),
+        len(evidence.capture.train),
+        build_gallery(evidence, shown),
+        find_worst_tiles(evidence, shown),
+        build_plan(evidence, shown),
+    )
+
+
+def _faults(shown: Sequence[MethodEvidence]) -> tuple[MethodFault, ...]:
+    whole = [MethodFault(m.method, m.fault) for m in shown if m.fault]
+    views = [MethodFault(m.method, f"{view}: {why}") for m in shown for view, why in m.faults.items()]
+    lights = [MethodFault(m.method, f"lights: {m.lights_fault}") for m in shown if m.lights_fault]
+    return tuple(whole + views + lights)

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that ask how far a run can be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.table import Table
+
+from graycard._comparison import COMPARISON, Comparison, MethodStanding, MetricComparison, PairDifference
+from graycard._json import write_json
+from graycard._records import MetricRecord, read_run
+from graycard._screen import OK, Json, Screen, new_table, write_optional_json
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Say whether a run is a valid result: 0 if so, 1 if a rule is broken, 2 if that cannot be judged."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder, with its scenes where run.json says."""
+    rescore: bool = False
+    """Also score all predictions again; takes as long as it took the bench."""
+    json: Json = None
+    """Also write what was found to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Look at every rule."""
+        from graycard.benchmarks import RULES, check_result
+
+        with screen.progress() as progress:
+            found = check_result(self.run_folder, progress, rescore=self.rescore)
+        for breach in found.breaches:
+            screen.out.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+        for rule in dict.fromkeys(breach.rule for breach in found.breaches):
+            screen.err.print(f"rule {rule}: {RULES[rule]}")
+        write_optional_json(self.json, {"exit_code": found.exit_code, "validity": found})
+        broken = sum(not breach.unknown for breach in found.breaches)
+        says = {0: "valid", 1: "invalid", 2: "cannot be judged"}
+        screen.out.print(
+            f"check-result: {says[found.exit_code]} ({found.results} fits by {len(found.rules)} rules, "
+            f"{broken} broken, {len(found.breaches) - broken} without evidence)"
+        )
+        return found.exit_code
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Say which method of a run is better, by how much, and how sure that is."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder; its comparison.json is written anew from run.json."""
+    metrics: tuple[str, ...] = ()
+    """Only these metrics; those of the leaderboard by default."""
+    pairs: bool = False
+    """Also show every two methods."""
+    json: Json = None
+    """Also write the comparison to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Compare."""
+        from graycard._errors import UnknownNameError
+        from graycard.eval.statistics import compare_run
+
+        record = read_run(self.run_folder)
+        by_id = {metric.id: metric for metric in record.metrics}
+        for name in self.metrics:
+            if name not in by_id:
+                raise UnknownNameError("metric of this run", name, by_id)
+        wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
+        found = compare_run(record)
+        for table in (t for t in found.metrics if t.metric in wanted):
+            self._show(screen, table, by_id[table.metric])
+        write_json(self.run_folder / COMPARISON, found)
+        write_optional_json(self.json, found)
+        _say(screen, found)
+        return OK
+
+    def _show(self, screen: Screen, table: MetricComparison, metric: MetricRecord) -> None:
+        better = "higher" if metric.higher_is_better else "lower"
+        screen.out.print(f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better")
+        screen.out.print(_standings(table))
+        if self.pairs and table.pairs:
+            screen.out.print(_pairs(table))
+
+
+def _say(screen: Screen, found: Comparison) -> None:
+    for above in found.above_ceiling:
+        if not above.handed:
+            screen.err.print(
+                f"truth has leaked: {above.track}/{above.scene} {above.method}, seed {above.seed}, "
+                f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
+                f"{found.margin:g} are left to chance"
+            )
+    pairs = [pair for table in found.metrics for pair in table.pairs]
+    few = sum(pair.verdict == "too few scenes" for pair in pairs)
+    tied = sum(pair.verdict == "tie" for pair in pairs)
+    decided = len(pairs) - few - tied
+    screen.out.print(
+        f"compare: {len(pairs)} pairs, {decided} decided, {tied} tied, {few} with fewer than the "
+        f"{found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+    )
+
+
+def _standings(table: MetricComparison) -> Table:
+    shown = new_table("rank", "method", "mean", "95 % interval", "scenes", "scene sd", "seed sd", "ceiling")
+    for row in sorted(table.methods, key=lambda m: (m.rank is None, m.rank or 0)):
+        shown.add_row(*_cells(row))
+    return shown
+
+
+def _cells(row: MethodStanding) -> tuple[str, ...]:
+    rank = str(row.rank) if row.rank else "" if row.competes else "is handed truth"
+    counts = f"{row.scenes}/{row.expected}"
+    spreads = (_number(x) for x in (row.scene_sd, row.seed_sd, row.ceiling))
+    return rank, row.method, _number(row.mean), _interval(row.interval), counts, *spreads
+
+
+def _pairs(table: MetricComparison) -> Table:
+    shown = new_table("pair", "difference", "95 % interval", "scenes", "p rank", "p mean, Holm", "verdict")
+    for pair in table.pairs:
+        shown.add_row(*_pair_cells(pair))
+    return shown
+
+
+def _pair_cells(pair: PairDifference) -> tuple[str, ...]:
+    names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
+    chances = _number(pair.p_rank), _number(pair.p_mean_holm)
+    return names, difference, _interval(pair.interval), str(pair.scenes), *chances, pair.verdict
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _interval(ends: tuple[float, float] | None) -> str:
+    return "" if ends is None else f"{ends[0]:.4g} to {ends[1]:.4g}"

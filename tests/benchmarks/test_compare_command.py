@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``graycard compare`` on a run made by hand."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from graycard.__main__ import main
+
+METRICS = (
+    gc.MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.3),
+    gc.MetricRecord("ssim", "SSIM", "novel view", "1", True, 1.0, "", False, 0.01),
+)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """Eight scenes, two methods of which the first is 5 dB better, and a reference."""
+    random = np.random.default_rng(1000)
+    results = []
+    for scene in range(8):
+        for method, gain in (("mine", 5.0), ("theirs", 0.0), ("truth", math.inf)):
+            value = 20 + scene / 4 + gain + random.normal(0, 0.2)
+            score = gc.Score("psnr", "graycard-1", "scored", value, "dB", True, math.inf, noise_ceiling=25.3)
+            sheet = gc.ScoreSheet("dark", f"s{scene}", method, "", "", (score,))
+            job = gc.Job("dark", f"s{scene}", method, 0, {})
+            results.append(gc.JobResult(job, "", "", "done", sheet=sheet))
+    methods = (
+        gc.MethodRecord("mine", "", ()),
+        gc.MethodRecord("theirs", "", ()),
+        gc.MethodRecord("truth", "", ("radiance",)),
+    )
+    record = gc.RunRecord("demo", 1, (), methods, METRICS, tuple(results), {}, "", 0.0)
+    gc.write_json(tmp_path / "run.json", record)
+    return tmp_path
+
+
+def test_it_says_who_is_better_and_how_sure_that_is(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--pairs", "--json", str(run / "c.json")]) == 0
+    said = capsys.readouterr()
+    lines = said.out.splitlines()
+    assert "dark: PSNR (psnr), dB, higher is better" in lines
+    first, second, truth = (next(x for x in lines if name in x) for name in (" mine ", " theirs ", " truth "))
+    assert first.split()[1:4] != second.split()[1:4]
+    assert "8/8" in first
+    assert "is handed truth" in truth
+    pair = next(x for x in lines if "mine - theirs" in x)
+    assert "better" in pair
+    assert "0.007812" in pair
+    assert lines[-1].startswith("compare: 3 pairs, 3 decided, 0 tied, 0 with fewer than the 6 scenes")
+    assert "truth has leaked: dark/s7 mine, seed 0, psnr" in said.err
+    assert gc.read_comparison(run) == gc.decode(gc.Comparison, gc.read_json(run / "c.json"))
+
+
+def test_a_metric_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--metrics", "pnsr"]) == 2
+    assert (
+        "expected a metric of this run that exists, got 'pnsr' (did you mean 'psnr'?)"
+        in capsys.readouterr().err
+    )
+    assert main(["compare", str(run), "--metrics", "ssim"]) == 0
+    assert "PSNR" not in capsys.readouterr().out
+
+
+def test_too_few_scenes_are_said(run: Path, capsys: pytest.CaptureFixture[str]):
+    record = gc.read_run(run)
+    few = [r for r in record.results if r.job.scene in ("s0", "s1") and r.job.method != "truth"]
+    gc.write_json(
+        run / "run.json", gc.RunRecord("demo", 1, (), record.methods, METRICS, tuple(few), {}, "", 0.0)
+    )
+    assert main(["compare", str(run)]) == 0
+    assert "1 with fewer than the 6 scenes that a p below 0.05 needs" in capsys.readouterr().out

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Truth is closed while a method's code runs, by whatever way it is reached for."""
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.benchmarks import FitSpec, fit_scene
+from graycard.benchmarks._guard import GUARD, Guard, closed
+from graycard.benchmarks._jobs import FitJob, fit_at_hand, run_fit
+
+
+@pytest.fixture
+def scene(make_scene: Callable[..., Path]) -> Path:
+    return make_scene()
+
+
+@pytest.fixture
+def guard(scene: Path) -> Guard:
+    return Guard(scene.parents[1])
+
+
+def through_a_link(scene: Path) -> None:
+    link = scene.parents[2] / "innocent"
+    link.symlink_to(scene)
+    (link / "truth" / "truth.json").read_text()
+
+
+def in_a_thread(scene: Path) -> None:
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            (scene / "truth" / "lights.json").read_bytes()
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    raise errors[0]
+
+
+WAYS: dict[str, Callable[[Path], object]] = {
+    "open": lambda scene: (scene / "truth" / "truth.json").read_text(),
+    "bytes": lambda scene: os.open(os.fsencode(scene / "truth" / "truth.json"), os.O_RDONLY),
+    "os.open": lambda scene: os.open(scene / "truth" / "truth.json", os.O_RDONLY),
+    "listing": lambda scene: list((scene / "truth").iterdir()),
+    "scandir": lambda scene: next(os.scandir(scene / "truth" / "views")),
+    "dots": lambda scene: (scene / "capture" / ".." / "truth" / "truth.json").read_text(),
+    "link": through_a_link,
+    "hard link": lambda scene: os.link(scene / "truth" / "truth.json", scene.parents[2] / "mine.json"),
+    "rename": lambda scene: os.rename(scene / "truth", scene / "mine"),
+    "chdir": lambda scene: os.chdir(scene / "truth"),
+    "our reader": lambda scene: gc.read_layers(scene / "truth" / "views" / "test_001.exr"),
+    "our door": lambda scene: gc.open_truth(scene / "truth"),
+    "another program": lambda scene: subprocess.run(["cat", str(scene / "truth" / "truth.json")], check=True),
+    "a shell": lambda scene: os.system(f"cat {scene}/truth/truth.json"),
+    "a thread": in_a_thread,
+    "another scene": lambda scene: (scene.parents[1] / "tabletop" / "other" / "truth" / "x").read_text(),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_way_to_the_truth_is_closed(scene: Path, guard: Guard, way: str):
+    with closed(guard), pytest.raises(gc.MethodError, match="truth is closed while a method runs"):
+        WAYS[way](scene)
+    assert len(guard.refused) == 1
+    assert (scene / "truth" / "truth.json").is_file()
+    gc.open_truth(scene / "truth")  # open again
+
+
+def test_all_else_is_open(scene: Path, guard: Guard, tmp_path: Path):
+    (tmp_path / "truth").mkdir()
+    with closed(guard):
+        gc.open_capture(scene / "capture")
+        (tmp_path / "truth" / "mine.txt").write_text("a folder may bear that name elsewhere")
+        list(scene.iterdir())
+        subprocess.run([sys.executable, "-c", ""], check=True)
+        with open(os.open(tmp_path / "x", os.O_CREAT | os.O_RDONLY)) as file:
+            assert file.read() == ""
+    assert guard.refused == []
+
+
+def test_predictions_of_others_are_closed_and_its_own_are_not(scene: Path, tmp_path: Path):
+    jobs = tmp_path / "run" / "jobs"
+    own, other = jobs / "dark" / "s" / "mine-0", jobs / "dark" / "s" / "truth-0"
+    for folder in (own, other):
+        folder.mkdir(parents=True)
+        (folder / "predictions.json").write_text("{}")
+    guard = Guard(scene.parents[1], jobs, own)
+    with closed(guard):
+        assert (own / "predictions.json").read_text() == "{}"
+        with pytest.raises(gc.MethodError, match="truth-0"):
+            (other / "predictions.json").read_text()
+        with pytest.raises(gc.MethodError, match=r"subprocess.Popen"):
+            subprocess.run(["ls", str(jobs)], check=True)
+
+
+def test_what_is_tried_twice_is_named_once(scene: Path, guard: Guard):
+    for _ in range(2):
+        with closed(guard), pytest.raises(gc.MethodError):
+            (scene / "truth" / "truth.json").read_text()
+    assert guard.refused == [str(scene / "truth" / "truth.json")]
+
+
+PEEPERS = """
+from pathlib import Path
+import numpy as np
+import graycard as gc
+from graycard.methods import NoSettings
+from graycard.methods._gray import GrayMethod
+LOG = []
+class Peeps(GrayMethod):
+    summary = "Looks beside its capture, and at the dataset if it is told where"
+    def fit(self, capture, priors, settings, seed, progress):
+        LOG.append(sorted(p.name for p in capture.root.parent.iterdir()))
+        try:
+            gc.open_truth(Path(SCENE) / "truth")
+        except gc.GraycardError as error:
+            LOG.append(str(error))
+        return super().fit(capture, priors, settings, seed, progress)
+class Insists(GrayMethod):
+    summary = "Cannot do without"
+    def fit(self, capture, priors, settings, seed, progress):
+        return open(Path(SCENE) / "truth" / "truth.json")
+"""
+
+
+@pytest.fixture
+def peepers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    (tmp_path / "peepers.py").write_text(f"SCENE = {str(scene)!r}\n{PEEPERS}")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield "peepers"
+    sys.modules.pop("peepers", None)
+
+
+def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path: Path, peepers: str):
+    fitted = fit_scene(FitSpec(f"{peepers}:Peeps", {}, 0, scene), tmp_path / "p", gc.silent)
+    beside, words = sys.modules[peepers].LOG
+    assert beside == ["capture"], "there is nothing beside the copy"
+    assert "truth is closed while a method runs" in words
+    assert fitted.access.guard == GUARD
+    assert fitted.access.handed == ()
+    assert fitted.access.refused == (str(scene / "truth" / "manifest.json"),)
+    assert fitted.access.capture_sha256 == gc.sha256(scene / "capture" / "manifest.json")
+
+
+def test_a_method_that_cannot_do_without_fails_its_job(
+    scene: Path, tmp_path: Path, peepers: str, monkeypatch: pytest.MonkeyPatch
+):
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        monkeypatch.setenv(name, "1")
+    job = gc.Job("dark", scene.name, "insists", 0, {}, f"{peepers}:Insists")
+    outcome = run_fit(
+        FitJob(job, "hash", scene, tmp_path / "run" / "jobs" / "a", 1, tmp_path / "run" / "jobs")
+    )
+    assert "expected a method to keep to its capture" in outcome.reason
+    assert "names it in `needs`" in outcome.reason
+    assert not outcome.fatal
+
+
+def test_what_a_method_needs_is_handed_and_named(scene: Path, tmp_path: Path):
+    fitted = fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", gc.silent, tmp_path / "saved")
+    assert set(fitted.access.handed) >= {"base_color", "lights", "normal", "radiance"}
+    assert fitted.access.refused == ()
+
+
+def test_a_fit_of_which_access_is_not_known_is_done_again(scene: Path, tmp_path: Path):
+    job = gc.Job("dark", scene.name, "gray", 0, {}, "gray")
+    fit = FitJob(job, "hash", scene, tmp_path / "job", 1)
+    gc.write_json(tmp_path / "job" / "job.json", {"job": job, "job_hash": "hash", "cost": gc.Cost(1.0, 1.0)})
+    assert fit_at_hand(fit) is None
+
+
+def test_a_damaged_capture_is_named_by_the_folder_that_is_known(scene: Path, tmp_path: Path):
+    (scene / "capture" / "photographs" / "train_000.exr").write_bytes(b"damaged")
+    with pytest.raises(gc.DatasetError, match=str(scene / "capture")):
+        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", gc.silent)
+
+
+def test_where_the_copy_has_no_room(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def full(source: Path, target: Path) -> None:
+        raise OSError(28, "No space left on device", str(target))
+
+    monkeypatch.setattr("graycard.benchmarks._guard.shutil.copytree", full)
+    with pytest.raises(gc.OutputError, match="expected room to write"):
+        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", gc.silent)

@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who is best, by how much and how surely, in words; and the same on one axis."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import graycard as gc
+from graycard.reports import write_report
+from graycard.reports._cells import Cell
+from graycard.reports._compared import compare_track
+from graycard.reports._format import format_p
+from graycard.reports._help import explain_rules, metric_head
+from graycard.reports._intervals import PAD, axis_of, axis_of_standings, interval_plot
+from graycard.reports._summary import part_of, summary_rows
+from graycard.reports._verdicts import Verdict, judge, judge_without_intervals
+
+UP = gc.MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
+DOWN = gc.MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
+SIDE = gc.MetricRecord("a.side", "Side", "albedo", "1", False, 0.0, "h", False, 0.1)
+
+
+def stands(method: str, mean: float | None, rank: int | None = 1, **more: Any) -> gc.MethodStanding:
+    given: dict[str, Any] = {"competes": True, "scenes": 8, "expected": 8, "seeds": 1, **more}
+    return gc.MethodStanding(method, mean=mean, rank=rank, **given)
+
+
+def pair(first: str, second: str, verdict: Any, **more: Any) -> gc.PairDifference:
+    given: dict[str, Any] = {
+        "scenes": 8, "difference": 1.0, "interval": (0.5, 2.0), "p_rank": 0.008, "p_rank_holm": 0.1,
+        "p_mean": 0.01, "p_mean_holm": 0.03, **more,
+    }  # fmt: skip
+    return gc.PairDifference(first, second, verdict=verdict, **given)
+
+
+def compared(metric: gc.MetricRecord, methods: list[gc.MethodStanding], *pairs: gc.PairDifference) -> Verdict:
+    found = gc.MetricComparison("dark", metric.id, tuple(methods), pairs)
+    return judge(metric, found, gc.Comparison("s", 1, 0.95, 6, 1.0, "the rule", (found,)))
+
+
+def test_clear_lead_names_the_larger_of_both_p_values() -> None:
+    found = compared(UP, [stands("b", 20.0, 2), stands("a", 21.0)], pair("a", "b", "better"))
+    assert found == Verdict(
+        "clear", "clear lead", "a", "21.00", "1.00 dB (0.50 to 2.00) ahead of b", "p = 0.030, n = 8"
+    )
+
+
+def test_where_less_is_better_a_lead_is_still_positive() -> None:
+    methods = [stands("a", 4.0), stands("b", 6.0, 2)]
+    worse = pair("a", "b", "better", difference=-2.0, interval=(-3.0, -1.0))
+    assert compared(DOWN, methods, worse).lead == "2.00 ° (1.00 to 3.00) ahead of b"
+    turned = pair("b", "a", "worse", difference=2.0, interval=(1.0, 3.0))
+    assert compared(DOWN, methods, turned).lead == "2.00 ° (1.00 to 3.00) ahead of b"
+    up = compared(UP, [stands("a", 6.0), stands("b", 4.0, 2)], pair("b", "a", "worse", interval=(-3.0, -1.0)))
+    assert up.lead == "2.00 dB (1.00 to 3.00) ahead of b"
+
+
+def test_ties_are_all_of_the_leaders_group() -> None:
+    methods = [stands("a", 9.0), stands("b", 8.0), stands("c", 7.0), stands("d", 1.0, 2)]
+    found = compared(UP, methods, pair("a", "b", "tie"))
+    assert (found.kind, found.words, found.tied) == ("tied", "tied with b and c", ("b", "c"))
+
+
+def test_too_few_scenes_say_how_many_are_needed() -> None:
+    methods = [stands("a", 9.0, scenes=2, expected=2), stands("b", 8.0, scenes=2, expected=2)]
+    few = pair("a", "b", "too few scenes", interval=None, p_mean=None, p_mean_holm=None)
+    found = compared(UP, methods, few)
+    assert (found.kind, found.words) == ("too few", "too few scenes to tell: 6 needed")
+    assert (found.lead, found.evidence) == ("1.00 dB ahead of b", "2 scenes")
+
+
+def test_who_misses_a_scene_or_was_handed_truth_cannot_lead() -> None:
+    methods = [
+        stands("quitter", 50.0, None, scenes=7),
+        stands("oracle", 60.0, None, competes=False),
+        stands("a", 9.0),
+    ]
+    alone = compared(UP, methods)
+    assert (alone.kind, alone.leader, alone.words) == ("alone", "a", "no rival with every scene")
+    assert compared(UP, methods[:1]).words == "no method has every scene"
+    assert compared(UP, methods[1:2]).words == "no method provides it"
+    assert compared(UP, methods[2:]).words == "no rival"
+
+
+def test_without_a_comparison_the_best_is_named_and_nothing_claimed() -> None:
+    found = judge_without_intervals(UP, [stands("a", 9.0), stands("b", 9.0), stands("c", 1.0)])
+    assert (found.kind, found.leader, found.lead) == ("open", "a", "level with b")
+    assert judge_without_intervals(UP, [stands("a", 9.0)]).kind == "alone"
+    assert judge_without_intervals(UP, []).kind == "nobody"
+
+
+@pytest.mark.parametrize(("p", "text"), [(1e-5, "p < 0.001"), (0.0078, "p = 0.008"), (0.5, "p = 0.50")])
+def test_p_values(p: float, text: str) -> None:
+    assert format_p(p) == text
+
+
+def test_axis_holds_means_intervals_and_ceilings_but_nothing_infinite() -> None:
+    methods = [
+        stands("a", 20.0, interval=(18.0, 23.0)), stands("b", 25.0, ceiling=45.0), stands("c", math.inf),
+    ]  # fmt: skip
+    axis = axis_of_standings(methods, "dB")
+    assert axis is not None
+    assert axis.ends == ("18.00", "45.00")
+    assert (axis.place(18.0), axis.place(45.0)) == (100 * PAD, 100 * (1 - PAD))
+    assert axis.place(31.5) == pytest.approx(50)
+    assert axis.place(1e9) == axis.place(math.inf) == axis.place(45.0)
+    first, second, third = (interval_plot(m, axis) for m in methods)
+    assert first is not None
+    assert first.interval == (axis.place(18.0), axis.place(23.0))
+    assert "95 % interval 18.00 to 23.00" in first.text
+    assert second is not None
+    assert (second.ceiling, second.interval) == (axis.place(45.0), None)
+    assert "no interval from 8 scenes" in second.text
+    assert third is not None
+    assert third.beyond == "high"
+    assert interval_plot(stands("d", None), axis) is None
+    assert axis_of([math.inf], "dB") is None
+    assert axis_of_standings([stands("a", 0.0)], "dB") is None
+    assert interval_plot(stands("d", 1.0), None) is None
+    flat = axis_of([3.0], "dB")
+    assert flat is not None
+    assert flat.place(3.0) == pytest.approx(50)
+    assert "seeds 0.10" in (interval_plot(stands("e", 20.0, seed_sd=0.1), axis) or first).text
+
+
+def test_cells_say_who_is_tied_with_whom() -> None:
+    methods = (stands("a", 9.0), stands("b", 8.0), stands("c", 1.0, 2))
+    found = gc.MetricComparison("dark", UP.id, methods, (pair("a", "b", "tie"),))
+    comparison = gc.Comparison("s", 1, 0.95, 6, 1.0, "the rule", (found,))
+    record = gc.RunRecord("s", 1, (), (), (UP,), (), {}, "", 0)
+    track = compare_track(comparison, record, "dark", [UP])
+    cells = [track.dress(Cell("scored", "x", 1.0, ("below",)), UP.id, m.method) for m in methods]
+    assert [c.notes for c in cells] == [
+        ("tied with b, p = 0.030, n = 8", "below"), ("tied with a", "below"), ("below",),
+    ]  # fmt: skip
+    assert all(c.plot for c in cells)
+    failed = Cell("failed", "failed")
+    assert track.dress(failed, UP.id, "a") is failed
+    assert track.dress(cells[0], UP.id, "stranger") is cells[0]
+
+
+def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
+    verdict = Verdict("alone", "no rival", "a", "1")
+    found = {("dark", "a.side"): verdict, ("dark", "a.up"): verdict, ("table", "n.down"): verdict}
+    rows = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
+    assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry: normals", "n.down")]
+    assert [[bool(c.verdict) for c in r.cells] for r in rows] == [[True, False], [False, True]]
+    assert part_of("some_new_part") == "Some new part"
+
+
+def test_help_says_what_is_ignored_and_what_counts_as_no_change() -> None:
+    head = metric_head(UP)
+    assert (head.ignores, head.tolerance) == ("one factor on the prediction and the sign", "0.10 dB")
+    assert (metric_head(DOWN).ignores, metric_head(DOWN).tolerance) == ("", "")
+    assert (
+        explain_rules(["interior", "interior", "unheard_of"]) == "interior: pixels of one surface and colour"
+    )
+
+
+def comparison_of(record: gc.RunRecord) -> gc.Comparison:
+    """Retinex is best on the dark track, the others' lights are all alike."""
+    methods = (
+        stands("retinex", 26.0, interval=(25.0, 27.0), ceiling=48.5), stands("gray", 18.4, 2),
+        stands("truth", math.inf, None, competes=False),
+    )  # fmt: skip
+    albedo = gc.MetricComparison("dark", "albedo.psnr.channel", methods, (pair("retinex", "gray", "better"),))
+    few = pair("retinex", "gray", "too few scenes")
+    light = gc.MetricComparison("dark", "light.position", methods[:2], (few,))
+    leak = gc.AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, ())
+    handed = replace(leak, method="truth", handed=("radiance",))
+    return gc.Comparison(record.suite, 3, 0.95, 6, 1.0, "A rule <in words>.", (albedo, light), (leak, handed))
+
+
+def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, gc.RunRecord]]) -> None:
+    run, record = make_run()
+    before = write_report(run).read_text(encoding="utf-8")
+    assert "significance not computed" in before
+    assert "the run has no comparison.json" in before
+    gc.write_json(run / gc.COMPARISON, comparison_of(record))
+    html = write_report(run).read_text(encoding="utf-8")
+    first = html[html.index('<section class="summary"') : html.index('<section class="track"')]
+    for part in (
+        '<a href="#track-1">retinex</a>', "clear lead", "26.00 dB", "7.60 dB (0.50 to 2.00) ahead of gray",
+        "p = 0.030, n = 8", "too few scenes to tell: 6 needed", "A rule &lt;in words&gt;.",
+        "truth has leaked",
+        "1 score of references that were handed truth",
+    ):  # fmt: skip
+        assert part in first, part
+    assert 'aria-label="mean 26.00, 95 % interval 25.00 to 27.00, ceiling 48.50"' in html
+    (run / gc.COMPARISON).write_text("{")
+    assert "No intervals and no tests of significance: expected" in write_report(run).read_text(
+        encoding="utf-8"
+    )
