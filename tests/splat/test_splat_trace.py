@@ -575,7 +575,7 @@ def test_rays_that_are_no_numbers_are_refused(name: str, bad: float):
     values = {"origins": torch.zeros(3, 3), "directions": torch.eye(3)}
     values[name][1, 2] = bad
     with pytest.raises(ValueError, match=rf"expected {name} to be finite, got .*(nan|inf).* at ray 1"):
-        splat.Rays(**values)
+        splat.Rays(values["origins"], values["directions"])
 
 
 def test_surfels_elsewhere_are_refused():
