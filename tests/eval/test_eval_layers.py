@@ -3,7 +3,7 @@
 
 import math
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def only(*names: str) -> Callable[[gc.View, Layers], Layers]:
     return lambda view, layers: {k: v for k, v in layers.items() if k in names}
 
 
-def times(factors: dict[str, float | np.ndarray]) -> Callable[[gc.View, Layers], Layers]:
+def times(factors: Mapping[str, float | np.ndarray]) -> Callable[[gc.View, Layers], Layers]:
     return lambda view, layers: layers | {k: (layers[k] * f).astype(np.float32) for k, f in factors.items()}
 
 
