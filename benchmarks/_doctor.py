@@ -52,10 +52,11 @@ def _memory_gib() -> float:
 
 
 def _weights() -> str:
-    """Pretrained weights where torch keeps them; no score of this version needs any."""
+    """Pretrained weights where torch keeps them, which nothing reads, and those that scores are told of."""
     home = Path(os.environ.get("TORCH_HOME", Path.home() / ".cache" / "torch")) / "hub" / "checkpoints"
     found = sorted(path.name for path in home.glob("*.pth")) if home.is_dir() else []
-    return f"{', '.join(found) or 'none'} in {home} (nothing in this version needs any)"
+    lpips = os.environ.get("GRAYCARD_LPIPS") or "absent (GRAYCARD_LPIPS names no folder)"
+    return f"LPIPS: {lpips}; {', '.join(found) or 'none'} in {home} (nothing in this version needs any)"
 
 
 def _disk(folder: Path) -> Finding:

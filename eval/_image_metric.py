@@ -20,6 +20,11 @@ IGNORED: dict[str, tuple[gc.Invariance, ...]] = {"raw": (), "scalar": GLOBAL, "c
 """What a gauge of each kind makes a metric blind to."""
 
 
+def always() -> bool:
+    """For what needs nothing but this package."""
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class ImageMetric:
     """How one number is made from one layer of the test views."""
@@ -42,6 +47,8 @@ class ImageMetric:
     """Factor on the exposure of the scene, for a layer that is not itself seen in photographs."""
     chart: bool = False
     """Whether only the colour chart is judged."""
+    available: Callable[[], bool] = always
+    """Whether it can be computed here; a sheet goes without what cannot."""
 
 
 def display(radiance: np.ndarray, exposure: float) -> np.ndarray:

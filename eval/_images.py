@@ -112,7 +112,7 @@ def judge(
 def _applicable(first: TrueView) -> list[ImageMetric]:
     """The metrics that a scene has; the first test view decides, and the others must have its layers."""
     table = [each for m in IMAGE_METRICS for each in _of_each_light(m, first)]
-    return [m for m in table if m.layer in REQUIRED | first.layers.keys()]
+    return [m for m in table if m.layer in REQUIRED | first.layers.keys() and m.available()]
 
 
 def _of_each_light(metric: ImageMetric, first: TrueView) -> list[ImageMetric]:

@@ -14,7 +14,6 @@ from graycard.eval._pixelwise import (
     Pixelwise,
     absolute_errors,
     angle_errors,
-    colour_errors,
     share_below,
     square_errors,
 )
@@ -25,24 +24,10 @@ CARD = 0.18
 _MEAN_SQUARE = Pixelwise(square_errors, np.mean)
 
 
-def reflectance_metrics(layer: str, group: str, title: str) -> tuple[ImageMetric, ...]:
-    """PSNR by three gauges and the colour difference of one of the other reflectances.
-
-    Args:
-        layer: Predicted and true; the gauge is fitted on it, too.
-        group: Of the metrics.
-        title: For a table head.
-    """
+def _reflectance_metrics(layer: str, group: str, title: str) -> tuple[ImageMetric, ...]:
+    """PSNR by three gauges, fitted on the layer itself, of one of the other reflectances."""
     scales = {"raw": "p", "scalar": "s·p, s = Σpt/Σp²", "channel": "s_c·p, s_c = Σp_c t_c/Σp_c²"}
-    colour = gc.MetricRecord(
-        f"{group}.ciede2000", f"{title} colour difference", group, "ΔE00", False, 0.0,
-        f"mean over the mask without lights of CIEDE2000 between s·p and t, both {layer}, s = Σpt/Σp² on "
-        "training views", headline=False, tolerance=0.5, ignores=GLOBAL,
-    )  # fmt: skip
-    return (
-        *(_reflectance_psnr(layer, group, title, kind, scale) for kind, scale in scales.items()),
-        ImageMetric(colour, layer, linear, Pixelwise(colour_errors, np.mean), same, gauge=f"{layer}.scalar"),
-    )
+    return tuple(_reflectance_psnr(layer, group, title, kind, scale) for kind, scale in scales.items())
 
 
 def _reflectance_psnr(layer: str, group: str, title: str, kind: str, scale: str) -> ImageMetric:
@@ -149,8 +134,8 @@ CHART_METRICS: tuple[ImageMetric, ...] = (_chart(),)
 NORMAL_SHARES: tuple[ImageMetric, ...] = tuple(_normal_share(limit) for limit in (11.25, 22.5, 30.0))
 GEOMETRY_METRICS: tuple[ImageMetric, ...] = _depth_metrics()
 MATERIAL_METRICS: tuple[ImageMetric, ...] = (
-    *reflectance_metrics("diffuse_reflectance", "diffuse_reflectance", "Diffuse reflectance"),
-    *reflectance_metrics("albedo", "hemispherical_albedo", "Hemispherical albedo"),
+    *_reflectance_metrics("diffuse_reflectance", "diffuse_reflectance", "Diffuse reflectance"),
+    *_reflectance_metrics("albedo", "hemispherical_albedo", "Hemispherical albedo"),
     *_material_metrics(
         "roughness", "over the mask without lights where the truth has a specular lobe (f0 > 0)"
     ),

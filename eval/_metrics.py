@@ -28,6 +28,7 @@ from graycard.eval._layer_metrics import (
     TRANSPORT_METRICS,
 )
 from graycard.eval._lmse import lmse
+from graycard.eval._lpips import VARIABLE, has_weights, lpips
 from graycard.eval._pixelwise import (
     Bracketed,
     Pixelwise,
@@ -82,6 +83,15 @@ def _flip_hdr() -> ImageMetric:
         headline=False, tolerance=0.01,
     )  # fmt: skip
     return ImageMetric(record, "radiance", display, Bracketed(flip_errors, np.mean, _BRACKET), same)
+
+
+def _lpips() -> ImageMetric:
+    record = gc.MetricRecord(
+        "novel_view.lpips", "Novel view LPIPS", "novel_view", "1", False, 0.0,
+        "mean over the mask of the LPIPS map (version 0.1, AlexNet, spatial) of srgb(L·exposure) in [-1, 1]; "
+        f"only where {VARIABLE} names a folder of its weights", headline=False, tolerance=0.01,
+    )  # fmt: skip
+    return ImageMetric(record, "radiance", display, lpips, same, available=has_weights)
 
 
 def _albedo_psnr(kind: Kind, title: str, scale: str) -> ImageMetric:
@@ -144,6 +154,7 @@ def _normal_metric(statistic: str, measure: Measure, headline: bool) -> ImageMet
 IMAGE_METRICS: tuple[ImageMetric, ...] = (
     *_radiance_metrics("novel_view", "Novel view", "radiance", "radiance"),
     _flip_hdr(),
+    _lpips(),
     *_radiance_metrics(
         "counterfactual", "Removal", "counterfactual.radiance", "radiance without the target object"
     ),

@@ -44,8 +44,8 @@ def share_below(errors: np.ndarray, limit: float) -> np.floating:
 def square_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Mean over channels, if there are any, of the squared difference, ``(N,)``, in the unit squared."""
     p, t = judged_pixels(predicted, true, mask)
-    square = (p - t) ** 2
-    return square if square.ndim == 1 else np.mean(square, axis=-1)
+    difference = (p - t).reshape(len(p), -1)
+    return np.einsum("nc,nc->n", difference, difference) / difference.shape[1]
 
 
 def absolute_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -53,6 +53,8 @@ class TrueView:
     emitters: frozenset[int]
     charts: frozenset[int] = frozenset()
     """Ids of the objects that are colour charts."""
+    masks: dict[tuple[str, bool], np.ndarray] = field(default_factory=dict, repr=False, compare=False)
+    """Those that were asked for already."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be compared with.
@@ -82,6 +84,11 @@ class TrueView:
         Raises:
             DatasetError: The truth has no object ids.
         """
+        if (layer, chart) not in self.masks:
+            self.masks[layer, chart] = self._mask(layer, chart)
+        return self.masks[layer, chart]
+
+    def _mask(self, layer: str, chart: bool) -> np.ndarray:
         ids = self.take("object_id")
         mask = judged_mask(ids, frozenset() if layer in WITH_LIGHTS else self.emitters)
         if chart:

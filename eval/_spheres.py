@@ -36,8 +36,7 @@ def render_spheres(environment: np.ndarray) -> dict[str, np.ndarray]:
     values = np.asarray(environment, np.float64)
     normals = sphere_normals()
     towards = np.array([0.0, -1.0, 0.0])
-    light, directions, solid_angles = _cells(values)
-    received = light * solid_angles[:, None]
+    received, directions = _cells(values)
     cosine = np.maximum(normals @ directions.T, 0)
     mirrored = 2 * (normals @ towards)[:, None] * normals - towards
     return {
@@ -62,22 +61,24 @@ def exposure_for(diffuse: np.ndarray) -> float:
     return GRAY / mean if mean > 0 else 1.0
 
 
-def _cells(environment: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean radiance, direction and solid angle of each cell: ``(N, 3)``, ``(N, 3)`` unit, ``(N,)`` sr."""
-    rows, columns = CELLS
-    fine = [-(-cells // pixels) for cells, pixels in zip(CELLS, environment.shape[:2], strict=True)]
-    image = environment.repeat(fine[0], axis=0).repeat(fine[1], axis=1)
-    height, width = image.shape[:2]
-    tops = np.cos(np.pi * np.arange(height + 1) / height)
-    weights = np.repeat((tops[:-1] - tops[1:])[:, None], width, axis=1) * 2 * np.pi / width
-    cell = (np.arange(height) * rows // height)[:, None] * columns + np.arange(width) * columns // width
-    total = np.bincount(cell.ravel(), weights.ravel(), rows * columns)
-    sums = [np.bincount(cell.ravel(), (weights * image[..., c]).ravel(), rows * columns) for c in range(3)]
-    t = np.pi * (np.arange(rows) + 0.5) / rows
-    p = 2 * np.pi * (np.arange(columns) + 0.5) / columns
+def _cells(environment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The light of each cell, ``(N, 3)``, radiance times sr, and its direction, ``(N, 3)``, unit.
+
+    Solid angle is d(cos t) dp: what a pixel shares with a cell is exact for images of any size.
+    """
+    (height, width), (rows, columns) = environment.shape[:2], CELLS
+    down = _shared(np.cos(np.pi * np.arange(rows + 1) / rows), np.cos(np.pi * np.arange(height + 1) / height))
+    around = _shared(np.arange(columns + 1) / columns, np.arange(width + 1) / width) * 2 * np.pi
+    light = np.einsum("ih,hwc,jw->ijc", down, environment, around, optimize=True).reshape(-1, 3)
+    t, p = np.pi * (np.arange(rows) + 0.5) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns
     t, p = (a.ravel() for a in np.meshgrid(t, p, indexing="ij"))
-    directions = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
-    return np.stack(sums, axis=-1) / total[:, None], directions, total
+    return light, np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+
+
+def _shared(cells: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Length that each interval between edges shares with each other one, shape ``(cells, pixels)``."""
+    (low, high), (first, last) = (np.sort([e[:-1], e[1:]], axis=0) for e in (cells, pixels))
+    return np.maximum(np.minimum(high[:, None], last) - np.maximum(low[:, None], first), 0)
 
 
 def _look_up(environment: np.ndarray, directions: np.ndarray) -> np.ndarray:

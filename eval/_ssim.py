@@ -18,9 +18,12 @@ def interior(mask: np.ndarray) -> np.ndarray:
         >>> int(interior(np.ones((13, 12), bool)).sum())
         6
     """
-    from scipy.ndimage import binary_erosion
+    from scipy.ndimage import minimum_filter1d
 
-    return binary_erosion(mask, np.ones((WINDOW, WINDOW), bool))
+    least = np.asarray(mask, np.uint8)
+    for axis in (0, 1):  # a square is eroded by its sides, one after the other
+        least = minimum_filter1d(least, WINDOW, axis, mode="constant", cval=0)
+    return least > 0
 
 
 def ssim(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:

@@ -33,5 +33,20 @@ REFERENCES: tuple[Reference, ...] = (
     Reference("relit PSNR", "scikit-image, of pictures in the gauge of numpy.linalg.lstsq", 1e-9, "dB"),
     Reference("gauge", "numpy.linalg.lstsq", 1e-9, "1"),
     Reference("display encoding", "colour-science, sRGB", 1e-9, "1"),
+    Reference("HDR-FLIP", "flip-evaluator on the whole picture, the greatest of both exposures", 1e-6, "1"),
+    Reference("colour chart", "colour-science, patch by patch", 1e-6, "ΔE00"),
+    Reference("share of normals", "cosines above that of the limit, counted", 1e-9, "%"),
+    Reference("depth and materials", "scipy.spatial.distance, city block and Euclid with weights", 1e-9, "1"),
+    Reference("depth within a ratio", "|log p - log t| < log 1.25, counted", 1e-9, "%"),
+    Reference("sums of parts", "numpy.einsum over lights, parts and pixels", 1e-6, "W/m²/sr"),
+    Reference("gauged intensity", "stops of the exposures that bring both to one level", 1e-9, "stops"),
+    Reference("direction and colour of light", "scipy.spatial.distance, cosine", 1e-6, "°"),
+    Reference("size of light", "areas by Heron's formula, and of the disc", 1e-9, "%"),
+    Reference("mirror sphere", "scipy.interpolate, RegularGridInterpolator", 1e-9, "1"),
+    Reference(
+        "diffuse sphere", "spherical harmonics, Ramamoorthi and Hanrahan 2001, three digits", 2e-3, "1"
+    ),
+    Reference("glossy sphere", "Gauss and Legendre over facets, two digits", 5e-3, "1"),
+    Reference("LPIPS", "its equations in numpy, float64, small random weights, five digits", 1e-5, "1"),
 )
 """Every entry has a test of its name in ``tests/eval/test_eval_references.py``."""

@@ -37,6 +37,7 @@ from graycard._errors import PredictionError as PredictionError
 from graycard._errors import RecordError as RecordError
 from graycard._errors import RenderError as RenderError
 from graycard._errors import UnknownNameError as UnknownNameError
+from graycard._errors import WeightsError as WeightsError
 from graycard._exr import read_layers as read_layers
 from graycard._exr import read_rgb as read_rgb
 from graycard._exr import write_layers as write_layers

@@ -50,5 +50,9 @@ class OutputError(GraycardError):
     """Nothing can be written where the user asked for it."""
 
 
+class WeightsError(GraycardError):
+    """Pretrained weights that the user named are missing or damaged."""
+
+
 class RenderError(GraycardError):
     """The renderer is not usable on this machine in the way that was asked for."""

@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 
 import graycard as gc
+from layer_references import write_random_weights
 
 Layers = dict[str, np.ndarray]
 Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
 PREDICTED = ("radiance", "base_color", "normal", "depth", "counterfactual.radiance")
+
+
+@pytest.fixture
+def random_lpips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of small random weights for LPIPS, named as the user's would be."""
+    folder = tmp_path / "weights"
+    write_random_weights(folder)
+    monkeypatch.setenv("GRAYCARD_LPIPS", str(folder))
+    return folder
 
 
 def unchanged(view: gc.View, layers: Layers) -> Layers:

@@ -18,7 +18,7 @@ GAUGED = ("albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.fl
 ALBEDO = UNGAUGED + GAUGED
 _HERE = ("radiance", "base_color", "normal", "depth")
 IMAGES = (
-    *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart),
+    *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart and m.available()),
     "novel_view.noise_rms",
 )
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))

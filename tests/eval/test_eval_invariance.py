@@ -35,8 +35,8 @@ from graycard.eval._view_metrics import ViewMetric, judge_view
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
 
 RNG = np.random.default_rng(77)
-SHAPE = 24, 26, 3
-CAMERA = gc.Camera.from_fov(26, 24, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+SHAPE = 32, 34, 3
+CAMERA = gc.Camera.from_fov(34, 32, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
 VIEW = gc.View("test_000", "test", CAMERA)
 COLOR = RNG.uniform(0.1, 0.5, SHAPE)
 TRUE = {
@@ -201,6 +201,7 @@ def prove(
     holds()
 
 
+@pytest.mark.usefixtures("random_lpips")
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("metric", IMAGE_METRICS, ids=lambda m: m.record.id)
 def test_an_image_metric_ignores_what_it_declares_and_nothing_else(

@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every metric against a second library or a closed form, as closely as one table says."""
 
-import warnings
 from collections.abc import Callable
 from itertools import permutations
-from types import ModuleType
 
 import flip_evaluator
 import numpy as np
@@ -16,12 +14,14 @@ from skimage.metrics import peak_signal_noise_ratio
 
 import graycard as gc
 import graycard.eval as ge
+import layer_references
 from graycard.eval._assembly import Scene
 from graycard.eval._colour_difference import REC709_TO_XYZ
 from graycard.eval._noise_error import NOISE_METRICS
 from graycard.eval._readings import TrueView
 from graycard.eval._relighting import RELIGHTING_METRICS, Picture, judge_picture
 from graycard.eval._training import Fit, Training, fit_gauges
+from layer_references import Pair, colour_science
 
 RNG = np.random.default_rng(31)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
@@ -37,15 +37,6 @@ SHARMA = (
     ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
 )
 """Pairs 1, 2, 9, 17, 25 and 34 of the paper's test data: hue near blue, hues apart, dark."""
-Pair = tuple[np.ndarray | float, np.ndarray | float]
-
-
-def colour_science() -> ModuleType:
-    """The library, which warns about plotting when it is imported."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import colour
-    return colour
 
 
 def psnr() -> Pair:
@@ -187,6 +178,19 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
     "relit PSNR": relit,
     "gauge": gauge,
     "display encoding": encoding,
+    "HDR-FLIP": layer_references.flip_hdr,
+    "colour chart": layer_references.chart,
+    "share of normals": layer_references.share_of_normals,
+    "depth and materials": layer_references.plain_distances,
+    "depth within a ratio": layer_references.within_ratio,
+    "sums of parts": layer_references.sums_of_parts,
+    "gauged intensity": layer_references.gauged_intensity,
+    "direction and colour of light": layer_references.angle_of_light,
+    "size of light": layer_references.size_of_light,
+    "mirror sphere": layer_references.mirror_sphere,
+    "diffuse sphere": layer_references.diffuse_sphere,
+    "glossy sphere": layer_references.glossy_sphere,
+    "LPIPS": layer_references.lpips,
 }
 
 

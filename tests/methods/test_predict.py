@@ -13,6 +13,8 @@ from graycard import methods
 
 LIGHT = gc.PointLight("lamp", (0, 0, 0), (1, 1, 1))
 
+SKY = gc.EnvironmentLight("sky", "")
+
 
 def make(**changes: object) -> SimpleNamespace:
     """A decomposition that provides a flat base colour, with some members changed."""
@@ -37,6 +39,16 @@ def test_what_follows_the_contract_is_written(make_scene: Callable[..., Path], t
     assert found.lights() == (LIGHT,)
 
 
+def test_the_image_of_an_environment_is_written(make_scene: Callable[..., Path], tmp_path: Path):
+    image = np.arange(96.0).reshape(4, 8, 3)
+    decomposition = make(lights=lambda: [LIGHT, SKY], environment=lambda light: image)
+    found = write(make_scene(), tmp_path / "p", decomposition)
+    (_, sky) = found.lights() or ()
+    assert isinstance(sky, gc.EnvironmentLight)
+    assert np.array_equal(found.environment(sky), image)
+    assert f"environments/{sky.name}.exr" in found.files
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -48,6 +60,11 @@ def test_what_follows_the_contract_is_written(make_scene: Callable[..., Path], t
         (
             {"render": lambda camera, layers: {"base_color": np.zeros((24, 28, 3), complex)}},
             "got complex128 of shape",
+        ),
+        ({"lights": lambda: [SKY]}, r"expected a method environment\(light\) that gives the image of 'sky'"),
+        (
+            {"lights": lambda: [SKY], "environment": lambda light: np.ones((4, 8))},
+            r"of shape \(H, W, 3\), got",
         ),
         ({"lights": lambda: LIGHT}, "expected lights as a sequence of graycard lights or None"),
         ({"lights": lambda: [{"type": "point"}]}, "expected lights as a sequence of graycard lights or None"),

@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scores of depth, material, the three reflectances and light on surfaces, on a scene that has them all."""
+
+import math
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+import graycard.eval as ge
+
+Layers = dict[str, np.ndarray]
+RNG = np.random.default_rng(12)
+LAMPS = (
+    gc.SpotLight("left", (-1.0, 0.0, 2.0), (0.5, 0.0, -1.0), (5.0, 4.0, 3.0), 20, 40),
+    gc.RectangleLight("right", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0)),
+)
+SKY = gc.EnvironmentLight("sky", "sky.exr")
+NAMES = ("left", "right", "sky")
+PATCHES = np.array([(0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.1, 0.2, 0.6)])
+EXACT = ("object_id", "pure", "radiance.var", "counterfactual.radiance.var", "f0")
+
+
+def enriched(layers: Layers) -> Layers:
+    """More true layers for a view of the tiny scene: a mixed metal, and three lights with uneven shares."""
+    color, metal = layers["base_color"].copy(), (layers["object_id"] == 1).astype(np.float32)
+    ball, columns = layers["object_id"] == 2, np.arange(color.shape[1])[None] + 0 * layers["object_id"]
+    color[ball] = PATCHES[(columns[ball] * 3 // color.shape[1]).astype(int)]
+    rough = np.where(metal > 0, 0.3, 1.0).astype(np.float32)
+    more = {
+        "base_color": color,
+        "diffuse_reflectance": color * (1 - 0.5 * metal[..., None]),
+        "albedo": color * 0.9 + 0.02,
+        "f0": np.repeat(metal[..., None], 3, axis=-1) * 0.5,
+        "roughness": rough,
+        "metallic": metal,
+        "shading": layers["radiance"] * 2 + 0.1,
+    }
+    for share, name in zip((0.5, 0.3, 0.2), NAMES, strict=True):
+        more[f"irradiance.{name}"] = layers["radiance"] * (share * 6)
+        for part, of in zip(gc.PARTS, (0.4, 0.3, 0.2, 0.1), strict=True):
+            more[f"{part}.{name}"] = layers["radiance"] * (share * of)
+    return layers | {k: v.astype(np.float32) for k, v in more.items()}
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Path]) -> Path:
+    """The tiny multilight scene with every layer, three lights, and a ball that is a colour chart."""
+    folder = tmp_path_factory.mktemp("rich") / "multilight" / "tiny-0000"
+    shutil.copytree(tiny_scenes["multilight"], folder)
+    truth = gc.open_truth(folder / "truth")
+    for view in truth.views:
+        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", enriched(truth.layers(view)))
+    objects = tuple(replace(o, name="color chart") if o.id == 2 else o for o in truth.objects)
+    gc.write_index(folder / "truth", replace(truth, objects=objects))
+    gc.write_rgb(folder / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
+    gc.write_lights(folder / "truth" / "lights.json", (*LAMPS, SKY))
+    gc.seal(folder / "truth", gc.manifest_of(truth))
+    return folder
+
+
+@pytest.fixture
+def score(scene: Path, tmp_path: Path) -> Callable[..., gc.ScoreSheet]:
+    """``score(change, lights)`` scores the truth as ``change(view, layers)`` makes it."""
+    made = iter(range(100))
+
+    def run(
+        change: Callable[[gc.View, Layers], Layers] = lambda view, layers: layers,
+        lights: tuple[gc.Light, ...] | None = (*LAMPS, SKY),
+    ) -> gc.ScoreSheet:
+        truth, folder = gc.open_truth(scene / "truth"), tmp_path / f"predicted-{next(made)}"
+        for view in truth.views:
+            layers = {k: v for k, v in truth.layers(view).items() if k not in EXACT}
+            gc.write_view(folder, view.name, change(view, layers))
+        if SKY in (lights or ()):
+            gc.write_rgb(folder / "sky.exr", gc.read_rgb(scene / "truth" / "sky.exr"))
+        gc.finish_predictions(folder, gc.Predictions("t", truth.track, truth.scene), lights)
+        return ge.score_predictions(folder, scene)
+
+    return run
+
+
+def only(*names: str) -> Callable[[gc.View, Layers], Layers]:
+    return lambda view, layers: {k: v for k, v in layers.items() if k in names}
+
+
+def times(factors: dict[str, float | np.ndarray]) -> Callable[[gc.View, Layers], Layers]:
+    return lambda view, layers: layers | {k: (layers[k] * f).astype(np.float32) for k, f in factors.items()}
+
+
+def test_the_truth_reaches_the_optimum_of_every_metric(score: Callable[..., gc.ScoreSheet]) -> None:
+    sheet = score()
+    missing = {m.id for m in ge.metrics()} - {s.metric for s in sheet.scores}
+    assert {m for m in missing if not m.startswith(("counterfactual.", "novel_view.lpips"))} == set()
+    for found in sheet.scores:
+        assert (found.status, found.value) == ("scored", found.optimum), (found.metric, found.reason)
+        assert found.expected == found.scored > 0
+
+
+def test_what_is_not_predicted_is_not_provided(score: Callable[..., gc.ScoreSheet]) -> None:
+    sheet = score(only("radiance"), None)
+    statuses = {s.metric: (s.status, s.reason) for s in sheet.scores}
+    assert {m for m, (status, _) in statuses.items() if status == "scored"} == {
+        m for m in statuses if m.startswith("novel_view.")
+    }
+    assert statuses["irradiance.psnr"] == ("not provided", "no view has irradiance.<light>")
+    assert statuses["depth.rmse"] == ("not provided", "no view has depth")
+    assert statuses["hemispherical_albedo.psnr.raw"] == ("not provided", "no view has albedo")
+    assert statuses["environment.psnr"] == ("not provided", "there is no lights.json")
+
+
+def test_another_reflectance_is_judged_by_its_own_name(score: Callable[..., gc.ScoreSheet]) -> None:
+    gains = np.array((2.0, 0.5, 1.5))
+
+    def change(view: gc.View, layers: Layers) -> Layers:
+        return {
+            "diffuse_reflectance": layers["diffuse_reflectance"] / gains,
+            "shading": layers["shading"] * gains,
+        }
+
+    sheet = score(change, None)
+    assert sheet.score("albedo.psnr.channel").status == "not provided"
+    assert (sheet.score("diffuse_reflectance.psnr.channel").value or 0) > 100
+    assert sheet.score("diffuse_reflectance.psnr.channel").gauge == pytest.approx(gains, rel=1e-6)
+    assert (sheet.score("diffuse_reflectance.psnr.raw").value or 99) < 20
+    assert (sheet.score("diffuse_reflectance.psnr.scalar").value or 99) < 30
+    assert (sheet.score("shading.psnr").value or 0) > 100, "light is gauged by what albedo there is"
+    assert sheet.score("shading.psnr").gauge == pytest.approx(1 / gains, rel=1e-6)
+
+
+def test_without_albedo_nothing_was_traded(score: Callable[..., gc.ScoreSheet]) -> None:
+    sheet = score(lambda view, layers: {"shading": layers["shading"]}, LAMPS)
+    assert sheet.score("shading.psnr").value == math.inf
+    assert sheet.score("shading.psnr").gauge == (1, 1, 1)
+    assert sheet.score("light.intensity.channel").value == 0
+
+
+def test_light_gains_what_albedo_loses(score: Callable[..., gc.ScoreSheet]) -> None:
+    traded = {"base_color": 0.5, "shading": 2.0, "irradiance.left": 2.0, "irradiance.right": 2.0}
+    brighter = tuple(
+        replace(LAMPS[0], intensity=(10.0, 8.0, 6.0))
+        if x is LAMPS[0]
+        else replace(x, radiance=(60.0, 40.0, 20.0))
+        for x in LAMPS
+    )
+    sheet = score(times(traded | {"irradiance.sky": 2.0}), brighter)
+    assert (sheet.score("shading.psnr").value or 0) > 100
+    assert (sheet.score("irradiance.psnr").value or 0) > 100
+    assert sheet.score("light.intensity").value == pytest.approx(1)
+    assert sheet.score("light.intensity.channel").value == pytest.approx(0, abs=1e-6)
+    baked = score(times({"shading": 2.0}))
+    assert (baked.score("shading.psnr").value or 99) < 25, "not traded, but wrong"
+
+
+def test_depth_of_a_hole_costs_as_much_as_the_surface_is_far(
+    score: Callable[..., gc.ScoreSheet], scene: Path
+) -> None:
+    def holes(view: gc.View, layers: Layers) -> Layers:
+        depth = layers["depth"].copy()
+        depth[:, :14] = np.inf
+        depth[0, 20:] = -1.0
+        return layers | {"depth": depth}
+
+    sheet, truth = score(holes), gc.open_truth(scene / "truth")
+    expected = {"relative": [], "square": [], "near": []}
+    for view in (v for v in truth.views if v.split == "test"):
+        seen = truth.layers(view)["object_id"] > 0
+        bad = np.zeros(seen.shape, bool)
+        bad[:, :14], bad[0, 20:] = True, True
+        depth = truth.layers(view)["depth"].astype(float)
+        expected["relative"].append(bad[seen].mean())
+        expected["near"].append(100 - 100 * bad[seen].mean())
+        expected["square"].append(np.where(bad, depth, 0)[seen] @ np.where(bad, depth, 0)[seen] / seen.sum())
+    assert sheet.score("depth.abs_rel").value == pytest.approx(np.mean(expected["relative"]))
+    assert sheet.score("depth.within_1_25").value == pytest.approx(np.mean(expected["near"]))
+    assert sheet.score("depth.rmse").value == pytest.approx(np.sqrt(np.mean(expected["square"])))
+    assert "depths are +inf where there is a surface" in sheet.score("depth.rmse").warnings[0]
+
+
+def test_depth_is_not_scaled(score: Callable[..., gc.ScoreSheet]) -> None:
+    sheet = score(times({"depth": 1.2}))
+    assert sheet.score("depth.abs_rel").value == pytest.approx(0.2, abs=1e-6)
+    assert sheet.score("depth.within_1_25").value == 100
+    assert score(times({"depth": 1.3})).score("depth.within_1_25").value == 0
+    assert score(times({"depth": 1 / 1.3})).score("depth.within_1_25").value == 0
+
+
+def test_roughness_is_judged_where_something_shines(score: Callable[..., gc.ScoreSheet]) -> None:
+    def change(view: gc.View, layers: Layers) -> Layers:
+        rough, metal = layers["roughness"], layers["metallic"]
+        return layers | {
+            "roughness": np.where(metal > 0, rough + 0.1, 0).astype(np.float32),
+            "metallic": metal * 0.8,
+        }
+
+    sheet = score(change)
+    assert sheet.score("roughness.mae").value == pytest.approx(0.1, abs=1e-6), "matte parts have none"
+    assert sheet.score("roughness.rmse").value == pytest.approx(0.1, abs=1e-6)
+    mean, root = sheet.score("metallic.mae").value, sheet.score("metallic.rmse").value
+    assert mean is not None
+    assert root is not None
+    assert 0 < mean < root < 0.2
+
+
+def test_patches_are_read_off_as_means_and_count_alike(score: Callable[..., gc.ScoreSheet]) -> None:
+    def noisy(view: gc.View, layers: Layers) -> Layers:
+        color = layers["base_color"].copy()
+        red = (np.abs(color - PATCHES[0]) < 1e-6).all(axis=-1)
+        color[red] *= np.where(np.arange(red.sum()) % 2, 0.5, 1.5)[:, None] if red.sum() % 2 == 0 else 1
+        return layers | {"base_color": color.astype(np.float32)}
+
+    sheet = score(noisy)
+    assert (sheet.score("albedo.chart").value or 0) < 1.5, "errors within a patch cancel, up to the gauge"
+    tinted = score(times({"base_color": np.array((1.4, 1.0, 0.7))}))
+    assert (tinted.score("albedo.chart").value or 0) > 5
+
+
+def test_a_scene_without_a_chart_has_no_score_of_one(
+    tiny_scenes: dict[str, Path], predict: Callable[..., Path]
+) -> None:
+    sheet = ge.score_predictions(predict(tiny_scenes["dark"]), tiny_scenes["dark"])
+    assert "albedo.chart" not in {s.metric for s in sheet.scores}
+
+
+def test_lights_go_by_their_place_and_not_by_their_names(score: Callable[..., gc.ScoreSheet]) -> None:
+    names = {"left": "b", "right": "left", "sky": "dome"}
+
+    def renamed(view: gc.View, layers: Layers) -> Layers:
+        stems = ((*k.rpartition("."), v) for k, v in layers.items())
+        return {
+            f"{stem}.{names[tail]}" if tail in names else f"{stem}{dot}{tail}": v
+            for stem, dot, tail, v in stems
+        }
+
+    lights = (replace(LAMPS[1], name="left"), replace(LAMPS[0], name="b"), replace(SKY, name="dome"))
+    sheet = score(renamed, lights)
+    for metric in ("irradiance.psnr", "light_share.psnr", "direct.diffuse.psnr"):
+        assert (sheet.score(metric).value or 0) > 120, metric
+    swapped = score(
+        renamed, (replace(LAMPS[0], name="left"), replace(LAMPS[1], name="b"), replace(SKY, name="dome"))
+    )
+    assert (swapped.score("irradiance.psnr").value or 99) < 40
+    by_name = score(renamed, None).score("irradiance.psnr")
+    assert "without what is not predicted: irradiance.right, irradiance.sky" in by_name.warnings[-1]
+
+
+def test_the_mean_is_over_the_lights_that_both_sides_have(score: Callable[..., gc.ScoreSheet]) -> None:
+    def change(view: gc.View, layers: Layers) -> Layers:
+        rest = {k: v for k, v in layers.items() if k != "irradiance.sky"}
+        return rest | {"irradiance.left": layers["irradiance.left"] * np.float32(0.8)}
+
+    score_of = score(change).score("irradiance.psnr")
+    one = score(lambda v, x: {k: a for k, a in change(v, x).items() if k != "irradiance.right"})
+    assert score_of.value == pytest.approx((one.score("irradiance.psnr").value or 0) + 10 * math.log10(2))
+    assert score_of.warnings == ("the mean is without what is not predicted: irradiance.sky",)
+
+    def gap(view: gc.View, layers: Layers) -> Layers:
+        return {k: v for k, v in layers.items() if k != "irradiance.left" or view.name != "test_001"}
+
+    lost = score(gap).score("irradiance.psnr")
+    assert lost.status == "failed"
+    assert "test_001: expected irradiance.left in views/test_001.exr" in lost.reason
+
+
+def test_parts_of_lights_add_up(score: Callable[..., gc.ScoreSheet]) -> None:
+    def totals(view: gc.View, layers: Layers) -> Layers:
+        return {part: sum(layers[f"{part}.{n}"] for n in NAMES) for part in gc.PARTS}  # pyright: ignore
+
+    whole, parts = score(totals), score()
+    for part in gc.PARTS:
+        assert (whole.score(f"{part}.psnr").value or 0) > 120
+        assert parts.score(f"{part}.psnr").value == math.inf
+    assert whole.score("light_share.psnr").status == "not provided"
+    half = score(lambda v, x: {k: a for k, a in x.items() if k.startswith("direct.specular")})
+    assert half.score("direct.specular.psnr").value == math.inf
+    assert half.score("light_share.psnr").status == "not provided", "three parts of each light are missing"
+
+
+def test_a_bracket_sees_in_the_dark(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
+    exposure = gc.open_truth(scene / "truth").exposure
+
+    def lifted(view: gc.View, layers: Layers) -> Layers:
+        dark = layers["radiance"] * exposure < 0.05
+        return layers | {
+            "radiance": np.where(dark, layers["radiance"] * 2, layers["radiance"]).astype(np.float32)
+        }
+
+    sheet = score(lifted)
+    plain, bracket = sheet.score("novel_view.flip").value, sheet.score("novel_view.flip_hdr").value
+    assert plain is not None
+    assert bracket is not None
+    assert bracket > plain > 0

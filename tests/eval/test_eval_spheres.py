@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Spheres under an environment against closed forms, and what an environment scores."""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+import graycard.eval as ge
+from graycard.eval._environment_scores import compare_spheres
+from graycard.eval._spheres import ALPHA, exposure_for, render_spheres, sphere_normals
+
+RNG = np.random.default_rng(8)
+SKY = gc.EnvironmentLight("sky", "sky.exr")
+
+
+def environment(radiance: Callable[[np.ndarray], np.ndarray], height: int = 64) -> np.ndarray:
+    """A gray environment of a function of unit directions ``(H, W, 3)``."""
+    t = np.pi * (np.arange(height) + 0.5) / height
+    p = np.pi * (np.arange(2 * height) + 0.5) / height
+    t, p = np.meshgrid(t, p, indexing="ij")
+    w = np.stack([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)], axis=-1)
+    return np.repeat(radiance(w)[..., None], 3, axis=-1)
+
+
+def test_under_even_light_a_sphere_is_even() -> None:
+    spheres = render_spheres(np.full((16, 32, 3), (2.0, 1.0, 0.5)))
+    assert spheres["mirror"] == pytest.approx(np.full_like(spheres["mirror"], 1) * (2, 1, 0.5))
+    assert spheres["diffuse"] == pytest.approx(np.full_like(spheres["diffuse"], 1) * (2, 1, 0.5), rel=0.01)
+    cosine, glossy = -sphere_normals()[:, 1], spheres["glossy"][:, 1]
+    for facing, kept in ((1.0, 0.9158), (0.9, 0.9074), (0.7, 0.8853), (0.5, 0.8573)):
+        pixel = np.abs(cosine - facing).argmin()
+        assert glossy[pixel] == pytest.approx(kept, abs=0.005), "scipy.integrate.dblquad of D V cos"
+
+
+def test_light_from_above_falls_on_top() -> None:
+    spheres, normals = render_spheres(environment(lambda w: (w[..., 2] > 0) * 1.0)), sphere_normals()
+    expected = (1 + normals[:, 2]) / 2
+    assert spheres["diffuse"][:, 0] == pytest.approx(expected, abs=0.01), "a half-space of light"
+    mirrored = 2 * (normals @ (0, -1, 0))[:, None] * normals - (0, -1, 0)
+    sharp = np.abs(mirrored[:, 2]) > 0.1
+    assert spheres["mirror"][sharp, 0] == pytest.approx((mirrored[sharp, 2] > 0) * 1.0)
+
+
+@pytest.mark.parametrize("height", [8, 20, 32, 48, 200])
+def test_the_size_of_an_image_does_not_matter(height: int) -> None:
+    def smooth(w: np.ndarray) -> np.ndarray:
+        return 1 + 0.5 * w[..., 0] + 0.3 * w[..., 2]
+
+    spheres, normals = render_spheres(environment(smooth, height)), sphere_normals()
+    expected = 1 + 2 / 3 * (0.5 * normals[:, 0] + 0.3 * normals[:, 2])
+    assert spheres["diffuse"][:, 0] == pytest.approx(expected, abs=0.03 if height < 32 else 0.01)
+
+
+def test_a_small_bright_light_is_seen_where_it_is() -> None:
+    light = np.array([0.6, -0.64, 0.48])
+    spheres, normals = (
+        render_spheres(environment(lambda w: np.exp(400 * (w @ light - 1)), 128)),
+        sphere_normals(),
+    )
+    half = light - (0.0, 1.0, 0.0)
+    half /= np.linalg.norm(half)
+    for name in ("mirror", "glossy"):
+        brightest = normals[spheres[name][:, 0].argmax()]
+        assert np.degrees(np.arccos(brightest @ half)) < 4, name
+    assert normals[spheres["diffuse"][:, 0].argmax()] @ light > 0.99
+    away = np.arccos(np.clip(normals @ half, -1, 1))
+    ratio = spheres["glossy"][:, 0] / spheres["glossy"][:, 0].max()
+    near = (away > np.arctan(ALPHA) * 0.9) & (away < np.arctan(ALPHA) * 1.1)
+    assert 0.1 < ratio[near].mean() < 0.5, "D falls to a quarter at tan = alpha"
+
+
+def test_the_card_is_exposed_as_a_photographer_would() -> None:
+    spheres = render_spheres(RNG.uniform(0, 5, (8, 16, 3)))
+    shown = exposure_for(spheres["diffuse"]) * spheres["diffuse"]
+    assert gc.luminance(shown).mean() == pytest.approx(0.18)
+    assert exposure_for(np.zeros((4, 3))) == 1
+
+
+def test_turned_and_tinted_surroundings_are_worse_and_dimmed_ones_are_not() -> None:
+    sky = environment(lambda w: 0.2 + 4 * (w @ (0.6, -0.64, 0.48) > 0.95)) * (1, 0.9, 0.7)
+    true = render_spheres(sky)
+    values = [
+        compare_spheres(render_spheres(other), true).value
+        for other in (sky, 3 * sky, np.roll(sky, 3, axis=1), np.roll(sky, 40, axis=1), sky * (0.5, 1, 1))
+    ]
+    assert values[0] == math.inf
+    assert values[1] is not None
+    assert values[1] > 100
+    assert 100 > (values[2] or 0) > (values[3] or 0) > 5
+    assert (values[4] or 99) < 30
+    score = compare_spheres(render_spheres(3 * sky), true)
+    assert score.gauge == pytest.approx((1 / 3,) * 3)
+    assert set(score.breakdown) == {"mirror", "glossy", "diffuse"}
+
+
+def test_no_light_at_all() -> None:
+    true = render_spheres(np.ones((4, 8, 3)))
+    with pytest.raises(gc.PredictionError, match="expected an environment that shines, got a black one"):
+        compare_spheres(render_spheres(np.zeros((4, 8, 3))), true)
+
+
+@pytest.fixture
+def lit(make_scene: Callable[..., Path]) -> Path:
+    scene = make_scene(track="multilight")
+    gc.write_rgb(scene / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
+    gc.write_lights(scene / "truth" / "lights.json", (SKY,))
+    gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
+    return scene
+
+
+def scored(scene: Path, folder: Path, lights: tuple[gc.Light, ...]) -> gc.Score:
+    gc.finish_predictions(folder, gc.Predictions("t", "multilight", "tiny-0000"), lights)
+    return ge.score_predictions(folder, scene).score("environment.psnr")
+
+
+def test_several_environments_shine_together(lit: Path, tmp_path: Path) -> None:
+    image = gc.read_rgb(lit / "truth" / "sky.exr")
+    halves = tuple(
+        gc.write_environment(tmp_path / "p", gc.EnvironmentLight(f"half-{i}", ""), image * share)
+        for i, share in enumerate((0.25, 0.75))
+    )
+    assert halves[0].image == "environments/half-0.exr"
+    assert (scored(lit, tmp_path / "p", halves).value or 0) > 100
+    one = scored(lit, tmp_path / "p", halves[:1])
+    assert one.gauge == pytest.approx((4, 4, 4), rel=1e-5)
+    gc.clear_predictions(tmp_path / "p")
+    assert not (tmp_path / "p" / "environments").exists()
+
+
+def test_lights_without_an_environment(lit: Path, tmp_path: Path) -> None:
+    found = scored(lit, tmp_path / "p", (gc.PointLight("a", (0, 0, 1), (1, 1, 1)),))
+    assert (found.status, found.reason) == ("not provided", "lights.json has no environment")
+
+
+@pytest.mark.parametrize(
+    ("image", "change", "words"),
+    [
+        ("none.exr", None, "expected an EXR file at .*none.exr, got none"),
+        ("../sky.exr", None, "expected the image of light 'sky' in the predictions folder, got ../sky.exr"),
+        ("sky.exr", np.nan, "expected finite radiance of 0 or more in .*sky.exr"),
+        ("sky.exr", -1.0, "expected finite radiance of 0 or more in .*sky.exr"),
+        ("sky.exr", 0.0, "expected an environment that shines, got a black one"),
+    ],
+)
+def test_images_that_cannot_be_used(
+    lit: Path, tmp_path: Path, image: str, change: float | None, words: str
+) -> None:
+    if change is not None:
+        gc.write_rgb(tmp_path / "p" / image, np.full((4, 8, 3), change))
+    found = scored(lit, tmp_path / "p", (replace(SKY, image=image),))
+    assert found.status == "failed"
+    assert re.search(words, found.reason), found.reason
+
+
+def test_an_image_that_changed_after_its_hash_was_taken(lit: Path, tmp_path: Path) -> None:
+    gc.write_rgb(tmp_path / "p" / "sky.exr", np.ones((4, 8, 3)))
+    assert scored(lit, tmp_path / "p", (SKY,)).status == "scored"
+    gc.write_rgb(tmp_path / "p" / "sky.exr", np.full((4, 8, 3), 2.0))
+    found = ge.score_predictions(tmp_path / "p", lit).score("environment.psnr")
+    assert found.status == "failed"
+    assert "it changed after" in found.reason

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the scores of layers and lights are held against: other libraries and closed forms."""
+
+import os
+import tempfile
+import warnings
+from pathlib import Path
+from types import ModuleType
+from unittest import mock
+
+import flip_evaluator
+import numpy as np
+import torch
+from safetensors.torch import save_file
+from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import map_coordinates
+from scipy.spatial import distance
+
+import graycard as gc
+import graycard.eval as ge
+from graycard.eval._breakdown import Comparison, measure
+from graycard.eval._chart import patch_difference
+from graycard.eval._colour_difference import REC709_TO_XYZ
+from graycard.eval._light_shapes import chromaticity_error, direction_error, extent_error
+from graycard.eval._lpips import lpips as our_lpips
+from graycard.eval._metrics import IMAGE_METRICS
+from graycard.eval._spheres import ALPHA, render_spheres, sphere_normals
+
+RNG = np.random.default_rng(32)
+TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
+PREDICTED = np.clip(TRUE * (1.1, 0.9, 1.0) + RNG.normal(0, 0.1, TRUE.shape), 0, 1)
+EVERYWHERE = np.ones((50, 42), bool)
+Pair = tuple[np.ndarray | float, np.ndarray | float]
+"""What graycard says, and what something else says of the same."""
+
+
+def colour_science() -> ModuleType:
+    """The library, which warns about plotting when it is imported."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
+CHANNELS, KERNELS = (3, 6, 8, 10, 7, 5), (11, 5, 3, 3, 3)
+STRIDES, PADDINGS, INDICES = (4, 1, 1, 1, 1), (2, 2, 1, 1, 1), (0, 3, 6, 8, 10)
+
+
+def random_weights() -> dict[str, np.ndarray]:
+    """AlexNet with a few channels, and LPIPS on top, at random."""
+    rng, found = np.random.default_rng(5), {}
+    for i, (index, kernel) in enumerate(zip(INDICES, KERNELS, strict=True)):
+        shape = CHANNELS[i + 1], CHANNELS[i], kernel, kernel
+        found[f"features.{index}.weight"] = rng.normal(0, (2 / np.prod(shape[1:])) ** 0.5, shape)
+        found[f"features.{index}.bias"] = rng.normal(0, 0.1, shape[0])
+        found[f"lin{i}.model.1.weight"] = rng.uniform(0, 1, (1, shape[0], 1, 1))
+    return {name: values.astype(np.float32) for name, values in found.items()}
+
+
+def write_random_weights(folder: Path) -> None:
+    """As their authors publish them: one file each, and more in them than is needed."""
+    folder.mkdir()
+    tensors = {name: torch.from_numpy(values) for name, values in random_weights().items()}
+    backbone = {name: x for name, x in tensors.items() if name.startswith("features")}
+    torch.save(backbone | {"classifier.1.weight": torch.zeros(2, 2)}, folder / "alexnet-owt.pth")
+    save_file({name: x for name, x in tensors.items() if name.startswith("lin")}, folder / "alex.safetensors")
+
+
+def lpips() -> Pair:
+    """Zhang et al. 2018, equation 1, with windows cut out one by one."""
+    weights, features, total = random_weights(), [], 0.0
+    for image in (PREDICTED, TRUE):
+        x = (2 * image - 1 - (-0.030, -0.088, -0.188)) / (0.458, 0.448, 0.450)
+        features.append(x.transpose(2, 0, 1))
+    for i, (index, kernel) in enumerate(zip(INDICES, KERNELS, strict=True)):
+        for j, x in enumerate(features):
+            if i in (1, 2):
+                x = np.lib.stride_tricks.sliding_window_view(x, (3, 3), (1, 2))[:, ::2, ::2].max(
+                    axis=(-1, -2)
+                )
+            p, s = PADDINGS[i], STRIDES[i]
+            seen = np.lib.stride_tricks.sliding_window_view(
+                np.pad(x, ((0, 0), (p, p), (p, p))), (kernel, kernel), (1, 2)
+            )
+            y = np.einsum("cyxij,ocij->oyx", seen[:, ::s, ::s], weights[f"features.{index}.weight"])
+            features[j] = np.maximum(y + weights[f"features.{index}.bias"][:, None, None], 0)
+        a, b = (x / (np.sqrt((x**2).sum(axis=0)) + 1e-10) for x in features)
+        error = np.einsum("cyx,c->yx", (a - b) ** 2, weights[f"lin{i}.model.1.weight"].ravel())
+        total += np.mean(enlarged(error, TRUE.shape[0], TRUE.shape[1]))
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        mock.patch.dict(os.environ, {"GRAYCARD_LPIPS": f"{folder}/w"}),
+    ):
+        write_random_weights(Path(folder) / "w")
+        return our_lpips(PREDICTED, TRUE, EVERYWHERE), float(total)
+
+
+def enlarged(image: np.ndarray, height: int, width: int) -> np.ndarray:
+    """Bilinear between pixel centres, held at the borders."""
+    rows, columns = (
+        np.clip((np.arange(new) + 0.5) * old / new - 0.5, 0, old - 1)
+        for new, old in zip((height, width), image.shape, strict=True)
+    )
+    return map_coordinates(image, np.meshgrid(rows, columns, indexing="ij"), order=1, mode="nearest")
+
+
+def flip_hdr() -> Pair:
+    metric = next(m for m in IMAGE_METRICS if m.record.id == "novel_view.flip_hdr")
+    linear = gc.srgb_decode(PREDICTED) * 0.4, gc.srgb_decode(TRUE) * 0.4
+    ours, _ = measure(metric, Comparison(*linear, EVERYWHERE, 1.25))
+    maps = []
+    for gain in (1.25, 10.0):
+        p, t = (np.float32(gc.srgb_encode(image * gain)) for image in linear)
+        maps.append(flip_evaluator.evaluate(t, p, "LDR", applyMagma=False, computeMeanError=False)[0])
+    return ours, float(np.max(maps, axis=0).mean())
+
+
+def chart() -> Pair:
+    colour, patches = colour_science(), RNG.uniform(0.05, 0.8, (24, 3))
+    which = RNG.integers(0, 24, (50, 42))
+    white = colour.XYZ_to_xy(REC709_TO_XYZ.sum(axis=1))
+    ours = patch_difference(PREDICTED, patches[which], EVERYWHERE)
+    read = np.array([PREDICTED[which == i].mean(axis=0) for i in range(24)])
+    p, t = (colour.XYZ_to_Lab(c @ REC709_TO_XYZ.T, white) for c in (read, patches))
+    return ours, float(colour.delta_E(p, t, method="CIE 2000").mean())
+
+
+def pixel_measure(name: str, predicted: np.ndarray, true: np.ndarray) -> float:
+    metric = next(m for m in IMAGE_METRICS if m.record.id == name)
+    value, _ = measure(metric, Comparison(predicted, true, EVERYWHERE, 1.0))
+    return metric.finish(value)
+
+
+def share_of_normals() -> Pair:
+    p, t = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in RNG.normal((0, 0, 3), 1, (2, 50, 42, 3)))
+    ours = [pixel_measure(f"normal.within_{x}", p, t) for x in ("11_25", "22_5", "30")]
+    cosines = np.einsum("ijc,ijc->ij", p, t)
+    return np.array(ours), np.array(
+        [100 * (cosines > np.cos(np.radians(x))).mean() for x in (11.25, 22.5, 30)]
+    )
+
+
+def plain_distances() -> Pair:
+    p, t = RNG.uniform(1, 1.9, (2, 50, 42))
+    names = (
+        "depth.abs_rel",
+        "depth.rmse",
+        "roughness.mae",
+        "roughness.rmse",
+        "metallic.mae",
+        "metallic.rmse",
+    )
+    a, b, n = p.ravel(), t.ravel(), p.size
+    mean, root = distance.cityblock(a, b) / n, distance.euclidean(a, b) / n**0.5
+    expected = [distance.cityblock(a, b, w=1 / b) / n, root, mean, root, mean, root]
+    return np.array([pixel_measure(name, p, t) for name in names]), np.array(expected)
+
+
+def within_ratio() -> Pair:
+    p, t = np.exp(RNG.normal(0, 0.2, (2, 50, 42)))
+    near = np.abs(np.log(p) - np.log(t)) < np.log(1.25)
+    return pixel_measure("depth.within_1_25", p, t), 100 * near.mean()
+
+
+def sums_of_parts() -> Pair:
+    light = RNG.uniform(0, 1, (3, 4, 6, 5, 3))
+    names = [(f"l{i}", part) for i in range(3) for part in gc.PARTS]
+    found = gc.with_sums(
+        {f"{part}.{n}": x for (n, part), x in zip(names, light.reshape(-1, 6, 5, 3), strict=True)}
+    )
+    ours = [found[part] for part in gc.PARTS] + [found[f"radiance.l{i}"] for i in range(3)]
+    return np.array(ours), np.concatenate([np.einsum("lpijc->pijc", light), np.einsum("lpijc->lijc", light)])
+
+
+def gauged_intensity() -> Pair:
+    p, t, gauge = RNG.uniform(0.5, 8, (3, 3)).tolist()
+    lights = [gc.PointLight("a", (0, 0, 0), tuple(x)) for x in (p, t)]
+    stops = [abs(np.log2(18 / b) - np.log2(18 / (a * g))) for a, b, g in zip(p, t, gauge, strict=True)]
+    return ge.intensity_error(lights[0], lights[1], tuple(gauge)), float(np.mean(stops))
+
+
+def angle_of_light() -> Pair:
+    axes, colors = RNG.normal(size=(2, 3)).tolist(), RNG.uniform(0.5, 9, (2, 3)).tolist()
+    camera = gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+    turned = (np.linalg.inv(camera.camera_to_world[:3, :3]) @ axes[0]).tolist()
+    p = gc.SpotLight("p", (0, 0, 0), tuple(turned), tuple(colors[0]), 20, 30, "camera")
+    t = gc.SpotLight("t", (0, 0, 0), tuple(axes[1]), tuple(colors[1]), 20, 30)
+    ours = direction_error(p, t, [camera]), chromaticity_error(p, t)
+    return np.array(ours), np.degrees(np.arccos([1 - distance.cosine(*axes), 1 - distance.cosine(*colors)]))
+
+
+def size_of_light() -> Pair:
+    u, v = RNG.normal(size=(2, 3))
+    sides = [2 * np.linalg.norm(x) for x in (u, v, u - v)]
+    half = sum(sides) / 2
+    area = 2 * np.sqrt(half * np.prod([half - side for side in sides]))
+    radius = np.sqrt(area / np.pi)
+    flat = gc.RectangleLight("r", (0, 0, 0), tuple(u.tolist()), tuple(v.tolist()), (1, 1, 1))
+    ball = gc.SphereLight("s", (0, 0, 0), 0.7, (1, 1, 1))
+    return extent_error(ball, flat), float(100 * abs(radius - 0.7) / max(radius, 0.7))
+
+
+def mirror_sphere() -> Pair:
+    sky, height = RNG.uniform(0, 2, (12, 24, 3)), 12
+    rows = np.r_[0, (np.arange(height) + 0.5) / height * np.pi, np.pi]
+    columns = (np.arange(-1, 25) + 0.5) / 24 * 2 * np.pi
+    padded = np.pad(np.pad(sky, ((0, 0), (1, 1), (0, 0)), mode="wrap"), ((1, 1), (0, 0), (0, 0)), mode="edge")
+    n = sphere_normals()
+    r = 2 * (n @ (0, -1, 0))[:, None] * n - (0, -1, 0)
+    at = np.stack([np.arccos(r[:, 2]), np.arctan2(r[:, 1], r[:, 0]) % (2 * np.pi)], axis=-1)
+    return render_spheres(sky)["mirror"], RegularGridInterpolator((rows, columns), padded)(at)
+
+
+def smooth_sky() -> np.ndarray:
+    """1 + x/2 + yz/3 of each direction: spherical harmonics of degrees 0, 1 and 2."""
+    t, p = np.pi * (np.arange(128) + 0.5) / 128, np.pi * (np.arange(256) + 0.5) / 128
+    t, p = np.meshgrid(t, p, indexing="ij")
+    x, y, z = np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)
+    return np.repeat((1 + x / 2 + y * z / 3)[..., None], 3, axis=-1)
+
+
+def diffuse_sphere() -> Pair:
+    x, y, z = sphere_normals().T
+    return render_spheres(smooth_sky())["diffuse"][:, 0], 1 + x / 2 * (2 / 3) + y * z / 3 * (1 / 4)
+
+
+def glossy_sphere() -> Pair:
+    """Over facets h instead of directions of light: D G (h·v) / (n·v) dh, by Gauss and Legendre."""
+    normals, glossy, v = (
+        sphere_normals(),
+        render_spheres(smooth_sky())["glossy"][:, 0],
+        np.array([0.0, -1, 0]),
+    )
+    nodes, weights = np.polynomial.legendre.leggauss(300)
+    tilt, turn = np.meshgrid((nodes + 1) * np.pi / 4, np.arange(400) * np.pi / 200, indexing="ij")
+    solid_angle = (weights * np.pi / 4)[:, None] * np.sin(tilt) * np.pi / 200
+    facets = ALPHA**2 / (np.pi * (np.cos(tilt) ** 2 * (ALPHA**2 - 1) + 1) ** 2)
+    picked, other = np.linspace(150, len(normals) - 150, 6).astype(int), []
+    for n in normals[picked]:
+        side = np.linalg.svd(n[None])[2][1:]
+        around = np.cos(turn)[..., None] * side[0] + np.sin(turn)[..., None] * side[1]
+        h = np.cos(tilt)[..., None] * n + np.sin(tilt)[..., None] * around
+        w = 2 * (h @ v)[..., None] * h - v
+        lit = (w @ n > 0) & (h @ v > 0)
+        cosine = np.where(lit, w @ n, 1)
+        smith = 2 / sum(np.sqrt(1 + ALPHA**2 * (1 / c**2 - 1)) for c in (cosine, n @ v))
+        sky = 1 + w[..., 0] / 2 + w[..., 1] * w[..., 2] / 3
+        other.append((facets * smith * (h @ v) / (n @ v) * sky * solid_angle)[lit].sum())
+    return glossy[picked], np.array(other)

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light adds up."""
+
+import doctest
+
+import numpy as np
+
+import graycard as gc
+from graycard import _shares
+
+ONE = np.ones((2, 2, 3), np.float32)
+
+
+def test_examples() -> None:
+    assert doctest.testmod(_shares).attempted >= 2
+    assert doctest.testmod(_shares).failed == 0
+
+
+def test_what_is_there_already_stays() -> None:
+    layers = {f"{part}.lamp": ONE for part in gc.PARTS} | {"direct.diffuse": 7 * ONE}
+    found = gc.with_sums(layers)
+    assert found["direct.diffuse"].max() == 7
+    assert np.array_equal(found["radiance.lamp"], 4 * ONE)
+    assert np.array_equal(found["indirect.specular"], ONE)
+    assert "direct.specular" not in layers, "what is handed in is left alone"
+
+
+def test_a_light_without_all_its_parts_has_no_sum() -> None:
+    found = gc.with_sums({f"{part}.lamp": ONE for part in gc.PARTS[:3]})
+    assert "radiance.lamp" not in found
+
+
+def test_parts_of_unequal_size_are_not_added() -> None:
+    found = gc.with_sums({"direct.diffuse.a": ONE, "direct.diffuse.b": ONE[:1]})
+    assert "direct.diffuse" not in found
+
+
+def test_how_well_a_layer_is_known_is_no_light() -> None:
+    names = ["radiance.var", "radiance.half_a", "radiance.sky", "direct.radiance.x", "irradiance.lamp"]
+    assert gc.lights_of("radiance", names) == ["sky"]
