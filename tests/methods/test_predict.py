@@ -43,7 +43,9 @@ def test_the_image_of_an_environment_is_written(make_scene: Callable[..., Path],
     image = np.arange(96.0).reshape(4, 8, 3)
     decomposition = make(lights=lambda: [LIGHT, SKY], environment=lambda light: image)
     found = write(make_scene(), tmp_path / "p", decomposition)
-    sky = (found.lights() or ())[-1]
+    lights = found.lights()
+    assert lights is not None
+    sky = lights[-1]
     assert isinstance(sky, gc.EnvironmentLight)
     assert np.array_equal(found.environment(sky), image)
     assert f"environments/{sky.name}.exr" in found.files
