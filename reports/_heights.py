@@ -60,29 +60,40 @@ def lay_out_heights(
     eyes = [float(v.camera.position[2]) for v in views]
     true = [float(p[2]) for light in local_lights(owners[0][2]) for p in places_of(light, cameras)]
     known = np.array([*eyes, *true, *surfaces[:, 2]])
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    span = max(high - low, 1e-6)
-
-    def place(z: float) -> float:
-        return round(MARGIN + (high - z) / span * (height - 2 * MARGIN), 1)
-
-    marks = []
-    for column, (owner, shape, lights) in enumerate(owners):
-        for light in local_lights(lights):
-            for z in places_of(light, cameras)[:, 2]:
-                if np.isfinite(z):
-                    y = min(max(place(float(z)), MARGIN / 2), height - MARGIN / 2)
-                    label = f"{owner}: {light.name}, {format_number(float(z))} m high"
-                    x = LEFT + COLUMN * (column + 1.0)
-                    marks.append(HeightMark(x, y, shape, label, y != place(float(z))))
-    steps = _round_steps(low, high)
+    scale = _Scale(float(known.min()), float(known.max()), height) if known.size else _Scale(0.0, 1.0, height)
+    marks = [
+        _mark(owner, shape, LEFT + COLUMN * (column + 1.0), light.name, float(z), scale)
+        for column, (owner, shape, lights) in enumerate(owners)
+        for light in local_lights(lights)
+        for z in places_of(light, cameras)[:, 2]
+        if np.isfinite(z)
+    ]
     return Heights(
         LEFT + COLUMN * (len(owners) + 1),
         height,
-        tuple((place(z), f"{format_number(z)} m") for z in steps),
-        tuple(dict.fromkeys(place(z) for z in eyes)),
+        tuple((scale.place(z), f"{format_number(z)} m") for z in _round_steps(scale.low, scale.high)),
+        tuple(dict.fromkeys(scale.place(z) for z in eyes)),
         tuple(dict.fromkeys(marks)),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """From world z in metres to the picture, up in the one as in the other."""
+
+    low: float
+    high: float
+    height: float
+
+    def place(self, z: float) -> float:
+        span = max(self.high - self.low, 1e-6)
+        return round(MARGIN + (self.high - z) / span * (self.height - 2 * MARGIN), 1)
+
+
+def _mark(owner: str, shape: int, x: float, light: str, z: float, scale: _Scale) -> HeightMark:
+    place = scale.place(z)
+    kept = min(max(place, MARGIN / 2), scale.height - MARGIN / 2)
+    return HeightMark(x, kept, shape, f"{owner}: {light}, {format_number(z)} m high", kept != place)
 
 
 def _round_steps(low: float, high: float) -> list[float]:

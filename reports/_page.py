@@ -19,6 +19,7 @@ from graycard.reports._tables import (
     leaderboard,
     metric_rows,
     metrics_of,
+    told_rows,
 )
 
 _TRACKS = {
@@ -39,6 +40,8 @@ class TrackSection:
     board: Leaderboard
     compared: Compared
     rows: tuple[MetricRow, ...]
+    silent: str
+    """Titles of the metrics that no method provides."""
     failures: tuple[Trouble, ...]
     scenes: tuple[SceneSection, ...]
 
@@ -121,6 +124,7 @@ def _track(
     metrics = metrics_of(record, results)
     compared = compare_track(comparison, record, name, metrics)
     board = leaderboard(record, results, metrics, compared)
+    rows, silent = told_rows(metric_rows(results, board.methods, metrics))
     scenes = [s for s in record.scenes if s.track == name]
     seeds = len({r.job.seed for r in results})
     return TrackSection(
@@ -130,7 +134,8 @@ def _track(
         counted=count(len(scenes), "scene") + (f" × {count(seeds, 'seed')}" if seeds > 1 else ""),
         board=board,
         compared=compared,
-        rows=metric_rows(results, board.methods, metrics),
+        rows=rows,
+        silent=silent,
         failures=failures(results, metrics),
         scenes=tuple(
             scene_section(run, scene, results, board.methods, metrics, f"{anchor}-scene-{i + 1}")

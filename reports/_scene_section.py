@@ -17,7 +17,16 @@ from graycard.reports._evidence import (
 from graycard.reports._facts import flatten
 from graycard.reports._plan import Plan, build_plan
 from graycard.reports._spread import Spread, protocol_spreads
-from graycard.reports._tables import MethodHead, MetricRow, Trouble, ViewRow, metric_rows, view_rows, warnings
+from graycard.reports._tables import (
+    MethodHead,
+    MetricRow,
+    Trouble,
+    ViewRow,
+    metric_rows,
+    told_rows,
+    view_rows,
+    warnings,
+)
 from graycard.reports._worst_tile import MethodTiles, find_worst_tiles
 
 
@@ -57,6 +66,8 @@ class SceneSection:
     """Why there are no pictures."""
     faults: tuple[MethodFault, ...]
     rows: tuple[MetricRow, ...]
+    silent: str
+    """Titles of the metrics that no method provides."""
     spreads: tuple[Spread, ...]
     """Of base colour over published protocols; empty where none was asked for."""
     view_rows: tuple[ViewRow, ...]
@@ -76,6 +87,7 @@ def scene_section(
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
     competing = {m.name for m in here if not m.sees}  # that the truth is too good is no news
     pictures, reason, faults = _pictures(run, scene, results, here)
+    rows, silent = told_rows(metric_rows(results, here, metrics))
     return SceneSection(
         anchor=anchor,
         name=scene.scene,
@@ -84,7 +96,8 @@ def scene_section(
         pictures=pictures,
         reason=reason,
         faults=faults,
-        rows=metric_rows(results, here, metrics),
+        rows=rows,
+        silent=silent,
         spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
         view_rows=view_rows(results, here, metrics),
         warnings=warnings([r for r in results if r.job.method in competing]),

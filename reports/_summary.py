@@ -9,7 +9,7 @@ from graycard.reports._format import format_name
 from graycard.reports._help import MetricHead, metric_head
 from graycard.reports._verdicts import Verdict
 
-_PARTS = {"counterfactual": "Removal", "normal": "Geometry: normals", "depth": "Geometry: depth"}
+_PARTS = {"counterfactual": "Removal", "normal": "Geometry (normals)", "depth": "Geometry (depth)"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ def summary_rows(
     verdicts: Mapping[tuple[str, str], Verdict],
     tracks: Sequence[tuple[str, str]],
 ) -> tuple[SummaryRow, ...]:
-    """A row for each group of metrics: its headline metric, or its first where it has none.
+    """A row for each group of metrics that has a headline metric; for each group, where none is a headline.
 
     Args:
         metrics: Of the run.
@@ -50,10 +50,10 @@ def summary_rows(
         tracks: Names and anchors.
     """
     seen = [m for m in metrics if any((track, m.id) in verdicts for track, _ in tracks)]
+    seen = [m for m in seen if m.headline] or seen
     rows = []
     for group in dict.fromkeys(m.group for m in seen):
-        of_group = [m for m in seen if m.group == group]
-        chosen = next((m for m in of_group if m.headline), of_group[0])
+        chosen = next(m for m in seen if m.group == group)
         cells = tuple(SummaryCell(t, anchor, verdicts.get((t, chosen.id))) for t, anchor in tracks)
         rows.append(SummaryRow(part_of(group), metric_head(chosen), cells))
     return tuple(rows)

@@ -79,9 +79,20 @@ class Trouble:
 
 
 def metrics_of(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> tuple[gc.MetricRecord, ...]:
-    """The metrics that some of these jobs has a score of; all, where no job came as far as scores."""
+    """The metrics that some of these jobs has a score of; all, where no job came as far as scores.
+
+    Those of one group stand together, in the order in which the groups come first.
+    """
     seen = {score.metric for result in results if result.sheet for score in result.sheet.scores}
-    return tuple(m for m in record.metrics if m.id in seen or not seen)
+    found = [m for m in record.metrics if m.id in seen or not seen]
+    groups = list(dict.fromkeys(m.group for m in found))
+    return tuple(sorted(found, key=lambda m: groups.index(m.group)))
+
+
+def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], str]:
+    """The rows that say something, and the titles of those that no method provides."""
+    quiet = [r for r in rows if all(c.status in ("not provided", "not run") for c in r.cells)]
+    return tuple(r for r in rows if r not in quiet), ", ".join(r.metric.title for r in quiet)
 
 
 def leaderboard(

@@ -14,8 +14,8 @@ class SurfelSettings:
     surfels: int = 5000
     """No more than these."""
     fill: float = 0.75
-    """Share of ``surfels`` that begin where stereo and large planes give depth; 0: on sparse points alone,
-    as in the paper, whose captures have many more views and points."""
+    """Share of ``surfels`` that begin where stereo and large planes give depth; 0: on the sparse points
+    alone, as in the paper, whose captures have many more views and points."""
     degree: int = 3
     """Of the spherical harmonics of each surfel's colour, 0 to 3."""
     sky_degree: int = 0

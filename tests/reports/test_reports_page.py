@@ -233,6 +233,16 @@ def test_run_where_nothing_failed_and_one_where_nothing_ran(make_run: MakeRun) -
     assert "12 jobs" not in report_of(run).words
 
 
+def test_long_list_of_what_a_reference_sees_is_cut(make_run: MakeRun) -> None:
+    run, record = make_run()
+    sees = tuple(f"layer{i}" for i in range(7))
+    methods = tuple(replace(m, sees=sees) if m.name == "truth" else m for m in record.methods)
+    gc.write_json(run / "run.json", replace(record, methods=methods))
+    found = report_of(run)
+    assert "also sees: layer0, layer1, layer2, layer3, layer4 and 2 more" in found.words
+    assert found.all("span", title=", ".join(sees))
+
+
 def test_templates_have_no_handlers_and_no_unsafe_filter() -> None:
     text = "".join(p.read_text(encoding="utf-8") for p in sorted(TEMPLATES.glob("*.j2")))
     assert not re.search(r"\|\s*safe|\son\w+=|style=|javascript:", text)

@@ -14,6 +14,7 @@ from graycard.reports._tables import (
     leaderboard,
     metric_rows,
     metrics_of,
+    told_rows,
     view_rows,
     warnings,
 )
@@ -219,3 +220,21 @@ def test_method_that_was_not_run_on_every_scene_is_not_compared() -> None:
 def test_scene_without_the_metric_does_not_count() -> None:
     results = [make_result("x", "a", make_score(UP, 5)), make_result("x", "b", make_score(DOWN, 5))]
     assert [c.complete for c in make_board(results).competing[0].cells] == [True, True]
+
+
+def test_metrics_of_one_group_stand_together() -> None:
+    late = replace(UP, id="a.late")
+    result = make_result("x", "a", *(make_score(m, 1.0) for m in (UP, DOWN, late)))
+    record = gc.RunRecord("s", 1, (), (), (UP, DOWN, late), (result,), {}, "", 0)
+    assert [m.id for m in metrics_of(record, [result])] == ["a.up", "a.late", "b.down"]
+
+
+def test_metric_that_nobody_provides_is_named_and_has_no_row() -> None:
+    none = make_score(DOWN, "not provided")
+    results = [
+        make_result("x", "a", make_score(UP, 5), none, make_score(SIDE, "failed", reason="r")),
+        make_result("y", "a", make_score(UP, "not provided"), none),
+    ]
+    rows, silent = told_rows(metric_rows(results, make_board(results).methods, (UP, DOWN, SIDE)))
+    assert [row.metric.id for row in rows] == ["a.up", "b.side"]
+    assert silent == "Down"

@@ -147,9 +147,13 @@ def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
     verdict = Verdict("alone", "no rival", "a", "1")
     found = {("dark", "a.side"): verdict, ("dark", "a.up"): verdict, ("table", "n.down"): verdict}
     rows = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
-    assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry: normals", "n.down")]
+    assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry (normals)", "n.down")]
     assert [[bool(c.verdict) for c in r.cells] for r in rows] == [[True, False], [False, True]]
     assert part_of("some_new_part") == "Some new part"
+    (only,) = summary_rows([SIDE], found, [("dark", "t1")])
+    assert only.metric.id == "a.side"
+    depth = replace(SIDE, id="d", group="depth")
+    assert len(summary_rows([UP, depth], {**found, ("dark", "d"): verdict}, [("dark", "t1")])) == 1
 
 
 def test_help_says_what_is_ignored_and_what_counts_as_no_change() -> None:

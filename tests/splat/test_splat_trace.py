@@ -560,7 +560,8 @@ def test_too_little_memory_is_said_before_it_is_taken(
     """Whether it is surfels or rays that would take it."""
     few = SimpleNamespace(available=2_000_000)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: few)
-    lines = splat.Rays(*(torch.eye(3)[:1].expand(rays, 3) for _ in range(2)))
+    same = torch.eye(3)[:1].expand(rays, 3)
+    lines = splat.Rays(same, same)
     one = facing([1.0])
     many = splat.Surfels(
         *(getattr(one, f.name).float().expand(surfels, *getattr(one, f.name).shape[1:]) for f in fields(one))
@@ -575,7 +576,7 @@ def test_rays_that_are_no_numbers_are_refused(name: str, bad: float):
     values = {"origins": torch.zeros(3, 3), "directions": torch.eye(3)}
     values[name][1, 2] = bad
     with pytest.raises(ValueError, match=rf"expected {name} to be finite, got .*(nan|inf).* at ray 1"):
-        splat.Rays(**values)
+        splat.Rays(values["origins"], values["directions"])
 
 
 def test_surfels_elsewhere_are_refused():
