@@ -89,14 +89,17 @@ class Verdict:
 
 
 def make_baseline(run: RunRecord) -> Baseline:
-    """The scores of a run as a baseline, each with the tolerance of its metric.
+    """The scores of a run as a baseline, each with the tolerance of its metric times the slack of its method.
 
     Raises:
         RecordError: The run has no score.
     """
     tolerance = {metric.id: metric.tolerance for metric in run.metrics}
+    slack = {method.name: method.slack for method in run.methods}
     expected = tuple(
-        Expected(*key[:4], score.metric, score.protocol, score.value, tolerance[score.metric])
+        Expected(
+            *key, score.metric, score.protocol, score.value, tolerance[score.metric] * slack.get(key[2], 1.0)
+        )
         for key, score in _scores(run)
         if score.value is not None
     )

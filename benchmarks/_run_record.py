@@ -43,7 +43,7 @@ def method_record(method: SuiteMethod) -> MethodRecord:
     changes += [f"priors: {method.priors}"] if asks_of(loaded) else []
     changed = ", ".join(changes)
     summary = f"{loaded.summary} ({changed})" if changed else loaded.summary
-    return MethodRecord(method.row, summary, loaded.needs, method.name)
+    return MethodRecord(method.row, summary, loaded.needs, method.name, method.slack)
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A suite is a TOML file: which scenes, how they are rendered, which methods with which settings."""
 
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,6 +27,12 @@ class SuiteMethod:
     """The row of a table; the name if empty. Variants of one method need labels of their own."""
     priors: PriorSpec = field(default_factory=PriorSpec)
     """What answers the method's asks."""
+    slack: float = 1.0
+    """Factor on the tolerances of a baseline: a fit of many steps ends elsewhere on another processor."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.slack < math.inf:
+            raise ValueError(f"expected a slack of 1 or more for {self.row}, got {self.slack}")
 
     @property
     def row(self) -> str:

@@ -169,6 +169,8 @@ class MethodRecord:
     """What it is handed beyond the capture; empty for a method that competes."""
     entry: str = ""
     """What is loaded: a name in the registry, or ``module:attribute``."""
+    slack: float = 1.0
+    """Factor on the tolerances of a baseline that is made of this run."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -46,6 +46,13 @@ def test_worse_is_a_matter_of_direction(
     assert [c.expected.metric for c in verdict.better] == better
 
 
+def test_a_method_may_be_given_slack():
+    methods = (gc.MethodRecord("m", "", (), slack=4.0),)
+    slack = make_baseline(replace(make_run(), methods=methods))
+    assert judge(make_run(28.1, 10.7), slack).exit_code == 0
+    assert [c.expected.metric for c in judge(make_run(27.9, 10.7), slack).worse] == ["psnr"]
+
+
 def test_an_infinite_score_must_stay_infinite():
     baseline = make_baseline(make_run(math.inf, 0.0))
     assert judge(make_run(math.inf, 0.0), baseline).exit_code == 0

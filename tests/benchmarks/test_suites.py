@@ -75,3 +75,10 @@ def test_a_suite_may_ask_for_a_camera_with_faults(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace("samples = 64", faults))
     suite = load_suite(str(path))
     assert suite.render_of(suite.scenes[0]).capture == CaptureSettings(bits=8, shot_noise=8000)
+
+
+def test_a_baseline_is_not_made_stricter_than_its_metrics(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    path.write_text(path.read_text() + "slack = 0.5\n")
+    with pytest.raises(gc.RecordError, match="slack of 1 or more for gray, got 0.5"):
+        load_suite(str(path))
