@@ -111,7 +111,7 @@ def test_speed_compares_the_truth_with_a_plain_picture(
 
 def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert main(["methods", "--json", str(tmp_path / "m.json")]) == 0
-    assert last_line(capsys) == "methods: 6 work, 0 cannot be loaded"
+    assert last_line(capsys) == "methods: 7 work, 0 cannot be loaded"
     assert main(["methods", "gray", "--json", str(tmp_path / "m.json")]) == 0
     assert "--reflectance" in capsys.readouterr().out
     assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
