@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``2dgs``: surfels whose colours change with the view, fitted to photographs and nothing else."""
 
+from graycard.methods.surfels._likeness import SweptView as SweptView
 from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
 from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
 from graycard.methods.surfels._method import learning_rates as learning_rates
@@ -12,5 +13,4 @@ from graycard.methods.surfels._scene import SurfelScene as SurfelScene
 from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSurfelSettings
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
 from graycard.methods.surfels._start import with_colours as with_colours
-from graycard.methods.surfels._sweep import SweptView as SweptView
 from graycard.methods.surfels._sweep import sweep_depth as sweep_depth

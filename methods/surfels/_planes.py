@@ -12,16 +12,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from graycard import Camera
-from graycard.methods.surfels._sweep import (
-    HIDES,
-    Ease,
-    SweptDepth,
-    SweptView,
-    depth_ratio,
-    mean_likeness,
-    partners_of,
-    semi_global,
-)
+from graycard.methods.surfels._likeness import SweptView, mean_likeness
+from graycard.methods.surfels._paths import Ease, semi_global
+from graycard.methods.surfels._sweep import SweptDepth, partners_of
+from graycard.methods.surfels._transfer import HIDES, depth_ratio
 
 MOST = 6
 """Planes that are looked for."""
@@ -156,7 +150,7 @@ def _on_planes(
     depths = np.stack([found.depth, *(plane_depth(view.camera, plane) for plane in planes)])
     valid = np.isfinite(depths) & (depths < BEYOND * view.far)
     depths = np.where(valid, depths, view.far)
-    likeness = mean_likeness(view, partners, 1 / depths, WINDOW).numpy()
+    likeness = mean_likeness(view, partners, 1 / depths, WINDOW)
     cost = np.where(valid, 1 - np.maximum(likeness, FAINT), 2.0)
     cost[0] += np.where(found.sure, 0, SURFACE)
     others = [(v.camera, np.where(s.sure, s.depth, np.nan)) for v, s in zip(views, swept, strict=True)]
