@@ -27,17 +27,17 @@ def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndar
 
     Args:
         camera: Of the view.
-        depth: shape ``(H, W)``, its z-depth, metres.
+        depth: shape ``(H, W)`` or ``(K, H, W)``, its z-depth, metres.
         other: The other camera.
         there: shape ``(H', W')``, z-depth of the other view.
 
     Returns:
-        Shape ``(H, W)``; below 1 in front of what the other sees; NaN outside its image.
+        Of the shape of depth; below 1 in front of what the other sees; NaN outside its image.
     """
-    ratio = np.full(depth.shape, np.nan)
     here, seen = (np.ascontiguousarray(values, dtype=np.float64) for values in (depth, there))
-    _ratios(here, *transfer(camera, other), seen, ratio)
-    return ratio
+    ratio = np.full((depth.size // depth.shape[-1], depth.shape[-1]), np.nan)
+    _ratios(here.reshape(ratio.shape), camera.height, transfer(camera, other), seen, ratio)
+    return ratio.reshape(depth.shape)
 
 
 @njit(forceinline=True)
@@ -51,12 +51,21 @@ def transferred(homography, x, y):
 
 
 @njit(parallel=True, cache=True, error_model="numpy")
-def _ratios(depth, homography, epipole, there, ratio):
-    """Write where a point lies inside the other image; see ``depth_ratio``."""
+def _ratios(depth, rows, pair, there, ratio):
+    """Write where a point lies inside the other image; see ``depth_ratio``.
+
+    Args:
+        depth: ``(K * H, W)``, metres.
+        rows: H.
+        pair: see ``transfer``.
+        there: ``(H', W')``, metres.
+        ratio: ``(K * H, W)``, to be written.
+    """
+    homography, epipole = pair
     height, width = there.shape
     for row in prange(depth.shape[0]):
         for column in range(depth.shape[1]):
-            across, down, along = transferred(homography, column + 0.5, row + 0.5)
+            across, down, along = transferred(homography, column + 0.5, row % rows + 0.5)
             z = depth[row, column] * along + epipole[2]
             x = (depth[row, column] * across + epipole[0]) / z
             y = (depth[row, column] * down + epipole[1]) / z

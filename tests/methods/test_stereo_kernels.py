@@ -128,7 +128,9 @@ def test_ratio_of_depths_is_that_of_points_in_the_world():
         if z[row, column] > 0 and 0 <= x < 27 and 0 <= y < HEIGHT:
             expected[row, column] = z[row, column] / there[int(y), int(x)]
     assert 0.1 < np.isfinite(expected).mean() < 0.9
+    both = depth_ratio(here, np.stack([np.ones_like(depth), depth]), other, there)
     np.testing.assert_allclose(depth_ratio(here, depth, other, there), expected, rtol=1e-12)
+    np.testing.assert_array_equal(both[1], depth_ratio(here, depth, other, there))
 
 
 def test_points_behind_the_other_view_have_no_ratio():
