@@ -3,6 +3,7 @@
 
 from graycard.methods.surfels._colour import decode as decode
 from graycard.methods.surfels._colour import encode as encode
+from graycard.methods.surfels._likeness import SweptView as SweptView
 from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
 from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
 from graycard.methods.surfels._method import check_places as check_places
@@ -19,5 +20,4 @@ from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSur
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
 from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import with_colours as with_colours
-from graycard.methods.surfels._sweep import SweptView as SweptView
 from graycard.methods.surfels._sweep import sweep_depth as sweep_depth

@@ -8,15 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.ndimage import median_filter, uniform_filter
-from scipy.spatial import QhullError
 
 from graycard import Camera, Capture, MethodError, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
 from graycard.methods.surfels._colour import encode
+from graycard.methods.surfels._likeness import SweptView
 from graycard.methods.surfels._planes import with_planes
-from graycard.methods.surfels._sweep import HIDES, SweptDepth, SweptView, depth_ratio, sweep_depths
+from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
+from graycard.methods.surfels._transfer import HIDES, depth_ratio
+from graycard.methods.surfels._triangles import filled_depth
 
 MANY = 4
 """Discs of each view, below which the sparse points alone are better."""
@@ -64,26 +65,6 @@ def surfels_between(
     parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
-
-
-def filled_depth(pixels: np.ndarray, depths: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """z-depth of each pixel from that of some, shape ``(H, W)``, metres.
-
-    Within the triangles of these (Delaunay) the inverse of depth is linear, as it is on the image of a
-    plane; outside it is that of the nearest.
-
-    Args:
-        pixels: shape ``(M, 2)``, image coordinates, M >= 1.
-        depths: shape ``(M,)``, metres, positive.
-        size: Height and width.
-    """
-    x, y = np.meshgrid(np.arange(size[1]) + 0.5, np.arange(size[0]) + 0.5)
-    inverse = NearestNDInterpolator(pixels, 1 / depths)(x, y)
-    try:
-        flat = LinearNDInterpolator(pixels, 1 / depths)(x, y)
-    except (QhullError, ValueError):  # too few points, or all on one line
-        flat = np.full(x.shape, np.nan)
-    return 1 / np.where(np.isfinite(flat), flat, inverse)
 
 
 def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:

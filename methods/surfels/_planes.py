@@ -10,18 +10,13 @@ et al. 2009; Gallup et al. 2010).
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit, prange
 
 from graycard import Camera
-from graycard.methods.surfels._sweep import (
-    HIDES,
-    Ease,
-    SweptDepth,
-    SweptView,
-    depth_ratio,
-    mean_likeness,
-    partners_of,
-    semi_global,
-)
+from graycard.methods.surfels._likeness import SweptView, mean_likeness
+from graycard.methods.surfels._paths import Ease, semi_global
+from graycard.methods.surfels._sweep import SweptDepth, partners_of
+from graycard.methods.surfels._transfer import HIDES, depth_ratio
 
 MOST = 6
 """Planes that are looked for."""
@@ -123,13 +118,33 @@ def _largest(points: np.ndarray, tolerance: np.ndarray, random: np.random.Genera
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(lengths > 0, lengths, 1)
     offsets = -(normals * a).sum(axis=1)
-    off = np.abs(points @ normals.T + offsets) / tolerance[:, None]
-    scores = np.where(lengths[:, 0] > 0, np.maximum(1 - off**2, 0).sum(axis=0), 0)
-    best = int(scores.argmax())
+    scores = np.empty(TRIALS)
+    _score(points, tolerance, normals, offsets, scores)
+    best = int(np.where(lengths[:, 0] > 0, scores, 0).argmax())
     plane = np.append(normals[best], offsets[best])
     for _ in range(3):
         plane = _fitted(points[_off(points, plane) < tolerance], plane)
     return plane
+
+
+@njit(parallel=True, cache=True)
+def _score(points, tolerance, normals, offsets, scores):
+    """How well planes hold points: the less the farther off, by squares (MSAC: Torr and Zisserman 2000).
+
+    Args:
+        points: ``(M, 3)``, metres.
+        tolerance: ``(M,)``, metres.
+        normals: ``(K, 3)``.
+        offsets: ``(K,)``, metres.
+        scores: ``(K,)``, to be written.
+    """
+    for plane in prange(len(normals)):
+        x, y, z, offset = normals[plane, 0], normals[plane, 1], normals[plane, 2], offsets[plane]
+        score = 0.0
+        for at in range(len(points)):
+            off = (points[at, 0] * x + points[at, 1] * y + points[at, 2] * z + offset) / tolerance[at]
+            score += max(1 - off * off, 0.0)
+        scores[plane] = score
 
 
 def _fitted(points: np.ndarray, plane: np.ndarray) -> np.ndarray:
@@ -156,14 +171,13 @@ def _on_planes(
     depths = np.stack([found.depth, *(plane_depth(view.camera, plane) for plane in planes)])
     valid = np.isfinite(depths) & (depths < BEYOND * view.far)
     depths = np.where(valid, depths, view.far)
-    likeness = mean_likeness(view, partners, 1 / depths, WINDOW).numpy()
+    likeness = mean_likeness(view, partners, 1 / depths, WINDOW)
     cost = np.where(valid, 1 - np.maximum(likeness, FAINT), 2.0)
     cost[0] += np.where(found.sure, 0, SURFACE)
     others = [(v.camera, np.where(s.sure, s.depth, np.nan)) for v, s in zip(views, swept, strict=True)]
     del others[number]
-    for label, depth in enumerate(depths[1:], start=1):
-        blocks = [depth_ratio(view.camera, depth, *other) < 1 - HIDES for other in others]
-        cost[label] += IN_THE_WAY * np.sum(blocks, axis=0)
+    blocks = [depth_ratio(view.camera, depths[1:], *other) < 1 - HIDES for other in others]
+    cost[1:] += IN_THE_WAY * np.sum(blocks, axis=0)
     label = semi_global(np.moveaxis(cost, 0, -1), CHANGE, CHANGE, _edges(view)).argmin(axis=-1)
     chosen = np.take_along_axis(depths, label[None], axis=0)[0]
     return SweptDepth(np.where(label > 0, chosen, found.depth), found.sure | (label > 0))

@@ -8,8 +8,10 @@ import pytest
 import torch
 
 import graycard as gc
-from graycard.methods.surfels._fill import dense_depths, filled_depth
-from graycard.methods.surfels._sweep import SweptDepth, SweptView, sweep_depths
+from graycard.methods.surfels._fill import dense_depths
+from graycard.methods.surfels._likeness import SweptView
+from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
+from graycard.methods.surfels._triangles import filled_depth
 
 SIZE = 48
 

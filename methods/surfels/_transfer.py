@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the pixels of one view lie in another, if their depth is known.
+
+With z-depth ``z`` and pixels ``x = (x, y, 1)`` a pixel lies at ``z H x + e`` in the other image, homogeneous,
+the third of which is the other z-depth: ``H`` is the homography of the plane at infinity and ``e`` the
+epipole (Hartley and Zisserman 2004, section 9.6), with a length in metres.
+"""
+
+import numpy as np
+from numba import njit, prange
+
+from graycard import Camera
+
+HIDES = 0.05
+"""Of its depth by which a point must be nearer than what another view sees to be in its way."""
+
+
+def transfer(camera: Camera, other: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """The homography of the plane at infinity, shape ``(3, 3)``, and the epipole, ``(3,)``, metres."""
+    onto = other.K @ other.world_to_camera[:3, :3]
+    homography = onto @ camera.camera_to_world[:3, :3] @ np.linalg.inv(camera.K)
+    return homography, onto @ camera.position + other.K @ other.world_to_camera[:3, 3]
+
+
+def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndarray) -> np.ndarray:
+    """How far the points of a view are from another one, in shares of what that one sees in their place.
+
+    Args:
+        camera: Of the view.
+        depth: shape ``(H, W)`` or ``(K, H, W)``, its z-depth, metres.
+        other: The other camera.
+        there: shape ``(H', W')``, z-depth of the other view.
+
+    Returns:
+        Of the shape of depth; below 1 in front of what the other sees; NaN outside its image.
+    """
+    here, seen = (np.ascontiguousarray(values, dtype=np.float64) for values in (depth, there))
+    ratio = np.full((depth.size // depth.shape[-1], depth.shape[-1]), np.nan)
+    _ratios(here.reshape(ratio.shape), camera.height, transfer(camera, other), seen, ratio)
+    return ratio.reshape(depth.shape)
+
+
+@njit(forceinline=True)
+def transferred(homography, x, y):
+    """A pixel at infinity in the other image, homogeneous."""
+    return (
+        homography[0, 0] * x + homography[0, 1] * y + homography[0, 2],
+        homography[1, 0] * x + homography[1, 1] * y + homography[1, 2],
+        homography[2, 0] * x + homography[2, 1] * y + homography[2, 2],
+    )
+
+
+@njit(parallel=True, cache=True, error_model="numpy")
+def _ratios(depth, rows, pair, there, ratio):
+    """Write where a point lies inside the other image; see ``depth_ratio``.
+
+    Args:
+        depth: ``(K * H, W)``, metres.
+        rows: H.
+        pair: see ``transfer``.
+        there: ``(H', W')``, metres.
+        ratio: ``(K * H, W)``, to be written.
+    """
+    homography, epipole = pair
+    height, width = there.shape
+    for row in prange(depth.shape[0]):
+        for column in range(depth.shape[1]):
+            across, down, along = transferred(homography, column + 0.5, row % rows + 0.5)
+            z = depth[row, column] * along + epipole[2]
+            x = (depth[row, column] * across + epipole[0]) / z
+            y = (depth[row, column] * down + epipole[1]) / z
+            if z > 0 and 0 <= x < width and 0 <= y < height:
+                ratio[row, column] = z / there[int(y), int(x)]
