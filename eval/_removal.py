@@ -8,7 +8,6 @@ import numpy as np
 
 import graycard as gc
 from graycard.eval._image_metric import display, exposed
-from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import TrueView
 from graycard.eval._view_metrics import Answer, ViewMetric
@@ -96,15 +95,15 @@ def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed |
 
 
 def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
-    p, t = (display(image, asked.exposure) for image in (predicted, asked.without))
-    return float(square_errors(p, t, asked.region).mean()), {}
+    p, t = (display(image[asked.region], asked.exposure) for image in (predicted, asked.without))
+    return float(np.mean((p - t) ** 2)), {}
 
 
 def _noise(asked: Removed) -> float | None:
     if asked.variance is None:
         return None
-    variance = gc.display_variance(asked.without, asked.variance, asked.exposure)
-    return float(variance[asked.region].mean())
+    without, variance = (image[asked.region] for image in (asked.without, asked.variance))
+    return float(gc.display_variance(without, variance, asked.exposure).mean())
 
 
 def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
