@@ -26,10 +26,16 @@ def lab(linear: np.ndarray) -> np.ndarray:
         >>> [round(x, 6) + 0.0 for x in lab(np.full(3, 0.18)).tolist()]
         [49.496108, 0.0, 0.0]
     """
-    xyz = np.asarray(linear, np.float64) @ (REC709_TO_XYZ / REC709_TO_XYZ.sum(axis=1, keepdims=True)).T
+    planes = np.ascontiguousarray(np.moveaxis(np.asarray(linear, np.float64), -1, 0))
+    to_xyz = REC709_TO_XYZ / REC709_TO_XYZ.sum(axis=1, keepdims=True)
+    return np.stack(lab_planes(np.tensordot(to_xyz, planes, 1)), axis=-1)
+
+
+def lab_planes(xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """L*, a* and b*, each of shape ``(...)``, of CIE XYZ over white, shape ``(3, ...)``; see :func:`lab`."""
     straight = xyz * (29 / 6) ** 2 / 3 + 4 / 29
-    x, y, z = np.moveaxis(np.where(xyz > _KNEE, np.cbrt(xyz), straight), -1, 0)
-    return np.stack([116 * y - 16, 500 * (x - y), 200 * (y - z)], axis=-1)
+    x, y, z = np.where(xyz > _KNEE, np.cbrt(xyz), straight)
+    return 116 * y - 16, 500 * (x - y), 200 * (y - z)
 
 
 def ciede2000(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -211,10 +211,16 @@ def _values(
     chosen = np.flatnonzero(mask)[:: max(1, int(mask.sum()) // _PIXELS)]
     if not len(chosen):
         return None
-    camera, size = true.view.camera, mask.size
-    p, t = (np.asarray(v, np.float64).reshape(size, -1)[chosen] for v in (values, true.take(layer)))
-    cosine = (camera.rays() @ camera.forward).reshape(size, 1)[chosen]
-    return p, t, Sight(exposure, camera.camera_to_world[:3, :3], cosine)
+    camera = true.view.camera
+    p, t = (v.reshape(mask.size, -1)[chosen].astype(np.float64) for v in (values, true.take(layer)))
+    return p, t, Sight(exposure, camera.camera_to_world[:3, :3], _cosines(camera, chosen))
+
+
+def _cosines(camera: gc.Camera, pixels: np.ndarray) -> np.ndarray:
+    """Cosines of the angles between rays and the optical axis, shape ``(N, 1)``, of pixels row by row."""
+    rows, columns = np.divmod(pixels, camera.width)
+    centres = np.stack([columns + 0.5, rows + 0.5, np.ones(len(pixels))], axis=-1)
+    return 1 / np.linalg.norm(centres @ np.linalg.inv(camera.K).T, axis=-1, keepdims=True)
 
 
 def _convincing(errors: Mapping[Suspicion, list[tuple[float, float]]]) -> list[tuple[str, str]]:

@@ -150,8 +150,10 @@ def _rounded(layer: str, predicted: PredictedView, true: TrueView) -> list[tuple
     mask = true.mask(layer)
     ways: dict[str, Callable[[np.ndarray], np.ndarray]] = {"": np.asarray, ", sRGB-encoded": gc.srgb_encode}
     for name, encode in ways.items():
-        codes, exact = (encode(v[mask]) * 255 for v in (values, true.take(layer)))
-        if len(np.unique(np.round(codes))) >= 8 and _whole(codes) and not _whole(exact):
+        codes = encode(values[mask]) * 255
+        if not _whole(codes) or len(np.unique(np.round(codes))) < 8:
+            continue
+        if not _whole(encode(true.take(layer)[mask]) * 255):
             return [(layer, f"{layer} looks rounded to 8 bits{name}: write floating point")]
     return []
 

@@ -125,7 +125,7 @@ def _of_each_light(metric: ImageMetric, first: TrueView) -> list[ImageMetric]:
 def _checked(layer: str, true: TrueView) -> np.ndarray:
     """The true layer; a normal without direction could be met by any prediction."""
     values = true.take(layer)
-    if layer == "normal" and not values[true.mask(layer)].any(axis=-1).all():
+    if layer == "normal" and (_aimless(values) & true.mask(layer)).any():
         raise gc.DatasetError(
             f"expected true normals of unit length in view {true.view.name} wherever an object is seen, "
             "got some of length zero. Run `graycard render` again"
@@ -149,9 +149,15 @@ def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: s
         return (f"{view}: no SSIM window fits into the mask; the mean is over the mask itself",)
     if metric.layer == "depth" and (holes := int(np.isposinf(values[mask]).sum())):
         return (f"{view}: {holes} of {int(mask.sum())} depths are +inf where there is a surface",)
-    if metric.layer == "normal" and (zeros := int((~values[mask].any(axis=-1)).sum())):
+    if metric.layer == "normal" and (zeros := int((_aimless(values) & mask).sum())):
         return (f"{view}: {zeros} of {int(mask.sum())} normals have length zero; each counts as 90°",)
     return ()
+
+
+def _aimless(directions: np.ndarray) -> np.ndarray:
+    """Where a direction has no length, shape ``(H, W)``, bool."""
+    x, y, z = np.moveaxis(directions, -1, 0)
+    return (x == 0) & (y == 0) & (z == 0)
 
 
 def _unknown_views(predictions: gc.Predictions, truth: gc.Truth) -> tuple[str, ...]:

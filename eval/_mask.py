@@ -28,7 +28,12 @@ def judged_pixels(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> 
         ValueError: The shapes differ, or the mask is empty.
     """
     check_images(predicted, true, mask)
-    return np.asarray(predicted, np.float64)[mask], np.asarray(true, np.float64)[mask]
+    inside = np.flatnonzero(mask)  # several times as fast as a boolean index
+    return _chosen(predicted, inside), _chosen(true, inside)
+
+
+def _chosen(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    return np.take(image.reshape(-1, *image.shape[2:]), pixels, axis=0).astype(np.float64, copy=False)
 
 
 def with_true_background(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:

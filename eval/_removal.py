@@ -8,7 +8,6 @@ import numpy as np
 
 import graycard as gc
 from graycard.eval._image_metric import display, exposed
-from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import TrueView
 from graycard.eval._view_metrics import Answer, ViewMetric
@@ -26,14 +25,14 @@ _WHERE = {
 
 @dataclass(frozen=True, slots=True)
 class Removed:
-    """What is asked of a removal in one region of one view."""
+    """What is asked of a removal in one region of one view, at the pixels of the region."""
 
     without: np.ndarray
-    """True radiance without the object, shape ``(H, W, 3)``."""
+    """True radiance without the object, shape ``(N, 3)``."""
     with_object: np.ndarray
     """True radiance with it."""
     region: np.ndarray
-    """Shape ``(H, W)``, bool."""
+    """Which pixels they are, shape ``(H, W)``, bool."""
     exposure: float
     variance: np.ndarray | None
     """Of ``without``; None where it is not known."""
@@ -48,10 +47,10 @@ def residual_energy(
     not alike the effect, does not enter.
 
     Args:
-        predicted: p, the picture from which the object was removed, shape ``(H, W, 3)``.
-        without: c, the true picture without the object, shape ``(H, W, 3)``, same unit.
-        with_object: o, the true picture with it, shape ``(H, W, 3)``, same unit.
-        region: shape ``(H, W)``, bool.
+        predicted: p, the picture from which the object was removed, shape ``(..., 3)``.
+        without: c, the true picture without the object, shape ``(..., 3)``, same unit.
+        with_object: o, the true picture with it, shape ``(..., 3)``, same unit.
+        region: shape ``(...)``, bool.
 
     Returns:
         0: the effect is gone; 1: it is still there; below 0: more was taken away than the object did.
@@ -82,9 +81,11 @@ def _region(true: TrueView, name: str) -> np.ndarray:
 
 def _asked(true: TrueView, exposure: float, name: str) -> Removed | None:
     region = _region(true, name)
-    variance = true.take(f"{LAYER}.var") if f"{LAYER}.var" in true.layers else None
-    without, with_object = (true.take(layer).astype(np.float64) for layer in (LAYER, "radiance"))
-    return Removed(without, with_object, region, exposure, variance) if region.any() else None
+    if not region.any():
+        return None
+    variance = true.take(f"{LAYER}.var")[region] if f"{LAYER}.var" in true.layers else None
+    without, with_object = (true.take(layer)[region].astype(np.float64) for layer in (LAYER, "radiance"))
+    return Removed(without, with_object, region, exposure, variance)
 
 
 def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed | None:
@@ -92,24 +93,24 @@ def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed |
     if asked is None:
         return None
     o, c = exposed(asked.with_object, exposure), exposed(asked.without, exposure)
-    return asked if (o != c)[asked.region].any() else None
+    return asked if (o != c).any() else None
 
 
 def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
-    p, t = (display(image, asked.exposure) for image in (predicted, asked.without))
-    return float(square_errors(p, t, asked.region).mean()), {}
+    p, t = (display(pixels, asked.exposure) for pixels in (predicted[asked.region], asked.without))
+    return float(np.mean((p - t) ** 2)), {}
 
 
 def _noise(asked: Removed) -> float | None:
     if asked.variance is None:
         return None
-    variance = gc.display_variance(asked.without, asked.variance, asked.exposure)
-    return float(variance[asked.region].mean())
+    return float(gc.display_variance(asked.without, asked.variance, asked.exposure).mean())
 
 
 def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
-    p, c, o = (exposed(i, asked.exposure) for i in (predicted, asked.without, asked.with_object))
-    left = residual_energy(p, c, o, asked.region)
+    seen = predicted[asked.region], asked.without, asked.with_object
+    p, c, o = (exposed(pixels, asked.exposure) for pixels in seen)
+    left = residual_energy(p, c, o, np.ones(len(p), bool))
     return abs(left), {"signed": left}
 
 
