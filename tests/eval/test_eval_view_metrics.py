@@ -91,16 +91,26 @@ def test_an_error_elsewhere_is_no_residue(sheet_of: Callable[[Change], gc.ScoreS
     assert value(sheet, "counterfactual.psnr.shadow") == math.inf
 
 
-def test_the_ceiling_of_a_region(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    rng = np.random.default_rng(3)
+def test_the_ceiling_of_a_region(scene: Path, sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
+    rng, truth = np.random.default_rng(3), gc.open_truth(scene / "truth", check=False)
+    held_out = [truth.layers(view) for view in truth.views if view.split == "test"]
 
     def change(view: gc.View, layers: Layers) -> Layers:
         clean = layers["counterfactual.radiance"]
         return {"counterfactual.radiance": clean + rng.normal(0, SIGMA, clean.shape)}
 
     sheet = sheet_of(change)
-    for metric in PSNRS:
-        assert value(sheet, metric) == pytest.approx(sheet.score(metric).noise_ceiling, abs=1.0)
+    for region, metric in zip((*EFFECTS, "rest"), PSNRS, strict=True):
+        score = sheet.score(metric)
+        values = 3 * sum(int(np.sum((x["object_id"] > 0) & inside(x, region))) for x in held_out)
+        chance = 10 / math.log(10) * math.sqrt(2 / values)
+        assert value(sheet, metric) == pytest.approx(score.noise_ceiling, abs=4 * chance)
+
+
+def inside(layers: Layers, region: str) -> np.ndarray:
+    if region == "rest":
+        return ~np.any([layers[f"effect.{effect}"] > 0 for effect in EFFECTS], axis=0)
+    return layers[f"effect.{region}"] > 0
 
 
 def test_a_removal_that_is_not_provided(scene: Path, predict: Predict) -> None:
