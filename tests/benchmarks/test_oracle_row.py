@@ -13,6 +13,7 @@ import graycard as gc
 import graycard.eval as ge
 from changed_scene import DESK, EDITED_LIGHTS, EDITS, LAMP, SKY, enrich
 from graycard import methods
+from graycard.__main__ import main
 from graycard.benchmarks._changes import changes_for, relighting_of
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene, handed_priors
 from graycard.benchmarks._validity_record import _is_declared
@@ -144,3 +145,19 @@ def test_who_can_show_no_change_is_asked_for_none(scene: Path, tmp_path: Path) -
     found = gray.fit(capture, methods.Priors(), gray.settings_type(), 0, gc.silent)
     assert changes_for(found, capture, scene) == Changes()
     assert changes_for(found, capture, tmp_path / "no truth") == Changes()
+
+
+def test_the_command_lists_every_part(
+    scene: Path, fitted: tuple[Fitted, Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["score", str(fitted[1]), str(scene)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    parts = ", ".join(f"{edit.name} inf" for edit in EDITS)
+    for line in (
+        f"relighting.psnr {parts}",
+        "composition.psnr object inf, around inf",
+        "environment.psnr mirror inf, glossy inf, diffuse inf",
+        "counterfactual.residual.shadow 0",
+    ):
+        assert line in shown
+    assert "debiased signed" in shown

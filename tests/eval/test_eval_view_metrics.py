@@ -158,6 +158,32 @@ def test_a_constant_holds_no_light(sheet_of: Callable[[Change], gc.ScoreSheet]) 
         assert value(sheet, metric) < 0.1
 
 
+@pytest.mark.parametrize("apart", ["albedo", "object"])
+def test_what_lies_in_dark_places_is_no_leak(
+    make_scene: Callable[..., Path], predict: Predict, apart: str
+) -> None:
+    """Two paints or objects, one mostly in the light: a prediction that is wrong for one holds no light."""
+    scene = enrich(make_scene(track="multilight"))
+    truth = gc.open_truth(scene / "truth")
+    for view in truth.views:
+        layers = truth.layers(view)
+        lit = layers["visibility.lamp"] > 0.5
+        first = lit ^ (np.random.default_rng(4).random(lit.shape) < 0.25)
+        albedo = np.where(first, 0.6, 0.1) if apart == "albedo" else np.full(lit.shape, 0.4)
+        layers["base_color"] = np.repeat(albedo[..., None], 3, axis=-1).astype(np.float32)
+        layers["object_id"] = np.where(first | (apart == "albedo"), 1, 2).astype(np.uint32)
+        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    gc.seal(scene / "truth", gc.manifest_of(truth))
+    truth = gc.open_truth(scene / "truth")
+
+    def wrong(view: gc.View, layers: Layers) -> Layers:
+        second = truth.layers(view)["object_id"][..., None] == 2
+        return layers | {"base_color": np.where(second, 0.5, 0.18) * np.ones(3, np.float32)}
+
+    sheet = ge.score_predictions(predict(scene, wrong), scene)
+    assert value(sheet, "albedo.leakage") == pytest.approx(0, abs=1e-6)
+
+
 def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
     def change(view: gc.View, layers: Layers) -> Layers:
         gloss = 1 + layers["direct.specular.lamp"] / np.maximum(layers["direct.diffuse.lamp"], 1e-9)
