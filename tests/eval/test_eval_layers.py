@@ -112,6 +112,7 @@ def test_what_is_not_predicted_is_not_provided(score: Callable[..., gc.ScoreShee
     assert statuses["depth.rmse"] == ("not provided", "no view has depth")
     assert statuses["hemispherical_albedo.psnr.raw"] == ("not provided", "no view has albedo")
     assert statuses["environment.psnr"] == ("not provided", "there is no lights.json")
+    assert [sheet.score(m).expected for m in ("light.position", "light.extent")] == [2, 1], "a spot has none"
 
 
 def test_another_reflectance_is_judged_by_its_own_name(score: Callable[..., gc.ScoreSheet]) -> None:
