@@ -3,7 +3,6 @@
 
 import random
 import resource
-import shutil
 import sys
 import time
 from collections.abc import Mapping
@@ -19,24 +18,23 @@ from graycard import (
     Cost,
     DatasetError,
     EnvironmentLight,
-    Light,
     Progress,
     Truth,
     clear_predictions,
     lights_of,
     open_truth,
-    output_error,
     sha256,
     with_sums,
     writable_folder,
 )
+from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.methods import (
+    COMPOSITION,
     LIGHTS,
-    Decomposition,
+    RELIGHTING,
     Method,
     Priors,
-    Relightable,
     asks_of,
     blame,
     load_method,
@@ -110,27 +108,25 @@ def fit_scene(
         start = time.perf_counter()
         with closed(guard), blame(spec.method):
             decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-        relighting = _relighting(decomposition, capture, spec.scene)
+        changes = changes_for(decomposition, capture, spec.scene)
         with closed(guard):
             name = spec.label or spec.method
-            write_predictions(decomposition, capture, name, predictions, progress, relighting)
+            write_predictions(decomposition, capture, name, predictions, progress, changes)
             cost = Cost(time.perf_counter() - start, peak_memory_mib())
             if save is not None:
                 decomposition.save(save)
         return Fitted(cost, _access(guard, capture, priors))
 
 
-def _relighting(decomposition: Decomposition, capture: Capture, scene: Path) -> dict[str, tuple[Light, ...]]:
-    """What a fitted method is to be relit with, if it can be; images lie beside its copy of the capture."""
-    if not isinstance(decomposition, Relightable) or capture.root is None:
-        return {}
-    return relighting_of(scene, capture.root.parent / "relighting")
-
-
 def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
     """What a fit could see, for the record."""
     layers = {name for found in priors.layers.values() for name in found}
-    handed = layers | ({LIGHTS} if priors.lights is not None else set())
+    beside = {
+        LIGHTS: priors.lights is not None,
+        RELIGHTING: bool(priors.relighting),
+        COMPOSITION: priors.composition is not None,
+    }
+    handed = layers | {name for name, there in beside.items() if there}
     manifest = sha256(Path(capture.root or "") / "manifest.json")
     return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused))
 
@@ -149,7 +145,13 @@ def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path
         return asked
     wanted = frozenset(method.needs)
     layers = _true_layers(scene, capture, wanted, wanted & ALWAYS)
-    found = replace(asked, source="oracle", layers=layers)
+    found = replace(
+        asked,
+        source="oracle",
+        layers=layers,
+        relighting=true_relighting(scene, capture) if RELIGHTING in wanted else (),
+        composition=true_composition(scene, capture) if COMPOSITION in wanted else None,
+    )
     if LIGHTS not in wanted:
         return found
     truth = open_truth(scene / "truth")
@@ -172,46 +174,6 @@ def _true_layers(
     if absent:
         raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
     return layers
-
-
-def relighting_of(scene: Path, folder: Path) -> dict[str, tuple[Light, ...]]:
-    """The lights after each change of a scene's lights; a method is handed them when it has been fitted.
-
-    Args:
-        scene: ``DATASET/<track>/<scene>``.
-        folder: Where images of environments are copied to, for the truth stays closed.
-
-    Returns:
-        By the name of the change; the image of an environment is the full path of its copy. Nothing for a
-        scene without truth.
-
-    Raises:
-        DatasetError: The truth is damaged.
-        OutputError: There is no room for the copies.
-    """
-    if not (scene / "truth").is_dir():
-        return {}
-    truth = open_truth(scene / "truth", check=False)
-    return {
-        edit.name: tuple(
-            _copied(light, scene / "truth" / edit.folder, folder / edit.name)
-            for light in truth.relit_lights(edit.name)
-        )
-        for edit in truth.edits
-    }
-
-
-def _copied(light: Light, source: Path, folder: Path) -> Light:
-    """The light with its image, if it has one, in a folder."""
-    if not isinstance(light, EnvironmentLight):
-        return light
-    copy = (folder / light.image).absolute()
-    try:
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source / light.image, copy)
-    except OSError as cause:
-        raise output_error(copy, cause) from cause
-    return replace(light, image=str(copy))
 
 
 def seed_everything(seed: int) -> None:

@@ -107,7 +107,7 @@ def _score_fault(score: Score | None, views: set[str], expected: int) -> str:
         return (
             f"expected as many views, got {score.expected} expected, {score.scored} scored, {len(views)} kept"
         )
-    if views and score.expected != expected:  # what is not made of views may depend on what was predicted
+    if score.expected != expected:
         return f"expected {expected} to be scored, as others have on this scene, got {score.expected}"
     return ""
 

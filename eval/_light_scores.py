@@ -103,9 +103,10 @@ def score_lights(
     try:
         lights = predicted_lights(predictions)
     except gc.PredictionError as cause:
-        return [_score(r, len(true), "failed", reason=str(cause)) for r in records]
+        return [_score(r, _judged(r, true), "failed", reason=str(cause)) for r in records]
     if lights is None:
-        return [_score(r, len(true), "not provided", reason=f"there is no {INDEX}") for r in records]
+        reason = f"there is no {INDEX}"
+        return [_score(r, _judged(r, true), "not provided", reason=reason) for r in records]
     cameras = [v.camera for v in truth.views if v.split == "test"]
     predicted = local(lights)
     match = match_lights(predicted, true, cameras)
@@ -166,8 +167,13 @@ def _check(light: gc.LocalLight) -> None:
             )
 
 
+def _judged(record: gc.MetricRecord, true: Iterable[gc.LocalLight]) -> int:
+    """How many of the true lights a metric asks for."""
+    return sum(map(_RULES[record.id].judges, true))
+
+
 def _judge(record: gc.MetricRecord, rule: Rule, case: Case) -> gc.Score:
-    judged = sum(map(rule.judges, case.true))
+    judged = _judged(record, case.true)
     pairs = [(p, t) for p, t in case.pairs if rule.judges(t)]
     alone = judged - len(pairs)
     if rule.error and not pairs:

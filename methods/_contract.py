@@ -2,7 +2,8 @@
 """What a method is: it fits a capture and gives a decomposition, which renders layers for a camera.
 
 A decomposition claims only what it can do: the layers in ``provides``, and the verbs of the smaller
-protocols :class:`Relightable` and :class:`Removable`. What it does not claim is "not provided", never 0.
+protocols :class:`Relightable`, :class:`Composable` and :class:`Removable`. What it does not claim is "not
+provided", never 0.
 """
 
 from collections.abc import Sequence
@@ -12,12 +13,15 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, EnvironmentLight, Light, Progress
+from graycard import Camera, Capture, Composition, EnvironmentLight, Light, Progress
 from graycard.methods._priors import Ask as Ask
+from graycard.methods._priors import Composed as Composed
 from graycard.methods._priors import Priors as Priors
+from graycard.methods._priors import Relit as Relit
 
-LIGHTS = "lights"
-"""What ``needs`` calls the true lights; everything else in it is the name of a layer."""
+LIGHTS, RELIGHTING, COMPOSITION = "lights", "relighting", "composition"
+"""What ``needs`` calls the true lights, and the true pictures under changed ones and with an object put in;
+everything else in it is the name of a layer."""
 
 
 @runtime_checkable
@@ -81,6 +85,23 @@ class Relightable(Protocol):
             What renders ``radiance`` under them, in the gauge of its own ``base_color``: a decomposition
             whose albedo is half the true one gives half the true radiance, and the score undoes both
             alike. None for lights that the method cannot render: that is "not provided", no failure.
+        """
+        ...
+
+
+@runtime_checkable
+class Composable(Protocol):
+    """A decomposition into which an object of another scene can be put."""
+
+    def compose(self, composition: Composition) -> Decomposition | None:
+        """The same scene with an object of another one in it, lit by the lights of this one.
+
+        Args:
+            composition: Which object of which scene, and where it is put.
+
+        Returns:
+            What renders ``radiance`` with it, in the gauge of its own ``base_color``. None for an object that
+            the method does not know: that is "not provided", no failure.
         """
         ...
 

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a decomposition to the predictions folder that is scored."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from graycard import (
     Capture,
+    Composition,
     EnvironmentLight,
     Light,
     MethodError,
@@ -17,15 +20,23 @@ from graycard import (
     finish_predictions,
     layer,
     shape_of,
+    write_composed,
     write_environment,
     write_relit,
     write_view,
 )
 from graycard.methods._blame import blame
-from graycard.methods._contract import Decomposition, Relightable, Removable, Surrounded
+from graycard.methods._contract import Composable, Decomposition, Relightable, Removable, Surrounded
 
-Relighting = Mapping[str, tuple[Light, ...]]
-"""The lights that shine after each change of them, by the name of the change."""
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What a fitted method is asked to show besides the scene as it is; nothing of it is seen in the fit."""
+
+    relighting: Mapping[str, tuple[Light, ...]] = field(default_factory=dict)
+    """The lights that shine after each change of them, by the name of the change."""
+    composition: Composition | None = None
+    """The object that is put in."""
 
 
 def write_predictions(
@@ -34,13 +45,13 @@ def write_predictions(
     method: str,
     folder: Path,
     progress: Progress,
-    relighting: Relighting | None = None,
+    changes: Changes | None = None,
 ) -> None:
     """Render every layer that a decomposition provides, for every view, and its lights.
 
     Training views are rendered too: gauges are fitted on them. If the scene has a target and the
     decomposition can remove objects, the radiance without the target is rendered as well; if it can be
-    relit, the held-out views under each change of the lights.
+    relit or be given another object, the held-out views after each change.
 
     Args:
         decomposition: What was fitted.
@@ -48,7 +59,7 @@ def write_predictions(
         method: Its name.
         folder: The predictions folder.
         progress: Called now and then.
-        relighting: What it is to be relit with; nothing of it was seen during the fit.
+        changes: What it is to show besides; nothing if None.
 
     Raises:
         UnknownNameError: The decomposition provides a layer that is not in the vocabulary.
@@ -69,29 +80,40 @@ def write_predictions(
         write_environment(folder, light, images[light.name]) if isinstance(light, EnvironmentLight) else light
         for light in lights
     )
-    if isinstance(decomposition, Relightable):
-        _write_relit(decomposition, capture, method, folder, relighting or {}, progress)
+    _write_changed(decomposition, capture, method, folder, changes or Changes(), progress)
     finish_predictions(folder, Predictions(method, capture.track, capture.scene), lights)
 
 
-def _write_relit(
-    decomposition: Relightable,
+def _write_changed(
+    decomposition: Decomposition,
     capture: Capture,
     method: str,
     folder: Path,
-    relighting: Relighting,
+    changes: Changes,
     progress: Progress,
 ) -> None:
-    for done, (edit, lights) in enumerate(relighting.items()):
-        progress(done / len(relighting), f"relighting: {edit}")
-        with blame(method):
-            relit = decomposition.relight(lights)
-        if relit is None:
-            continue
-        for view in capture.test:
+    if isinstance(decomposition, Relightable):
+        for done, (edit, lights) in enumerate(changes.relighting.items()):
+            progress(done / len(changes.relighting), f"relighting: {edit}")
             with blame(method):
-                picture = _render(relit, view, ["radiance"])["radiance"]
-            write_relit(folder, edit, view.name, picture)
+                relit = decomposition.relight(lights)
+            _write_held_out(relit, capture, method, partial(write_relit, folder, edit))
+    if isinstance(decomposition, Composable) and changes.composition is not None:
+        with blame(method):
+            composed = decomposition.compose(changes.composition)
+        _write_held_out(composed, capture, method, partial(write_composed, folder))
+
+
+def _write_held_out(
+    changed: Decomposition | None, capture: Capture, method: str, write: Callable[[str, np.ndarray], None]
+) -> None:
+    """Write the radiance of the held-out views; None is not provided."""
+    if changed is None:
+        return
+    for view in capture.test:
+        with blame(method):
+            picture = _render(changed, view, ["radiance"])["radiance"]
+        write(view.name, picture)
 
 
 def _without_target(decomposition: Decomposition, capture: Capture) -> Decomposition | None:

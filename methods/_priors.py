@@ -12,7 +12,7 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from graycard import Light, MethodError, UnknownNameError, View, find_fault
+from graycard import Composition, Light, MethodError, UnknownNameError, View, find_fault
 
 PriorSource = Literal["none", "oracle", "classical", "pretrained"]
 PriorKind = Literal["depth", "normal", "base_color", "roughness", "metallic", "mask", "inpainting"]
@@ -70,6 +70,26 @@ class PriorModel(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Relit:
+    """The held-out views under changed lights, as they truly are."""
+
+    lights: tuple[Light, ...]
+    """All that shine then; the image of an environment is the full path of its file."""
+    radiance: Mapping[str, np.ndarray]
+    """By view name, each ``(H, W, 3)``, W/m²/sr."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Composed:
+    """The held-out views with an object of another scene put in, as they truly are."""
+
+    composition: Composition
+    """What was put in."""
+    radiance: Mapping[str, np.ndarray]
+    """By view name, each ``(H, W, 3)``, W/m²/sr."""
+
+
 @dataclass(frozen=True, slots=True)
 class Priors:
     """What a method is handed beyond the capture: the truth that it needs, and what it may ask.
@@ -85,6 +105,10 @@ class Priors:
     lights: tuple[Light, ...] | None = None
     environments: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Images of the environments among the lights, by name of the light, ``(H, W, 3)``, W/m²/sr."""
+    relighting: tuple[Relit, ...] = ()
+    """Truth under every change of the lights, where a method needs it."""
+    composition: Composed | None = None
+    """Truth with an object put in, where a method needs it."""
     models: Mapping[str, PriorModel] = field(default_factory=dict)
     """What answers, by kind."""
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import graycard
 from graycard import MethodError, UnknownNameError, __version__, decode, encode, layer, sources_hash
-from graycard.methods._contract import LIGHTS, Ask, Method
+from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Ask, Method
 
 GROUP = "graycard.methods"
 
@@ -174,7 +174,7 @@ def _check_contract(name: str, method: Any) -> None:
         if not fine:
             raise MethodError(f"expected {name!r} to have {expected}, got {got!r}")
     for needed in method.needs:
-        if needed != LIGHTS:
+        if needed not in (LIGHTS, RELIGHTING, COMPOSITION):
             layer(needed)
     for setting in fields(method.settings_type):
         if setting.name in RESERVED:

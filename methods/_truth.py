@@ -1,20 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
 """``truth``: the oracle row of each table, what a perfect method scores."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from graycard import PARTS, Camera, Capture, EnvironmentLight, Light, MethodError, Progress
-from graycard.methods._contract import NoSettings, Priors
+from graycard import (
+    PARTS,
+    Camera,
+    Capture,
+    Composition,
+    EnvironmentLight,
+    Light,
+    MethodError,
+    Progress,
+    encode,
+    light_to_json,
+    sha256,
+)
+from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, NoSettings, Priors
 from graycard.methods._lookup import Lookup, pack, unpack
 from graycard.methods._store import restore, store
 
 WITHOUT_TARGET = "counterfactual.radiance"
 _SURFACE = ("base_color", "diffuse_reflectance", "albedo", "roughness", "metallic", "normal", "depth")
 _LIGHT = ("radiance", "shading", "irradiance.<light>", "radiance.<light>", *PARTS)
+_CHANGED = "changed"
+"""Prefix of the arrays of :attr:`Oracle.changed` on disk."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +41,8 @@ class Oracle:
     known: Lookup
     target: int | None
     """The only object that the truth knows the scene without."""
+    changed: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    """Radiance of the held-out views by the digest of the change, then by that of the camera."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -61,6 +80,20 @@ class Oracle:
         images = {key: {"radiance": known[WITHOUT_TARGET]} for key, known in self.known.images.items()}
         return Lookup(self.known.method, images, self.known.found_lights)
 
+    def relight(self, lights: tuple[Light, ...]) -> Lookup | None:
+        """The scene as it was rendered under other lights; None for lights it was not rendered under."""
+        return self._after(_digest_of_lights(lights))
+
+    def compose(self, composition: Composition) -> Lookup | None:
+        """The scene as it was rendered with an object put in; None for another object or place."""
+        return self._after(_digest(encode(composition)))
+
+    def _after(self, change: str) -> Lookup | None:
+        if change not in self.changed:
+            return None
+        images = {camera: {"radiance": values} for camera, values in self.changed[change].items()}
+        return Lookup(self.known.method, images)
+
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON.
 
@@ -68,14 +101,19 @@ class Oracle:
             OutputError: The folder cannot be written to, or the disk is full.
         """
         facts, arrays = pack(self.known)
-        store(folder, self.known.method, {**facts, "target": self.target}, arrays)
+        changed = {
+            f"{_CHANGED}/{change}/{camera}": values
+            for change, images in self.changed.items()
+            for camera, values in images.items()
+        }
+        store(folder, self.known.method, {**facts, "target": self.target}, arrays | changed)
 
 
 class TruthMethod:
     """Hands back the truth that it is handed: proves the scores, and bounds every table."""
 
     summary = "The truth itself: what a perfect method scores"
-    needs = (*_SURFACE, *_LIGHT, WITHOUT_TARGET, "lights")
+    needs = (*_SURFACE, *_LIGHT, WITHOUT_TARGET, LIGHTS, RELIGHTING, COMPOSITION)
     settings_type = NoSettings
 
     def fit(
@@ -90,7 +128,7 @@ class TruthMethod:
             raise MethodError(f"expected the truth as an oracle prior, got source {priors.source!r}")
         images = {view.camera.digest: priors.layers[view.name] for view in capture.views}
         known = Lookup("truth", images, priors.lights, priors.environments)
-        return Oracle(known, capture.target)
+        return Oracle(known, capture.target, _changed(capture, priors))
 
     def load(self, folder: Path) -> Oracle:
         """A saved oracle.
@@ -99,4 +137,35 @@ class TruthMethod:
             MethodError: It is missing, damaged, or of another method.
         """
         facts, arrays = restore(folder, "truth")
-        return Oracle(unpack("truth", facts, arrays), facts["target"])
+        stored = {name: a for name, a in arrays.items() if name.startswith(f"{_CHANGED}/")}
+        known = unpack("truth", facts, {name: a for name, a in arrays.items() if name not in stored})
+        changed: dict[str, dict[str, np.ndarray]] = {}
+        for name, values in stored.items():
+            _, change, camera = name.split("/")
+            changed.setdefault(change, {})[camera] = values
+        return Oracle(known, facts["target"], changed)
+
+
+def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray]]:
+    """The true pictures of each change, as :attr:`Oracle.changed` keeps them."""
+    pictures = {_digest_of_lights(relit.lights): relit.radiance for relit in priors.relighting}
+    if priors.composition is not None:
+        pictures[_digest(encode(priors.composition.composition))] = priors.composition.radiance
+    cameras = {view.name: view.camera.digest for view in capture.test}
+    return {
+        change: {cameras[view]: values for view, values in images.items()}
+        for change, images in pictures.items()
+    }
+
+
+def _digest_of_lights(lights: Sequence[Light]) -> str:
+    """The same for the same lights, wherever the images of environments lie."""
+    named = (
+        replace(light, image=sha256(Path(light.image))) if isinstance(light, EnvironmentLight) else light
+        for light in lights
+    )
+    return _digest([light_to_json(light) for light in named])
+
+
+def _digest(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]

@@ -14,7 +14,8 @@ from rich.table import Table
 from graycard._records import Score, ScoreSheet
 from graycard._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
 
-BREAKDOWN = ("interior", "boundary", "srgb", "linear", "mean_of_views", "debiased")
+BREAKDOWN = ("interior", "boundary", "srgb", "linear", "mean_of_views", "debiased", "signed")
+"""What many metrics have: a column each. Parts of a few, as the edits of relighting, are listed."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,10 @@ class ScoreCommand:
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
         if sheet.scores:
             screen.out.print(_score_table(sheet))
-        if any(score.breakdown for score in sheet.scores):
+        if any(score.breakdown.keys() & BREAKDOWN for score in sheet.scores):
             screen.out.print(_breakdown_table(sheet))
+        if any(score.breakdown.keys() - BREAKDOWN for score in sheet.scores):
+            screen.out.print(_parts_table(sheet))
         if sheet.protocols:
             screen.out.print(_protocol_table(sheet))
             _say_spread(sheet, screen)
@@ -73,9 +76,18 @@ def _breakdown_table(sheet: ScoreSheet) -> Table:
     names = [n for n in BREAKDOWN if any(n in score.breakdown for score in sheet.scores)]
     table = new_table("the same", *(name.replace("_", " ") for name in names))
     for score in sheet.scores:
-        if score.breakdown:
+        if score.breakdown.keys() & BREAKDOWN:
             found = (score.breakdown.get(name) for name in names)
             table.add_row(score.metric, *("" if x is None else f"{x:.4g}" for x in found))
+    return table
+
+
+def _parts_table(sheet: ScoreSheet) -> Table:
+    """The same numbers of each edit, inside and around an object, or by other names of the metric's own."""
+    table = new_table("in parts", "")
+    for score in sheet.scores:
+        if parts := {name: x for name, x in score.breakdown.items() if name not in BREAKDOWN}:
+            table.add_row(score.metric, ", ".join(f"{name} {x:.4g}" for name, x in parts.items()))
     return table
 
 

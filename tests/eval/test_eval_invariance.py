@@ -58,10 +58,11 @@ TRUE = {
 PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k != "object_id"}
 RECEIVED = ("shading", "irradiance.lamp")
 """Light loses what albedo gains, so that the photographs stay as they are."""
-LIT = np.repeat(RNG.integers(0, 2, (24, 13)), 2, axis=1).astype(float)
+LIT = np.repeat(RNG.integers(0, 2, (SHAPE[0], SHAPE[1] // 2)), 2, axis=1).astype(float)
 BESIDE = {
     "radiance.var": np.full(SHAPE, 1e-4),
     "counterfactual.radiance.var": np.full(SHAPE, 1e-4),
+    "base_color": np.full(SHAPE, 0.3),
     "shading": np.where(LIT[..., None] > 0, 1.0, 0.3) * np.ones(SHAPE),
     "visibility.lamp": LIT,
     "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),

@@ -91,16 +91,26 @@ def test_an_error_elsewhere_is_no_residue(sheet_of: Callable[[Change], gc.ScoreS
     assert value(sheet, "counterfactual.psnr.shadow") == math.inf
 
 
-def test_the_ceiling_of_a_region(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    rng = np.random.default_rng(3)
+def test_the_ceiling_of_a_region(scene: Path, sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
+    rng, truth = np.random.default_rng(3), gc.open_truth(scene / "truth", check=False)
+    held_out = [truth.layers(view) for view in truth.views if view.split == "test"]
 
     def change(view: gc.View, layers: Layers) -> Layers:
         clean = layers["counterfactual.radiance"]
         return {"counterfactual.radiance": clean + rng.normal(0, SIGMA, clean.shape)}
 
     sheet = sheet_of(change)
-    for metric in PSNRS:
-        assert value(sheet, metric) == pytest.approx(sheet.score(metric).noise_ceiling, abs=1.0)
+    for region, metric in zip((*EFFECTS, "rest"), PSNRS, strict=True):
+        score = sheet.score(metric)
+        values = 3 * sum(int(np.sum((x["object_id"] > 0) & inside(x, region))) for x in held_out)
+        chance = 10 / math.log(10) * math.sqrt(2 / values)
+        assert value(sheet, metric) == pytest.approx(score.noise_ceiling, abs=4 * chance)
+
+
+def inside(layers: Layers, region: str) -> np.ndarray:
+    if region == "rest":
+        return ~np.any([layers[f"effect.{effect}"] > 0 for effect in EFFECTS], axis=0)
+    return layers[f"effect.{region}"] > 0
 
 
 def test_a_removal_that_is_not_provided(scene: Path, predict: Predict) -> None:
@@ -146,6 +156,33 @@ def test_a_constant_holds_no_light(sheet_of: Callable[[Change], gc.ScoreSheet]) 
     sheet = sheet_of(lambda view, layers: {"base_color": np.full_like(layers["base_color"], 0.18)})
     for metric in LEAKS[:2]:
         assert value(sheet, metric) < 0.1
+
+
+@pytest.mark.parametrize("apart", ["albedo", "object"])
+def test_what_lies_in_dark_places_is_no_leak(
+    make_scene: Callable[..., Path], predict: Predict, apart: str
+) -> None:
+    """Two paints or objects, one mostly in the light: a prediction that is wrong for one holds no light."""
+    scene = enrich(make_scene(track="multilight"))
+    truth = gc.open_truth(scene / "truth")
+    for view in truth.views:
+        layers = truth.layers(view)
+        lit = layers["visibility.lamp"] > 0.5
+        first = lit ^ (np.random.default_rng(4).random(lit.shape) < 0.25)
+        albedo = np.where(first, 0.6, 0.1) if apart == "albedo" else np.full(lit.shape, 0.4)
+        layers["base_color"] = np.repeat(albedo[..., None], 3, axis=-1).astype(np.float32)
+        ids = np.where(first | (apart == "albedo"), 1, 2)
+        layers["object_id"] = np.where(layers["object_id"] > 0, ids, 0).astype(np.uint32)
+        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    gc.seal(scene / "truth", gc.manifest_of(truth))
+    truth = gc.open_truth(scene / "truth")
+
+    def wrong(view: gc.View, layers: Layers) -> Layers:
+        second = truth.layers(view)["object_id"][..., None] == 2
+        return layers | {"base_color": np.where(second, 0.5, 0.18) * np.ones(3, np.float32)}
+
+    sheet = ge.score_predictions(predict(scene, wrong), scene)
+    assert value(sheet, "albedo.leakage") == pytest.approx(0, abs=1e-6)
 
 
 def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:

@@ -20,6 +20,14 @@ EXPOSURE = 0.45
 """At which nothing in the pictures is white."""
 DESK = gc.PointLight("desk", (1.0, -2.0, 1.5), (2.0, 3.0, 4.0))
 LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+SKY = gc.EnvironmentLight("sky", "environment.exr")
+EDITED_LIGHTS = (
+    (DESK,),
+    (replace(LAMP, position=(-0.3, 0.1, 0.0)), DESK),
+    (replace(LAMP, intensity=(15.0, 8.0, 4.0)), DESK),
+    (SKY,),
+)
+"""After each of the edits."""
 DONOR = gc.Donor("multilight", "objects", 3, {}, "pot", 5)
 ADDED = 9
 """Id of the object that is put in."""
@@ -34,8 +42,9 @@ def enrich(scene: Path) -> Path:
         gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
         if view.split == "test":
             _write_changed(scene / "truth", view.name, layers, np.random.default_rng(50 + number))
-    for edit in EDITS:
-        gc.write_lights(scene / "truth" / edit.folder / "lights.json", (LAMP,))
+    for edit, lights in zip(EDITS, EDITED_LIGHTS, strict=True):
+        gc.write_lights(scene / "truth" / edit.folder / "lights.json", lights)
+    gc.write_rgb(scene / "truth" / EDITS[-1].folder / SKY.image, np.full((2, 4, 3), 0.5, np.float32))
     gc.write_lights(scene / "truth" / "lights.json", (LAMP, DESK))
     gc.write_json(
         scene / "truth" / "composition" / "composition.json", gc.Composition(DONOR, np.eye(4), ADDED)
