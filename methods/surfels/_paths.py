@@ -19,7 +19,10 @@ def semi_global(cost: np.ndarray, step: float, jump: float, ease: Ease | None = 
     """
     height, width, labels = cost.shape
     down, across = ease or (np.ones((height - 1, width)), np.ones((height, width - 1)))
-    down, across = np.pad(down, ((0, 1), (0, 0))).ravel(), np.pad(across, ((0, 0), (0, 1))).ravel()
+    down, across = (
+        np.pad(factors, rim).ravel().astype(np.float64)
+        for factors, rim in ((down, ((0, 1), (0, 0))), (across, ((0, 0), (0, 1))))
+    )
     flat = np.ascontiguousarray(cost).reshape(-1, labels)
     total = np.zeros_like(flat)
     last_row, last_column = (height - 1) * width, width - 1
