@@ -53,12 +53,17 @@ def _windows(image: np.ndarray, length: int, axis: int, border: Border) -> np.nd
     """What each block of pixels along an axis sees, in a last axis of its own."""
     if length % 2 == 0:
         raise ValueError(f"expected an odd number of weights, got {length}")
-    reach, rest = length // 2, -image.shape[axis] % _BLOCK
-    margins = [(0, 0), (0, 0)]
-    margins[axis] = reach, reach + rest
-    wide = np.pad(np.asarray(image, np.float64), margins, mode=border)
+    wide = np.take(image, _seen(image.shape[axis], length // 2, border), axis).astype(np.float64, copy=False)
     windows = np.lib.stride_tricks.sliding_window_view(wide, _BLOCK + length - 1, axis)
     return windows[::_BLOCK] if axis == 0 else windows[:, ::_BLOCK]
+
+
+def _seen(size: int, reach: int, border: Border) -> np.ndarray:
+    """Indices of the pixels that whole blocks see."""
+    places = np.arange(-reach, size + -size % _BLOCK + reach)
+    if border == "edge":
+        return np.clip(places, 0, size - 1)
+    return np.minimum(places % (2 * size), -(places + 1) % (2 * size))
 
 
 def _banded(weights: np.ndarray) -> np.ndarray:
