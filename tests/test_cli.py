@@ -127,7 +127,6 @@ def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Ca
     assert gc.open_predictions(tmp_path / "p").layers("test_001")["base_color"][0, 0, 0] == 0.5
     assert gc.read_json(tmp_path / "d" / "decomposition.json")["method"] == "gray"
     assert main(["score", out, scene, "--json", str(tmp_path / "s.json")]) == 0
-<<<<<<< HEAD
     sheet = gc.read_score_sheet(tmp_path / "s.json")
     counts = Counter(score.status for score in sheet.scores)
     said = f"{counts['scored']} scored, 0 failed, {counts['not provided']} not provided"
@@ -135,12 +134,6 @@ def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Ca
     absent = {score.metric.split(".")[0] for score in sheet.scores if score.status == "not provided"}
     assert absent == {"light", "depth"}
     assert sheet.score("albedo.psnr.channel").gauge
-=======
-    assert re.fullmatch(
-        r"score: gray on dark/tiny-0000: \d+ scored, 0 failed, 9 not provided", last_line(capsys)
-    )
-    assert gc.read_score_sheet(tmp_path / "s.json").score("albedo.psnr.channel").gauge
->>>>>>> edits2
 
 
 def test_methods_settings_are_checked(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
