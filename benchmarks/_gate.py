@@ -98,7 +98,11 @@ def make_baseline(run: RunRecord) -> Baseline:
     slack = {method.name: method.slack for method in run.methods}
     expected = tuple(
         Expected(
-            *key, score.metric, score.protocol, score.value, tolerance[score.metric] * slack.get(key[2], 1.0)
+            *key,
+            score.metric,
+            score.protocol,
+            score.value,
+            round(tolerance[score.metric] * slack.get(key[2], 1.0), 9),
         )
         for key, score in _scores(run)
         if score.value is not None

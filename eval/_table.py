@@ -2,6 +2,7 @@
 """All metrics, in the order in which they are scored and shown."""
 
 import graycard as gc
+from graycard.eval._images import REQUIRED
 from graycard.eval._leakage import LEAKAGE_METRICS
 from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
 from graycard.eval._metrics import IMAGE_METRICS
@@ -11,6 +12,14 @@ from graycard.eval._removal import REMOVAL_METRICS
 from graycard.eval._view_metrics import ViewMetric
 
 VIEW_METRICS: tuple[ViewMetric, ...] = (*NOISE_METRICS, *REMOVAL_METRICS, *LEAKAGE_METRICS)
+
+
+def in_every_view() -> frozenset[str]:
+    """Ids of the metrics that each held-out view with an object in it has a value of.
+
+    Others judge what some views do not show: a colour chart, the shadow of a target, a highlight.
+    """
+    return frozenset(m.record.id for m in IMAGE_METRICS if m.layer in REQUIRED and not m.chart)
 
 
 def metrics() -> tuple[gc.MetricRecord, ...]:
