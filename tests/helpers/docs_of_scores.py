@@ -8,7 +8,7 @@ import graycard.eval as ge
 
 WIDTH, ROW, LEFT, RIGHT, TOP = 760, 24, 130, 20, 60
 """SVG units: of the figure, of a row, of what is beside and above the dots."""
-LOW, HIGH = 10, 50
+LOW, HIGH = 10, 40
 """dB at the ends of the axis."""
 COLOURS = ("#4477aa", "#228833", "#ee6677")
 """Of Paul Tol's bright scheme, which the colour-blind can tell apart."""
@@ -44,7 +44,7 @@ def spread_figure(shares: Sequence[float], scores: Sequence[Mapping[str, float]]
     Xml.SubElement(figure, "rect", {"width": "100%", "height": "100%", "fill": "white"})
     _text(figure, 10, 22, "One and the same albedo prediction, scored by every protocol, dB", 15)
     for number, (share, colour) in enumerate(zip(shares, COLOURS, strict=True)):
-        x = LEFT + 190 * number
+        x = LEFT + 205 * number
         _dot(figure, x, 40, colour)
         _text(figure, x + 10, 44, f"object fills {share:.0%} of the picture")
     for decibels in range(LOW, HIGH + 1, 5):
