@@ -6,14 +6,14 @@ protocols :class:`Relightable`, :class:`Composable` and :class:`Removable`. What
 provided", never 0.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from graycard import Camera, Capture, Composition, EnvironmentLight, Light, Progress
+from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
 from graycard.methods._priors import Ask as Ask
 from graycard.methods._priors import Composed as Composed
 from graycard.methods._priors import Priors as Priors
@@ -22,6 +22,17 @@ from graycard.methods._priors import Relit as Relit
 LIGHTS, RELIGHTING, COMPOSITION = "lights", "relighting", "composition"
 """What ``needs`` calls the true lights, and the true pictures under changed ones and with an object put in;
 everything else in it is the name of a layer."""
+
+
+def check_layers(asked: Sequence[str], provided: Collection[str]) -> None:
+    """Refuse layers that a decomposition does not provide.
+
+    Raises:
+        MethodError: One is not provided.
+    """
+    missing = [name for name in asked if name not in provided]
+    if missing:
+        raise MethodError(f"expected layers out of {sorted(provided)}, got {missing}")
 
 
 @runtime_checkable

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard import Camera, Capture, Light, MethodError, Progress
-from graycard.methods._contract import Priors
+from graycard import Camera, Capture, Light, Progress
+from graycard.methods._contract import Priors, check_layers
 from graycard.methods._store import restore, store
 
 
@@ -44,9 +44,7 @@ class Gray:
         Raises:
             MethodError: A layer is not provided.
         """
-        missing = [name for name in layers if name not in self.provides]
-        if missing:
-            raise MethodError(f"expected layers out of {sorted(self.provides)}, got {missing}")
+        check_layers(layers, self.provides)
         shape = (camera.height, camera.width, 3)
         images = {
             "base_color": np.full(shape, self.reflectance, np.float32),

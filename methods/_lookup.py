@@ -17,7 +17,7 @@ from graycard import (
     light_from_json,
     light_to_json,
 )
-from graycard.methods._contract import Priors
+from graycard.methods._contract import Priors, check_layers
 from graycard.methods._store import restore, store
 
 _SURROUNDINGS = "environments"
@@ -51,9 +51,7 @@ class Lookup:
                 f"{self.method!r} works on single images and knows no views in between"
             )
         known = self.images[camera.digest]
-        missing = [name for name in layers if name not in known]
-        if missing:
-            raise MethodError(f"expected layers out of {sorted(known)}, got {missing}")
+        check_layers(layers, known)
         return {name: known[name] for name in layers}
 
     def lights(self) -> tuple[Light, ...] | None:

@@ -11,6 +11,7 @@ import torch
 
 from graycard import Camera, Light, MethodError, PointLight, encode
 from graycard import decode as decode_json
+from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Maps, Parameters, arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.sunfaded._light import POSITION, lamp_intensity
@@ -55,9 +56,7 @@ class SunFadedScene:
         Raises:
             MethodError: A layer is not provided.
         """
-        missing = [name for name in layers if name not in self.provides]
-        if missing:
-            raise MethodError(f"expected layers out of {sorted(self.provides)}, got {missing}")
+        check_layers(layers, self.provides)
         values = self.parameters.all
         drawn = draw(values, camera, self.settings)
         picture = picture_of(drawn, values, camera, lens_of(camera), self.settings)

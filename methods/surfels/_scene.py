@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import Camera, Light, MethodError
+from graycard import Camera, Light
+from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import (
     Maps,
@@ -53,9 +54,7 @@ class SurfelScene:
         Raises:
             MethodError: A layer is not provided.
         """
-        missing = [name for name in layers if name not in self.provides]
-        if missing:
-            raise MethodError(f"expected layers out of {sorted(self.provides)}, got {missing}")
+        check_layers(layers, self.provides)
         values = self.parameters.all
         seen = colours(values, camera.position, _degree(values[DETAIL].shape[1] + 1))
         drawn = rasterize(surfels_of(values, seen), camera)
