@@ -96,15 +96,16 @@ def fit_scene(
         DatasetError: The scene is missing or damaged.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    method = load_method(spec.method)
-    settings = settings_of(method, spec.settings)
+    guard = closed_to_fits(spec.scene, own, jobs)
+    with closed(guard):  # a module's own code runs when it is imported
+        method = load_method(spec.method)
+        settings = settings_of(method, spec.settings)
     with copied_capture(spec.scene / "capture") as capture:
         priors = handed_priors(method, spec.priors, capture, spec.scene)
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
         seed_everything(spec.seed)
-        guard = closed_to_fits(spec.scene, own, jobs)
         start = time.perf_counter()
         with closed(guard), blame(spec.method):
             decomposition = method.fit(capture, priors, settings, spec.seed, progress)

@@ -40,6 +40,9 @@ def score_environments(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.
 def compare_spheres(predicted: Spheres, true: Spheres) -> gc.Score:
     """The score of three spheres, with one scale over all of them; each one's own is in the breakdown.
 
+    The scale is fitted on the spheres themselves and is no gauge of the training views: it is not recorded
+    as one.
+
     Args:
         predicted: By name, each ``(N, 3)``, linear radiance.
         true: The same.
@@ -58,7 +61,7 @@ def compare_spheres(predicted: Spheres, true: Spheres) -> gc.Score:
         for name in true
     }
     value = psnr(float(np.mean(list(squares.values()))))
-    return _score("scored", value, (scale,) * 3, {name: psnr(square) for name, square in squares.items()})
+    return _score("scored", value, {name: psnr(square) for name, square in squares.items()})
 
 
 def _together(lit: Sequence[Spheres]) -> Spheres:
@@ -69,7 +72,6 @@ def _together(lit: Sequence[Spheres]) -> Spheres:
 def _score(
     status: gc.Status,
     value: float | None = None,
-    gauge: tuple[float, ...] | None = None,
     breakdown: Mapping[str, float] | None = None,
     reason: str = "",
 ) -> gc.Score:
@@ -82,7 +84,6 @@ def _score(
         record.unit,
         record.higher_is_better,
         record.optimum,
-        gauge=gauge,
         expected=1,
         scored=int(status == "scored"),
         reason=reason,

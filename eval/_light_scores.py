@@ -2,7 +2,7 @@
 """Scores of the predicted lights of a scene that have a place."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -186,7 +186,9 @@ def _judge(record: gc.MetricRecord, rule: Rule, case: Case) -> gc.Score:
     unmatched = ()
     if rule.error and alone:
         unmatched = (f"{alone} of {judged} lights have no partner and are not in the mean",)
-    return _score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
+    score = _score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
+    gauged = rule.error is _gauged_intensity and not isinstance(case.gauge, str)
+    return replace(score, gauge=case.gauge) if gauged else score
 
 
 def _value(rule: Rule, pairs: Sequence[tuple[gc.LocalLight, gc.LocalLight]], case: Case) -> float:

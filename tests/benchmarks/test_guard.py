@@ -152,6 +152,15 @@ def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path
     assert fitted.access.capture_sha256 == gc.sha256(scene / "capture" / "manifest.json")
 
 
+def test_a_module_that_looks_while_it_is_imported_is_refused(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    (tmp_path / "early.py").write_text(f"open({str(scene / 'truth' / 'truth.json')!r})\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(gc.MethodError, match="to import, got MethodError: expected a method to keep to its"):
+        fit_scene(FitSpec("early:Method", {}, 0, scene), tmp_path / "p", gc.silent)
+
+
 def test_a_method_that_cannot_do_without_fails_its_job(
     scene: Path, tmp_path: Path, peepers: str, monkeypatch: pytest.MonkeyPatch
 ):

@@ -154,6 +154,7 @@ def test_light_gains_what_albedo_loses(score: Callable[..., gc.ScoreSheet]) -> N
     assert (sheet.score("irradiance.psnr").value or 0) > 100
     assert sheet.score("light.intensity").value == pytest.approx(1)
     assert sheet.score("light.intensity.channel").value == pytest.approx(0, abs=1e-6)
+    assert sheet.score("light.intensity.channel").gauge == pytest.approx((0.5, 0.5, 0.5), rel=1e-6)
     baked = score(times({"shading": 2.0}))
     assert (baked.score("shading.psnr").value or 99) < 25, "not traded, but wrong"
 

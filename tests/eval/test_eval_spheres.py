@@ -95,7 +95,7 @@ def test_turned_and_tinted_surroundings_are_worse_and_dimmed_ones_are_not() -> N
     assert 100 > (values[2] or 0) > (values[3] or 0) > 5
     assert (values[4] or 99) < 30
     score = compare_spheres(render_spheres(3 * sky), true)
-    assert score.gauge == pytest.approx((1 / 3,) * 3)
+    assert score.gauge is None, "the scale is not one of training views"
     assert set(score.breakdown) == {"mirror", "glossy", "diffuse"}
 
 
@@ -128,7 +128,8 @@ def test_several_environments_shine_together(lit: Path, tmp_path: Path) -> None:
     assert halves[0].image == "environments/half-0.exr"
     assert (scored(lit, tmp_path / "p", halves).value or 0) > 100
     one = scored(lit, tmp_path / "p", halves[:1])
-    assert one.gauge == pytest.approx((4, 4, 4), rel=1e-5)
+    assert (one.value or 0) > 100
+    assert one.gauge is None
     gc.clear_predictions(tmp_path / "p")
     assert not (tmp_path / "p" / "environments").exists()
 
