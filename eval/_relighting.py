@@ -3,7 +3,8 @@
 
 Whoever takes the albedo for half of what it is, renders half the light under given lamps. So the gauge that
 was fitted to base colour on training views, under the lights of the photographs, is carried over; nothing is
-fitted to the changed pictures.
+fitted to the changed pictures. Where an object is put in, the lights stay those that the method found: then
+albedo and light stand together in the picture, and it has no gauge.
 """
 
 import math
@@ -54,6 +55,8 @@ class Picture:
     """Shape ``(H, W)``, bool."""
     parts: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Regions to be told apart, by name, each ``(H, W)``, bool."""
+    gauged: bool = True
+    """Whether the lights were handed in: then the albedo's gauge applies."""
 
     @property
     def key(self) -> str:
@@ -83,12 +86,17 @@ def _record(
     group: str, name: str, title: str, rule: str, headline: bool = False, unit: str = "dB"
 ) -> gc.MetricRecord:
     best, tolerance = (math.inf, 0.3) if unit == "dB" else (1.0, 0.01)
+    where = "as displayed, srgb(L·exposure), over the mask of the test views"
+    if group == "composition":
+        formula, ignores = f"{rule} of radiance {where}", ()
+    else:
+        scale = (
+            "s_c of base_color on training views under the lights of the photographs (1 without base_color)"
+        )
+        formula, ignores = f"{rule} of s_c·radiance {where}, {scale}", ("global gain", "channel gain")
     return gc.MetricRecord(
-        f"{group}.{name}", title, group, unit, True, best,
-        f"{rule} of s_c·radiance as displayed, srgb(L·exposure), over the mask of the test views, s_c of "
-        "base_color on training views under the lights of the photographs (1 without base_color)",
-        headline, tolerance, ignores=("global gain", "channel gain"),
-    )  # fmt: skip
+        f"{group}.{name}", title, group, unit, True, best, formula, headline, tolerance, ignores
+    )
 
 
 _PSNR = "10·log10(1 / mean of MSE over changes and views)"
@@ -166,6 +174,7 @@ def _composed(predictions: gc.Predictions, truth: gc.Truth) -> Iterator[Picture]
             lambda v=view.name: predictions.composed(v),
             true["object_id"] > 0,
             {"object": put_in, "around": (true["object_id"] > 0) & ~put_in},
+            gauged=False,
         )
 
 
@@ -214,7 +223,7 @@ def _judge(
 
 
 def _gauged(picture: Picture, scene: Scene) -> np.ndarray | None:
-    """The predicted picture in the gauge of the truth; None where there is none.
+    """The predicted picture, in the gauge of the truth where it has one; None where there is none.
 
     Raises:
         PredictionError: It is unreadable, of another size or not finite, or there is no gauge.
@@ -227,6 +236,8 @@ def _gauged(picture: Picture, scene: Scene) -> np.ndarray | None:
         raise gc.PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
     if fault := gc.find_fault("radiance", layers["radiance"], camera.height, camera.width):
         raise gc.PredictionError(f"{where}: {fault}. Write this picture again")
+    if not picture.gauged:
+        return layers["radiance"].astype(np.float64)
     gauge = _albedo_scale(scene)
     if isinstance(gauge, str):
         raise gc.PredictionError(gauge)
@@ -254,7 +265,7 @@ def _pool(
 ) -> gc.Score:
     status, reason = _status(findings, kinds)
     factors = _albedo_scale(scene)
-    gauge = factors if isinstance(factors, tuple) else None
+    gauge = factors if isinstance(factors, tuple) and metric in RELIGHTING_METRICS else None
     score = pooled(metric.record, metric.finish, findings, status=status, reason=reason, gauge=gauge)
     if status != "scored":
         return score

@@ -111,7 +111,7 @@ class Composable(Protocol):
             composition: Which object of which scene, and where it is put.
 
         Returns:
-            What renders ``radiance`` with it, in the gauge of its own ``base_color``. None for an object that
+            What renders ``radiance`` with it, under the lights that the method found. None for an object that
             the method does not know: that is "not provided", no failure.
         """
         ...

@@ -130,7 +130,8 @@ def changed_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
     kind = record.id.split(".")[-1] if record.id.count(".") == 2 else None
     mask, relit = true.mask("radiance"), {"radiance": layers["counterfactual.radiance"]}
     truth = {"radiance": TRUE["counterfactual.radiance"]}
-    picture = Picture("e", kind, VIEW, truth, lambda: relit, mask)  # pyright: ignore[reportArgumentType]
+    gauged = record.id.startswith("relighting.")
+    picture = Picture("e", kind, VIEW, truth, lambda: relit, mask, gauged=gauged)  # pyright: ignore[reportArgumentType]
     table = (*RELIGHTING_METRICS, *COMPOSITION_METRICS)
     return judge_picture(table, picture, scene_of(layers))[record.id].value
 

@@ -215,3 +215,11 @@ def test_the_object_put_in_and_what_is_around_it(sheet_of: Callable[..., gc.Scor
 )
 def test_the_kind_of_a_change(name: str, kind: str | None) -> None:
     assert gc.LightEdit(name, "").kind == kind
+
+
+def test_a_dark_albedo_under_a_bright_light_composes_right(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+    """Light and albedo trade a gain, and the picture stays: a gauge would take it for half as bright."""
+    sheet = sheet_of(exact, lambda view, layers: layers | {"base_color": layers["base_color"] / 2})
+    assert value(sheet, "composition.psnr") == math.inf
+    assert sheet.score("composition.psnr").gauge is None
+    assert value(sheet, "relighting.psnr") < 30
