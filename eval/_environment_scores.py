@@ -2,18 +2,19 @@
 """Scores of the surroundings that a method predicts: lights without a place."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 import graycard as gc
 from graycard.eval._image_metric import display
 from graycard.eval._light_metrics import ENVIRONMENT_METRICS
-from graycard.eval._light_scores import INDEX, distant
+from graycard.eval._light_scores import INDEX, distant, light_score
 from graycard.eval._psnr import psnr
 from graycard.eval._spheres import exposure_for, render_spheres
-from graycard.eval.protocols import PROTOCOL
 
 Spheres = Mapping[str, np.ndarray]
+(RECORD,) = ENVIRONMENT_METRICS
 
 
 def score_environments(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.Score]:
@@ -30,11 +31,11 @@ def score_environments(predictions: gc.Predictions, truth: gc.Truth) -> list[gc.
         lights = predictions.lights()
         if lights is None or not distant(lights):
             what = f"there is no {INDEX}" if lights is None else f"{INDEX} has no environment"
-            return [_score("not provided", reason=what)]
+            return [light_score(RECORD, 1, "not provided", reason=what)]
         found = [render_spheres(predictions.environment(light)) for light in distant(lights)]
         return [compare_spheres(_together(found), wanted)]
     except gc.PredictionError as cause:
-        return [_score("failed", reason=str(cause))]
+        return [light_score(RECORD, 1, "failed", reason=str(cause))]
 
 
 def compare_spheres(predicted: Spheres, true: Spheres) -> gc.Score:
@@ -61,31 +62,10 @@ def compare_spheres(predicted: Spheres, true: Spheres) -> gc.Score:
         for name in true
     }
     value = psnr(float(np.mean(list(squares.values()))))
-    return _score("scored", value, {name: psnr(square) for name, square in squares.items()})
+    score = light_score(RECORD, 1, "scored", value=value, scored=1)
+    return replace(score, breakdown={name: psnr(square) for name, square in squares.items()})
 
 
 def _together(lit: Sequence[Spheres]) -> Spheres:
     """Spheres under several environments at once: light adds up."""
     return {name: np.sum([spheres[name] for spheres in lit], axis=0) for name in lit[0]}
-
-
-def _score(
-    status: gc.Status,
-    value: float | None = None,
-    breakdown: Mapping[str, float] | None = None,
-    reason: str = "",
-) -> gc.Score:
-    (record,) = ENVIRONMENT_METRICS
-    return gc.Score(
-        record.id,
-        PROTOCOL,
-        status,
-        value,
-        record.unit,
-        record.higher_is_better,
-        record.optimum,
-        expected=1,
-        scored=int(status == "scored"),
-        reason=reason,
-        breakdown=breakdown or {},
-    )

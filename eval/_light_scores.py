@@ -103,10 +103,10 @@ def score_lights(
     try:
         lights = predicted_lights(predictions)
     except gc.PredictionError as cause:
-        return [_score(r, _judged(r, true), "failed", reason=str(cause)) for r in records]
+        return [light_score(r, _judged(r, true), "failed", reason=str(cause)) for r in records]
     if lights is None:
         reason = f"there is no {INDEX}"
-        return [_score(r, _judged(r, true), "not provided", reason=reason) for r in records]
+        return [light_score(r, _judged(r, true), "not provided", reason=reason) for r in records]
     cameras = [v.camera for v in truth.views if v.split == "test"]
     predicted = local(lights)
     match = match_lights(predicted, true, cameras)
@@ -178,15 +178,15 @@ def _judge(record: gc.MetricRecord, rule: Rule, case: Case) -> gc.Score:
     alone = judged - len(pairs)
     if rule.error and not pairs:
         reason = f"expected local lights to match with {judged} true ones, got none in {INDEX}"
-        return _score(record, judged, "failed", reason=reason)
+        return light_score(record, judged, "failed", reason=reason)
     try:
         value = _value(rule, pairs, case)
     except gc.PredictionError as cause:
-        return _score(record, judged, "failed", reason=str(cause))
+        return light_score(record, judged, "failed", reason=str(cause))
     unmatched = ()
     if rule.error and alone:
         unmatched = (f"{alone} of {judged} lights have no partner and are not in the mean",)
-    score = _score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
+    score = light_score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
     gauged = rule.error is _gauged_intensity and not isinstance(case.gauge, str)
     return replace(score, gauge=case.gauge) if gauged else score
 
@@ -198,7 +198,7 @@ def _value(rule: Rule, pairs: Sequence[tuple[gc.LocalLight, gc.LocalLight]], cas
     return rule.together(case)
 
 
-def _score(
+def light_score(
     record: gc.MetricRecord,
     expected: int,
     status: gc.Status,
@@ -208,6 +208,7 @@ def _score(
     reason: str = "",
     warnings: tuple[str, ...] = (),
 ) -> gc.Score:
+    """A score that is not made of views: ``expected`` and ``scored`` count lights."""
     return gc.Score(
         record.id,
         PROTOCOL,

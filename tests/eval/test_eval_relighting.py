@@ -48,6 +48,15 @@ def sheet_of(scene: Path, predict: Predict) -> Callable[..., gc.ScoreSheet]:
     return make
 
 
+def albedo_times(gains: np.ndarray | float) -> Callable[..., dict[str, np.ndarray]]:
+    """A change of predicted layers that leaves all but the base colour alone."""
+
+    def change(view: gc.View, layers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return layers | {"base_color": layers["base_color"] * gains}
+
+    return change
+
+
 def value(sheet: gc.ScoreSheet, metric: str) -> float:
     score = sheet.score(metric)
     assert score.status == "scored", score.reason
@@ -133,7 +142,7 @@ def test_a_picture_that_was_lost_after_it_was_listed(scene: Path, predict: Predi
 
 def test_the_gauge_of_base_color_is_carried_over(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
     gains = np.array((2.0, 0.5, 4.0))
-    darker = lambda view, layers: layers | {"base_color": layers["base_color"] * gains}  # noqa: E731
+    darker = albedo_times(gains)
     carried = sheet_of(lambda change, view, true: true * gains, darker)
     for metric in PSNRS:
         assert value(carried, metric) == math.inf
@@ -155,8 +164,7 @@ def test_without_base_color_a_picture_is_taken_as_it_is(sheet_of: Callable[..., 
 
 
 def test_without_a_gauge_it_fails(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
-    black = lambda view, layers: layers | {"base_color": 0 * layers["base_color"]}  # noqa: E731
-    score = sheet_of(exact, black).score("relighting.psnr")
+    score = sheet_of(exact, albedo_times(0)).score("relighting.psnr")
     assert score.status == "failed"
     assert "black in channel R" in score.reason
 
@@ -219,7 +227,7 @@ def test_the_kind_of_a_change(name: str, kind: str | None) -> None:
 
 def test_a_dark_albedo_under_a_bright_light_composes_right(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
     """Light and albedo trade a gain, and the picture stays: a gauge would take it for half as bright."""
-    sheet = sheet_of(exact, lambda view, layers: layers | {"base_color": layers["base_color"] / 2})
+    sheet = sheet_of(exact, albedo_times(0.5))
     assert value(sheet, "composition.psnr") == math.inf
     assert sheet.score("composition.psnr").gauge is None
     assert value(sheet, "relighting.psnr") < 30
