@@ -62,8 +62,8 @@ def assemble(
     """One score.
 
     Args:
-        metrics: Those of one record: of a single layer, or of a layer for each light. Lights that no view has
-            the layer of are not in the mean, and a warning says so.
+        metrics: Those of one record: of a single layer, or of a layer for each light. What is judged of a
+            light that the prediction has not is darkness, and a warning says so.
         found: Findings by metric and view.
         scene: What is the same for all views.
         provided: Names of the layers that some view has.
@@ -75,7 +75,7 @@ def assemble(
     """
     metric = metrics[0]
     given = [m for m in metrics if m.layer in provided]
-    findings = _mean_over_lights([found[m] for m in given or metrics])
+    findings = _mean_over_lights([found[m] for m in metrics])
     if not findings:
         raise gc.DatasetError(
             f"expected a test view that sees something to judge by {metric.record.id}, got none. "
@@ -85,7 +85,8 @@ def assemble(
     status, reason = status_of(_generic(metric), findings, bool(given), unreadable)
     pooled = metric.finish(math.fsum(values.values()) / len(values)) if status == "scored" else None
     ceiling = _ceiling([f.noise for f in findings.values()])
-    warnings = extra + tuple(w for f in findings.values() for w in f.warnings) + _left_out(metrics, given)
+    warnings = extra + tuple(w for f in findings.values() for w in f.warnings)
+    warnings += _dark(metrics, given) if status == "scored" else ()
     return gc.Score(
         metric.record.id,
         PROTOCOL,
@@ -135,9 +136,9 @@ def _fitted(metric: ImageMetric, scene: Scene) -> Factors | None:
     return None if isinstance(gauge, str) or (metric.gauge or "raw").endswith("raw") else gauge
 
 
-def _left_out(metrics: Sequence[ImageMetric], given: Sequence[ImageMetric]) -> tuple[str, ...]:
+def _dark(metrics: Sequence[ImageMetric], given: Sequence[ImageMetric]) -> tuple[str, ...]:
     absent = [m.layer for m in metrics if m not in given]
-    return (f"the mean is without what is not predicted: {', '.join(absent)}",) if given and absent else ()
+    return (f"lights that are not predicted count as dark: {', '.join(absent)}",) if absent else ()
 
 
 def status_of(

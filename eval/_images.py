@@ -14,7 +14,7 @@ from graycard.eval._breakdown import Comparison, measure
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import ImageMetric
 from graycard.eval._metrics import IMAGE_METRICS
-from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
+from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth, with_darkness
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, fit_gauges
 
@@ -62,13 +62,14 @@ def score_images(
         true = first if view is tests[0] else read_truth(truth, view)
         predicted = read_prediction(predictions, view, names)
         provided |= predicted.layers.keys()
+        lit = with_darkness(predicted, [m.layer for m in table], names)
         unreadable += [predicted.fault] if predicted.fault else []
         for observer in observers:
             observer.observe(predicted, true, scene)
         for _, metrics in groupby(table, key=lambda m: m.layer):
             comparisons: Comparisons = {}  # of one layer at a time: all at once would take a gigabyte
             for metric in (m for m in metrics if true.mask(m.layer, m.chart).any()):
-                findings[metric][view.name] = judge(metric, predicted, true, scene, comparisons)
+                findings[metric][view.name] = judge(metric, lit, true, scene, comparisons)
     seen = [m for m in table if findings[m] or (m.layer in REQUIRED and not m.chart)]
     extra = _unknown_views(predictions, truth)
     return [assemble(group, findings, scene, provided, unreadable, extra) for group in by_record(seen)]

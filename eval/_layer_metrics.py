@@ -129,7 +129,7 @@ def _mean_of_squares(errors: np.ndarray) -> np.floating:
     return np.mean(errors**2)
 
 
-_LIGHTS = " and over the lights that both sides have"
+_LIGHTS = " and over the true lights (one that the prediction has not is dark in it)"
 CHART_METRICS: tuple[ImageMetric, ...] = (_chart(),)
 NORMAL_SHARES: tuple[ImageMetric, ...] = tuple(_normal_share(limit) for limit in (11.25, 22.5, 30.0))
 GEOMETRY_METRICS: tuple[ImageMetric, ...] = _depth_metrics()

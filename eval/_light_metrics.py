@@ -6,6 +6,19 @@ import math
 import graycard as gc
 from graycard.eval._image_metric import ANY, CHANNEL, GLOBAL
 
+MISSED: dict[str, float] = {
+    "light.intensity": 10.0,
+    "light.intensity.channel": 10.0,
+    "light.chromaticity": 90.0,
+    "light.direction": 180.0,
+    "light.extent": 100.0,
+}
+"""What a true light counts that no predicted one stands for, in the unit of each metric.
+
+The greatest value of an angle between colours, of one between axes, and of the size error; the error of an
+intensity has none: there it is a factor of a thousand, and no light counts more.
+"""
+
 
 def _light_metric(
     name: str,
@@ -30,30 +43,32 @@ LIGHT_METRICS: tuple[gc.MetricRecord, ...] = (
     ),
     _light_metric(
         "intensity", "Light intensity error", "stops",
-        "mean over matched lights and channels of |log2(p / t)| of the axial radiant intensity", 0.1,
-        ignores=(),
+        "mean over true lights of min(mean over channels of |log2(p / t)| of the axial radiant intensity, "
+        f"{MISSED['light.intensity']:g}); one without a partner counts as many", 0.1, ignores=(),
     ),
     _light_metric(
         "intensity.channel", "Light intensity error, gauged", "stops",
-        "mean over matched lights and channels of |log2(p / (s_c·t))| of the axial radiant intensity, s_c "
-        "the scale per channel of the prediction's albedo on training views (base_color, else "
-        "diffuse_reflectance, else albedo; 1 where it has none)", 0.1, ignores=CHANNEL,
+        "mean over true lights of min(mean over channels of |log2(p / (s_c·t))| of the axial radiant "
+        f"intensity, {MISSED['light.intensity.channel']:g}), s_c the scale per channel of the prediction's "
+        "albedo on training views (base_color, else diffuse_reflectance, else albedo; 1 where it has none); "
+        "one without a partner counts as many", 0.1, ignores=CHANNEL,
     ),
     _light_metric(
         "chromaticity", "Light colour error", "°",
-        "mean over matched lights of the angle between the axial radiant intensities as vectors (R, G, B)",
-        0.5, ignores=GLOBAL,
+        "mean over true lights of the angle between the axial radiant intensities as vectors (R, G, B); one "
+        f"without a partner counts {MISSED['light.chromaticity']:g}°", 0.5, ignores=GLOBAL,
     ),
     _light_metric(
         "direction", "Light direction error", "°",
-        "mean over matched lights whose true one has an axis (spot, rectangle, brightest Gaussian lobe) of "
-        "the angle between the axes, in the world, mean over test cameras; a predicted light without an axis "
-        "counts 90°", 1.0,
+        "mean over true lights that have an axis (spot, rectangle, brightest Gaussian lobe) of the angle "
+        "between the axes, in the world, mean over test cameras; a predicted light without an axis counts "
+        f"90°, a true one without a partner {MISSED['light.direction']:g}°", 1.0,
     ),
     _light_metric(
         "extent", "Light size error", "%",
-        "mean over matched lights whose true one has an extent of 100·|r_p - r_t| / max(r_p, r_t), r the "
-        "radius of a disc of the light's area (rectangle: 4·|u×v|; sphere: π·radius²; else 0)", 2.0,
+        "mean over true lights that have an extent of 100·|r_p - r_t| / max(r_p, r_t), r the radius of a "
+        "disc of the light's area (rectangle: 4·|u×v|; sphere: π·radius²; else 0); one without a partner "
+        f"counts {MISSED['light.extent']:g} %", 2.0,
     ),
     _light_metric("missing", "Lights missing", "count", "true local lights without a partner", 0.0),
     _light_metric("extra", "Lights too many", "count", "predicted local lights without a partner", 0.0),

@@ -9,7 +9,7 @@ import numpy as np
 import graycard as gc
 from graycard.eval._gauge import Factors
 from graycard.eval._light_errors import LightMatch, intensity_error, match_lights
-from graycard.eval._light_metrics import LIGHT_METRICS
+from graycard.eval._light_metrics import LIGHT_METRICS, MISSED
 from graycard.eval._light_shapes import axis_of, chromaticity_error, direction_error, extent_error, radius_of
 from graycard.eval.protocols import PROTOCOL
 
@@ -45,7 +45,10 @@ class Rule:
     judges: Callable[[gc.LocalLight], bool]
     """Which true lights."""
     error: Error | None = None
-    """Averaged over those that have a partner; None for what looks at all lights together."""
+    """Averaged over those lights; None for what looks at all lights together."""
+    price: float = 0.0
+    """What a true light without a partner counts, and the most that one with a partner does: so it never pays
+    to leave a light out."""
     together: Callable[[Case], float] | None = None
     empty: bool = False
     """Whether it says something of a scene without such lights."""
@@ -67,17 +70,29 @@ def _gauged_intensity(predicted: gc.LocalLight, true: gc.LocalLight, case: Case)
     return intensity_error(predicted, true, case.gauge)
 
 
+def _rule(price: float, error: Error, judges: Callable[[gc.LocalLight], bool] = _any) -> Rule:
+    return Rule(judges, error, price)
+
+
 _RULES: dict[str, Rule] = {
     "light.position": Rule(_any, together=_position),
-    "light.intensity": Rule(_any, lambda p, t, case: intensity_error(p, t)),
-    "light.intensity.channel": Rule(_any, _gauged_intensity),
-    "light.chromaticity": Rule(
-        lambda light: bool(light.axial_intensity.any()), lambda p, t, case: chromaticity_error(p, t)
+    "light.intensity": _rule(MISSED["light.intensity"], lambda p, t, case: intensity_error(p, t)),
+    "light.intensity.channel": _rule(MISSED["light.intensity.channel"], _gauged_intensity),
+    "light.chromaticity": _rule(
+        MISSED["light.chromaticity"],
+        lambda p, t, case: chromaticity_error(p, t),
+        lambda light: bool(light.axial_intensity.any()),
     ),
-    "light.direction": Rule(
-        lambda light: bool(axis_of(light).any()), lambda p, t, case: direction_error(p, t, case.cameras)
+    "light.direction": _rule(
+        MISSED["light.direction"],
+        lambda p, t, case: direction_error(p, t, case.cameras),
+        lambda light: bool(axis_of(light).any()),
     ),
-    "light.extent": Rule(lambda light: radius_of(light) > 0, lambda p, t, case: extent_error(p, t)),
+    "light.extent": _rule(
+        MISSED["light.extent"],
+        lambda p, t, case: extent_error(p, t),
+        lambda light: radius_of(light) > 0,
+    ),
     "light.missing": Rule(_any, together=lambda case: float(case.match.missing), empty=True),
     "light.extra": Rule(_any, together=lambda case: float(case.match.extra), empty=True),
 }
@@ -88,7 +103,8 @@ def score_lights(
 ) -> list[gc.Score]:
     """All light scores, in the order of the table.
 
-    A scene without local lights has only counts, one without axes no directions, and so on.
+    A scene without local lights has only counts, one without axes no directions, and so on. A true light
+    without a partner counts as :data:`graycard.eval._light_metrics.MISSED` says, in every score.
 
     Args:
         predictions: What is scored.
@@ -176,24 +192,22 @@ def _judge(record: gc.MetricRecord, rule: Rule, case: Case) -> gc.Score:
     judged = _judged(record, case.true)
     pairs = [(p, t) for p, t in case.pairs if rule.judges(t)]
     alone = judged - len(pairs)
-    if rule.error and not pairs:
-        reason = f"expected local lights to match with {judged} true ones, got none in {INDEX}"
-        return light_score(record, judged, "failed", reason=reason)
     try:
-        value = _value(rule, pairs, case)
+        value = _value(rule, pairs, alone, case)
     except gc.PredictionError as cause:
         return light_score(record, judged, "failed", reason=str(cause))
     unmatched = ()
     if rule.error and alone:
-        unmatched = (f"{alone} of {judged} lights have no partner and are not in the mean",)
+        unmatched = (f"{alone} of {judged} lights have no partner; each counts {rule.price:g} {record.unit}",)
     score = light_score(record, judged, "scored", value=value, scored=len(pairs), warnings=unmatched)
     gauged = rule.error is _gauged_intensity and not isinstance(case.gauge, str)
     return replace(score, gauge=case.gauge) if gauged else score
 
 
-def _value(rule: Rule, pairs: Sequence[tuple[gc.LocalLight, gc.LocalLight]], case: Case) -> float:
+def _value(rule: Rule, pairs: Sequence[tuple[gc.LocalLight, gc.LocalLight]], alone: int, case: Case) -> float:
     if rule.error:
-        return float(np.mean([rule.error(p, t, case) for p, t in pairs]))
+        errors = [min(rule.error(p, t, case), rule.price) for p, t in pairs]
+        return float(np.mean([*errors, *[rule.price] * alone]))
     assert rule.together is not None
     return rule.together(case)
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers taken from disk for scoring: whole, of the right size and finite, or a reason why not."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,6 +24,8 @@ class PredictedView:
     fault: str = ""
     """Why its file cannot be read; empty where it can, or where there is none."""
     exists: bool = True
+    dark: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Layers of lights that the prediction says are not there, black."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be scored.
@@ -34,6 +36,8 @@ class PredictedView:
         name, camera = self.view.name, self.view.camera
         if self.fault:
             raise gc.PredictionError(self.fault)
+        if layer in self.dark:
+            return self.dark[layer]
         if layer not in self.layers:
             have = ", ".join(self.layers) if self.exists else "no file"
             raise gc.PredictionError(
@@ -129,6 +133,32 @@ def read_prediction(
         return PredictedView(view, fault=f"{view.name}: {cause}")
 
 
+def with_darkness(
+    predicted: PredictedView, judged: Sequence[str], names: Mapping[str, str] | None
+) -> PredictedView:
+    """A view with black layers of those lights that a prediction says are not there.
+
+    A light that no predicted one stands for shines on nothing in the prediction. What is left of a layer of
+    which the view has no light at all, or of a light that is predicted, is absent and stays so.
+
+    Args:
+        predicted: The view.
+        judged: The layers that are asked for.
+        names: True names of lights by predicted ones; None where no lights are predicted: then any may be
+            there.
+    """
+    if names is None:
+        return predicted
+    split = {layer: layer.rpartition(".") for layer in judged}
+    there = {name.rpartition(".")[0] for name in predicted.layers} & _stems()
+    camera = predicted.view.camera
+    black = np.zeros((camera.height, camera.width, 3), np.float32)
+    dark = {
+        k: black for k, (stem, _, light) in split.items() if stem in there and light not in names.values()
+    }
+    return replace(predicted, dark=dark)
+
+
 def read_truth(truth: gc.Truth, view: gc.View) -> TrueView:
     """The truth of a view.
 
@@ -142,7 +172,7 @@ def read_truth(truth: gc.Truth, view: gc.View) -> TrueView:
 def _renamed(layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None) -> Mapping[str, np.ndarray]:
     if names is None:
         return layers
-    stems = {layer.name.removesuffix(_EACH) for layer in gc.layers() if layer.name.endswith(_EACH)}
+    stems = _stems()
     found: dict[str, np.ndarray] = {}
     for name, values in layers.items():
         stem, _, light = name.rpartition(".")
@@ -151,6 +181,11 @@ def _renamed(layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None) 
         elif light in names:
             found[f"{stem}.{names[light]}"] = values
     return found
+
+
+def _stems() -> set[str]:
+    """Names of the layers that there is one of for each light, without the light."""
+    return {layer.name.removesuffix(_EACH) for layer in gc.layers() if layer.name.endswith(_EACH)}
 
 
 def _gone(name: str) -> str:

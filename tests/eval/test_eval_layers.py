@@ -14,6 +14,7 @@ import graycard as gc
 import graycard.eval as ge
 
 Layers = dict[str, np.ndarray]
+Change = Callable[[gc.View, Layers], Layers]
 RNG = np.random.default_rng(12)
 LAMPS = (
     gc.SpotLight("left", (-1.0, 0.0, 2.0), (0.5, 0.0, -1.0), (5.0, 4.0, 3.0), 20, 40),
@@ -149,7 +150,7 @@ def test_light_gains_what_albedo_loses(score: Callable[..., gc.ScoreSheet]) -> N
         else replace(x, radiance=(60.0, 40.0, 20.0))
         for x in LAMPS
     )
-    sheet = score(times(traded | {"irradiance.sky": 2.0}), brighter)
+    sheet = score(times(traded | {"irradiance.sky": 2.0}), (*brighter, SKY))
     assert (sheet.score("shading.psnr").value or 0) > 100
     assert (sheet.score("irradiance.psnr").value or 0) > 100
     assert sheet.score("light.intensity").value == pytest.approx(1)
@@ -248,18 +249,62 @@ def test_lights_go_by_their_place_and_not_by_their_names(score: Callable[..., gc
     )
     assert (swapped.score("irradiance.psnr").value or 99) < 40
     by_name = score(renamed, None).score("irradiance.psnr")
-    assert "without what is not predicted: irradiance.right, irradiance.sky" in by_name.warnings[-1]
+    assert by_name.status == "failed"
+    assert "expected irradiance.right in views" in by_name.reason, (
+        "without lights.json names stand as they are"
+    )
 
 
-def test_the_mean_is_over_the_lights_that_both_sides_have(score: Callable[..., gc.ScoreSheet]) -> None:
+def of_lights(*lights: str, error: float = 1.0) -> Change:
+    """Layers of some of the lights, off by a factor."""
+
     def change(view: gc.View, layers: Layers) -> Layers:
-        rest = {k: v for k, v in layers.items() if k != "irradiance.sky"}
-        return rest | {"irradiance.left": layers["irradiance.left"] * np.float32(0.8)}
+        each = {k: v for k, v in layers.items() if k.rpartition(".")[2] in NAMES}
+        kept = {k: v * np.float32(error) for k, v in each.items() if k.rpartition(".")[2] in lights}
+        return {k: v for k, v in layers.items() if k not in each} | kept
 
-    score_of = score(change).score("irradiance.psnr")
-    one = score(lambda v, x: {k: a for k, a in change(v, x).items() if k != "irradiance.right"})
-    assert score_of.value == pytest.approx((one.score("irradiance.psnr").value or 0) + 10 * math.log10(2))
-    assert score_of.warnings == ("the mean is without what is not predicted: irradiance.sky",)
+    return change
+
+
+def test_a_light_that_is_not_predicted_is_dark(score: Callable[..., gc.ScoreSheet]) -> None:
+    left_out = score(of_lights("left", "right"), LAMPS)
+
+    def darkened(view: gc.View, layers: Layers) -> Layers:
+        return layers | {k: v * 0 for k, v in layers.items() if k.endswith(".sky")}
+
+    written = score(darkened)
+    for metric, layer in (("irradiance.psnr", "irradiance.sky"), ("light_share.psnr", "radiance.sky")):
+        found = left_out.score(metric)
+        assert found.status == "scored"
+        assert found.value == written.score(metric).value, "as if its light were written as black"
+        assert found.warnings == (f"lights that are not predicted count as dark: {layer}",)
+        assert written.score(metric).warnings == ()
+
+
+@pytest.mark.parametrize("easiest", ["left", "right"])
+def test_to_predict_the_easiest_light_only_does_not_pay(
+    score: Callable[..., gc.ScoreSheet], easiest: str
+) -> None:
+    kept = tuple(light for light in LAMPS if light.name == easiest)
+    off = tuple(
+        replace(light, **{k: tuple(1.5 * x for x in getattr(light, k))})  # pyright: ignore[reportArgumentType]
+        for light, k in ((LAMPS[0], "intensity"), (LAMPS[1], "radiance"))
+    )
+    every, one = score(of_lights(*NAMES, error=0.8), (*off, SKY)), score(of_lights(easiest), kept)
+    for metric in ("irradiance.psnr", "light_share.psnr"):
+        assert (every.score(metric).value or 0) > (one.score(metric).value or 99) + 3, metric
+    for metric in ("light.position", "light.intensity", "light.intensity.channel", "light.chromaticity"):
+        assert (every.score(metric).value or 0) < (one.score(metric).value or 0) / 5, metric
+    assert sum(one.score(f"light.{m}").value or 0 for m in ("direction", "extent")) >= 90
+
+
+def test_of_a_light_that_is_predicted_no_layer_may_be_missing(score: Callable[..., gc.ScoreSheet]) -> None:
+    lost = score(of_lights("left"), LAMPS).score("irradiance.psnr")
+    assert lost.status == "failed"
+    assert "test_001: expected irradiance.right in views/test_001.exr" in lost.reason
+    assert "irradiance.sky" not in lost.reason, "what was not written is not said to be there"
+    none = score(of_lights(), LAMPS).score("irradiance.psnr")
+    assert (none.status, none.warnings) == ("not provided", ())
 
     def gap(view: gc.View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "irradiance.left" or view.name != "test_001"}

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Matching of lights against brute force, and errors against closed forms."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import permutations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import graycard as gc
 import graycard.eval as ge
+from graycard.eval._light_metrics import MISSED
+from graycard.eval._light_scores import score_lights
 
 RNG = np.random.default_rng(4)
 
@@ -93,6 +98,67 @@ def test_a_channel_without_light_has_no_ratio() -> None:
     assert ge.intensity_error(gc.PointLight("x", (0, 0, 0), (8, 1, 5)), red) == pytest.approx(1)
     dark = replace(red, intensity=(0, 0, 0))
     assert ge.intensity_error(red, dark) == 0
+
+
+@dataclass(frozen=True)
+class Stub:
+    """What light scores ask of predictions and truth."""
+
+    found: tuple[gc.LocalLight, ...]
+    views: tuple[gc.View, ...] = tuple(gc.View(f"v{i}", "test", c) for i, c in enumerate(CAMERAS))
+    diameter: float = 5.0
+
+    def lights(self) -> tuple[gc.LocalLight, ...]:
+        return self.found
+
+
+def scores(predicted: tuple[gc.LocalLight, ...], true: tuple[gc.LocalLight, ...]) -> dict[str, float | None]:
+    found = score_lights(Stub(predicted), Stub(true))  # pyright: ignore[reportArgumentType]
+    return {score.metric: score.value for score in found}
+
+
+def spots(factors: Sequence[float], turns: Sequence[float]) -> tuple[gc.LocalLight, ...]:
+    """Three spots in a row, off by factors of red and by angles."""
+    return tuple(
+        gc.SpotLight(f"s{i}", (i, 0, 2), (np.sin(a), 0, -np.cos(a)), (3 * f, 2, 1), 20, 40)
+        for i, (f, a) in enumerate(zip(factors, turns, strict=True))
+    )
+
+
+PANEL = gc.RectangleLight("panel", (3, 0, 2), (0.5, 0, 0), (0, -0.5, 0), (4, 4, 4))
+HARD_TRUTH = (*spots((1, 1, 1), (0, 0, 0)), PANEL)
+
+
+@settings(max_examples=40, database=None, deadline=None, derandomize=True)
+@given(
+    st.tuples(*[st.floats(1e-4, 1e4)] * 3),
+    st.tuples(*[st.floats(0, float(np.pi))] * 3),
+    st.sets(st.integers(0, 3), min_size=1),
+)
+def test_it_never_pays_to_leave_a_light_out(
+    factors: tuple[float, ...], turns: tuple[float, ...], left_out: set[int]
+) -> None:
+    found = (*spots(factors, turns), replace(PANEL, half_u=(0.1, 0, 0), radiance=(9, 4, 1)))
+    fewer = tuple(light for i, light in enumerate(found) if i not in left_out)
+    whole, part = scores(found, HARD_TRUTH), scores(fewer, HARD_TRUTH)
+    assert whole.keys() == part.keys()
+    for metric in whole.keys() - {"light.extra"}:
+        assert (part[metric] or 0) >= (whole[metric] or 0) - 1e-9, metric
+    assert part["light.position"] == pytest.approx(100 * len(left_out) / 4)
+
+
+def test_what_a_missed_light_costs() -> None:
+    none = scores((), HARD_TRUTH)
+    assert {metric: none[metric] for metric in MISSED} == MISSED
+    half = scores(HARD_TRUTH[:2], HARD_TRUTH)
+    for metric in MISSED.keys() - {"light.extent"}:
+        assert half[metric] == pytest.approx(MISSED[metric] / 2), metric
+    assert half["light.extent"] == MISSED["light.extent"], "only the panel has a size"
+
+
+def test_no_light_costs_more_than_one_that_is_missed() -> None:
+    wild = replace(HARD_TRUTH[0], intensity=(3e9, 2e9, 1e9))
+    assert scores((wild,), HARD_TRUTH[:1])["light.intensity"] == MISSED["light.intensity"]
 
 
 def test_a_predicted_light_that_is_off() -> None:

@@ -286,14 +286,12 @@ def test_missing_extra_and_swapped_lights(make_scene: Callable[..., Path], predi
 
     assert scores(*pair) == [0, 0, 0, 0], "an environment is not counted"
     assert scores(pair[1], sky, pair[0]) == [0, 0, 0, 0]
-    assert scores(pair[0]) == [50, 0, 1, 0], "one of two found: the other counts as a whole scene away"
+    assert scores(pair[0]) == [50, 5, 1, 0], "one of two found: the other is a scene away and 10 stops off"
     assert scores(*pair, LAMP) == [pytest.approx(100 / 3), 0, 0, 1]
     sheet = ge.score_predictions(predict(scene, lights=(pair[0],)), scene)
     position = sheet.score("light.position")
     assert (position.expected, position.scored) == (2, 1)
-    assert sheet.score("light.intensity").warnings == (
-        "1 of 2 lights have no partner and are not in the mean",
-    )
+    assert sheet.score("light.intensity").warnings == ("1 of 2 lights have no partner; each counts 10 stops",)
 
 
 def test_very_many_lights_do_not_pay(make_scene: Callable[..., Path], predict: Predict) -> None:
