@@ -3,7 +3,7 @@
 
     RUN/dataset/<track>/<scene>/{capture,truth}
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
-    RUN/run.json comparison.json
+    RUN/run.json comparison.json suite.json
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -38,7 +38,7 @@ from graycard.benchmarks._run_record import (
     scene_record,
 )
 from graycard.benchmarks._sources import environment, usable_cores
-from graycard.benchmarks._suites import Suite, SuiteMethod
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.eval import metrics
 from graycard.eval.statistics import compare_run
@@ -55,7 +55,7 @@ def run_bench(
     dataset: Path | None = None,
     *,
     timeout_s: float | None = None,
-    part: bool = False,
+    whole: Suite | None = None,
 ) -> RunRecord:
     """Run a suite and write ``RUN/run.json``.
 
@@ -66,7 +66,7 @@ def run_bench(
         progress: Called after each job.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
         timeout_s: A fit or scoring that takes longer has failed; None for no limit.
-        part: The suite was narrowed: what ``run.json`` has of its other parts stays in it.
+        whole: What the suite was narrowed from: what ``run.json`` has of its other parts stays in it.
 
     Raises:
         UnknownNameError: A method does not exist.
@@ -99,11 +99,12 @@ def run_bench(
         environment=origins | {"renderer": renderers(scenes)},
         started=started,
         wall_s=round(time.perf_counter() - clock, 2),
+        suite_sha256=_keep(whole or suite, run),
     )
     if before is not None and all(outcome.reused for outcome in (*fitted, *scored)):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
-    if part and before is not None:
+    if whole is not None and before is not None:
         record = joined(record, before)
     write_json(run / "run.json", record)
     write_json(run / COMPARISON, compare_run(record))
@@ -114,6 +115,12 @@ def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
     """What addresses a job: its spec, the hashes of what the method is handed, and its code."""
     text = dumps({"job": job, "sees": list(sees), "origin": origin})
     return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def _keep(suite: Suite, run: Path) -> str:
+    """Write the suite beside its run, by which one sees what is missing there, and give its hash."""
+    write_json(run / KEPT, suite)
+    return sha256(run / KEPT)
 
 
 def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[SceneSpec, Path]]:

@@ -12,6 +12,8 @@ from graycard import TRACKS, RecordError, UnknownNameError, decode
 from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, families, scene_name
 
+KEPT = "suite.json"
+"""The suite as a run folder keeps it."""
 FOLDER = Path(__file__).parent / "suites"
 
 

@@ -23,9 +23,11 @@ from graycard.benchmarks._validity_record import (
     finite_breaches,
     origin_breaches,
 )
+from graycard.benchmarks._validity_suite import Standard, part_of, standard_of, suite_breaches
 
 RULES: dict[str, str] = {
     "counts": "every method has every score of every scene with every seed, of every view",
+    "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
     "hashes": "truth, captures, predictions and scores are the very files that were fitted and scored",
     "seeds": "the seeds of scenes are those that the scenes were made from",
     "origin": "package versions, hardware and the git commit of unchanged code are recorded",
@@ -46,6 +48,10 @@ class Validity:
     breaches: tuple[Breach, ...]
     rules: tuple[str, ...]
     """The rules that were looked at."""
+    suite: str
+    """Which suite the run was held against, and how that is known."""
+    part: str
+    """What of the suite the run is, in words; empty for all of it."""
     results: int
     """Number of fits that were looked at."""
 
@@ -68,7 +74,8 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
     Raises:
         RecordError: ``run.json`` is missing, damaged, or of a newer format.
     """
-    record = read_run(run)
+    record, run = read_run(run), Path(run)
+    standard = standard_of(record, run)
     looks: list[Callable[[RunRecord, Path], list[Breach]]] = [
         lambda record, run: count_breaches(record),
         lambda record, run: finite_breaches(record),
@@ -76,6 +83,7 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
         lambda record, run: access_breaches(record),
         lambda record, run: ceiling_breaches(record),
         comparison_breaches,
+        lambda record, run: _of_suite(record, run, standard),
         scene_breaches,
         hash_breaches,
         view_breaches,
@@ -85,6 +93,12 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
     found: list[Breach] = []
     for done, look in enumerate(looks):
         progress(done / len(looks), "checking")
-        found += look(record, Path(run))
+        found += look(record, run)
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
-    return Validity(tuple(dict.fromkeys(found)), rules, len(record.results))
+    part = part_of(record, standard.suite)
+    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, len(record.results))
+
+
+def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:
+    known = suite_breaches(record, run, standard.suite) if standard.suite else []
+    return [*standard.breaches, *known]

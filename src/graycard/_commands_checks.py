@@ -40,8 +40,10 @@ class CheckResult:
         write_optional_json(self.json, {"exit_code": found.exit_code, "validity": found})
         broken = sum(not breach.unknown for breach in found.breaches)
         says = {0: "valid", 1: "invalid", 2: "cannot be judged"}
+        screen.out.print(f"suite: {found.suite}")
+        part = f", {found.part}" if found.part else ""
         screen.out.print(
-            f"check-result: {says[found.exit_code]} ({found.results} fits by {len(found.rules)} rules, "
+            f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "
             f"{broken} broken, {len(found.breaches) - broken} without evidence)"
         )
         return found.exit_code

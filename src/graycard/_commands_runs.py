@@ -119,13 +119,16 @@ class Bench:
         from graycard.reports import write_report
         from graycard.synth import find_llvm
 
-        suite = narrow(load_suite(self.suite), self.tracks, self.methods)
+        whole = load_suite(self.suite)
+        suite = narrow(whole, self.tracks, self.methods)
         run = self.out or Path("runs") / suite.name
         screen.advise(find_llvm().advice)
         jobs = usable_cores() if self.jobs is None else self.jobs
-        part = bool(self.tracks or self.methods)
+        part_of = whole if self.tracks or self.methods else None
         with screen.progress() as progress:
-            record = run_bench(suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, part=part)
+            record = run_bench(
+                suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, whole=part_of
+            )
         report = write_report(run)
         failures = _failures(record)
         for line in failures:

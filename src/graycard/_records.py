@@ -209,6 +209,8 @@ class RunRecord:
     started: str
     """UTC, ISO 8601."""
     wall_s: float
+    suite_sha256: str = ""
+    """Of ``suite.json``, the whole suite that was run, or run a part of; empty in records from before it."""
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
 

@@ -17,12 +17,21 @@ from graycard.__main__ import main
 from graycard.benchmarks import check_result, environment
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
 from graycard.benchmarks._run_record import method_record, result_of
-from graycard.benchmarks._suites import SuiteMethod
+from graycard.benchmarks._suites import Suite, SuiteMethod, load_suite
 from graycard.eval import metrics
 from graycard.eval.statistics import compare_run
 from graycard.methods import load_method, settings_of
+from graycard.synth import RenderSettings, SceneSpec, resolved_knobs, scene_name
 
 METHODS = ("truth", "gray", "retinex")
+SUITE = Suite(
+    "tiny",
+    1,
+    "As small as can be",
+    RenderSettings(),
+    tuple(SceneSpec("dark", "corridor", seed) for seed in (1000, 1001)),
+    tuple(SuiteMethod(name) for name in METHODS),
+)
 
 
 def fit_and_score(run: Path, scene: Path, method: str) -> gc.JobResult:
@@ -36,7 +45,12 @@ def fit_and_score(run: Path, scene: Path, method: str) -> gc.JobResult:
 def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
     """A whole and valid run; not to be changed."""
     run = tmp_path_factory.mktemp("validity") / "run"
-    scenes = [write_tiny(run / "dataset", scene=f"tiny-{n}", test=2 + n) for n in range(2)]
+    scenes = [write_tiny(run / "dataset", scene=scene_name(s), test=s.seed - 998) for s in SUITE.scenes]
+    for spec, scene in zip(SUITE.scenes, scenes, strict=True):
+        found = {"family": spec.family, "knobs": resolved_knobs(spec), "render": SUITE.render_of(spec)}
+        manifest = gc.read_manifest(scene / "truth", "graycard-truth")
+        gc.seal(scene / "truth", replace(manifest, settings=gc.encode(found), seeds={"scene": spec.seed}))
+    gc.write_json(run / "suite.json", SUITE)
     with pytest.MonkeyPatch.context() as patch:
         for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
             patch.setenv(name, "1")
@@ -48,13 +62,13 @@ def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[...,
             gc.SceneRecord(
                 "dark",
                 s.name,
-                "tiny",
-                0,
+                "corridor",
+                spec.seed,
                 f"dataset/dark/{s.name}",
                 gc.sha256(s / "truth" / "manifest.json"),
                 "",
             )
-            for s in scenes
+            for spec, s in zip(SUITE.scenes, scenes, strict=True)
         ),
         tuple(method_record(SuiteMethod(name)) for name in METHODS),
         metrics(),
@@ -62,6 +76,7 @@ def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[...,
         environment() | {"git_commit": "0123456789ab"},
         "2026-01-01T00:00:00+00:00",
         1.0,
+        gc.sha256(run / "suite.json"),
     )
     gc.write_json(run / "run.json", record)
     gc.write_json(run / gc.COMPARISON, compare_run(record))
@@ -106,8 +121,10 @@ def score_in(data: Any, method: str = "gray", metric: str = "novel_view.psnr", s
 
 def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["check-result", str(made_run), "--rescore"]) == 0
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last == "check-result: valid (6 fits by 10 rules, 0 broken, 0 without evidence)"
+    suite, last = capsys.readouterr().out.splitlines()[-2:]
+    assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
+    digest = gc.sha256(made_run / "suite.json")
+    assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
 
 
 def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -116,7 +133,7 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     found = capsys.readouterr()
     assert "broken: origin: environment: expected the git commit of the code, got none" in found.out
     assert "rule origin: package versions, hardware and the git commit" in found.err
-    assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 9 rules, 1 broken")
+    assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 10 rules, 1 broken")
     written = gc.read_json(tmp_path / "v.json")
     assert written["exit_code"] == 1
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
@@ -167,7 +184,10 @@ def other_count(data: Any) -> None:
 
 
 COUNTS: dict[str, tuple[Callable[[Any], object], str]] = {
-    "a fit": (lambda data: data["results"].pop(1), "tiny-0 gray, seed 0: expected 1 fit in run.json, got 0"),
+    "a fit": (
+        lambda data: data["results"].pop(1),
+        "corridor-1000 gray, seed 0: expected 1 fit in run.json, got 0",
+    ),
     "a fit twice": (
         lambda data: data["results"].append(data["results"][0]),
         "expected 1 fit in run.json, got 2",
@@ -177,7 +197,7 @@ COUNTS: dict[str, tuple[Callable[[Any], object], str]] = {
         lambda data: data["results"].append(
             data["results"][0] | {"job": data["results"][0]["job"] | {"seed": 1}}
         ),
-        "tiny-1 truth, seed 1: expected 1 fit in run.json, got 0",
+        "corridor-1001 truth, seed 1: expected 1 fit in run.json, got 0",
     ),
     "a score": (
         lambda data: data["results"][1]["sheet"]["scores"].pop(0),
@@ -191,7 +211,7 @@ COUNTS: dict[str, tuple[Callable[[Any], object], str]] = {
     "a view of all": (drop_view_everywhere, "expected 2 held-out views, got none of test_001"),
     "a count": (lambda data: score_in(data).update(scored=1), "got 2 expected, 1 scored, 2 kept"),
     "a count of lights": (other_count, "light.position: expected 1 to be scored"),
-    "a hard scene": (withhold, "expected it on all scenes or on none, got none on tiny-1"),
+    "a hard scene": (withhold, "expected it on all scenes or on none, got none on corridor-1001"),
 }
 
 
@@ -205,7 +225,7 @@ def test_what_is_not_there_is_missed(run: Path, what: str):
 
 def repaint(run: Path) -> None:
     """Another prediction, with an index that fits it."""
-    folder = run / "jobs/dark/tiny-0/gray-0/predictions"
+    folder = run / "jobs/dark/corridor-1000/gray-0/predictions"
     found = gc.open_predictions(folder)
     layers = {**found.layers("test_001"), "radiance": np.full((24, 28, 3), 0.5, np.float32)}
     gc.write_view(folder, "test_001", layers)
@@ -214,13 +234,13 @@ def repaint(run: Path) -> None:
 
 def other_truth(run: Path) -> None:
     """Another truth, with a manifest that fits it."""
-    truth = run / "dataset/dark/tiny-0/truth"
+    truth = run / "dataset/dark/corridor-1000/truth"
     gc.write_lights(truth / "lights.json", (gc.PointLight("lamp", (0, 0, 1), (1, 1, 1)),))
     gc.seal(truth, gc.read_manifest(truth, "graycard-truth"))
 
 
 def other_capture(run: Path) -> None:
-    capture = run / "dataset/dark/tiny-0/capture"
+    capture = run / "dataset/dark/corridor-1000/capture"
     gc.write_rgb(capture / "photographs/train_000.exr", np.ones((24, 28, 3), np.float32))
     gc.seal(capture, gc.read_manifest(capture, "graycard-capture"))
 
@@ -230,12 +250,12 @@ def setting_in(data: Any) -> Any:
 
 
 def damage(path: str) -> Callable[[Path], object]:
-    return lambda run: (run / "dataset/dark/tiny-0" / path).write_bytes(b"damaged")
+    return lambda run: (run / "dataset/dark/corridor-1000" / path).write_bytes(b"damaged")
 
 
 HASHES: dict[str, tuple[Callable[[Path], object], str]] = {
     "a prediction": (repaint, "gray, seed 0: expected predictions with SHA-256"),
-    "the truth": (other_truth, "dark/tiny-0: expected truth with SHA-256"),
+    "the truth": (other_truth, "dark/corridor-1000: expected truth with SHA-256"),
     "a capture": (other_capture, "expected a fit to the capture of the run, got another capture"),
     "a true view": (damage("truth/views/test_001.exr"), "truth/views/test_001.exr: expected SHA"),
     "a photograph": (damage("capture/photographs/train_000.exr"), "capture/photographs/train_000.exr: exp"),
@@ -265,9 +285,9 @@ def test_other_files_than_those_that_were_measured(run: Path, what: str):
 @pytest.mark.parametrize(
     ("gone", "rule"),
     [
-        ("jobs/dark/tiny-0/gray-0/predictions", "hashes"),
-        ("jobs/dark/tiny-0/gray-0/scores.json", "hashes"),
-        ("dataset/dark/tiny-0/truth", "hashes"),
+        ("jobs/dark/corridor-1000/gray-0/predictions", "hashes"),
+        ("jobs/dark/corridor-1000/gray-0/scores.json", "hashes"),
+        ("dataset/dark/corridor-1000/truth", "hashes"),
         ("comparison.json", "comparison"),
     ],
 )
@@ -278,10 +298,139 @@ def test_without_evidence_it_cannot_be_judged(run: Path, gone: str, rule: str):
     assert rule in breaches(run)
 
 
+def without_scene(data: Any) -> None:
+    """The hardest scene is gone without a trace."""
+    data["scenes"].pop(1)
+    data["results"] = [r for r in data["results"] if r["job"]["scene"] != "corridor-1001"]
+
+
+def without_seed(data: Any) -> None:
+    for result in data["results"]:
+        result["job"]["seed"] = 5
+
+
+def foreign_scene(data: Any) -> None:
+    data["scenes"].append(data["scenes"][0] | {"scene": "corridor-1002"})
+
+
+SUITES: dict[str, tuple[Callable[[Any], object], str]] = {
+    "no hard scene": (without_scene, "dark/corridor-1001: expected this scene, as tiny has it, got none"),
+    "a scene more": (foreign_scene, "dark/corridor-1002: expected scenes of tiny, got one that it has not"),
+    "another seed": (without_seed, "run.json: expected fits with seed 0, as tiny has them, got none"),
+    "another entry": (
+        lambda data: data["results"][1]["job"].update(entry="mine:Gray"),
+        "gray, seed 0: expected the method as the suite has it, got another entry",
+    ),
+    "another version": (
+        lambda data: data.update(suite_version=2),
+        "suite.json: expected suite tiny version 2, as run.json says, got tiny version 1",
+    ),
+    "another hash": (
+        lambda data: data.update(suite_sha256="ab"),
+        "suite.json: expected the suite that was run, of SHA-256 ab… by run.json, got",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", SUITES)
+def test_a_run_is_of_its_suite(run: Path, what: str):
+    edit, words = SUITES[what]
+    change(run, edit)
+    assert check_result(run).exit_code == 1
+    assert any(words in line for line in breaches(run)["suite"]), breaches(run)
+
+
+def keep(run: Path, suite: Suite) -> None:
+    """Another suite in the run folder, with a hash that fits it."""
+    gc.write_json(run / "suite.json", suite)
+    named = {"suite": suite.name, "suite_version": suite.version}
+    change(run, lambda data: data.update(suite_sha256=gc.sha256(run / "suite.json"), **named))
+
+
+@pytest.mark.parametrize(
+    ("suite", "words"),
+    [
+        (replace(SUITE, samples={"dark": 256}), "corridor-1001: expected the scene that tiny asks for, got"),
+        (
+            replace(SUITE, methods=(*SUITE.methods[:1], SuiteMethod("gray", {"reflectance": 0.5}))),
+            "gray, seed 0: expected the method as the suite has it, got another settings.reflectance",
+        ),
+        (replace(SUITE, seeds=(0, 1)), "run.json: expected fits with seed 1, as tiny has them, got none"),
+    ],
+)
+def test_a_scene_and_a_method_may_not_be_easier_than_those_of_the_suite(run: Path, suite: Suite, words: str):
+    keep(run, suite)
+    assert any(words in line for line in breaches(run)["suite"]), breaches(run)
+
+
+def test_a_scene_of_other_knobs_under_the_name_of_the_suite(run: Path):
+    truth = run / "dataset/dark/corridor-1000/truth"
+    manifest = gc.read_manifest(truth, "graycard-truth")
+    easier = {**manifest.settings, "knobs": {**manifest.settings["knobs"], "clutter": 0.0}}
+    gc.seal(truth, replace(manifest, settings=easier))
+    change(run, lambda data: data["scenes"][0].update(truth_sha256=gc.sha256(truth / "manifest.json")))
+    (line,) = breaches(run)["suite"]
+    assert "dark/corridor-1000: expected the scene that tiny asks for, got another knobs.clutter" in line
+    shutil.rmtree(truth)
+    assert "suite" not in breaches(run), "that it is gone is said by another rule"
+
+
+def test_a_suite_that_comes_along_is_known_by_its_name(run: Path):
+    """A run that says that it is of the smoke suite, and kept an easier one."""
+    smoke = load_suite("smoke")
+    keep(run, replace(smoke, scenes=smoke.scenes[:1]))
+    found = breaches(run)["suite"]
+    words = f"expected smoke version {smoke.version} as it comes with graycard, got a suite of other content"
+    assert any(words in line for line in found)
+    wanted = {(s.track, scene_name(s)) for s in smoke.scenes if s.track == "dark"}
+    assert wanted
+    for track, scene in wanted:
+        assert any(f"{track}/{scene}: expected this scene, as smoke has it" in line for line in found)
+    (run / "suite.json").unlink()
+    assert check_result(run).suite == f"smoke version {smoke.version}, which comes with graycard"
+    assert not any("other content" in line for line in breaches(run)["suite"]), "it is not needed"
+
+
+def test_an_older_version_of_a_suite_is_judged_by_what_was_kept(run: Path):
+    keep(run, replace(SUITE, name="smoke", version=1))
+    found = check_result(run)
+    assert found.exit_code == 0
+    assert "smoke version 1, which does not come with graycard" in found.suite
+    assert f"this graycard has version {load_suite('smoke').version}" in found.suite
+
+
+def test_without_its_suite_a_run_cannot_be_judged(run: Path):
+    (run / "suite.json").unlink()
+    assert check_result(run).exit_code == 2
+    assert "expected suite.json to hold the run against, got none" in breaches(run)["suite"][0]
+    gc.write_bytes(run / "suite.json", b"[]")
+    change(run, lambda data: data.update(suite_sha256=gc.sha256(run / "suite.json")))
+    assert check_result(run).exit_code == 2
+
+
+def test_a_part_is_named_as_what_it_is(run: Path, capsys: pytest.CaptureFixture[str]):
+    more = SceneSpec("tabletop", "glossy-table", 1000), SceneSpec("multilight", "studio", 1000)
+    keep(run, replace(SUITE, scenes=(*SUITE.scenes, *more), methods=(*SUITE.methods, SuiteMethod("2dgs"))))
+    assert main(["check-result", str(run)]) == 0
+    assert (
+        capsys.readouterr()
+        .out.splitlines()[-1]
+        .startswith("check-result: valid, part of tiny: tracks dark; methods truth, gray, retinex (6 fits")
+    )
+
+
+def test_a_method_beside_those_of_the_suite_makes_no_part(run: Path):
+    keep(run, replace(SUITE, methods=SUITE.methods[:2]))
+    found = check_result(run)
+    assert (found.exit_code, found.part) == (0, "")
+
+
 def test_a_scene_of_another_seed(run: Path):
     change(run, lambda data: data["scenes"][0].update(seed=7))
     assert breaches(run) == {
-        "seeds": ["seeds: dark/tiny-0: expected a scene of seed 7, as run.json says, got one of seed 0"]
+        "seeds": [
+            "seeds: dark/corridor-1000: expected a scene of seed 7, as run.json says, got one of seed 1000"
+        ]
     }
 
 
@@ -340,8 +489,8 @@ def test_a_gauge_of_the_held_out_views(run: Path):
         ({"access": None}, "expected a record that truth was closed by", 2),
         ({"guard": "trust-me"}, "got trust-me", 2),
         (
-            {"refused": ["/d/dark/tiny-0/truth/lights.json"]},
-            "got an attempt to reach /d/dark/tiny-0/truth",
+            {"refused": ["/d/dark/corridor-1000/truth/lights.json"]},
+            "got an attempt to reach /d/dark/corridor-1000/truth",
             1,
         ),
         ({"handed": ["normal", "radiance"]}, "got also normal, radiance", 1),
