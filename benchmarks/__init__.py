@@ -5,6 +5,7 @@ from graycard.benchmarks._doctor import Finding as Finding
 from graycard.benchmarks._doctor import findings as findings
 from graycard.benchmarks._fit import FitSpec as FitSpec
 from graycard.benchmarks._fit import fit_scene as fit_scene
+from graycard.benchmarks._fit import load_for as load_for
 from graycard.benchmarks._gate import Baseline as Baseline
 from graycard.benchmarks._gate import Expected as Expected
 from graycard.benchmarks._gate import Verdict as Verdict

@@ -132,6 +132,17 @@ def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
     return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused))
 
 
+def load_for(name: str, scene: Path) -> Method:
+    """A method to fit on a scene, imported while truth is closed: a module's own code runs then.
+
+    Raises:
+        UnknownNameError: No method has this name.
+        MethodError: It fails to import, also for reaching for truth, or does not follow the contract.
+    """
+    with closed(closed_to_fits(scene)):
+        return load_method(name)
+
+
 def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:
     """The truth that a method needs, and what answers its asks; a method is not to open the truth folder.
 

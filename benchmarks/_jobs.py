@@ -104,7 +104,7 @@ class Scored:
 
 def run_render(job: RenderJob) -> Outcome:
     """Render a scene; the renderer keeps what is there and intact."""
-    return _guarded(
+    return guarded(
         lambda: Outcome(value=render_scene(job.spec, job.settings, job.dataset, silent, job.threads)), None
     )
 
@@ -126,7 +126,7 @@ def run_fit(job: FitJob) -> Outcome:
             write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))
             return Outcome(value=fitted)
 
-    return _guarded(work, job.folder / ERROR)
+    return guarded(work, job.folder / ERROR)
 
 
 def run_score(job: FitJob) -> Outcome:
@@ -139,7 +139,7 @@ def run_score(job: FitJob) -> Outcome:
             write_json(job.folder / SCORES, Scored(key, sheet))
             return Outcome(value=sheet)
 
-    return _guarded(work, job.folder / ERROR)
+    return guarded(work, job.folder / ERROR)
 
 
 def scene_at_hand(job: RenderJob) -> Outcome | None:
@@ -197,7 +197,8 @@ def _threads(count: int) -> AbstractContextManager[Any]:
     return threadpool_limits(count)
 
 
-def _guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
+def guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
+    """The outcome of some work, or of its failure; the traceback of what is not ours goes to ``log``."""
     try:
         return work()
     except OutputError as error:

@@ -18,10 +18,9 @@ from graycard import (
     read_run,
     sha256,
 )
+from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
-from graycard.methods import asks_of, load_method, settings_of
-from graycard.methods.priors import check_priors
 from graycard.synth import SceneSpec, describe
 
 
@@ -29,21 +28,13 @@ class RunError(GraycardError):
     """A bench cannot go on: a scene was not rendered, or the run folder is of another suite."""
 
 
-def method_record(method: SuiteMethod) -> MethodRecord:
-    """A method as a suite names it, with the settings that it changes.
-
-    Raises:
-        UnknownNameError: It does not exist.
-        MethodError: It does not load, or does not take its settings or its priors.
-    """
-    loaded = load_method(method.name)
-    settings_of(loaded, method.settings)
-    check_priors(method.priors, asks_of(loaded))
+def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
+    """A method as a suite names it, with the settings that it changes."""
     changes = [f"{name} {value}" for name, value in method.settings.items()]
-    changes += [f"priors: {method.priors}"] if asks_of(loaded) else []
+    changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
-    summary = f"{loaded.summary} ({changed})" if changed else loaded.summary
-    return MethodRecord(method.row, summary, loaded.needs, method.name, method.slack)
+    summary = f"{known.summary} ({changed})" if changed else known.summary
+    return MethodRecord(method.row, summary, known.needs, method.name, method.slack)
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:

@@ -18,6 +18,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from graycard import COMPARISON, Job, Progress, RunRecord, dumps, encode, sha256, writable_folder, write_json
+from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
     RenderJob,
@@ -42,7 +43,6 @@ from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.eval import metrics
 from graycard.eval.statistics import compare_run
-from graycard.methods import Method, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import truth_of, weights_of
 from graycard.synth import SceneSpec, scene_name
 
@@ -77,12 +77,13 @@ def run_bench(
     if jobs < 1:
         raise RunError(f"expected 1 or more jobs at a time, got {jobs}. Mend --jobs")
     started, clock = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
-    methods = [method_record(method) for method in suite.methods]  # a misspelt one fails before any work
+    dataset = dataset or run / "dataset"
+    known = introduce(suite.methods, dataset, run / "jobs", jobs, timeout_s)  # fails before any work
     run = writable_folder(run)
     before = record_before(run, suite)
     origins = environment()
-    scenes = _render(suite, dataset or run / "dataset", progress)
-    fits = _plan(suite, scenes, run, threads=max(1, usable_cores() // jobs))
+    scenes = _render(suite, dataset, progress)
+    fits = _plan(suite, known, scenes, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
@@ -91,7 +92,7 @@ def run_bench(
         suite=suite.name,
         suite_version=suite.version,
         scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
-        methods=tuple(methods),
+        methods=tuple(map(method_record, suite.methods, known)),
         metrics=metrics(),
         results=tuple(
             result_of(f, o, outcomes.get(f.folder), run) for f, o in zip(fits, fitted, strict=True)
@@ -133,26 +134,30 @@ def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[Scene
     return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
 
 
-def _plan(suite: Suite, scenes: list[tuple[SceneSpec, Path]], run: Path, threads: int) -> list[FitJob]:
+def _plan(
+    suite: Suite,
+    introductions: Sequence[Introduction],
+    scenes: list[tuple[SceneSpec, Path]],
+    run: Path,
+    threads: int,
+) -> list[FitJob]:
     plan = []
     for spec, folder in scenes:
-        for method in suite.methods:
-            loaded = load_method(method.name)
-            settings = encode(settings_of(loaded, method.settings))
-            sees = _seen(method, loaded, folder)
-            priors = encode(method.priors) if asks_of(loaded) else {}
+        for method, known in zip(suite.methods, introductions, strict=True):
+            sees = _seen(method, known, folder)
+            priors = encode(method.priors) if known.asks else {}
             for seed in suite.seeds:
-                job = Job(spec.track, folder.name, method.row, seed, settings, method.name, priors)
-                name = job_hash(job, sees, fingerprint(method.name))
+                job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
+                name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
                 plan.append(FitJob(job, name, folder, where, threads, run / "jobs"))
     return plan
 
 
-def _seen(method: SuiteMethod, loaded: Method, scene: Path) -> list[str]:
+def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:
     """Hashes of all that a method is handed: the capture, the truth if it is handed any, weights."""
-    asks = asks_of(loaded)
-    told = bool(loaded.needs) or bool(truth_of(method.priors, asks))
+    asks = known.asks
+    told = bool(known.needs) or bool(truth_of(method.priors, asks))
     parts = ("capture", "truth")[: 1 + told]
     return [*(sha256(scene / part / "manifest.json") for part in parts), *weights_of(method.priors, asks)]
 

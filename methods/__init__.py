@@ -25,6 +25,7 @@ from graycard.methods._priors import Priors as Priors
 from graycard.methods._priors import PriorSource as PriorSource
 from graycard.methods._priors import Question as Question
 from graycard.methods._priors import Relit as Relit
+from graycard.methods._registry import BUILT_IN as BUILT_IN
 from graycard.methods._registry import Listing as Listing
 from graycard.methods._registry import fingerprint as fingerprint
 from graycard.methods._registry import listings as listings

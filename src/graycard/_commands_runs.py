@@ -80,11 +80,10 @@ class Fit:
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Fit, then render every view."""
         from graycard._json import encode
-        from graycard.benchmarks import FitSpec, fit_scene
-        from graycard.methods import load_method
+        from graycard.benchmarks import FitSpec, fit_scene, load_for
         from graycard.methods.priors import parse_priors
 
-        method = load_method(self.method)
+        method = load_for(self.method, self.scene)
         settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
         priors = parse_priors(self.priors)
         spec = FitSpec(self.method, encode(settings), self.seed, self.scene, priors=priors)

@@ -11,6 +11,7 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard.benchmarks import FitSpec, Suite, SuiteMethod, fit_scene, load_suite
+from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import run_fit
 from graycard.benchmarks._run_record import method_record
 from graycard.benchmarks._runner import _plan
@@ -133,12 +134,13 @@ def test_a_job_hands_its_priors_on(
 
 
 def test_a_row_says_its_priors_and_wrong_ones_are_met_before_any_work(asker: str):
-    record = method_record(SuiteMethod(asker, priors=PriorSpec("oracle", 2)))
+    asks = SuiteMethod(asker, priors=PriorSpec("oracle", 2))
+    record = method_record(asks, introduction_of(asks))
     assert record.summary.endswith("(priors: oracle, severity 2)")
     with pytest.raises(gc.MethodError, match="gives depth, got 'none'"):
-        method_record(SuiteMethod(asker))
+        introduction_of(SuiteMethod(asker))
     with pytest.raises(gc.MethodError, match="expected no priors for a method that asks for none"):
-        method_record(SuiteMethod("gray", priors=PriorSpec("oracle")))
+        introduction_of(SuiteMethod("gray", priors=PriorSpec("oracle")))
 
 
 SUITE = """

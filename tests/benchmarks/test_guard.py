@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 import graycard as gc
-from graycard.benchmarks import FitSpec, fit_scene
-from graycard.benchmarks._guard import GUARD, Guard, closed
+from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
+from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed
+from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
 from graycard.benchmarks._jobs import FitJob, fit_at_hand, run_fit
+from graycard.methods import fingerprint
 
 
 @pytest.fixture
@@ -159,6 +161,127 @@ def test_a_module_that_looks_while_it_is_imported_is_refused(
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(gc.MethodError, match="to import, got MethodError: expected a method to keep to its"):
         fit_scene(FitSpec("early:Method", {}, 0, scene), tmp_path / "p", gc.silent)
+
+
+STRANGERS = """
+from pathlib import Path
+from graycard.methods import Ask
+from graycard.methods._gray import GrayMethod
+if "early" in Path(__file__).stem:
+    open(TRUTH)
+class Words(str):
+    pass
+class Method(GrayMethod):
+    summary = Words("Comes from elsewhere")
+    asks = (Ask("depth", ("train",), optional=True),)
+"""
+
+
+@pytest.fixture
+def strangers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two modules that a bench is not to import: one is harmless, one reads truth when it is imported."""
+    for name in ("stranger", "stranger_early"):
+        truth = str(scene / "truth" / "truth.json")
+        (tmp_path / f"{name}.py").write_text(f"TRUTH = {truth!r}\n{STRANGERS}")
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+@pytest.mark.usefixtures("strangers")
+def test_a_bench_does_not_import_methods_of_others(scene: Path, tmp_path: Path):
+    methods = [SuiteMethod("gray"), SuiteMethod("stranger:Method", {"reflectance": 0.5})]
+    gray, stranger = introduce(methods, scene.parents[1], tmp_path / "jobs", 1)
+    assert "stranger" not in sys.modules
+    assert gray == introduction_of(methods[0])
+    assert (stranger.summary, stranger.needs) == ("Comes from elsewhere", ())
+    assert type(stranger.summary) is str, "an object of the module would bring the module with it"
+    assert stranger.settings == {"reflectance": 0.5}
+    assert [ask.kind for ask in stranger.asks] == ["depth"]
+    assert stranger.fingerprint == fingerprint("stranger:Method")
+
+
+def test_what_a_worker_says_is_text(scene: Path, tmp_path: Path):
+    outcome = meet(Meeting(SuiteMethod("retinex"), scene.parents[1], tmp_path / "jobs"))
+    assert isinstance(outcome.value, str)
+    assert '"summary"' in outcome.value
+
+
+@pytest.mark.usefixtures("strangers")
+@pytest.mark.parametrize(
+    ("method", "words"),
+    [
+        (SuiteMethod("stranger_early:Method"), "got MethodError: expected a method to keep to its capture"),
+        (SuiteMethod("stranger:Method", {"reflektance": 1}), "did you mean 'reflectance'"),
+        (SuiteMethod("stranger:Nothing"), "expected method 'stranger:Nothing' .* to import"),
+    ],
+)
+def test_whom_a_bench_does_not_admit(scene: Path, tmp_path: Path, method: SuiteMethod, words: str):
+    with pytest.raises(gc.MethodError, match=words):
+        introduce([method], scene.parents[1], tmp_path / "jobs", 1)
+    assert not any(name.startswith("stranger") for name in sys.modules)
+
+
+@pytest.mark.usefixtures("strangers")
+def test_a_fit_by_hand_imports_while_truth_is_closed(scene: Path):
+    with pytest.raises(gc.MethodError, match="to import, got MethodError: expected a method to keep to its"):
+        load_for("stranger_early:Method", scene)
+    sys.modules.pop("stranger_early", None)
+
+
+@pytest.mark.parametrize(
+    ("event", "arguments", "named"),
+    [
+        ("open", ("{truth}/truth.json", "r", 0), "{truth}/truth.json"),
+        ("open", ("{truth}/../truth/truth.json", "r", 0), "{truth}/truth.json"),
+        ("os.listdir", ("{truth}",), "{truth}"),
+        ("os.rename", ("/innocent", "{truth}/mine", -1, -1), "{truth}/mine"),
+        ("graycard.read", ("{truth}/views/test_001.exr",), "{truth}/views/test_001.exr"),
+        ("subprocess.Popen", ("cat", ["cat", "{truth}/truth.json"], None, None), None),
+        ("os.system", (b"cat {truth}/truth.json",), None),
+        ("open", (b"{truth}/truth.json", "r", 0), "{truth}/truth.json"),
+    ],
+)
+def test_what_the_hook_makes_of_an_event(
+    scene: Path, guard: Guard, event: str, arguments: tuple[object, ...], named: str | None
+):
+    def real(value: object) -> object:
+        match value:
+            case str():
+                return value.replace("{truth}", str(scene / "truth"))
+            case bytes():
+                return value.replace(b"{truth}", os.fsencode(scene / "truth"))
+            case list():
+                return [real(v) for v in value]
+            case _:
+                return value
+
+    hook = _Hook()
+    hook.guard = guard
+    with pytest.raises(gc.MethodError, match="truth is closed while a method runs"):
+        hook(event, tuple(real(a) for a in arguments))
+    (refused,) = guard.refused
+    assert refused == real(named) if named else refused.startswith(event)
+
+
+@pytest.mark.parametrize(
+    ("event", "arguments"),
+    [
+        ("open", (3, "r", 0)),
+        ("open", (None, "r", 0)),
+        ("open", ("{scene}/capture/capture.json", "r", 0)),
+        ("os.listdir", (None,)),
+        ("os.rename", ("/a", "/b", -1, -1)),
+        ("subprocess.Popen", ("ls", ["ls", "/"], None, None)),
+        ("import", ("{scene}/truth/truth.json",)),
+        ("os.remove", ("{scene}/truth/truth.json", -1)),
+    ],
+)
+def test_what_the_hook_lets_pass(scene: Path, guard: Guard, event: str, arguments: tuple[object, ...]):
+    hook = _Hook()
+    real = tuple(a.replace("{scene}", str(scene)) if isinstance(a, str) else a for a in arguments)
+    hook("open", (str(scene / "truth" / "truth.json"), "r", 0))  # it rests: nothing is closed
+    hook.guard = guard
+    hook(event, real)
+    assert guard.refused == []
 
 
 def test_a_method_that_cannot_do_without_fails_its_job(

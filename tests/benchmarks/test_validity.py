@@ -15,6 +15,7 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard.benchmarks import check_result, environment
+from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
 from graycard.benchmarks._run_record import method_record, result_of
 from graycard.benchmarks._suites import Suite, SuiteMethod, load_suite
@@ -70,7 +71,7 @@ def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[...,
             )
             for spec, s in zip(SUITE.scenes, scenes, strict=True)
         ),
-        tuple(method_record(SuiteMethod(name)) for name in METHODS),
+        tuple(method_record(m, introduction_of(m)) for m in SUITE.methods),
         metrics(),
         results,
         environment() | {"git_commit": "0123456789ab"},

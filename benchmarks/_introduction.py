@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a bench has to know of a method before it fits it, found out where truth is closed.
+
+Code of others runs when it is imported. So a method that does not come with graycard is never imported by the
+bench itself, but by a worker process of its own, behind the guard of a fit; what comes back is text.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from graycard import MethodError, decode, dumps, encode, silent
+from graycard.benchmarks._guard import Guard, closed
+from graycard.benchmarks._jobs import Outcome, guarded
+from graycard.benchmarks._suites import SuiteMethod
+from graycard.benchmarks._workers import run_all
+from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
+from graycard.methods.priors import check_priors
+
+
+@dataclass(frozen=True, slots=True)
+class Introduction:
+    """What a method says of itself, with the settings and priors of a suite."""
+
+    summary: str
+    needs: tuple[str, ...]
+    settings: Mapping[str, Any]
+    """All of them, as in JSON."""
+    asks: tuple[Ask, ...]
+    fingerprint: str
+    """Version and hash of its code."""
+
+
+@dataclass(frozen=True, slots=True)
+class Meeting:
+    """One method to be introduced, and what is closed meanwhile."""
+
+    method: SuiteMethod
+    dataset: Path
+    jobs: Path
+
+
+def introduce(
+    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, timeout_s: float | None = None
+) -> list[Introduction]:
+    """What each method says of itself.
+
+    Args:
+        methods: Of a suite.
+        dataset: ``DATASET``, whose truth is closed.
+        jobs: The folder of all jobs of the run, closed as well.
+        at_a_time: Number of workers.
+        timeout_s: An import that takes longer has failed; None for no limit.
+
+    Raises:
+        UnknownNameError: A method does not exist.
+        MethodError: One does not load, or does not take its settings or its priors.
+    """
+    foreign = [Meeting(m, dataset, jobs) for m in methods if m.name not in BUILT_IN]
+    met = iter(run_all(meet, foreign, at_a_time, silent, timeout_s=timeout_s) if foreign else ())
+    return [introduction_of(m) if m.name in BUILT_IN else _heard(next(met)) for m in methods]
+
+
+def introduction_of(method: SuiteMethod) -> Introduction:
+    """What one method says of itself; it is imported.
+
+    Raises:
+        UnknownNameError: It does not exist.
+        MethodError: It does not load, or does not take its settings or its priors.
+    """
+    loaded = load_method(method.name)
+    settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
+    check_priors(method.priors, asks)
+    return Introduction(loaded.summary, loaded.needs, encode(settings), asks, fingerprint(method.name))
+
+
+def meet(meeting: Meeting) -> Outcome:
+    """Introduce a method in this process, truth closed; as JSON, for an object would bring its module."""
+
+    def work() -> Outcome:
+        with closed(Guard(meeting.dataset, meeting.jobs)):
+            return Outcome(value=dumps(introduction_of(meeting.method)))
+
+    return guarded(work, None)
+
+
+def _heard(outcome: Outcome) -> Introduction:
+    if outcome.reason:
+        raise MethodError(outcome.reason)
+    return decode(Introduction, json.loads(outcome.value), MethodError, "what a method says of itself")
