@@ -3,7 +3,8 @@
 
 Each hint is the test of one mistake. If the inverse of the mistake brings the prediction far closer to the
 truth, in nearly all test views, a warning beside the score says so. No score is changed by it, and what fits
-badly before and after, as an honest method does, draws none.
+badly before and after, as an honest method does, draws none. Test views alone are looked at, as only they
+are scored: a mistake that only the training views have shows in the gauge that is fitted on them.
 """
 
 from collections.abc import Callable, Iterable, Mapping

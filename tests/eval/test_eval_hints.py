@@ -16,9 +16,21 @@ from changed_scene import DESK, LAMP, enrich
 Layers = dict[str, np.ndarray]
 Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
 Predict = Callable[..., Path]
-HANDED_IN = ("radiance", "base_color", "normal", "depth", "roughness", "counterfactual.radiance")
-ALBEDO = ("albedo.", "light.intensity.channel")
+NAMES = ("lamp", "desk")
+HANDED_IN = (
+    "radiance", "base_color", "normal", "depth", "roughness", "metallic", "counterfactual.radiance",
+    "shading",
+    *(f"{layer}.{name}" for layer in ("irradiance", "radiance") for name in NAMES),
+)  # fmt: skip
+RECEIVED = ("shading.psnr", "irradiance.psnr")
+ALBEDO = ("albedo.", "light.intensity.channel", *RECEIVED)
+"""What albedo is multiplied by, light is divided by."""
 VIEWS = ("novel_view.",)
+PIXELS = (
+    "novel_view.", "albedo.", "normal.", "depth.", "roughness.", "metallic.", "counterfactual.", *RECEIVED,
+    "light_share.psnr",
+)  # fmt: skip
+"""All that is made of what is handed in as pictures; lights stay where they are."""
 
 
 @dataclass(frozen=True)
@@ -116,11 +128,15 @@ FAULTS = (
           "depth.abs_rel", "depth looks like 1 / z"),
     Fault("alpha for roughness", of("roughness", lambda v, _: v**2), ROUGH,
           "roughness.mae", "roughness looks like alpha"),
+    Fault("metal for glass", of("metallic", lambda v, _: 1 - v), ("metallic.",)),
+    Fault("shading doubled", of("shading", lambda v, _: 2 * v), ("shading.psnr",)),
+    Fault("irradiance of one light doubled", of("irradiance.desk", lambda v, _: 2 * v), ("irradiance.psnr",)),
+    Fault("half the share of one light", of("radiance.lamp", lambda v, _: v / 2), ("light_share.psnr",)),
     Fault("half a pixel", of("radiance", lambda v, _: half_right(v)), VIEWS,
           "novel_view.psnr", "pictures look moved by 0 pixels down and 0.5 right"),
     Fault("one pixel", of("radiance", lambda v, _: np.roll(v, -1, axis=0)), VIEWS,
           "novel_view.psnr", "pictures look moved by -1 pixels down and 0 right"),
-    Fault("mirrored", each(lambda v: v[:, ::-1]), ("",),
+    Fault("mirrored", each(lambda v: v[:, ::-1]), (*PIXELS, "light.intensity.channel"),
           "novel_view.psnr", "pictures look mirrored: left and right"),
     Fault("as displayed", of("radiance", lambda v, _: gc.srgb_encode(v * 0.45)), VIEWS,
           "novel_view.psnr", "radiance looks as displayed"),
@@ -128,7 +144,7 @@ FAULTS = (
           "novel_view.psnr", "radiance looks multiplied by the exposure"),
     Fault("clipped at 1", of("radiance", lambda v, _: np.minimum(v, 1)), VIEWS,
           "novel_view.psnr", "radiance looks clipped at 1"),
-    Fault("lights in the wrong frame", nothing, ("light.",),
+    Fault("lights in the wrong frame", nothing, ("light.", "irradiance.psnr", "light_share.psnr"),
           "light.position", 'positions look like the camera\'s axes: set "frame": "camera"',
           lights=(replace(LAMP, frame="world"),)),
     Fault("lights exchanged", nothing, ("light.intensity", "light.chromaticity"),
@@ -144,7 +160,22 @@ FAULTS = (
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
-    return enrich(write_tiny(tmp_path_factory.mktemp("faults"), track="tabletop"))
+    folder = enrich(write_tiny(tmp_path_factory.mktemp("faults"), track="tabletop"))
+    truth = gc.open_truth(folder / "truth")
+    for view in truth.views:
+        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", lit_apart(truth.layers(view)))
+    gc.seal(folder / "truth", gc.manifest_of(truth))
+    return folder
+
+
+def lit_apart(layers: Layers) -> Layers:
+    """With a metal whose edge is nowhere in the middle, and the light of each lamp apart."""
+    columns = np.arange(layers["depth"].shape[1]) / layers["depth"].shape[1]
+    share = {"lamp": 0.3 + 0.5 * columns[:, None], "desk": 0.7 - 0.5 * columns[:, None]}
+    apart = {f"radiance.{name}": layers["radiance"] * share[name] for name in NAMES}
+    apart |= {f"irradiance.{name}": np.pi * layers["shading"] * share[name] for name in NAMES}
+    metal = {"metallic": np.where(columns < 0.3, 1.0, 0.1) * np.ones_like(layers["depth"])}
+    return layers | {k: v.astype(np.float32) for k, v in (apart | metal).items()}
 
 
 @pytest.fixture
