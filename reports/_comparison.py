@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import graycard as gc
-from graycard.reports._error_images import error_image, noise_ratio_image, shared_scale
-from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
-from graycard.reports._layer_rows import JudgedLayer, LayerRow, layer_row
+from graycard.reports._changed_pictures import changed_rows
+from graycard.reports._evidence import MethodEvidence, SceneEvidence
+from graycard.reports._layer_rows import LayerRow, judged_layer, layer_row
 from graycard.reports._pictures import Picture, linear_picture, shrink
 
 SHOWN_LAYERS = ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")
@@ -49,10 +49,14 @@ def build_gallery(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> Ga
         DatasetError: A training photograph is missing or broken.
     """
     photographs = _spread(scene.capture.train, MAX_THUMBNAILS)
-    layers = [_judge(name, scene, methods) for name in _shown_names(scene, methods)]
+    layers = [judged_layer(name, scene, methods) for name in _shown_names(scene, methods)]
+    changed = changed_rows(scene, methods)
     views = tuple(
-        ViewPictures(view.name, tuple(layer_row(layer, view, scene, methods) for layer in layers))
-        for view in scene.shown
+        ViewPictures(
+            view.name,
+            tuple(layer_row(layer, view, scene, methods) for layer in layers) + (() if i else changed),
+        )
+        for i, view in enumerate(scene.shown)
     )
     return Gallery(tuple(_thumbnail(scene, view) for view in photographs), views)
 
@@ -69,29 +73,6 @@ def _shown_names(scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> lis
 def _is_value(name: str) -> bool:
     """Whether a layer is a quantity of its own, no statistic of another."""
     return not name.endswith((".var", ".half_a", ".half_b"))
-
-
-def _judge(name: str, scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> JudgedLayer:
-    errors: dict[tuple[str, str], np.ndarray] = {}
-    ratios: dict[tuple[str, str], np.ndarray] = {}
-    for view in scene.shown:
-        true, mask = scene.layers[view.name][name], scene.mask(name, view)
-        variance = scene.layers[view.name].get(f"{name}.var")
-        for method in methods:
-            values, _ = usable_layer(method, view, name)
-            if values is None:
-                continue
-            errors[view.name, method.method] = error_image(name, values, true, mask, scene.truth.exposure)
-            if variance is not None:
-                ratios[view.name, method.method] = noise_ratio_image(values, true, variance, mask)
-    low, high = _value_range([scene.layers[v.name][name] for v in scene.shown])
-    scale = shared_scale(list(errors.values()))
-    return JudgedLayer(name, scene.truth.exposure, errors, ratios, scale, low, high)
-
-
-def _value_range(images: Sequence[np.ndarray]) -> tuple[float, float]:
-    finite = np.concatenate([i[np.isfinite(i)] for i in images])
-    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
 
 
 def _thumbnail(scene: SceneEvidence, view: gc.View) -> Picture:

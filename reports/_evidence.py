@@ -15,6 +15,8 @@ MAX_VIEWS = 2
 """Test views whose pictures are embedded: a report must stay small enough to be mailed."""
 GAUGED_BY = "albedo.psnr.channel"
 """The score that holds the factors per channel by which base colour is shown."""
+RELIT_BY = "relighting.psnr"
+"""The score that holds those by which a relit picture is shown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,10 @@ class MethodEvidence:
     lights_fault: str = ""
     gauge: tuple[float, ...] | None = None
     """Factors for R, G, B, as fitted for the score :data:`GAUGED_BY`."""
+    gauged: str = "base_color"
+    """The layer that ``gauge`` is for."""
+    relit_gauge: tuple[float, ...] | None = None
+    """The same of pictures under changed lights, as fitted for the score :data:`RELIT_BY`."""
     seeds: int = 1
     """Number of jobs, of which the first is shown."""
     competes: bool = True
@@ -116,8 +122,18 @@ def open_method(
         return MethodEvidence(method, fault=str(cause), seeds=seeds, competes=competes)
     layers, faults = _read_views(found, views)
     lights, lights_fault = _read_lights(found)
-    gauge = _gauge_of(result)
-    return MethodEvidence(method, "", layers, faults, lights, lights_fault, gauge, seeds, competes, found)
+    return MethodEvidence(
+        method,
+        layers=layers,
+        faults=faults,
+        lights=lights,
+        lights_fault=lights_fault,
+        gauge=_gauge_of(result, GAUGED_BY),
+        relit_gauge=_gauge_of(result, RELIT_BY),
+        seeds=seeds,
+        competes=competes,
+        predictions=found,
+    )
 
 
 def usable_layer(
@@ -132,7 +148,7 @@ def usable_layer(
     fault = gc.find_fault(name, values, view.camera.height, view.camera.width)
     if fault:
         return None, f"failed: {fault}"
-    if name == "base_color" and method.gauge:
+    if name == method.gauged and method.gauge:
         return values * np.array(method.gauge), "× " + " ".join(f"{g:.3g}" for g in method.gauge)
     return values, ""
 
@@ -178,6 +194,6 @@ def _read_lights(predictions: gc.Predictions) -> tuple[tuple[gc.Light, ...] | No
         return None, str(cause)
 
 
-def _gauge_of(result: gc.JobResult) -> tuple[float, ...] | None:
+def _gauge_of(result: gc.JobResult, metric: str) -> tuple[float, ...] | None:
     scores = result.sheet.scores if result.sheet else ()
-    return next((s.gauge for s in scores if s.metric == GAUGED_BY and s.gauge), None)
+    return next((s.gauge for s in scores if s.metric == metric and s.gauge), None)

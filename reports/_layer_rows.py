@@ -8,7 +8,13 @@ import numpy as np
 
 import graycard as gc
 from graycard.reports._colour_maps import ColourMap
-from graycard.reports._error_images import NOISE_HIGH, error_unit
+from graycard.reports._error_images import (
+    NOISE_HIGH,
+    error_image,
+    error_unit,
+    noise_ratio_image,
+    shared_scale,
+)
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
 from graycard.reports._format import format_name, format_number
 from graycard.reports._pictures import (
@@ -80,6 +86,10 @@ class JudgedLayer:
     error_high: float
     low: float
     high: float
+    title: str = ""
+    """In the place of the name of the layer."""
+    still: bool = False
+    """Whether it is never embedded as linear light."""
 
 
 def title_of(layer: str) -> str:
@@ -87,11 +97,35 @@ def title_of(layer: str) -> str:
     return _TITLES.get(layer, format_name(layer))
 
 
+def judged_layer(name: str, scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> JudgedLayer:
+    """A layer held against the truth in every shown view."""
+    errors: dict[tuple[str, str], np.ndarray] = {}
+    ratios: dict[tuple[str, str], np.ndarray] = {}
+    for view in scene.shown:
+        true, mask = scene.layers[view.name][name], scene.mask(name, view)
+        variance = scene.layers[view.name].get(f"{name}.var")
+        for method in methods:
+            values, _ = usable_layer(method, view, name)
+            if values is None:
+                continue
+            errors[view.name, method.method] = error_image(name, values, true, mask, scene.truth.exposure)
+            if variance is not None:
+                ratios[view.name, method.method] = noise_ratio_image(values, true, variance, mask)
+    low, high = _value_range([scene.layers[v.name][name] for v in scene.shown])
+    scale = shared_scale(list(errors.values()))
+    return JudgedLayer(name, scene.truth.exposure, errors, ratios, scale, low, high)
+
+
+def _value_range(images: Sequence[np.ndarray]) -> tuple[float, float]:
+    finite = np.concatenate([i[np.isfinite(i)] for i in images])
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
 def layer_row(
     layer: JudgedLayer, view: gc.View, scene: SceneEvidence, methods: Sequence[MethodEvidence]
 ) -> LayerRow:
     """The pictures of a layer in one view."""
-    title = title_of(layer.name)
+    title = layer.title or title_of(layer.name)
     truth = _show(layer, scene.layers[view.name][layer.name], f"{title}, {view.name}: truth")
     ratios = tuple(_noise_ratio(layer, view, method, title) for method in methods) if layer.ratios else ()
     unit = gc.layer(layer.name).unit
@@ -168,7 +202,7 @@ def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> Picture:
     light = small * layer.exposure * _reflected(layer.name)
     return (
         linear_picture(light, alt)
-        if layer.name in RE_EXPOSED
+        if layer.name in RE_EXPOSED and not layer.still
         else display_picture(gc.srgb_encode(light), alt)
     )
 
