@@ -5,6 +5,8 @@ import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
+import numpy as np
+
 import graycard as gc
 from graycard.eval._breakdown import breakdown
 from graycard.eval._gauge import Factors
@@ -31,6 +33,8 @@ class Finding:
     """Mean display variance of the truth over the mask; None where it is not known."""
     parts: Mapping[str, float] = field(default_factory=dict)
     """The same by neighbouring rules, before ``finish``."""
+    evidence: np.ndarray | None = None
+    """What is pooled over views where their values are not, shape ``(N,)``."""
 
 
 @dataclass(frozen=True, slots=True)
