@@ -11,6 +11,7 @@ import numpy as np
 
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene, status_of
+from graycard.eval._ceiling import ceiling_warnings, pooled_ceiling
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import same
 from graycard.eval._readings import PredictedView, TrueView
@@ -137,22 +138,24 @@ def pooled(
     A part is then the mean over the views that have it.
     """
     values = {name: f.value for name, f in findings.items() if f.value is not None}
-    scored = status == "scored"
-    together = _together(list(findings.values()), pool) if scored else None
+    together = _together(list(findings.values()), pool) if status == "scored" else None
+    value = finish(together.value) if together else None
+    ceiling = pooled_ceiling([f.noise for f in findings.values()], finish)
     return gc.Score(
         record.id,
         PROTOCOL,
         status,
-        finish(together.value) if together else None,
+        value,
         record.unit,
         record.higher_is_better,
         record.optimum,
         per_view={name: finish(value) for name, value in values.items()},
-        noise_ceiling=_ceiling([f.noise for f in findings.values()], finish),
+        noise_ceiling=ceiling,
         gauge=gauge,
         expected=len(findings),
         scored=len(values),
         reason=reason,
+        warnings=ceiling_warnings(value, ceiling, record.unit, record.higher_is_better),
         breakdown={name: finish(part) for name, part in together.parts.items()} if together else {},
     )
 
@@ -169,9 +172,3 @@ def _together(findings: Sequence[Finding], pool: Callable[[np.ndarray], Answer] 
     names = dict.fromkeys(name for f in findings for name in f.parts)
     parts = {name: mean([f.parts[name] for f in findings if name in f.parts]) for name in names}
     return Answer(mean([f.value for f in findings if f.value is not None]), parts)
-
-
-def _ceiling(noise: Sequence[float | None], finish: Callable[[float], float]) -> float | None:
-    known = [n for n in noise if n is not None]
-    best = mean(known) if known and len(known) == len(noise) else 0.0
-    return finish(best) if best > 0 else None
