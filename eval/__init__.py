@@ -2,6 +2,8 @@
 """Predictions against truth: metrics, gauges, scores."""
 
 from graycard import angles as angles
+from graycard.eval._ceiling import CEILINGS as CEILINGS
+from graycard.eval._ceiling import CeilingRule as CeilingRule
 from graycard.eval._colour_difference import ciede2000 as ciede2000
 from graycard.eval._flip import flip as flip
 from graycard.eval._flip import flip_map as flip_map

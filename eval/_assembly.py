@@ -5,17 +5,16 @@ import math
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
+import numpy as np
+
 import graycard as gc
 from graycard.eval._breakdown import breakdown
+from graycard.eval._ceiling import ceiling_warnings, pooled_ceiling
 from graycard.eval._gauge import Factors
 from graycard.eval._image_metric import ImageMetric
 from graycard.eval._metrics import IMAGE_METRICS
-from graycard.eval._psnr import psnr
 from graycard.eval._training import Training
 from graycard.eval.protocols import PROTOCOL
-
-SUSPICIOUS = 1.0
-"""dB above the noise ceiling: no estimate of the noise-free image scores that high by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +27,11 @@ class Finding:
     """Why it failed."""
     warnings: tuple[str, ...] = ()
     noise: float | None = None
-    """Mean display variance of the truth over the mask; None where it is not known."""
+    """The best value that the truth's noise allows, before ``finish``; None where it is not known."""
     parts: Mapping[str, float] = field(default_factory=dict)
     """The same by neighbouring rules, before ``finish``."""
+    evidence: np.ndarray | None = None
+    """What is pooled over views where their values are not, shape ``(N,)``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ def assemble(
     values = {name: f.value for name, f in findings.items() if f.value is not None}
     status, reason = status_of(_generic(metric), findings, bool(given), unreadable)
     pooled = metric.finish(math.fsum(values.values()) / len(values)) if status == "scored" else None
-    ceiling = _ceiling([f.noise for f in findings.values()])
+    ceiling = pooled_ceiling([f.noise for f in findings.values()], metric.finish)
     warnings = extra + tuple(w for f in findings.values() for w in f.warnings)
     warnings += _dark(metrics, given) if status == "scored" else ()
     return gc.Score(
@@ -101,7 +102,8 @@ def assemble(
         expected=len(findings),
         scored=len(values),
         reason=reason,
-        warnings=warnings + _too_good(pooled, ceiling),
+        warnings=warnings
+        + ceiling_warnings(pooled, ceiling, metric.record.unit, metric.record.higher_is_better),
         breakdown=breakdown(metric, list(values.values()), [f.parts for f in findings.values()])
         if status == "scored"
         else {},
@@ -154,19 +156,3 @@ def status_of(
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         return "failed", reasons[0] + more
     return "scored", ""
-
-
-def _ceiling(noise: Sequence[float | None]) -> float | None:
-    known = [n for n in noise if n is not None]
-    mean = math.fsum(known) / len(known) if len(known) == len(noise) else 0.0
-    return psnr(mean) if mean > 0 else None
-
-
-def _too_good(value: float | None, ceiling: float | None) -> tuple[str, ...]:
-    if value is None or ceiling is None or value < ceiling + SUSPICIOUS:
-        return ()
-    return (
-        f"{value:.1f} dB is {value - ceiling:.1f} dB above the {ceiling:.1f} dB that the noise of the truth "
-        f"allows, and chance makes up for less than {SUSPICIOUS:g} dB: "
-        "the prediction holds the noise of the truth itself",
-    )

@@ -15,14 +15,16 @@ from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import ImageMetric
 from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth, with_darkness
+from graycard.eval._second_truth import noise_as_displayed, second_truth
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, fit_gauges
 
 REQUIRED = frozenset({"radiance", "base_color", "normal"})
 """Layers that the truth of every scene has; what depends on another is left out of a sheet without it."""
 
-Comparisons = dict[tuple[str, Factors, bool], Comparison]
-"""By layer, gauge, and whether the colour chart alone is judged."""
+Comparisons = dict[tuple[str, Factors | None, bool], Comparison | None]
+"""By layer, gauge, and whether the colour chart alone is judged. With None for a gauge: a picture nearly
+without noise beside itself with new noise, or None where the truth's noise is not known."""
 
 
 class Observer(Protocol):
@@ -92,21 +94,21 @@ def judge(
     """
     mask, reference = true.mask(metric.layer, metric.chart), _checked(metric.layer, true)
     exposure = scene.exposure * metric.brightness
-    noise = _noise(metric, true, mask, exposure)
     gauge = scene.gauges.get(metric.gauge, "") if metric.gauge else (1.0, 1.0, 1.0)
     try:
         values = predicted.take(metric.layer)
         if isinstance(gauge, str):
             return Finding(reason=gauge)
         key = metric.layer, gauge, metric.chart
-        if key not in comparisons:
+        if (seen := comparisons.get(key)) is None:
             values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
             images = values, reference.astype(np.float64), mask
-            comparisons[key] = Comparison(*images, exposure, _variance(true, metric.layer), true.pure())
-        seen = comparisons[key]
+            seen = Comparison(*images, exposure, _variance(true, metric.layer), true.pure())
+            comparisons[key] = seen
         value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
+    noise = _best(metric, true, mask, exposure, comparisons)
     return Finding(value, "", _warnings(metric, seen.predicted, mask, true.view.name), noise, parts)
 
 
@@ -138,11 +140,19 @@ def _variance(true: TrueView, layer: str) -> np.ndarray | None:
     return true.take(f"{layer}.var") if f"{layer}.var" in true.layers else None
 
 
-def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    variance = _variance(true, metric.layer) if metric.noisy else None
-    if variance is None:
+def _best(
+    metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float, comparisons: Comparisons
+) -> float | None:
+    """The best value that the truth's noise allows, before ``finish``."""
+    if metric.ceiling == "variance":
+        return noise_as_displayed(true, metric.layer, mask, exposure)
+    if metric.ceiling == "none":
         return None
-    return float(gc.display_variance(true.take(metric.layer), variance, exposure)[mask].mean())
+    key = metric.layer, None, metric.chart
+    if key not in comparisons:
+        pair = second_truth(true, metric.layer)
+        comparisons[key] = Comparison(*pair, mask, exposure) if pair else None
+    return None if (seen := comparisons[key]) is None else measure(metric, seen)[0]
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:

@@ -8,8 +8,16 @@ are wrong at will (other surfaces at an outline) do not move them far. All pairs
 pixel has one partner (Theil's incomplete method), by a rule without chance. Partners are of one object and
 almost one albedo: a prediction without any light in it, as a constant, errs by the difference of two albedos,
 and which of them lies in the brighter place is the scene's own matter.
+
+Shading is diffuse light. Where specular light is more than a third of it, a photograph in the place of albedo
+is wrong by what is mirrored, whose course along the shading is again the scene's own matter: such pixels tell
+nothing about shading and are left out; highlights have a slope of their own, over the gloss.
+
+Partners are of one view, and the median is over the pairs of all views together. A mean of medians would give
+a view with fifty pairs, or with hardly any change of light, the weight of one with thousands.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,6 +31,8 @@ FLOOR = 1e-3
 """Reflectance below which an albedo counts as black: a logarithm would make a great error of it."""
 LEAST_STEP = 0.1
 """Difference of the logarithms in a pair that can tell: 10 % of light."""
+MOST_GLOSS = 1 / 3
+"""Specular over diffuse light above which shading is not judged (of 1 + that, the geometric mean)."""
 SAME_ALBEDO = 0.05
 """Width of the classes of the log of albedo in which a pixel looks for its partner."""
 LEAST_PAIRS = 50
@@ -34,6 +44,9 @@ _SIGMAS = 4
 """Standard deviations above 0 at which a shading is certain."""
 _LEAST_LIGHT = 0.01
 """Share of display white below which diffuse light is too dark to tell a highlight by."""
+
+_NO_LIGHT = 1e-12
+"""W/m²/sr, so that nothing is divided by 0."""
 
 LAYER = "base_color"
 
@@ -67,7 +80,12 @@ def median_slope(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: n
         >>> round(median_slope(0.3 * light, light, *partners(light)), 6)
         0.3
     """
-    return float(np.median((errors[high] - errors[low]) / (light[high] - light[low])))
+    return float(np.median(slopes(errors, light, low, high)))
+
+
+def slopes(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(error_high - error_low) / (light_high - light_low), ``(N,)``; arguments as of :func:`median_slope`."""
+    return (errors[high] - errors[low]) / (light[high] - light[low])
 
 
 def partners(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,7 +108,10 @@ def log_errors(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 def _over_the_mask(true: TrueView, exposure: float) -> Pairs | None:
     light, certain = _log_shading(true)
-    inside, ids = np.flatnonzero(_scatters(true).ravel() & certain), true.take("object_id").ravel()
+    told, ids = _scatters(true).ravel() & certain & _dull(true), true.take("object_id").ravel()
+    inside = np.flatnonzero(told)
+    if not len(inside):
+        return None
     albedo = np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1).ravel()
     classes = np.stack([ids[inside], np.floor(albedo[inside] / SAME_ALBEDO)], axis=-1)
     _, of = np.unique(classes, axis=0, return_inverse=True)
@@ -103,7 +124,8 @@ def _over_the_mask(true: TrueView, exposure: float) -> Pairs | None:
 def _across_shadow_edges(true: TrueView, exposure: float) -> Pairs | None:
     light, certain = _log_shading(true)
     edges = [_neighbours(visibility) for visibility in _visibilities(true)]
-    return _local_pairs(true, light, certain, [np.any(along, axis=0) for along in zip(*edges, strict=True)])
+    wanted = [np.any(along, axis=0) for along in zip(*edges, strict=True)]
+    return _local_pairs(true, light, certain & _dull(true), wanted)
 
 
 def _neighbours(visibility: np.ndarray) -> list[np.ndarray]:
@@ -146,7 +168,7 @@ def _visibilities(true: TrueView) -> list[np.ndarray]:
 def _at_highlights(true: TrueView, exposure: float) -> Pairs | None:
     diffuse, specular = _lobes(true)
     seen = np.all(diffuse * exposure > _LEAST_LIGHT, axis=-1, keepdims=True)
-    gloss = np.log1p(np.maximum(specular, 0) / np.where(seen, diffuse, 1)).mean(axis=-1)
+    gloss = _log_gloss(diffuse, specular)
     shading, certain = _log_shading(true)
     alike = shading.reshape(gloss.shape), np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1)
     wanted = []
@@ -167,6 +189,18 @@ def _lobes(true: TrueView) -> tuple[np.ndarray, np.ndarray]:
     return diffuse, specular
 
 
+def _dull(true: TrueView) -> np.ndarray:
+    """Where diffuse light outweighs the specular by far, ``(H·W,)``, bool; anywhere without true lobes."""
+    if not any(name.startswith("direct.specular.") for name in true.layers):
+        return np.ones(true.take("object_id").size, bool)
+    return _log_gloss(*_lobes(true)).ravel() <= math.log1p(MOST_GLOSS)
+
+
+def _log_gloss(diffuse: np.ndarray, specular: np.ndarray) -> np.ndarray:
+    """Mean over channels of log((diffuse + specular) / diffuse), ``(H, W)``: what baking it in would add."""
+    return np.log1p(np.maximum(specular, 0) / np.maximum(diffuse, _NO_LIGHT)).mean(axis=-1)
+
+
 def _log_shading(true: TrueView) -> tuple[np.ndarray, np.ndarray]:
     """Mean over channels of the log of the shading, ``(H·W,)``, and where the noise leaves it certain."""
     shading = true.take("shading").astype(np.float64).reshape(-1, 3)
@@ -182,10 +216,15 @@ def _pairs(true: TrueView, light: np.ndarray, low: np.ndarray, high: np.ndarray)
     return Pairs(true.take(LAYER).reshape(-1, 3), low[tells], high[tells], light)
 
 
-def _slope(predicted: np.ndarray, pairs: Pairs) -> Answer:
+def _answer(predicted: np.ndarray, pairs: Pairs) -> Answer:
     errors = log_errors(predicted.reshape(-1, 3), pairs.albedo)
-    slope = median_slope(errors, pairs.light, pairs.low, pairs.high)
-    return abs(slope), {"signed": slope}
+    return _leak(slopes(errors, pairs.light, pairs.low, pairs.high))
+
+
+def _leak(found: np.ndarray) -> Answer:
+    """Of the pairs of a view, or of all views together."""
+    slope = float(np.median(found))
+    return Answer(abs(slope), {"signed": slope}, found)
 
 
 def _metric(
@@ -193,21 +232,23 @@ def _metric(
 ) -> ViewMetric:
     record = gc.MetricRecord(
         f"albedo.{name}", title, "albedo", "1", False, 0.0,
-        "mean over views of |median over pairs of pixels of Δ log(s_c·base_color / truth) / Δ log(light)|, "
+        "|median over the pairs of pixels of all views of Δ log(s_c·base_color / truth) / Δ log(light)|, "
         f"not metal, logs averaged over channels, Δ log(light) > 0.1; {rule}: 0 no leak, 1 all baked in",
         headline=False, tolerance=0.02, ignores=("global gain", "channel gain"),
     )  # fmt: skip
-    return ViewMetric(record, LAYER, (LAYER, *needs), question, _slope, gauge="channel")
+    return ViewMetric(record, LAYER, (LAYER, *needs), question, _answer, gauge="channel", pool=_leak)
 
 
+_DULL = "with specular light of at most a third of the diffuse"
 LEAKAGE_METRICS: tuple[ViewMetric, ...] = (
     _metric(
         "leakage", "Light in albedo", ("shading",), _over_the_mask,
-        "light is the shading; pixels of one object and albedo (5 %), half of their ranks apart (Theil)",
+        f"light is the shading; pixels of one object and albedo (5 %) {_DULL}, half of their ranks apart",
     ),
     _metric(
         "leakage.shadow", "Shadows in albedo", ("shading", "visibility."), _across_shadow_edges,
-        "light is the shading; pixels of one object, a 28th of the side apart, one in a light, one not",
+        f"light is the shading; pixels of one object {_DULL}, a 28th of the side apart, one in a light, "
+        "one not",
     ),
     _metric(
         "leakage.highlight", "Highlights in albedo",

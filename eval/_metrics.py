@@ -68,9 +68,11 @@ def _radiance_metrics(group: str, title: str, layer: str, of: str) -> tuple[Imag
         headline=False, tolerance=0.01,
     )  # fmt: skip
     return (
-        ImageMetric(psnr_record, layer, display, _MEAN_SQUARE, psnr, noisy=True, beside=("linear", exposed)),
-        ImageMetric(ssim_record, layer, display, ssim, same),
-        ImageMetric(flip_record, layer, display, _FLIP, same),
+        ImageMetric(
+            psnr_record, layer, display, _MEAN_SQUARE, psnr, ceiling="variance", beside=("linear", exposed)
+        ),
+        ImageMetric(ssim_record, layer, display, ssim, same, ceiling="second truth"),
+        ImageMetric(flip_record, layer, display, _FLIP, same, ceiling="second truth"),
     )
 
 
@@ -82,7 +84,8 @@ def _flip_hdr() -> ImageMetric:
         f"to [0, 1], e = {stops} stops: exposures fixed by the scene, tone mapping that of the display",
         headline=False, tolerance=0.01,
     )  # fmt: skip
-    return ImageMetric(record, "radiance", display, Bracketed(flip_errors, np.mean, _BRACKET), same)
+    errors = Bracketed(flip_errors, np.mean, _BRACKET)
+    return ImageMetric(record, "radiance", display, errors, same, ceiling="second truth")
 
 
 def _lpips() -> ImageMetric:

@@ -62,7 +62,7 @@ def _question(layer: str, true: TrueView) -> Noisy | None:
 
 
 def _answer(predicted: np.ndarray, asked: Noisy) -> Answer:
-    return _rms((predicted[asked.judged] - asked.values) / asked.deviation), {}
+    return Answer(_rms((predicted[asked.judged] - asked.values) / asked.deviation))
 
 
 def _ceiling(asked: Noisy) -> float | None:

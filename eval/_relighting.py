@@ -16,10 +16,11 @@ import numpy as np
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene
 from graycard.eval._gauge import Factors, apply_gauge
-from graycard.eval._image_metric import display, same
+from graycard.eval._image_metric import CeilingKind, display, same
 from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView
+from graycard.eval._second_truth import noise_as_displayed, second_truth
 from graycard.eval._ssim import ssim
 from graycard.eval._view_metrics import mean, pooled
 
@@ -37,8 +38,7 @@ class ChangedMetric:
     """Applied to the mean over pictures."""
     kind: gc.EditKind | None = None
     """Which changes; None for all of them."""
-    noisy: bool = False
-    """Whether the noise of the truth bounds it from above."""
+    ceiling: CeilingKind = "second truth"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,10 @@ _KINDS: tuple[tuple[gc.EditKind, str], ...] = (
 
 RELIGHTING_METRICS: tuple[ChangedMetric, ...] = (
     ChangedMetric(
-        _record("relighting", "psnr", "Relighting PSNR", _PSNR, headline=True), square_error, psnr, noisy=True
+        _record("relighting", "psnr", "Relighting PSNR", _PSNR, headline=True),
+        square_error,
+        psnr,
+        ceiling="variance",
     ),
     ChangedMetric(_record("relighting", "ssim", "Relighting SSIM", _SSIM, unit="1"), ssim, same),
     *(
@@ -119,14 +122,16 @@ RELIGHTING_METRICS: tuple[ChangedMetric, ...] = (
             square_error,
             psnr,
             kind,
-            noisy=True,
+            "variance",
         )
         for kind, title in _KINDS
     ),
 )
 
 COMPOSITION_METRICS: tuple[ChangedMetric, ...] = (
-    ChangedMetric(_record("composition", "psnr", "Composition PSNR", _PSNR), square_error, psnr, noisy=True),
+    ChangedMetric(
+        _record("composition", "psnr", "Composition PSNR", _PSNR), square_error, psnr, ceiling="variance"
+    ),
     ChangedMetric(_record("composition", "ssim", "Composition SSIM", _SSIM, unit="1"), ssim, same),
 )
 
@@ -197,15 +202,16 @@ def judge_picture(table: Sequence[ChangedMetric], picture: Picture, scene: Scene
     """
     asked = [m for m in table if m.kind in (None, picture.kind)]
     true = TrueView(picture.view, picture.true, frozenset())
-    radiance, noise = true.take("radiance"), _noise(true, picture.mask, scene.exposure)
+    radiance = true.take("radiance")
+    noise = {m.record.id: _best(m, true, picture.mask, scene.exposure) for m in asked}
     try:
         values = _gauged(picture, scene)
     except gc.PredictionError as cause:
-        return {m.record.id: Finding(reason=str(cause), noise=noise) for m in asked}
+        return {name: Finding(reason=str(cause), noise=best) for name, best in noise.items()}
     if values is None:
-        return {m.record.id: Finding(reason=_ABSENT, noise=noise) for m in asked}
+        return {name: Finding(reason=_ABSENT, noise=best) for name, best in noise.items()}
     images = display(values, scene.exposure), display(radiance, scene.exposure)
-    return {m.record.id: _judge(m, picture, images, noise) for m in asked}
+    return {m.record.id: _judge(m, picture, images, noise[m.record.id]) for m in asked}
 
 
 _ABSENT = ""
@@ -219,7 +225,7 @@ def _judge(
     if metric.finish is psnr:
         parts = {n: metric.measure(*images, at) for n, at in picture.parts.items() if at.any()}
     value = metric.measure(*images, picture.mask)
-    return Finding(value, noise=noise if metric.noisy else None, parts=parts)
+    return Finding(value, noise=noise, parts=parts)
 
 
 def _gauged(picture: Picture, scene: Scene) -> np.ndarray | None:
@@ -250,11 +256,13 @@ def _albedo_scale(scene: Scene) -> Factors | str:
     return lost if isinstance(lost, str) else (1 / lost[0], 1 / lost[1], 1 / lost[2])
 
 
-def _noise(true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    if "radiance.var" not in true.layers:
+def _best(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
+    """The best value that the truth's noise allows, before ``finish``."""
+    if metric.ceiling == "variance":
+        return noise_as_displayed(true, "radiance", mask, exposure)
+    if (pair := second_truth(true, "radiance")) is None:
         return None
-    variance = gc.display_variance(true.take("radiance"), true.take("radiance.var"), exposure)
-    return float(variance[mask].mean())
+    return metric.measure(display(pair[0], exposure), display(pair[1], exposure), mask)
 
 
 def _pool(

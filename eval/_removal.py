@@ -98,7 +98,7 @@ def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed |
 
 def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
     p, t = (display(pixels, asked.exposure) for pixels in (predicted[asked.region], asked.without))
-    return float(np.mean((p - t) ** 2)), {}
+    return Answer(float(np.mean((p - t) ** 2)))
 
 
 def _noise(asked: Removed) -> float | None:
@@ -111,7 +111,7 @@ def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
     seen = predicted[asked.region], asked.without, asked.with_object
     p, c, o = (exposed(pixels, asked.exposure) for pixels in seen)
     left = residual_energy(p, c, o, np.ones(len(p), bool))
-    return abs(left), {"signed": left}
+    return Answer(abs(left), {"signed": left})
 
 
 def _psnr_metric(region: str) -> ViewMetric:

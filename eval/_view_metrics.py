@@ -4,19 +4,28 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene, status_of
+from graycard.eval._ceiling import ceiling_warnings, pooled_ceiling
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import same
 from graycard.eval._readings import PredictedView, TrueView
 from graycard.eval.protocols import PROTOCOL
 
-Answer = tuple[float, Mapping[str, float]]
-"""The value of one view and the same by neighbouring rules, all before ``finish``."""
+
+class Answer(NamedTuple):
+    """What a metric says, all before ``finish``."""
+
+    value: float
+    parts: Mapping[str, float] = MappingProxyType({})
+    """The same by neighbouring rules."""
+    evidence: np.ndarray | None = None
+    """What the value is a statistic of, shape ``(N,)``, where that is pooled over views."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +47,9 @@ class ViewMetric:
     """Name of the gauge that is applied first."""
     ceiling: Callable[[Any], float | None] = field(default=lambda question: None)
     """``question -> the best value that the truth's noise allows``, before ``finish``; None if unknown."""
+
+    pool: Callable[[np.ndarray], Answer] | None = None
+    """From the evidence of all views together; None where the score is the mean of the views' values."""
 
     def applies(self, true: TrueView) -> bool:
         """Whether the truth has the layers that it needs."""
@@ -86,6 +98,7 @@ class ViewScores:
             status=status,
             reason=reason,
             gauge=factors if isinstance(factors, tuple) else None,
+            pool=metric.pool,
         )
 
 
@@ -106,8 +119,8 @@ def judge_view(metric: ViewMetric, predicted: PredictedView, true: TrueView, sce
     if isinstance(gauge, str):
         return Finding(reason=gauge, noise=noise)
     values = apply_gauge(values, gauge) if metric.gauge != "raw" else np.asarray(values, np.float64)
-    value, parts = metric.answer(values, question)
-    return Finding(value, noise=noise, parts=parts)
+    answer = metric.answer(values, question)
+    return Finding(answer.value, noise=noise, parts=answer.parts, evidence=answer.evidence)
 
 
 def pooled(
@@ -118,25 +131,32 @@ def pooled(
     status: gc.Status,
     reason: str,
     gauge: Factors | None = None,
+    pool: Callable[[np.ndarray], Answer] | None = None,
 ) -> gc.Score:
-    """The score of findings: their mean, finished; a part is the mean over the views that have it."""
+    """The score of findings: what they say together, finished; without ``pool`` that is their mean.
+
+    A part is then the mean over the views that have it.
+    """
     values = {name: f.value for name, f in findings.items() if f.value is not None}
-    scored = status == "scored"
+    together = _together(list(findings.values()), pool) if status == "scored" else None
+    value = finish(together.value) if together else None
+    ceiling = pooled_ceiling([f.noise for f in findings.values()], finish)
     return gc.Score(
         record.id,
         PROTOCOL,
         status,
-        finish(mean(list(values.values()))) if scored else None,
+        value,
         record.unit,
         record.higher_is_better,
         record.optimum,
         per_view={name: finish(value) for name, value in values.items()},
-        noise_ceiling=_ceiling([f.noise for f in findings.values()], finish),
+        noise_ceiling=ceiling,
         gauge=gauge,
         expected=len(findings),
         scored=len(values),
         reason=reason,
-        breakdown=_parts([f.parts for f in findings.values()], finish) if scored else {},
+        warnings=ceiling_warnings(value, ceiling, record.unit, record.higher_is_better),
+        breakdown={name: finish(part) for name, part in together.parts.items()} if together else {},
     )
 
 
@@ -145,12 +165,10 @@ def mean(values: Sequence[float]) -> float:
     return math.fsum(values) / len(values)
 
 
-def _parts(parts: Sequence[Mapping[str, float]], finish: Callable[[float], float]) -> dict[str, float]:
-    names = dict.fromkeys(name for view in parts for name in view)
-    return {name: finish(mean([view[name] for view in parts if name in view])) for name in names}
-
-
-def _ceiling(noise: Sequence[float | None], finish: Callable[[float], float]) -> float | None:
-    known = [n for n in noise if n is not None]
-    best = mean(known) if known and len(known) == len(noise) else 0.0
-    return finish(best) if best > 0 else None
+def _together(findings: Sequence[Finding], pool: Callable[[np.ndarray], Answer] | None) -> Answer:
+    """What scored views say together."""
+    if pool is not None:
+        return pool(np.concatenate([f.evidence for f in findings if f.evidence is not None]))
+    names = dict.fromkeys(name for f in findings for name in f.parts)
+    parts = {name: mean([f.parts[name] for f in findings if name in f.parts]) for name in names}
+    return Answer(mean([f.value for f in findings if f.value is not None]), parts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import graycard as gc
-from graycard.eval._assembly import SUSPICIOUS
+from graycard.eval._ceiling import MARGINS, excess, is_suspicious
 from graycard.eval.statistics._interval import LEVEL, mean_interval
 from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
@@ -53,7 +53,7 @@ def compare_run(run: gc.RunRecord) -> gc.Comparison:
         run.suite_version,
         LEVEL,
         LEAST_SCENES,
-        SUSPICIOUS,
+        MARGINS,
         RULE,
         tuple(table for table in tables if table is not None),
         tuple(_above_ceiling(run)),
@@ -162,11 +162,11 @@ def _too_good(job: gc.Job, score: gc.Score, handed: tuple[str, ...]) -> gc.Above
     value, ceiling = score.value, score.noise_ceiling
     if value is None or ceiling is None:
         return None
-    excess = value - ceiling if score.higher_is_better else ceiling - value
-    if not excess >= SUSPICIOUS:
+    above = excess(value, ceiling, score.higher_is_better)
+    if not is_suspicious(above, score.unit):
         return None
     return gc.AboveCeiling(
-        job.track, job.scene, job.method, job.seed, score.metric, value, ceiling, excess, handed
+        job.track, job.scene, job.method, job.seed, score.metric, value, ceiling, above, score.unit, handed
     )
 
 

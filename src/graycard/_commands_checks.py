@@ -95,7 +95,7 @@ def _say(screen: Screen, found: Comparison) -> None:
             screen.err.print(
                 f"truth has leaked: {above.track}/{above.scene} {above.method}, seed {above.seed}, "
                 f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
-                f"{found.margin:g} are left to chance"
+                f"{found.margins[above.unit]:g} are left to chance"
             )
     pairs = [pair for table in found.metrics for pair in table.pairs]
     few = sum(pair.verdict == "too few scenes" for pair in pairs)

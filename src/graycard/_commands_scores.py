@@ -64,7 +64,7 @@ def _score_table(sheet: ScoreSheet) -> Table:
     table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
     for score in sheet.scores:
         value = f"{score.value:.4g}" if score.value is not None else score.status
-        ceiling = f"{score.noise_ceiling:.1f}" if score.noise_ceiling is not None else ""
+        ceiling = f"{score.noise_ceiling:.4g}" if score.noise_ceiling is not None else ""
         gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
         counts = f"{score.scored}/{score.expected}"
         table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the scores of a run say about methods: means with intervals, differences, ties, scores too good."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,7 +11,7 @@ from graycard._records import read_record
 
 COMPARISON = "comparison.json"
 """Beside ``run.json``; made from it alone."""
-COMPARISON_VERSION = 1
+COMPARISON_VERSION = 2
 
 PairVerdict = Literal["better", "worse", "tie", "too few scenes"]
 """Of the first method of a pair against the second."""
@@ -90,7 +91,9 @@ class AboveCeiling:
     value: float
     ceiling: float
     excess: float
-    """By how much it is better, in the metric's unit; more than ``Comparison.margin``."""
+    """By how much it is better, in the metric's unit; more than the margin of that unit."""
+    unit: str
+    """The metric's."""
     handed: tuple[str, ...]
     """What the method was handed beyond the capture; where it is empty, truth has leaked."""
 
@@ -105,8 +108,8 @@ class Comparison:
     """Of all intervals, as in 0.95."""
     least_scenes: int
     """The fewest scenes with which the rank test of one pair can fall below 1 - level."""
-    margin: float
-    """dB above the ceiling that are still put down to chance."""
+    margins: Mapping[str, float]
+    """By unit: how much above the ceiling is still put down to chance."""
     rule: str
     """How verdicts and ranks are come by, in words for a reader."""
     metrics: tuple[MetricComparison, ...]

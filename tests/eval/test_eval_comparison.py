@@ -183,8 +183,8 @@ def test_ceilings_are_averaged_and_scores_above_them_named():
     found = compare_run(run)
     assert found.find("dark", "psnr").methods[0].ceiling == 40.0
     (above,) = found.above_ceiling
-    assert above == gc.AboveCeiling("dark", "s1", "a", 0, "psnr", 41.5, 40.0, 1.5, ())
-    assert found.margin == 1.0
+    assert above == gc.AboveCeiling("dark", "s1", "a", 0, "psnr", 41.5, 40.0, 1.5, "dB", ())
+    assert found.margins["dB"] == 1.0
     unknown = compare_run(make_run({"a": once([30.0])}, ceiling=None))
     assert unknown.find("dark", "psnr").methods[0].ceiling is None
     handed = compare_run(make_run({"b": once([math.inf])}, ceiling=40.0, handed=("b",)))

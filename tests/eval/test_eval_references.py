@@ -134,8 +134,8 @@ def error_over_noise() -> Pair:
     offsets, sigma = RNG.uniform(0, 4, 3), 0.01
     layers = {"radiance": TRUE, "radiance.var": np.full_like(TRUE, sigma**2), "object_id": EVERYWHERE * 1}
     question = NOISE_METRICS[0].question(TrueView(VIEW, layers, frozenset()), 1.0)
-    ours, _ = NOISE_METRICS[0].answer(TRUE + offsets * sigma, question)
-    return ours, float(np.sqrt(np.mean(offsets**2)))
+    ours = NOISE_METRICS[0].answer(TRUE + offsets * sigma, question)
+    return ours.value, float(np.sqrt(np.mean(offsets**2)))
 
 
 def relit() -> Pair:

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The best scores that the truth's own noise allows, and how far above them chance may lift a score."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+MARGINS: Mapping[str, float] = {"dB": 1.0, "σ": 0.1, "1": 0.01}
+"""By unit: a score that is better than its ceiling by as much owes it to more than chance.
+
+A decibel of an error is a ninth of its root mean square, hence 0.1 σ. What has no unit and has a ceiling
+(SSIM, FLIP) is a mean over the mask, which chance moves by less than its gate's tolerance of 0.01.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class CeilingRule:
+    """Whether some metrics have a noise ceiling, and which, or why not."""
+
+    metrics: tuple[str, ...]
+    """Ids, or patterns of ids with ``*``."""
+    known: bool
+    says: str
+
+
+CEILINGS: tuple[CeilingRule, ...] = (
+    CeilingRule(
+        ("novel_view.psnr", "counterfactual.psnr*", "relighting.psnr*", "composition.psnr", "shading.psnr"),
+        True,
+        "PSNR of the mean variance of the truth as displayed, to first order",
+    ),
+    CeilingRule(
+        ("novel_view.ssim", "novel_view.flip*", "counterfactual.ssim", "counterfactual.flip",
+         "relighting.ssim", "composition.ssim"),
+        True,
+        "the score of a picture nearly without noise (the truth after Lee's filter) against itself with new "
+        "noise of the truth's size: (half_a - half_b) / 2, or normal noise with a fixed seed",
+    ),
+    CeilingRule(
+        ("*.noise_rms",),
+        True,
+        "the same of (half_a - half_b) / 2, which is as far off as the truth; 1 without halves",
+    ),
+    CeilingRule(
+        ("novel_view.lpips",),
+        False,
+        "none: a second pass through the network for each view would cost more than all other scores",
+    ),
+    CeilingRule(
+        ("irradiance.psnr", "light_share.psnr", "direct.*", "indirect.*"),
+        False,
+        "none: the truth has no variance and no halves of light by source, lobe or bounce",
+    ),
+    CeilingRule(
+        ("counterfactual.residual.*",),
+        False,
+        "none: noise is projected onto the object's effect, where it averages out; how much of it both true "
+        "pictures share is not known",
+    ),
+    CeilingRule(
+        ("albedo.leakage*",),
+        False,
+        "none: reflectance is exact; shading below four of its standard deviations is not judged",
+    ),
+    CeilingRule(
+        ("albedo.psnr.*", "albedo.ssim", "albedo.flip", "albedo.ciede2000", "albedo.lmse",
+         "albedo.chart", "diffuse_reflectance.*", "hemispherical_albedo.*", "roughness.*", "metallic.*",
+         "normal.*", "depth.*"),
+        False,
+        "needs none: no light path is drawn for this truth",
+    ),
+    CeilingRule(("light.*", "environment.*"), False, "needs none: the lights are exact"),
+)  # fmt: skip
+"""Every metric is in exactly one."""
+
+
+def pooled_ceiling(best: Sequence[float | None], finish: Callable[[float], float]) -> float | None:
+    """The ceiling of a score from those of its views.
+
+    Args:
+        best: Before ``finish``; None where it is not known.
+        finish: What makes the score of the mean over views.
+
+    Returns:
+        None unless it is known of every view, and for a truth without noise.
+    """
+    known = [value for value in best if value is not None]
+    if not known or len(known) < len(best):
+        return None
+    mean = math.fsum(known) / len(known)
+    return finish(mean) if mean > 0 else None
+
+
+def excess(value: float, ceiling: float, higher_is_better: bool) -> float:
+    """By how much a score is better than its ceiling; below 0 where it is worse."""
+    return value - ceiling if higher_is_better else ceiling - value
+
+
+def is_suspicious(above: float, unit: str) -> bool:
+    """Whether a score is above its ceiling by more than chance does it; never where chance is not known."""
+    return unit in MARGINS and above >= MARGINS[unit]
+
+
+def ceiling_warnings(
+    value: float | None, ceiling: float | None, unit: str, higher_is_better: bool
+) -> tuple[str, ...]:
+    """What stands beside a score that only the truth's own noise explains; nothing beside any other."""
+    if value is None or ceiling is None:
+        return ()
+    above = excess(value, ceiling, higher_is_better)
+    if not is_suspicious(above, unit):
+        return ()
+    digits, named = (1, f" {unit}") if unit == "dB" else (3, "" if unit == "1" else f" {unit}")
+    way = "above" if higher_is_better else "below"
+    score, by, best = (f"{number:.{digits}f}{named}" for number in (value, above, ceiling))
+    return (
+        f"{score} is {by} {way} the {best} that the noise of the truth allows, and chance makes up for less "
+        f"than {MARGINS[unit]:g}{named}: the prediction holds the noise of the truth itself",
+    )
