@@ -87,6 +87,7 @@ def _record(
 ) -> gc.MetricRecord:
     best, tolerance = (math.inf, 0.3) if unit == "dB" else (1.0, 0.01)
     where = "as displayed, srgb(L·exposure), over the mask of the test views"
+    ignores: tuple[gc.Invariance, ...]
     if group == "composition":
         formula, ignores = f"{rule} of radiance {where}", ()
     else:
