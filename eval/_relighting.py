@@ -87,14 +87,10 @@ def _record(
 ) -> gc.MetricRecord:
     best, tolerance = (math.inf, 0.3) if unit == "dB" else (1.0, 0.01)
     where = "as displayed, srgb(L·exposure), over the mask of the test views"
-    ignores: tuple[gc.Invariance, ...]
-    if group == "composition":
-        formula, ignores = f"{rule} of radiance {where}", ()
-    else:
-        scale = (
-            "s_c of base_color on training views under the lights of the photographs (1 without base_color)"
-        )
-        formula, ignores = f"{rule} of s_c·radiance {where}, {scale}", ("global gain", "channel gain")
+    own = group == "composition"
+    scale = "s_c of base_color on training views under the lights of the photographs (1 without base_color)"
+    formula = f"{rule} of radiance {where}" if own else f"{rule} of s_c·radiance {where}, {scale}"
+    ignores: tuple[gc.Invariance, ...] = () if own else ("global gain", "channel gain")
     return gc.MetricRecord(
         f"{group}.{name}", title, group, unit, True, best, formula, headline, tolerance, ignores
     )
