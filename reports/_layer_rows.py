@@ -131,7 +131,7 @@ def layer_row(
     unit = gc.layer(layer.name).unit
     return LayerRow(
         title,
-        _unit_of(layer.name),
+        f"{_unit_of(layer.name)}, at the exposure of the scene" if layer.still else _unit_of(layer.name),
         Tile(truth),
         tuple(_prediction(layer, view, method, title) for method in methods),
         tuple(_error(layer, view, method, title) for method in methods),

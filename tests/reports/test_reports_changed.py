@@ -69,7 +69,10 @@ def test_a_change_is_shown_if_a_competing_method_hands_it_in(scene: SceneEvidenc
     assert changed_rows(scene, [handed()]) == ()
     moved, sky = EDITS[1], EDITS[3]
     (row,) = changed_rows(scene, [handed((moved,))])
-    assert row.title == f"Relit: {moved.summary}"
+    assert (row.title, row.unit) == (
+        f"Relit: {moved.summary}",
+        "as displayed, at the exposure of the scene",
+    )
     rows = changed_rows(scene, [handed((moved, sky), composed=True)])
     titles = [f"Relit: {moved.summary}", f"Relit: {sky.summary}", "Composed: with pot of another scene"]
     assert [r.title for r in rows] == titles
