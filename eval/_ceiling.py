@@ -34,7 +34,7 @@ CEILINGS: tuple[CeilingRule, ...] = (
          "relighting.ssim", "composition.ssim"),
         True,
         "the score of a picture nearly without noise (the truth after Lee's filter) against itself with new "
-        "noise of the truth's size: (half_a - half_b) / 2, or normal noise with a fixed seed",
+        "noise, (half_a - half_b) / 2; none without halves",
     ),
     CeilingRule(
         ("*.noise_rms",),

@@ -4,7 +4,8 @@
 Means of squares have a ceiling in closed form, SSIM and FLIP have none: they look at neighbourhoods. So the
 score of a noise-free picture is made, not derived. The picture is the truth with most of its noise taken out;
 where the filter cannot tell noise from texture it leaves both, and there noise matters little. Noise that is
-left makes the ceiling a little too high, so a picture without any is not accused.
+left makes the ceiling of SSIM a little too high, so a picture without any is not accused. New noise is that
+of the truth's halves: normal noise of the same variance, without fireflies, costs a third more of FLIP.
 """
 
 import numpy as np
@@ -14,8 +15,6 @@ from graycard.eval._readings import TrueView
 
 WINDOW = 5
 """Side in pixels of the neighbourhood that is looked at."""
-SEED = 20260
-"""Of the noise of a truth that has no halves."""
 
 
 def second_truth(true: TrueView, layer: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -23,7 +22,7 @@ def second_truth(true: TrueView, layer: str) -> tuple[np.ndarray, np.ndarray] | 
 
     Args:
         true: A view of the truth.
-        layer: One that has a variance, linear.
+        layer: One that has a variance and halves, linear.
 
     Returns:
         Both ``(H, W, 3)``, float64, in the unit of the layer; None where its noise is not known, or none.
@@ -31,11 +30,13 @@ def second_truth(true: TrueView, layer: str) -> tuple[np.ndarray, np.ndarray] | 
     Raises:
         DatasetError: A layer is of another size, or not finite.
     """
-    if f"{layer}.var" not in true.layers or not true.take(f"{layer}.var").any():
+    if not all(f"{layer}.{name}" in true.layers for name in ("var", "half_a", "half_b")):
         return None
-    variance = true.take(f"{layer}.var").astype(np.float64)
+    variance, a, b = (true.take(f"{layer}.{n}").astype(np.float64) for n in ("var", "half_a", "half_b"))
+    if not variance.any():
+        return None
     quiet = without_noise(true.take(layer).astype(np.float64), variance)
-    return quiet, quiet + _noise(true, layer, variance)
+    return quiet, quiet + (a - b) / 2  # whose variance is that of the mean of the halves
 
 
 def noise_as_displayed(true: TrueView, layer: str, mask: np.ndarray, exposure: float) -> float | None:
@@ -68,11 +69,3 @@ def _local_mean(image: np.ndarray) -> np.ndarray:
     from scipy.ndimage import uniform_filter
 
     return uniform_filter(image, WINDOW, mode="nearest", axes=(0, 1))
-
-
-def _noise(true: TrueView, layer: str, variance: np.ndarray) -> np.ndarray:
-    """(half_a - half_b) / 2 has the variance of their mean and, unlike normal noise, its fireflies."""
-    halves = [true.take(f"{layer}.{h}") for h in ("half_a", "half_b") if f"{layer}.{h}" in true.layers]
-    if len(halves) == 2:
-        return (halves[0].astype(np.float64) - halves[1]) / 2
-    return np.random.default_rng(SEED).normal(size=variance.shape) * np.sqrt(np.maximum(variance, 0))

@@ -47,6 +47,10 @@ REFERENCES: tuple[Reference, ...] = (
         "diffuse sphere", "spherical harmonics, Ramamoorthi and Hanrahan 2001, three digits", 2e-3, "1"
     ),
     Reference("glossy sphere", "Gauss and Legendre over facets, two digits", 5e-3, "1"),
+    Reference("signed-rank test, exact", "scipy.stats.wilcoxon, exact", 1e-12, "1"),
+    Reference("signed-rank test with ties", "every sign of every difference, counted", 1e-12, "1"),
+    Reference("bootstrap-t interval", "its definition, resample by resample, tails by sorting", 1e-9, "1"),
+    Reference("test of the mean", "Student's p, and resamples beyond the ratio, counted", 1e-12, "1"),
     Reference("LPIPS", "its equations in numpy, float64, small random weights, five digits", 1e-5, "1"),
 )
 """Every entry has a test of its name in ``tests/eval/test_eval_references.py``."""

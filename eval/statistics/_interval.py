@@ -55,6 +55,9 @@ def mean_interval(values: Sequence[float] | np.ndarray, level: float = LEVEL) ->
 def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
     """Two-sided p of a mean of 0: 1 less the level at which the end of :func:`mean_interval` is 0.
 
+    A little liberal where differences are skewed: of 8 lognormal ones (sigma 0.5) whose mean is 0, nearly 7 %
+    have p < 0.05, as their intervals cover 93 %.
+
     Returns:
         None where there is no interval; 0 for values that are equal and not 0, 1 if all are 0.
     """

@@ -8,7 +8,7 @@ import os
 import re
 from pathlib import Path
 
-from docs_of_scores import reference_table, spread_figure
+from docs_of_scores import ceiling_table, reference_table, spread_figure
 from graycard.eval.protocols import Experiment, protocol_spread
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -28,6 +28,14 @@ def test_the_table_of_references_is_the_one_that_tests_use() -> None:
     table = reference_table()
     held(DOCS / "scores.md", re.sub(BETWEEN, lambda m: m[1] + table + m[3], page, flags=re.DOTALL))
     assert len(re.findall(BETWEEN, page, flags=re.DOTALL)) == 1
+
+
+def test_the_table_of_ceilings_is_the_one_of_the_code() -> None:
+    page = (DOCS / "scores.md").read_text(encoding="utf-8")
+    between = r"(<!-- ceilings: [^>]*-->\n)(.*?)(<!-- end of ceilings -->)"
+    table = ceiling_table()
+    held(DOCS / "scores.md", re.sub(between, lambda m: m[1] + table + m[3], page, flags=re.DOTALL))
+    assert len(re.findall(between, page, flags=re.DOTALL)) == 1
 
 
 def test_the_figure_of_the_spread_is_that_of_the_experiment() -> None:

@@ -15,6 +15,7 @@ from skimage.metrics import peak_signal_noise_ratio
 import graycard as gc
 import graycard.eval as ge
 import layer_references
+import statistics_references
 from graycard.eval._assembly import Scene
 from graycard.eval._colour_difference import REC709_TO_XYZ
 from graycard.eval._noise_error import NOISE_METRICS
@@ -190,6 +191,10 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
     "mirror sphere": layer_references.mirror_sphere,
     "diffuse sphere": layer_references.diffuse_sphere,
     "glossy sphere": layer_references.glossy_sphere,
+    "signed-rank test, exact": statistics_references.signed_rank,
+    "signed-rank test with ties": statistics_references.signed_rank_with_ties,
+    "bootstrap-t interval": statistics_references.bootstrap_t,
+    "test of the mean": statistics_references.test_of_mean,
     "LPIPS": layer_references.lpips,
 }
 

@@ -24,6 +24,13 @@ def reference_table() -> str:
     return "\n".join([*head, *rows]) + "\n"
 
 
+def ceiling_table() -> str:
+    """Which metrics have a noise ceiling, and why not, in Markdown."""
+    head = ["| metrics | ceiling |", "| --- | --- |"]
+    rows = [f"| {', '.join(f'`{name}`' for name in rule.metrics)} | {rule.says} |" for rule in ge.CEILINGS]
+    return "\n".join([*head, *rows]) + "\n"
+
+
 def spread_figure(shares: Sequence[float], scores: Sequence[Mapping[str, float]]) -> str:
     """One prediction by every protocol, as SVG: a row a protocol, a dot a share of the picture.
 
