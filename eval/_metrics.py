@@ -72,7 +72,7 @@ def _radiance_metrics(group: str, title: str, layer: str, of: str) -> tuple[Imag
             psnr_record, layer, display, _MEAN_SQUARE, psnr, ceiling="variance", beside=("linear", exposed)
         ),
         ImageMetric(ssim_record, layer, display, ssim, same, ceiling="second truth"),
-        ImageMetric(flip_record, layer, display, _FLIP, same, ceiling="second truth"),
+        ImageMetric(flip_record, layer, display, _FLIP, same),
     )
 
 
@@ -85,7 +85,7 @@ def _flip_hdr() -> ImageMetric:
         headline=False, tolerance=0.01,
     )  # fmt: skip
     errors = Bracketed(flip_errors, np.mean, _BRACKET)
-    return ImageMetric(record, "radiance", display, errors, same, ceiling="second truth")
+    return ImageMetric(record, "radiance", display, errors, same)
 
 
 def _lpips() -> ImageMetric:

