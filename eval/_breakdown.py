@@ -60,7 +60,7 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
         name, space = metric.beside
         parts[name] = float(value_of.statistic(seen.errors(value_of.errors, space)))
     value = float(value_of.statistic(errors))
-    if metric.ceiling == "variance" and seen.variance is not None and seen.variance.any():
+    if metric.noisy and seen.variance is not None and seen.variance.any():
         parts["debiased"] = value - _noise(metric.space, seen, seen.variance)
     return value, parts
 

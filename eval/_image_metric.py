@@ -3,7 +3,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -13,10 +12,6 @@ Space = Callable[[np.ndarray, float], np.ndarray]
 """``(linear, exposure) -> values that are compared``."""
 Measure = Callable[[np.ndarray, np.ndarray, np.ndarray], float]
 """``(predicted, true, mask) -> value of one view`` that is averaged over views."""
-
-CeilingKind = Literal["none", "variance", "second truth"]
-"""How the noise of the truth bounds a score: not at all, or nobody knows; by the mean variance as displayed,
-for a mean square; or by the score of a picture nearly without noise against itself with new noise."""
 
 GLOBAL: tuple[gc.Invariance, ...] = ("global gain",)
 CHANNEL: tuple[gc.Invariance, ...] = ("global gain", "channel gain")
@@ -44,7 +39,8 @@ class ImageMetric:
     gauge: str | None = None
     """Name of the gauge that is applied first (:func:`graycard.eval._training.fit_gauges`); None for a layer
     that has none."""
-    ceiling: CeilingKind = "none"
+    noisy: bool = False
+    """Whether the noise of the truth bounds it from above."""
     beside: tuple[str, Space] | None = None
     """Another space that the breakdown has the same number in, and its name."""
     brightness: float = 1.0

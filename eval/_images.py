@@ -11,20 +11,19 @@ import numpy as np
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene, assemble, by_record
 from graycard.eval._breakdown import Comparison, measure
+from graycard.eval._ceiling import noise_as_displayed
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import ImageMetric
 from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth, with_darkness
-from graycard.eval._second_truth import noise_as_displayed, second_truth
 from graycard.eval._ssim import interior, ssim
 from graycard.eval._training import Training, fit_gauges
 
 REQUIRED = frozenset({"radiance", "base_color", "normal"})
 """Layers that the truth of every scene has; what depends on another is left out of a sheet without it."""
 
-Comparisons = dict[tuple[str, Factors | None, bool], Comparison | None]
-"""By layer, gauge, and whether the colour chart alone is judged. With None for a gauge: a picture nearly
-without noise beside itself with new noise, or None where the truth's noise is not known."""
+Comparisons = dict[tuple[str, Factors, bool], Comparison]
+"""By layer, gauge, and whether the colour chart alone is judged."""
 
 
 class Observer(Protocol):
@@ -100,15 +99,15 @@ def judge(
         if isinstance(gauge, str):
             return Finding(reason=gauge)
         key = metric.layer, gauge, metric.chart
-        if (seen := comparisons.get(key)) is None:
+        if key not in comparisons:
             values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
             images = values, reference.astype(np.float64), mask
-            seen = Comparison(*images, exposure, _variance(true, metric.layer), true.pure())
-            comparisons[key] = seen
+            comparisons[key] = Comparison(*images, exposure, _variance(true, metric.layer), true.pure())
+        seen = comparisons[key]
         value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
-    noise = _best(metric, true, mask, exposure, comparisons)
+    noise = _noise(metric, true, mask, exposure)
     return Finding(value, "", _warnings(metric, seen.predicted, mask, true.view.name), noise, parts)
 
 
@@ -140,19 +139,8 @@ def _variance(true: TrueView, layer: str) -> np.ndarray | None:
     return true.take(f"{layer}.var") if f"{layer}.var" in true.layers else None
 
 
-def _best(
-    metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float, comparisons: Comparisons
-) -> float | None:
-    """The best value that the truth's noise allows, before ``finish``."""
-    if metric.ceiling == "variance":
-        return noise_as_displayed(true, metric.layer, mask, exposure)
-    if metric.ceiling == "none":
-        return None
-    key = metric.layer, None, metric.chart
-    if key not in comparisons:
-        pair = second_truth(true, metric.layer)
-        comparisons[key] = Comparison(*pair, mask, exposure) if pair else None
-    return None if (seen := comparisons[key]) is None else measure(metric, seen)[0]
+def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
+    return noise_as_displayed(true, metric.layer, mask, exposure) if metric.noisy else None
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:

@@ -9,16 +9,7 @@ import numpy as np
 import graycard as gc
 from graycard.eval._chart import patch_difference
 from graycard.eval._depth import depth_errors, relative_depth_errors, within_ratio
-from graycard.eval._image_metric import (
-    CHANNEL,
-    GLOBAL,
-    IGNORED,
-    CeilingKind,
-    ImageMetric,
-    display,
-    linear,
-    same,
-)
+from graycard.eval._image_metric import CHANNEL, GLOBAL, IGNORED, ImageMetric, display, linear, same
 from graycard.eval._pixelwise import (
     Pixelwise,
     absolute_errors,
@@ -119,8 +110,8 @@ def _received(layer: str, group: str, title: str, of: str, brightness: float) ->
         "albedo; 1 where it has none); over the mask without lights",
         headline=False, tolerance=0.3, ignores=CHANNEL,
     )  # fmt: skip
-    ceiling: CeilingKind = "variance" if layer == "shading" else "none"
-    return ImageMetric(record, layer, display, _MEAN_SQUARE, psnr, "light", ceiling, None, brightness)
+    noisy = layer == "shading"
+    return ImageMetric(record, layer, display, _MEAN_SQUARE, psnr, "light", noisy, None, brightness)
 
 
 def _returned(layer: str, title: str, of: str = "") -> ImageMetric:

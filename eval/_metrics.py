@@ -68,10 +68,8 @@ def _radiance_metrics(group: str, title: str, layer: str, of: str) -> tuple[Imag
         headline=False, tolerance=0.01,
     )  # fmt: skip
     return (
-        ImageMetric(
-            psnr_record, layer, display, _MEAN_SQUARE, psnr, ceiling="variance", beside=("linear", exposed)
-        ),
-        ImageMetric(ssim_record, layer, display, ssim, same, ceiling="second truth"),
+        ImageMetric(psnr_record, layer, display, _MEAN_SQUARE, psnr, noisy=True, beside=("linear", exposed)),
+        ImageMetric(ssim_record, layer, display, ssim, same),
         ImageMetric(flip_record, layer, display, _FLIP, same),
     )
 
@@ -84,8 +82,7 @@ def _flip_hdr() -> ImageMetric:
         f"to [0, 1], e = {stops} stops: exposures fixed by the scene, tone mapping that of the display",
         headline=False, tolerance=0.01,
     )  # fmt: skip
-    errors = Bracketed(flip_errors, np.mean, _BRACKET)
-    return ImageMetric(record, "radiance", display, errors, same)
+    return ImageMetric(record, "radiance", display, Bracketed(flip_errors, np.mean, _BRACKET), same)
 
 
 def _lpips() -> ImageMetric:

@@ -15,12 +15,12 @@ import numpy as np
 
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene
+from graycard.eval._ceiling import noise_as_displayed
 from graycard.eval._gauge import Factors, apply_gauge
-from graycard.eval._image_metric import CeilingKind, display, same
+from graycard.eval._image_metric import display, same
 from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView
-from graycard.eval._second_truth import noise_as_displayed, second_truth
 from graycard.eval._ssim import ssim
 from graycard.eval._view_metrics import mean, pooled
 
@@ -38,7 +38,7 @@ class ChangedMetric:
     """Applied to the mean over pictures."""
     kind: gc.EditKind | None = None
     """Which changes; None for all of them."""
-    ceiling: CeilingKind = "second truth"
+    noisy: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ RELIGHTING_METRICS: tuple[ChangedMetric, ...] = (
         _record("relighting", "psnr", "Relighting PSNR", _PSNR, headline=True),
         square_error,
         psnr,
-        ceiling="variance",
+        noisy=True,
     ),
     ChangedMetric(_record("relighting", "ssim", "Relighting SSIM", _SSIM, unit="1"), ssim, same),
     *(
@@ -119,16 +119,14 @@ RELIGHTING_METRICS: tuple[ChangedMetric, ...] = (
             square_error,
             psnr,
             kind,
-            "variance",
+            noisy=True,
         )
         for kind, title in _KINDS
     ),
 )
 
 COMPOSITION_METRICS: tuple[ChangedMetric, ...] = (
-    ChangedMetric(
-        _record("composition", "psnr", "Composition PSNR", _PSNR), square_error, psnr, ceiling="variance"
-    ),
+    ChangedMetric(_record("composition", "psnr", "Composition PSNR", _PSNR), square_error, psnr, noisy=True),
     ChangedMetric(_record("composition", "ssim", "Composition SSIM", _SSIM, unit="1"), ssim, same),
 )
 
@@ -200,7 +198,7 @@ def judge_picture(table: Sequence[ChangedMetric], picture: Picture, scene: Scene
     asked = [m for m in table if m.kind in (None, picture.kind)]
     true = TrueView(picture.view, picture.true, frozenset())
     radiance = true.take("radiance")
-    noise = {m.record.id: _best(m, true, picture.mask, scene.exposure) for m in asked}
+    noise = {m.record.id: _noise(m, true, picture.mask, scene.exposure) for m in asked}
     try:
         values = _gauged(picture, scene)
     except gc.PredictionError as cause:
@@ -253,13 +251,8 @@ def _albedo_scale(scene: Scene) -> Factors | str:
     return lost if isinstance(lost, str) else (1 / lost[0], 1 / lost[1], 1 / lost[2])
 
 
-def _best(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    """The best value that the truth's noise allows, before ``finish``."""
-    if metric.ceiling == "variance":
-        return noise_as_displayed(true, "radiance", mask, exposure)
-    if (pair := second_truth(true, "radiance")) is None:
-        return None
-    return metric.measure(display(pair[0], exposure), display(pair[1], exposure), mask)
+def _noise(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
+    return noise_as_displayed(true, "radiance", mask, exposure) if metric.noisy else None
 
 
 def _pool(

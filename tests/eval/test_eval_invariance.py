@@ -66,7 +66,7 @@ BESIDE = {
     "shading": np.where(LIT[..., None] > 0, 1.0, 0.3) * np.ones(SHAPE),
     "visibility.lamp": LIT,
     "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),
-    "direct.specular.lamp": RNG.uniform(0, 0.2, SHAPE),
+    "direct.specular.lamp": RNG.uniform(0, 0.13, SHAPE),
     **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
 }
 """What metrics with rules of their own ask the truth for."""

@@ -43,7 +43,7 @@ def enriched(layers: Layers) -> Layers:
     }
     for share, name in zip((0.5, 0.3, 0.2), NAMES, strict=True):
         more[f"irradiance.{name}"] = layers["radiance"] * (share * 6)
-        for part, of in zip(gc.PARTS, (0.4, 0.3, 0.2, 0.1), strict=True):
+        for part, of in zip(gc.PARTS, (0.5, 0.15, 0.3, 0.05), strict=True):
             more[f"{part}.{name}"] = layers["radiance"] * (share * of)
     return layers | {k: v.astype(np.float32) for k, v in more.items()}
 

@@ -201,8 +201,7 @@ def test_the_ceiling_is_what_a_noise_free_picture_scores(sheet_of: Callable[...,
         score = sheet.score(metric)
         assert score.noise_ceiling is not None
         assert value(sheet, metric) == pytest.approx(score.noise_ceiling, abs=0.6)
-    for metric in ("relighting.ssim", "composition.ssim"):
-        assert value(sheet, metric) == pytest.approx(sheet.score(metric).noise_ceiling, abs=1e-4)
+    assert sheet.score("relighting.ssim").noise_ceiling is None
 
 
 def test_the_object_put_in_and_what_is_around_it(sheet_of: Callable[..., gc.ScoreSheet]) -> None:

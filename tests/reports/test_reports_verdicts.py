@@ -39,7 +39,7 @@ def pair(first: str, second: str, verdict: Any, **more: Any) -> gc.PairDifferenc
 
 def compared(metric: gc.MetricRecord, methods: list[gc.MethodStanding], *pairs: gc.PairDifference) -> Verdict:
     found = gc.MetricComparison("dark", metric.id, tuple(methods), pairs)
-    return judge(metric, found, gc.Comparison("s", 1, 0.95, 6, 1.0, "the rule", (found,)))
+    return judge(metric, found, gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,)))
 
 
 def test_clear_lead_names_the_larger_of_both_p_values() -> None:
@@ -130,7 +130,7 @@ def test_axis_holds_means_intervals_and_ceilings_but_nothing_infinite() -> None:
 def test_cells_say_who_is_tied_with_whom() -> None:
     methods = (stands("a", 9.0), stands("b", 8.0), stands("c", 1.0, 2))
     found = gc.MetricComparison("dark", UP.id, methods, (pair("a", "b", "tie"),))
-    comparison = gc.Comparison("s", 1, 0.95, 6, 1.0, "the rule", (found,))
+    comparison = gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
     record = gc.RunRecord("s", 1, (), (), (UP,), (), {}, "", 0)
     track = compare_track(comparison, record, "dark", [UP])
     cells = [track.dress(Cell("scored", "x", 1.0, ("below",)), UP.id, m.method) for m in methods]
@@ -176,7 +176,9 @@ def comparison_of(record: gc.RunRecord) -> gc.Comparison:
     light = gc.MetricComparison("dark", "light.position", methods[:2], (few,))
     leak = gc.AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, "dB", ())
     handed = replace(leak, method="truth", handed=("radiance",))
-    return gc.Comparison(record.suite, 3, 0.95, 6, 1.0, "A rule <in words>.", (albedo, light), (leak, handed))
+    return gc.Comparison(
+        record.suite, 3, 0.95, 6, {"dB": 1.0}, "A rule <in words>.", (albedo, light), (leak, handed)
+    )
 
 
 def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, gc.RunRecord]]) -> None:

@@ -139,7 +139,7 @@ def test_srgb_against_the_standard():
 PAIR = gc.PairDifference("a", "b", 8, 1.5, (0.5, 2.5), 0.0078, 0.0078, 0.004, 0.004, "better")
 STANDING = gc.MethodStanding("a", True, 8, 8, 2, 25.0, (23.0, 27.0), 2.0, 0.3, 40.0, 1)
 COMPARED = gc.Comparison(
-    "demo", 1, 0.95, 6, 1.0, "who wins", (gc.MetricComparison("dark", "m", (STANDING,), (PAIR,)),),
+    "demo", 1, 0.95, 6, {"dB": 1.0}, "who wins", (gc.MetricComparison("dark", "m", (STANDING,), (PAIR,)),),
     (gc.AboveCeiling("dark", "s", "a", 0, "m", math.inf, 40.0, math.inf, "dB", ("radiance",)),),
 )  # fmt: skip
 
