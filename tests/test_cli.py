@@ -110,6 +110,17 @@ def test_speed_compares_the_truth_with_a_plain_picture(
     assert 0 < cost["separated_s"] < 600
 
 
+def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture):
+    monkeypatch.setattr("graycard.benchmarks.speed._score.FAMILIES", ("glossy-table",))
+    assert main(["speed", "score", "--quick", "--json", str(tmp_path / "s.json")]) == 0
+    assert "a view of 64 x 64 takes at most" in last_line(capsys)
+    (cost,) = json.loads((tmp_path / "s.json").read_text())
+    assert (cost["track"], cost["pixels"]) == ("tabletop", 4096)
+    assert cost["scores"] > 40
+    assert 0 < cost["seconds"] < 600
+    assert 50 < cost["peak_mib"] < 8000
+
+
 def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert main(["methods", "--json", str(tmp_path / "m.json")]) == 0
     assert last_line(capsys) == "methods: 7 work, 0 cannot be loaded"

@@ -12,5 +12,7 @@ from graycard.benchmarks.speed._engine_records import EngineSpeed as EngineSpeed
 from graycard.benchmarks.speed._engine_tables import SpeedTable as SpeedTable
 from graycard.benchmarks.speed._engine_tables import disturbed_note as disturbed_note
 from graycard.benchmarks.speed._engine_tables import engine_tables as engine_tables
+from graycard.benchmarks.speed._score import ScoreCost as ScoreCost
+from graycard.benchmarks.speed._score import measure_scoring as measure_scoring
 from graycard.benchmarks.speed._truth import TruthCost as TruthCost
 from graycard.benchmarks.speed._truth import measure_truth as measure_truth

@@ -20,9 +20,9 @@ Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"],
 class Speed:
     """Measure what the machinery costs, beside a peer in the same run."""
 
-    what: Annotated[Literal["truth", "engine"], tyro.conf.Positional]
+    what: Annotated[Literal["truth", "engine", "score"], tyro.conf.Positional]
     """truth: light split by source and lobe, beside Mitsuba's path tracer. engine: surfels, stage by stage,
-    beside the machine's peak and other implementations."""
+    beside the machine's peak and other implementations. score: one view with all its layers, on one core."""
     repeats: int = 5
     """How often each is timed; medians count."""
     parts: Parts = ()
@@ -30,24 +30,55 @@ class Speed:
     workloads: tuple[str, ...] = ()
     """engine: stages, peers and the tracer on these workloads only (A to E)."""
     quick: bool = False
-    """engine: everything once, on next to nothing, to see that it works."""
+    """engine and score: everything once, on next to nothing, to see that it works."""
     json: Json = None
     """Also write the figures to this file."""
     plot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.svg")] = None
     """engine: also draw them."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
-        """Time one or the other."""
-        return self._engine(screen) if self.what == "engine" else self._truth(screen)
+        """Time one of them."""
+        if self.what == "engine":
+            return self._engine(screen)
+        self._refuse_options(*() if self.what == "score" else ("quick",))
+        return self._truth(screen) if self.what == "truth" else self._score(screen)
+
+    def _refuse_options(self, *others: str) -> None:
+        """Refuse what only the engine takes, and ``others``.
+
+        Raises:
+            GraycardError: One was given.
+        """
+        given = [f"--{name}" for name in ("plot", "parts", "workloads", *others) if getattr(self, name)]
+        if given:
+            raise GraycardError(
+                f"expected no {' or '.join(given)} with `graycard speed {self.what}`: options of "
+                "`graycard speed engine`. Leave it out"
+            )
+
+    def _score(self, screen: Screen) -> int:
+        from graycard.benchmarks.speed import measure_scoring
+
+        size, repeats = (64, 1) if self.quick else (512, self.repeats)
+        with screen.progress() as progress:
+            costs = measure_scoring(size, repeats, progress)
+        table = new_table("track", "family", "pixels", "scores", "s", "peak MiB")
+        for c in costs:
+            figures = str(c.pixels), str(c.scores), f"{c.seconds:.2f}", f"{c.peak_mib:.0f}"
+            table.add_row(c.track, c.family, *figures)
+        screen.out.print(table)
+        write_optional_json(self.json, costs)
+        worst = max(costs, key=lambda cost: cost.seconds)
+        peak = max(cost.peak_mib for cost in costs)
+        screen.out.print(
+            f"speed: a view of {size} x {size} takes at most {worst.seconds:.2f} s on one core "
+            f"({worst.family}) and {peak:.0f} MiB"
+        )
+        return OK
 
     def _truth(self, screen: Screen) -> int:
         from graycard.benchmarks.speed import measure_truth
 
-        if self.plot or self.parts or self.workloads or self.quick:
-            raise GraycardError(
-                "expected --repeats and --json only with `graycard speed truth`, got an option of "
-                "`graycard speed engine`. Leave it out"
-            )
         with screen.progress() as progress:
             costs = measure_truth(repeats=self.repeats, progress=progress)
         table = new_table("track", "family", "lights", "path s", "separated s", "ratio", "CPU ratio")

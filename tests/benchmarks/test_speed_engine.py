@@ -253,6 +253,7 @@ def test_a_picture_of_another_kind_is_refused(tmp_path: Path, capsys: pytest.Cap
     assert "a name that ends in .svg" in capsys.readouterr().err
 
 
-def test_options_of_the_engine_are_not_for_the_truth(capsys: pytest.CaptureFixture[str]):
-    assert main(["speed", "truth", "--quick"]) == 2
-    assert "expected --repeats and --json only" in capsys.readouterr().err
+@pytest.mark.parametrize("options", [["truth", "--quick"], ["score", "--parts", "step"]])
+def test_options_of_the_engine_are_not_for_others(options: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main(["speed", *options]) == 2
+    assert f"expected no {options[1]} with `graycard speed {options[0]}`" in capsys.readouterr().err
