@@ -10,6 +10,7 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat._ahead import fetch_listed
 from graycard.methods.splat._blocks import (
     BLOCKS,
     GROUP,
@@ -145,8 +146,11 @@ def draw_tile(
 ):  # fmt: skip
     """Draw the list of one tile into its sums; returns where it stopped, and how many visits blocks had."""
     begin, open_blocks, visits = first, BLOCKS, 0
+    fetch_listed(listed, first, min(first + BATCH, past), rows, bounds, features, channels, normals)
     while first < past and open_blocks > 0:
         count, open_blocks = min(past - first, BATCH), 0
+        next_past = min(first + 2 * BATCH, past)
+        fetch_listed(listed, first + count, next_past, rows, bounds, features, channels, normals)
         stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching)
         masks[first : first + count] = 0
         for block in range(BLOCKS):

@@ -26,6 +26,9 @@ from graycard.methods.splat._simd import (
 )
 
 _FLOAT, _INT, _WORD = ir.FloatType(), ir.IntType(32), ir.IntType(64)
+_BYTE = ir.IntType(8)
+_KEEP, _DATA = 3, 1
+"""Arguments of LLVM's prefetch: into all levels of the cache; not instructions."""
 _VECTOR, _INT_VECTOR = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
 _ROUNDER = 1.5 * 2**23
 """Added to a float32 of less than 2^22, it leaves the nearest integer in the lowest bits."""
@@ -312,3 +315,23 @@ def bit_count(typing: Any, bits: types.Type) -> Any:
         return builder.ctpop(given[0])
 
     return types.int64(types.uint64), code
+
+
+def _prefetch(writes: bool, summary: str) -> Any:
+    """An intrinsic that asks for one line of the cache."""
+
+    def ask(typing: Any, array: types.Type, offset: types.Type) -> Any:
+        def code(context: Any, builder: ir.IRBuilder, signature: Any, given: Sequence[Any]) -> Any:
+            pointer = builder.bitcast(_address(context, builder, signature, given), _BYTE.as_pointer())
+            kind = [ir.Constant(_INT, int(writes)), ir.Constant(_INT, _KEEP), ir.Constant(_INT, _DATA)]
+            _call(builder, "llvm.prefetch.p0", [pointer, *kind], ir.VoidType())
+            return context.get_dummy_value()
+
+        return types.void(array, offset), code
+
+    ask.__doc__ = summary
+    return _instruction(ask)
+
+
+prefetch = _prefetch(False, "Have the line of the cache brought that holds ``array[offset]``, to be read.")
+prefetch_to_write = _prefetch(True, "The same for a line that is to be written.")
