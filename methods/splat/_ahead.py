@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Surfels are brought to the cache before they are needed.
 
-The surfels of a tile lie anywhere in memory, as depth orders them, and 30,000 of them fill the nearest caches:
-without this the kernels spend a third of their time waiting. What is asked for changes no result.
+The surfels of a tile lie anywhere in memory, as depth orders them, and 30,000 of them fill the nearest
+caches: without this the kernels spend a third of their time waiting. What is asked for changes no result.
 """
 
 from numba import njit
 
-from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_words as words
 from graycard.methods.splat._coefficients import COLUMNS
 
 LINE = 16
@@ -19,15 +19,15 @@ def fetch_values(values, surfel, count):
     """So many numbers a surfel, which may begin anywhere in a line."""
     first = surfel * count
     for at in range(first, first + count, LINE):
-        many.prefetch(values, at)
-    many.prefetch(values, first + count - 1)
+        words.prefetch(values, at)
+    words.prefetch(values, first + count - 1)
 
 
 @njit(forceinline=True)
 def fetch_surfel(surfel, rows, bounds, features, channels, normals):
     """All that drawing reads of a surfel."""
-    many.prefetch(rows, surfel * COLUMNS)
-    many.prefetch(bounds, surfel * 4)
+    words.prefetch(rows, surfel * COLUMNS)
+    words.prefetch(bounds, surfel * 4)
     fetch_values(features, surfel, channels)
     if normals is not None:
         fetch_values(normals, surfel, 3)

@@ -12,6 +12,7 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_words as words
 from graycard.methods.splat._ahead import LINE, fetch_listed, fetch_surfel
 from graycard.methods.splat._blocks import (
     CENTRED,
@@ -188,10 +189,10 @@ def clear(array, first, count):
 @njit(forceinline=True)
 def fetch_slot(slot, stride, to_geometry, to_channels):
     """Where a pair will be written."""
-    many.prefetch_to_write(to_geometry, slot * LANES)
+    words.prefetch_to_write(to_geometry, slot * LANES)
     if to_channels is not None:
         for at in range(slot * stride, slot * stride + stride, LINE):
-            many.prefetch_to_write(to_channels, at)
+            words.prefetch_to_write(to_channels, at)
 
 
 @njit(forceinline=True)
@@ -203,7 +204,7 @@ def fetch_later(
     if pair + FAR < past:
         surfel = listed[pair + FAR]
         fetch_surfel(surfel, rows, bounds, features, channels, normals)
-        many.prefetch(slots, surfel)
+        words.prefetch(slots, surfel)
     if pair + SOON < past:
         surfel = listed[pair + SOON]
         fetch_slot(slot_of(bounds, surfel, slots[surfel], tile_x, tile_y), stride, to_geometry, to_channels)
@@ -216,7 +217,6 @@ def tile_gradient(
     to_geometry, to_channels,
 ):  # fmt: skip
     """The slots of all pairs of one tile."""
-    fetch_listed(listed, first, min(first + FAR, past), rows, bounds, features, channels, normals)
     for pair in range(first, past):
         fetch_later(
             pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
@@ -259,6 +259,8 @@ def gradient_part(
     for turn in range((start.size - 1 + parts - 1 - part) // parts):
         tile = turn * parts + part
         tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
+        first, past = start[tile], start[tile + 1]
+        fetch_listed(listed, first, min(first + FAR, past), rows, bounds, features, channels, normals)
         through[:] = 1
         read_tile(
             tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
@@ -267,7 +269,7 @@ def gradient_part(
         if shape is not None:
             read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix)
         tile_gradient(
-            tile_x, tile_y, start[tile], drawn[tile], start[tile + 1], rows, bounds, listed, slots, masks,
+            tile_x, tile_y, first, drawn[tile], past, rows, bounds, listed, slots, masks,
             features, channels, template, sixteen, narrow, extra, normals, positions, through, suffix,
             gradients, planes, weights, wide, stride, to_geometry, to_channels,
         )  # fmt: skip
