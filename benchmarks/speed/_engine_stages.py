@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 import graycard as gc
-from graycard.methods.splat import Surfels, _stages
+from graycard.methods.splat import Surfels, _stage_arrays, _stages
 
 DRAW, DRAW_BACKWARD = "draw", "draw backward"
 """The stages that are the kernels."""
@@ -36,7 +36,7 @@ def staged(surfels: Surfels, camera: gc.Camera) -> Staged:
     tensors = surfels.centres, surfels.rotations, surfels.scales, surfels.opacities
     arrays = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
     still = np.zeros((len(surfels), 2), np.float32)
-    scene = _stages.Scene(*arrays, features=features, offsets=still, camera=camera, shaped=False)
+    scene = _stage_arrays.Scene(*arrays, features=features, offsets=still, camera=camera, shaped=False)
     projected = _stages.project(scene)
     lists = _stages.list_tiles(scene, projected)
     drawn = _stages.draw(scene, projected, lists)
@@ -50,5 +50,5 @@ def staged(surfels: Surfels, camera: gc.Camera) -> Staged:
         DRAW_BACKWARD: partial(_stages.draw_backward, *given),
         "project backward": partial(_stages.project_backward, scene, projected, lists, slots),
     }
-    held = _stages.working_bytes(projected, lists, drawn, slots, gradients)
+    held = _stage_arrays.working_bytes(projected, lists, drawn, slots, gradients)
     return Staged(stages, drawn.forward_lanes, drawn.backward_lanes(lists), held)

@@ -12,6 +12,8 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_words as words
+from graycard.methods.splat._ahead import LINE, fetch_listed, fetch_surfel
 from graycard.methods.splat._blocks import (
     CENTRED,
     GROUP,
@@ -40,6 +42,8 @@ HEIGHTS = (0,) * 2
 """With depths: of the disc's height, and of the centre's z-depth."""
 FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
+FAR, SOON = 16, 6
+"""Pairs before they are needed at which their inputs are asked for, and the places of their results."""
 
 
 @njit(forceinline=True)
@@ -182,6 +186,30 @@ def clear(array, first, count):
         simd.store(array, at, simd.broadcast(0.0))
 
 
+@njit(forceinline=True)
+def fetch_slot(slot, stride, to_geometry, to_channels):
+    """Where a pair will be written."""
+    words.prefetch_to_write(to_geometry, slot * LANES)
+    if to_channels is not None:
+        for at in range(slot * stride, slot * stride + stride, LINE):
+            words.prefetch_to_write(to_channels, at)
+
+
+@njit(forceinline=True)
+def fetch_later(
+    pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
+    to_geometry, to_channels,
+):  # fmt: skip
+    """Ask for what a pair ``FAR`` behind reads, and, by what was asked for before, where one writes."""
+    if pair + FAR < past:
+        surfel = listed[pair + FAR]
+        fetch_surfel(surfel, rows, bounds, features, channels, normals)
+        words.prefetch(slots, surfel)
+    if pair + SOON < past:
+        surfel = listed[pair + SOON]
+        fetch_slot(slot_of(bounds, surfel, slots[surfel], tile_x, tile_y), stride, to_geometry, to_channels)
+
+
 @njit(cache=True)
 def tile_gradient(
     tile_x, tile_y, first, drawn, past, rows, bounds, listed, slots, masks, features, channels, template,
@@ -190,6 +218,10 @@ def tile_gradient(
 ):  # fmt: skip
     """The slots of all pairs of one tile."""
     for pair in range(first, past):
+        fetch_later(
+            pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
+            to_geometry, to_channels,
+        )  # fmt: skip
         surfel = listed[pair]
         slot = slot_of(bounds, surfel, slots[surfel], tile_x, tile_y)
         mask = np.uint64(masks[pair]) if pair - first < drawn else np.uint64(0)
@@ -227,6 +259,8 @@ def gradient_part(
     for turn in range((start.size - 1 + parts - 1 - part) // parts):
         tile = turn * parts + part
         tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
+        first, past = start[tile], start[tile + 1]
+        fetch_listed(listed, first, min(first + FAR, past), rows, bounds, features, channels, normals)
         through[:] = 1
         read_tile(
             tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
@@ -235,7 +269,7 @@ def gradient_part(
         if shape is not None:
             read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix)
         tile_gradient(
-            tile_x, tile_y, start[tile], drawn[tile], start[tile + 1], rows, bounds, listed, slots, masks,
+            tile_x, tile_y, first, drawn[tile], past, rows, bounds, listed, slots, masks,
             features, channels, template, sixteen, narrow, extra, normals, positions, through, suffix,
             gradients, planes, weights, wide, stride, to_geometry, to_channels,
         )  # fmt: skip

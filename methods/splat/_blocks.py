@@ -6,7 +6,7 @@ from numba import njit, types
 from numba.extending import overload
 
 from graycard.methods.splat import _simd as simd
-from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_words as words
 from graycard.methods.splat._coefficients import CENTRE_Z, HEIGHT, LOG2_E, LOG_OPACITY, REST, WHOLE, D, U, V
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR, TRANSMITTANCE_MIN
 
@@ -111,7 +111,7 @@ def block_columns(low, high, corner):
 @njit(forceinline=True)
 def next_bit(bits):
     """The place of the lowest bit, and the bits without it."""
-    return many.lowest_bit(bits), bits & (bits - np.uint64(1))
+    return words.lowest_bit(bits), bits & (bits - np.uint64(1))
 
 
 @njit(forceinline=True)

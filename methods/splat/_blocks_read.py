@@ -2,7 +2,8 @@
 """From the gradients of images to the blocks of a tile, and what they make of each whole pixel."""
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import overload
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
@@ -25,6 +26,18 @@ TO_MEDIAN, RANK = 8, 9
 """The gradient of the median depth, and the median's place in the list."""
 TO_DEPTH, TO_DISTORTION = 3, 4
 """Planes where these gradients wait until they are ``CENTRED``."""
+
+
+def flat(image: np.ndarray | None) -> np.ndarray | None:
+    """An image as a line, if there is one; for kernels, where the type decides."""
+    return None if image is None else image.reshape(-1)
+
+
+@overload(flat)
+def _flat(image):  # no type hints: Numba compares signatures, hints included
+    if isinstance(image, types.NoneType):
+        return lambda image: None
+    return lambda image: image.reshape(-1)
 
 
 @njit(forceinline=True)
@@ -54,14 +67,14 @@ def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, fir
     if not is_whole(tile_x, tile_y, to_image):
         read_lanes(tile_x, tile_y, image, to_image, 0, channels, gradients, stride, first, suffix)
         return
-    asked = to_image.reshape(-1)
+    asked, shown = to_image.reshape(-1), flat(image)
     for block in range(BLOCKS):
         row, column = pixel_of(block, 0)
         at = ((tile_y + row) * width + tile_x + column) * channels
         pulls = pixels.load_pixels(asked, at, width * channels, template)
         many.store_many(gradients, (block * stride + first) * LANES, pulls)
         if image is not None:
-            drawn = pixels.load_pixels(image.reshape(-1), at, width * channels, template)
+            drawn = pixels.load_pixels(shown, at, width * channels, template)
             total = many.add_pairs(simd.load(suffix, block * LANES), drawn, pulls)
             simd.store(suffix, block * LANES, total)
 

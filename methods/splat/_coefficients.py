@@ -26,7 +26,7 @@ WHOLE, REST = 12, 14
 """First columns of the anchor in x and y, pixels, as it is drawn: a whole number and what is left, so that
 no digits are lost far from the image's corner."""
 
-MARGIN = 0.01
+MARGIN = 0.001
 """Pixels by which a footprint is widened against rounding."""
 BEYOND = 4.0
 """Pixels from the image's edge to the furthest anchor: more than ``sqrt(log(255))``, as far as a low-pass of

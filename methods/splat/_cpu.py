@@ -10,9 +10,8 @@ from torch.autograd.function import once_differentiable
 from graycard import Camera
 from graycard.methods.splat._maps import FeatureMaps, Maps
 from graycard.methods.splat._reference import checked_features, checked_offsets
+from graycard.methods.splat._stage_arrays import Drawn, Scene
 from graycard.methods.splat._stages import (
-    Drawn,
-    Scene,
     draw,
     draw_backward,
     list_tiles,
@@ -45,8 +44,8 @@ def rasterize_cpu(
         MethodError: There is not enough memory.
         ValueError: Features or offsets of another shape, or surfels that are not on the CPU.
     """
-    image, through, normal, depth, distortion, median = _draw(surfels, camera, features, offsets, True)
-    return Maps(image, 1 - through, depth, median, normal, distortion)
+    image, alpha, normal, depth, distortion, median = _draw(surfels, camera, features, offsets, True)
+    return Maps(image, alpha, depth, median, normal, distortion)
 
 
 def rasterize_features_cpu(
@@ -56,8 +55,8 @@ def rasterize_features_cpu(
     offsets: torch.Tensor | None = None,
 ) -> FeatureMaps:
     """The features and alpha of :func:`rasterize_cpu`, drawn alone; arguments and errors are as there."""
-    image, through = _draw(surfels, camera, features, offsets, False)
-    return FeatureMaps(image, 1 - through)
+    image, alpha = _draw(surfels, camera, features, offsets, False)
+    return FeatureMaps(image, alpha)
 
 
 def _draw(
@@ -67,7 +66,7 @@ def _draw(
     offsets: torch.Tensor | None,
     shaped: bool,
 ) -> list[torch.Tensor]:
-    """The image, transmittance, and the maps of ``Shape`` if they are asked for; in the surfels' dtype."""
+    """The image, alpha, and the maps of ``Shape`` if they are asked for; in the surfels' dtype."""
     features, offsets = checked_features(surfels, features), checked_offsets(surfels, offsets)
     if surfels.centres.device.type != "cpu":
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
@@ -110,8 +109,8 @@ class _Draw(torch.autograd.Function):
     ) -> tuple[torch.Tensor | None, ...]:
         """Gradients of the arguments of the forward pass."""
         scene, projected, lists, drawn = ctx.stages
-        to_image, to_through, *to_shape = (np.ascontiguousarray(g.numpy()) for g in grad_outputs)
-        slots = draw_backward(scene, projected, lists, drawn, to_image, to_through, tuple(to_shape) or None)
+        to_image, to_alpha, *to_shape = (np.ascontiguousarray(g.numpy()) for g in grad_outputs)
+        slots = draw_backward(scene, projected, lists, drawn, to_image, -to_alpha, tuple(to_shape) or None)
         gradients = project_backward(scene, projected, lists, slots)
         geometry = (gradients.centres, gradients.rotations, gradients.scales, gradients.opacities)
         return (
@@ -130,9 +129,13 @@ def _scene(tensors: list[torch.Tensor], view: _View) -> Scene:
 
 
 def _images(drawn: Drawn) -> list[np.ndarray]:
-    """The outputs of the differentiable step."""
+    """The outputs of the differentiable step.
+
+    Alpha is made here, not in PyTorch: the threads of PyTorch go on spinning after each step of theirs, on
+    the cores where the kernels run next.
+    """
+    alpha = 1 - drawn.transmittance
     if drawn.shape is None:
-        return [drawn.image, drawn.transmittance]
+        return [drawn.image, alpha]
     shape = drawn.shape
-    maps = [shape.normal, shape.depth, shape.distortion, shape.median_depth]
-    return [drawn.image, drawn.transmittance, *maps]
+    return [drawn.image, alpha, shape.normal, shape.depth, shape.distortion, shape.median_depth]

@@ -10,6 +10,8 @@ from numba import njit, prange
 
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat import _simd_words as words
+from graycard.methods.splat._ahead import fetch_listed
 from graycard.methods.splat._blocks import (
     BLOCKS,
     GROUP,
@@ -83,7 +85,7 @@ def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, dept
             middle = simd.where_less(half, before, simd.where_less(zero, weight, depth, middle), middle)
             rank = simd.where_less(half, before, simd.where_less(zero, weight, named, rank), rank)
         before = before - weight
-        hit = many.any_above(weight, simd.broadcast(0.0))
+        hit = words.any_above(weight, simd.broadcast(0.0))
         hits[found] = k
         masks[first + k] |= hit << block
         found += hit
@@ -147,15 +149,17 @@ def draw_tile(
     begin, open_blocks, visits = first, BLOCKS, 0
     while first < past and open_blocks > 0:
         count, open_blocks = min(past - first, BATCH), 0
+        next_past = min(first + 2 * BATCH, past)
+        fetch_listed(listed, first + count, next_past, rows, bounds, features, channels, normals)
         stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching)
         masks[first : first + count] = 0
         for block in range(BLOCKS):
             before = simd.load(transmittance, block * LANES)
-            if many.any_above(before, simd.broadcast(TRANSMITTANCE_MIN)) == 0:
+            if words.any_above(before, simd.broadcast(TRANSMITTANCE_MIN)) == 0:
                 continue
             open_blocks += 1
             bits = touching[block % 4] & touching[4 + block // 4]
-            visits += many.bit_count(bits)
+            visits += words.bit_count(bits)
             x, y = simd.load(positions, block % 4 * LANES), simd.load(positions, (4 + block // 4) * LANES)
             found, before = weigh(
                 bits, block, x, y, first, first - begin, staged, before, weights, depths, hits, masks, medians
@@ -192,6 +196,11 @@ def draw_part(
             shape_sums[:] = 0
             clear_medians(medians)
         first, past = start[tile], start[tile + 1]
+        ahead, ahead_past = (
+            start[min(tile + parts, start.size - 1)],
+            start[min(tile + parts + 1, start.size - 1)],
+        )
+        fetch_listed(listed, ahead, min(ahead + BATCH, ahead_past), rows, bounds, features, channels, normals)
         stopped, visits[tile] = draw_tile(
             tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
             staged, touching, weights, depths, hits, sums, shape_sums, medians, through, masks,

@@ -25,8 +25,8 @@ from graycard.methods.splat._simd import (
     float32x16,
 )
 
-_FLOAT, _INT, _WORD = ir.FloatType(), ir.IntType(32), ir.IntType(64)
-_VECTOR, _INT_VECTOR = ir.VectorType(_FLOAT, LANES), ir.VectorType(_INT, LANES)
+_INT, _WORD = ir.IntType(32), ir.IntType(64)
+_VECTOR, _INT_VECTOR = ir.VectorType(ir.FloatType(), LANES), ir.VectorType(_INT, LANES)
 _ROUNDER = 1.5 * 2**23
 """Added to a float32 of less than 2^22, it leaves the nearest integer in the lowest bits."""
 _EXP2 = (1.000000072, 0.6931469671, 0.2402211972, 0.05550713274, 0.009675541334, 0.001327647187)
@@ -279,36 +279,3 @@ def decay(typing: Any, exponent: types.Type) -> Any:
         return builder.bitcast(builder.add(builder.bitcast(power, _INT_VECTOR), shift), _VECTOR)
 
     return float32x16(exponent), code
-
-
-@_instruction
-def any_above(typing: Any, values: types.Type, limits: types.Type) -> Any:
-    """1 where a lane of the first vector is above that of the second, else 0."""
-
-    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
-        lanes = builder.bitcast(builder.fcmp_ordered(">", *given), ir.IntType(LANES))
-        return builder.zext(builder.icmp_unsigned("!=", lanes, ir.Constant(ir.IntType(LANES), 0)), _WORD)
-
-    if (values, limits) != (float32x16, float32x16):
-        raise TypingError(f"expected two float32x16, got {values} and {limits}")
-    return types.int64(values, limits), code
-
-
-@_instruction
-def lowest_bit(typing: Any, bits: types.Type) -> Any:
-    """Place of the lowest bit that is set in 64; at least one must be."""
-
-    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
-        return builder.cttz(given[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(types.uint64), code
-
-
-@_instruction
-def bit_count(typing: Any, bits: types.Type) -> Any:
-    """How many of 64 bits are set."""
-
-    def code(_context: Any, builder: ir.IRBuilder, _types: Any, given: Sequence[Any]) -> Any:
-        return builder.ctpop(given[0])
-
-    return types.int64(types.uint64), code

@@ -4,138 +4,37 @@
 ``project`` surfels, ``list_tiles``, ``draw``; then ``draw_backward`` and ``project_backward``.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, cast
 
 import numpy as np
 import psutil
 from numba import get_num_threads
 
-from graycard import Camera, MethodError
+from graycard import MethodError
 from graycard.methods.splat._backward import HEIGHTS, backward
-from graycard.methods.splat._blocks import GROUP, LANES, PIXELS, SIXTEEN
+from graycard.methods.splat._blocks import GROUP, LANES
 from graycard.methods.splat._coefficients import COLUMNS
 from graycard.methods.splat._forward import forward
 from graycard.methods.splat._project_backward import unproject
 from graycard.methods.splat._project_forward import project as project_kernel
-from graycard.methods.splat._tiles import TileLists, tile_lists, tiles_touched
+from graycard.methods.splat._stage_arrays import (
+    Drawn,
+    Gradients,
+    Lists,
+    Projected,
+    Scene,
+    Shape,
+    Slots,
+    empty_shape,
+    vectors,
+)
+from graycard.methods.splat._tiles import tile_lists, tiles_touched
 
 NARROW = 3
 """Channels that share a slot with the geometry."""
 UNCHECKED = 2**26
 """Bytes below which nobody asks whether there is as much memory."""
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What is drawn, as contiguous arrays of one floating dtype."""
-
-    centres: np.ndarray
-    """Shape ``(N, 3)``; this and the next three as in ``Surfels``."""
-    rotations: np.ndarray
-    scales: np.ndarray
-    opacities: np.ndarray
-    features: np.ndarray
-    """Shape ``(N, padded_channels(C))``, float32."""
-    offsets: np.ndarray
-    """Shape ``(N, 2)``, pixels."""
-    camera: Camera
-    shaped: bool
-    """Whether normals, depths and distortion are drawn as well."""
-
-    @property
-    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """World to camera, K, and the inverse of K."""
-        K = np.ascontiguousarray(self.camera.K)
-        return self.camera.world_to_camera, K, np.linalg.inv(K)
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Height and width, pixels."""
-        return self.camera.height, self.camera.width
-
-    @property
-    def templates(self) -> tuple[tuple[int, ...] | None, tuple[int, ...] | None]:
-        """``template`` and ``sixteen`` of the kernels."""
-        channels = self.features.shape[1]
-        return (0,) * (channels % GROUP) or None, SIXTEEN if channels >= GROUP else None
-
-
-@dataclass(frozen=True)
-class Projected:
-    """What ``_project_forward.project`` writes, see there."""
-
-    rows: np.ndarray
-    bounds: np.ndarray
-    depths: np.ndarray
-    normals: np.ndarray
-
-
-@dataclass(frozen=True)
-class Lists:
-    """Which surfels touch which tiles."""
-
-    tiles: TileLists
-    slots: np.ndarray
-    """Shape ``(N + 1,)``, int64: where the pairs of each surfel begin, in an order of pairs by surfel."""
-
-
-@dataclass(frozen=True)
-class Shape:
-    """Geometry that was drawn; the first four are maps."""
-
-    normal: np.ndarray
-    depth: np.ndarray
-    distortion: np.ndarray
-    median_depth: np.ndarray
-    moments: np.ndarray
-    """Flat, float32: for each block of each tile four vectors, the sums of w, w z, w / z and w / z^2."""
-    ranks: np.ndarray
-    """Flat, float32, a vector a block: place in the tile's list of the surfel of the median depth, or -1."""
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """What ``_forward.forward`` writes, see there."""
-
-    image: np.ndarray
-    transmittance: np.ndarray
-    masks: np.ndarray
-    drawn: np.ndarray
-    visits: np.ndarray
-    shape: Shape | None
-
-    @property
-    def forward_lanes(self) -> int:
-        """Pixels at which surfels were evaluated."""
-        return LANES * int(self.visits.sum())
-
-    def backward_lanes(self, lists: Lists) -> int:
-        """Pixels at which surfels are evaluated again, on the way back."""
-        ends = lists.tiles.start[:-1] + self.drawn
-        spans = zip(lists.tiles.start[:-1], ends, strict=True)
-        return LANES * sum(int(np.bitwise_count(self.masks[first:past]).sum()) for first, past in spans)
-
-
-@dataclass(frozen=True)
-class Slots:
-    """What ``_backward.backward`` writes, see there."""
-
-    geometry: np.ndarray
-    channels: np.ndarray | None
-    stride: int
-
-
-@dataclass(frozen=True)
-class Gradients:
-    """Derivatives of the loss, shaped and typed as what they are of; features in float32."""
-
-    centres: np.ndarray
-    rotations: np.ndarray
-    scales: np.ndarray
-    opacities: np.ndarray
-    features: np.ndarray
-    offsets: np.ndarray
 
 
 def padded_channels(channels: int) -> int:
@@ -148,17 +47,6 @@ def padded_channels(channels: int) -> int:
     return -(-channels // GROUP) * GROUP
 
 
-def working_bytes(*stages: object) -> int:
-    """Memory of all arrays that the results of stages hold, nested ones included."""
-    total = 0
-    for stage in stages:
-        values = stage if isinstance(stage, tuple) else list(vars(stage).values())
-        arrays = [value for value in values if isinstance(value, np.ndarray)]
-        nested = [value for value in values if isinstance(value, TileLists | Shape)]
-        total += sum(array.nbytes for array in arrays) + working_bytes(*nested)
-    return total
-
-
 def project(scene: Scene) -> Projected:
     """Prepare surfels for the pixels.
 
@@ -169,7 +57,7 @@ def project(scene: Scene) -> Projected:
     per_surfel = 4 * COLUMNS + 16 + 8 + 12 + 8 + 16
     check_memory(per_surfel * count, f"{count} surfels")
     result = Projected(
-        _vectors(count, COLUMNS),
+        vectors(count, COLUMNS),
         np.empty((count, 4), np.int32),
         np.empty(count),
         np.empty((count, 3), np.float32),
@@ -225,7 +113,7 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
         np.empty(lists.tiles.surfels.size, np.uint16),
         np.empty(tiles, np.int32),
         np.empty(tiles, np.int32),
-        _empty_shape(size, tiles) if scene.shaped else None,
+        empty_shape(size, tiles) if scene.shaped else None,
     )
     cast(Any, forward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
@@ -257,8 +145,8 @@ def draw_backward(
     """
     pairs, stride = lists.tiles.surfels.size, _stride(scene)
     result = Slots(
-        _vectors(pairs, LANES),
-        _vectors(pairs, stride) if stride else None,
+        vectors(pairs, LANES),
+        vectors(pairs, stride) if stride else None,
         stride,
     )
     shape = None
@@ -310,16 +198,3 @@ def _stride(scene: Scene) -> int:
     """Floats of a pair's channels and normals if they have slots of their own, else 0."""
     channels = scene.features.shape[1] + (3 if scene.shaped else 0)
     return -(-channels // LANES) * LANES if channels > NARROW or scene.shaped else 0
-
-
-def _vectors(count: int, width: int) -> np.ndarray:
-    """Rows of float32 that begin with lines of the cache, for widths that are multiples of ``LANES``."""
-    room = np.empty(count * width + LANES, np.float32)
-    first = (-room.ctypes.data % 64) // 4
-    return room[first : first + count * width].reshape(count, width)
-
-
-def _empty_shape(size: tuple[int, int], tiles: int) -> Shape:
-    depth, distortion, median = (np.empty(size, np.float32) for _ in range(3))
-    moments, ranks = (_vectors(tiles, count * PIXELS).reshape(-1) for count in (4, 1))
-    return Shape(np.empty((*size, 3), np.float32), depth, distortion, median, moments, ranks)

@@ -10,7 +10,6 @@ import torch
 from graycard import Camera, Capture
 from graycard.methods.splat import (
     CENTRES,
-    FeatureMaps,
     Look,
     Maps,
     depth_normal_map,
@@ -24,8 +23,9 @@ from graycard.methods.splat import (
     view_at,
 )
 from graycard.methods.surfels._colour import encode
+from graycard.methods.surfels._compose import composed
 from graycard.methods.surfels._settings import SurfelSettings
-from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
+from graycard.methods.surfels._start import COEFFICIENTS, DETAIL
 
 DEGREE_EVERY = 1 / 30
 """Share of the budget after which the next degree of the harmonics is fitted too (Kerbl et al. 2023)."""
@@ -62,12 +62,6 @@ def colours(values: Mapping[str, torch.Tensor], eye: np.ndarray, degree: int) ->
     return spherical_harmonics_colours(coefficients, values[CENTRES], eye, degree) + 0.5
 
 
-def composed(drawn: FeatureMaps, sky: torch.Tensor, values: Mapping[str, torch.Tensor]) -> torch.Tensor:
-    """The encoded picture: surfels over the sky, shape ``(H, W, 3)``."""
-    behind = sky @ values[SKY]
-    return drawn.features + (1 - drawn.alpha)[..., None] * behind
-
-
 @dataclass(frozen=True, eq=False)
 class Objective:
     """The loss of one view a step, each view once in a round, in an order that the seed decides."""
@@ -92,7 +86,7 @@ class Objective:
             extra = _disagreement(drawn, view.camera, weighs)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
-        loss = loss + settings.cover_weight * (1 - drawn.alpha).mean()
+        loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
         size = view.camera.width, view.camera.height
         return Look(loss, offsets, image_radius(values, view.camera), size)
 

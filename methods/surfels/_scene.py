@@ -22,7 +22,8 @@ from graycard.methods.splat import (
     surfels_of,
 )
 from graycard.methods.surfels._colour import decode
-from graycard.methods.surfels._objective import colours, composed, sky_basis
+from graycard.methods.surfels._compose import composed
+from graycard.methods.surfels._objective import colours, sky_basis
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
 
 SEEN = 0.5

@@ -10,6 +10,7 @@ import pytest
 from graycard.methods.splat import _simd as simd
 from graycard.methods.splat import _simd_many as many
 from graycard.methods.splat import _simd_pixels as pixels
+from graycard.methods.splat import _simd_words as words
 
 LANES = simd.LANES
 SIZES = [1, 3, 7, 16]
@@ -80,12 +81,26 @@ def decayed(exponents: Any, out: Any) -> None:
 
 @numba.njit
 def above(a: Any, b: Any) -> int:
-    return many.any_above(simd.load(a, 0), simd.load(b, 0))
+    return words.any_above(simd.load(a, 0), simd.load(b, 0))
 
 
 @numba.njit
 def bits_of(word: Any) -> tuple[int, int]:
-    return many.lowest_bit(word), many.bit_count(word)
+    return words.lowest_bit(word), words.bit_count(word)
+
+
+@numba.njit
+def fetched(a: Any, at: int) -> None:
+    words.prefetch(a, at)
+    words.prefetch_to_write(a, at)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.int32, np.int64])
+def test_what_is_fetched_stays_as_it_is(dtype: Any):
+    a = np.arange(100, dtype=dtype).reshape(25, 4)
+    for at in (0, 17, 99):
+        fetched(a, at)
+    np.testing.assert_array_equal(a.ravel(), np.arange(100))
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -217,7 +232,7 @@ def of_no_template(a: Any) -> Any:
 
 @numba.njit
 def number_above(a: Any) -> Any:
-    return many.any_above(1.0, simd.load(a, 0))
+    return words.any_above(1.0, simd.load(a, 0))
 
 
 @pytest.mark.parametrize(
