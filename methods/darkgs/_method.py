@@ -92,8 +92,9 @@ def start(capture: Capture, settings: DarkGsSettings, seed: int) -> Parameters:
     discs = sparse_discs(capture, settings.surfels, settings.fill, seed)
     paint = torch.full((len(discs), 3), MIDDLE_GRAY).expm1().log()
     normals = rotation_matrices(discs.rotations)[:, :, 2].clone()
+    own = {NORMALS: normals} if settings.normals == "own" else {}
     shared = {AMBIENT: torch.full((3,), AMBIENT_START).log()}
-    return parameters_of(discs, {PAINT: paint, NORMALS: normals}, shared)
+    return parameters_of(discs, {PAINT: paint, **own}, shared)
 
 
 def learning_rates(extent: float) -> dict[str, Rate]:

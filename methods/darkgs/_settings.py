@@ -2,6 +2,9 @@
 """Settings of ``darkgs``."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+Normals = Literal["own", "discs"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,6 +19,9 @@ class DarkGsSettings:
     paper."""
     warm_up: float = 1 / 3
     """Until when the lamp goes from the middle of the lens to where the calibration has it."""
+    normals: Normals = "own"
+    """``own``: each surfel has a normal for shading, which begins as that of its disc (paper); ``discs``:
+    it is shaded by the normal of its disc, on which the losses of geometry bear."""
     cover_weight: float = 0.05
     """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper."""
     normal_weight: float = 0.01

@@ -63,7 +63,7 @@ def own_scene(capture: gc.Capture) -> AppearanceScene:
     random = torch.Generator().manual_seed(1)
     embeddings = torch.randn(own.shared[EMBEDDINGS].shape, generator=random)
     shared = {**own.shared, EMBEDDINGS: embeddings}
-    shared["tone weights 2"] = 100 * shared["tone weights 2"]
+    shared["tone weights 2"] = 300 * shared["tone weights 2"]
     surfels = {**own.surfels, LOGITS: torch.full((len(own),), 3.0)}
     parameters = replace(own, surfels=surfels, shared=shared)
     return AppearanceScene(parameters, eyes_of([v.camera for v in capture.train]), capture.exposure)

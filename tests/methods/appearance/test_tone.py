@@ -81,8 +81,6 @@ def camera(x: float, towards: float) -> gc.Camera:
     eye = np.array([x, 0.0, 1.0])
     ahead = np.array([np.sin(towards), np.cos(towards), 0.0])
     return gc.Camera.from_fov(8, 6, 50, gc.look_at(eye, eye + ahead))
-        8, 6, 50, gc.look_at(eye, eye + np.array([np.sin(towards), np.cos(towards), 0]))
-    )
 
 
 def test_the_nearest_photograph_is_told_by_place_and_direction():
