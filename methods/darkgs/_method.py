@@ -69,7 +69,7 @@ class DarkGsMethod:
         plan = Plan(settings.iterations, learning_rates(extent), extent, rules, checkpoint)
         objective = Objective(views, lamp, capture.exposure, settings, seed)
         state = train(initial_state(start(capture, settings, seed), seed), plan, objective, progress)
-        return DarkGsScene(state.parameters, lamp, capture.exposure)
+        return DarkGsScene(state.parameters, lamp, capture.exposure, (lamp,))
 
     def load(self, folder: Path) -> DarkGsScene:
         """A saved decomposition.

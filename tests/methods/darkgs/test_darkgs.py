@@ -106,7 +106,8 @@ def test_a_scene_of_its_own_class_is_recovered(scene: Path, monkeypatch: pytest.
     albedo = 0.1 + 0.6 * torch.rand(own.surfels[PAINT].shape, generator=random)
     surfels = {**own.surfels, PAINT: albedo.expm1().log(), LOGITS: torch.full((len(own),), 3.0)}
     ambient = torch.tensor([0.05, 0.2, 0.4]).log()
-    true = DarkGsScene(Parameters(surfels, {AMBIENT: ambient}), told.light(), capture.exposure)
+    parameters, lamp = Parameters(surfels, {AMBIENT: ambient}), told.light()
+    true = DarkGsScene(parameters, lamp, capture.exposure, (lamp,))
     monkeypatch.setattr(
         gc.Capture, "photograph", lambda capture, view: true.render(view.camera, ["radiance"])["radiance"]
     )
@@ -193,6 +194,38 @@ def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
     replace(found, lamp=ceiling).save(tmp_path / "odd")  # pyright: ignore[reportArgumentType]
     with pytest.raises(gc.MethodError, match="expected a point or spot light"):
         methods.load_method("darkgs").load(tmp_path / "odd")
+
+
+def test_lamps_and_the_light_that_stays_can_be_exchanged(scene: Path, tmp_path: Path):
+    found = fitted(scene, iterations=20)
+    assert isinstance(found, methods.Relightable)
+    lamp, camera = found.lamp, gc.open_capture(scene / "capture", check=False).test[0].camera
+    ceiling = gc.RectangleLight("ambient", (0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.1, 0.1, 0.1))
+
+    def picture(*lights: gc.Light) -> np.ndarray:
+        relit = found.relight(lights)
+        assert relit is not None
+        return relit.render(camera, ["radiance"])["radiance"]
+
+    layers = found.render(camera, ["radiance", "radiance.lamp", "radiance.ambient"])
+    assert np.array_equal(picture(lamp, ceiling), layers["radiance"])
+    assert np.array_equal(picture(lamp), layers["radiance.lamp"])
+    assert np.array_equal(picture(ceiling), layers["radiance.ambient"])
+    assert not picture().any()
+    red, green, _ = lamp.intensity
+    recoloured = replace(lamp, intensity=(2 * red, green, 0.0))
+    np.testing.assert_allclose(picture(recoloured), layers["radiance.lamp"] * [2, 1, 0], rtol=1e-5)
+    moved = replace(lamp, position=(-0.3, -0.1, 0.0))
+    assert np.abs(picture(moved) - layers["radiance.lamp"]).max() > 1e-3
+    np.testing.assert_allclose(picture(lamp, moved), picture(lamp) + picture(moved), rtol=1e-5, atol=1e-8)
+    assert found.relight((gc.EnvironmentLight("sky", "sky.exr"),)) is None
+    assert found.relight((replace(ceiling, frame="camera"),)) is None
+    relit = found.relight((moved,))
+    assert relit is not None
+    relit.save(tmp_path / "relit")
+    again = methods.load_method("darkgs").load(tmp_path / "relit")
+    assert again.lights() == (moved,)
+    assert np.array_equal(again.render(camera, ["radiance"])["radiance"], picture(moved))
 
 
 @pytest.mark.parametrize("track", ["multilight", "tabletop"])
