@@ -10,8 +10,8 @@ from graycard.methods.surfels import SurfelSettings
 class AppearanceSettings(SurfelSettings):
     """Settings of ``appearance``; learning rates are the paper's.
 
-    A fit has a hundredth of its steps, but held-out views are no better with faster rates: embeddings ten times
-    and the network four times as fast gave 26.1 instead of 26.3 dB (``corridor`` 1003, 1000 steps).
+    A fit has a hundredth of its steps, but faster rates do held-out views no good: with embeddings ten times
+    and the network four times as fast 26.1 instead of 26.3 dB (``corridor`` 1003, 1000 steps).
     """
 
     iterations: int = 2000
