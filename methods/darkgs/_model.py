@@ -14,7 +14,7 @@ from torch.nn.functional import normalize, softplus
 from graycard import Camera
 from graycard.methods._priors import Lamp
 from graycard.methods.darkgs._lamp import irradiance
-from graycard.methods.splat import see, surfels_of
+from graycard.methods.splat import CENTRES, see, surfels_of
 
 PAINT, NORMALS, AMBIENT = "paint", "shading normals", "log ambient light"
 """Names of the parameters: of each surfel, ``(N, 3)``, whose softplus is the albedo; of each surfel that has
@@ -51,11 +51,12 @@ def shade(values: Mapping[str, torch.Tensor], camera: Camera, lamp: Lamp, exposu
         lamp: In its axes.
         exposure: Factor from radiance to the range of the fit, 1/(W/m²/sr).
     """
-    seen = see(surfels_of(values), camera)
-    points, normals = seen.centres, seen.normals
+    pose = values[CENTRES].new_tensor(camera.world_to_camera)
+    points = values[CENTRES] @ pose[:3, :3].T + pose[:3, 3]
     if NORMALS in values:
-        turn = points.new_tensor(camera.world_to_camera[:3, :3])
-        normals = normalize(values[NORMALS] @ turn.T, dim=1)
+        normals = normalize(values[NORMALS] @ pose[:3, :3].T, dim=1)
+    else:
+        normals = see(surfels_of(values), camera).normals
     toward = normalize(points.new_tensor(lamp.position) - points, dim=1)
     albedo = albedo_of(values)
     reflected = albedo * (normals * toward).sum(dim=1, keepdim=True).relu()

@@ -49,7 +49,7 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
             )
         if found.source == "oracle":
             truth_for(ask)
-        if found.source == "pretrained":
+        if _has_weights(found):
             _weights(found)
 
 
@@ -73,7 +73,7 @@ def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
     """
     check_priors(spec, asks)
     kinds = [of_kind(spec, ask.kind) for ask in asks]
-    paths = [_weights(found) for found in kinds if found.source == "pretrained"]
+    paths = [_weights(found) for found in kinds if _has_weights(found)]
     return [_hash(path.resolve(), _stamp(path)) for path in paths]
 
 
@@ -121,6 +121,10 @@ def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> P
     from graycard.methods.priors._pretrained import load_pretrained
 
     return load_pretrained(kind, _weights(spec))
+
+
+def _has_weights(spec: KindSpec) -> bool:
+    return spec.source == "pretrained" and spec.kind in GIVES["pretrained"]
 
 
 def _weights(spec: KindSpec) -> Path:

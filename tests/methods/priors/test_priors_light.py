@@ -13,7 +13,7 @@ import graycard as gc
 from graycard import methods
 from graycard.benchmarks._fit import handed_priors
 from graycard.methods import Ask
-from graycard.methods.priors import Override, PriorSpec, check_priors, make_priors, truth_of
+from graycard.methods.priors import Override, PriorSpec, check_priors, make_priors, truth_of, weights_of
 from graycard.methods.priors._light import LightErrors, calibrated, corrupt_light
 
 SPOT = gc.SpotLight("lamp", (0.25, -0.06, 0.0), (-0.08, 0.03, 1.0), (9.0, 8.0, 6.0), 15.0, 38.0, "camera")
@@ -110,6 +110,9 @@ def test_only_an_oracle_knows_the_lamp():
     for source in ("none", "classical"):
         with pytest.raises(gc.MethodError, match=f"gives light, got '{source}'. One of oracle does"):
             check_priors(PriorSpec(source), ASK)
+    optional = (Ask("light", optional=True),)
+    for source in ("none", "classical", "pretrained"):  # no network tells it, so no weights are missed
+        assert weights_of(PriorSpec(source), optional) == []
     override = PriorSpec("oracle", overrides={"light": Override(errors={"rotation": 3.0})})
     assert str(override) == "oracle, severity 0; light: oracle, severity 0, rotation 3"
     with pytest.raises(gc.UnknownNameError, match="error of light"):
