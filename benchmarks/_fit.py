@@ -152,7 +152,10 @@ def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path
     """
     asks = asks_of(method)
     told = truth_of(spec, asks)
-    asked = make_priors(spec, asks, capture, _true_layers(scene, capture, told, told) if told else {})
+    shown = told - {LIGHTS}
+    known = _true_layers(scene, capture, shown, shown) if shown else {}
+    lights = open_truth(scene / "truth").lights() if LIGHTS in told else ()
+    asked = make_priors(spec, asks, capture, known, lights)
     if not method.needs:
         return asked
     wanted = frozenset(method.needs)

@@ -12,13 +12,26 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from graycard import Composition, Light, MethodError, UnknownNameError, View, find_fault
+from graycard import (
+    Composition,
+    Light,
+    MethodError,
+    PointLight,
+    SpotLight,
+    UnknownNameError,
+    View,
+    find_fault,
+)
 
 PriorSource = Literal["none", "oracle", "classical", "pretrained"]
-PriorKind = Literal["depth", "normal", "base_color", "roughness", "metallic", "mask", "inpainting"]
+ImageKind = Literal["depth", "normal", "base_color", "roughness", "metallic", "mask", "inpainting"]
+"""Kinds that are asked with an image and answered with one."""
+PriorKind = Literal[ImageKind, "light"]
 
 SOURCES: tuple[PriorSource, ...] = get_args(PriorSource)
 KINDS: tuple[PriorKind, ...] = get_args(PriorKind)
+Lamp = PointLight | SpotLight
+"""Lamps on a camera that can be calibrated."""
 PHOTOGRAPH = "photograph"
 SUBJECTS = ("glossy", "target")
 """What a mask may be asked for: surfaces with visible reflections, or the object that the task names."""
@@ -33,7 +46,8 @@ class Ask:
     kind: PriorKind
     of: tuple[str, ...] = (PHOTOGRAPH,)
     """The images it will hand in: ``photograph``, or names of layers that it finds itself. For ``mask`` the
-    subjects (``glossy``, ``target``); for ``inpainting`` the layers whose holes are to be filled."""
+    subjects (``glossy``, ``target``); for ``inpainting`` the layers whose holes are to be filled. For
+    ``light`` it says nothing: one calibration is for the whole capture."""
     optional: bool = False
     """Whether the method also works without: then it looks into :attr:`Priors.kinds`."""
 
@@ -52,7 +66,7 @@ class Ask:
 class Question:
     """One question to a prior."""
 
-    kind: PriorKind
+    kind: ImageKind
     view: View
     image: np.ndarray
     """Shape ``(H, W, 3)``, linear, display range; to inpaint also ``(H, W)``, in the unit of its layer."""
@@ -110,12 +124,14 @@ class Priors:
     composition: Composed | None = None
     """Truth with an object put in, where a method needs it."""
     models: Mapping[str, PriorModel] = field(default_factory=dict)
-    """What answers, by kind."""
+    """What answers when it is shown an image, by kind."""
+    calibration: Lamp | None = None
+    """The lamp on the camera as somebody has measured it, in camera axes."""
 
     @property
     def kinds(self) -> frozenset[str]:
         """The kinds that can be asked for."""
-        return frozenset(self.models)
+        return frozenset(self.models) | ({"light"} if self.calibration is not None else set())
 
     def layer(self, view: str, name: str) -> np.ndarray:
         """The true array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
@@ -174,14 +190,32 @@ class Priors:
         inside = hole if filled.ndim == hole.ndim else hole[..., None]
         return np.where(inside, filled, image)
 
+    def light(self) -> Lamp:
+        """The lamp on the camera as its calibration says: in camera axes, metres and W/sr.
+
+        Raises:
+            MethodError: There is no calibration, or it is of a lamp that stands in the room.
+        """
+        if self.calibration is None:
+            raise self._lack_of("light")
+        if self.calibration.frame != "camera":
+            raise MethodError(
+                f"expected the calibration of a lamp on the camera, got {self.calibration.name!r} in the "
+                f"{self.calibration.frame}. State its position in camera axes"
+            )
+        return self.calibration
+
+    def _lack_of(self, kind: PriorKind) -> MethodError:
+        return MethodError(
+            f"expected a prior that gives {kind}, got one of source {self.source!r} that gives "
+            f"{', '.join(sorted(self.kinds)) or 'nothing'}. Declare it in the method's asks, and name a "
+            "source of priors that has it"
+        )
+
     def _ask(self, question: Question) -> np.ndarray:
         """The checked answer to a checked question."""
         if question.kind not in self.models:
-            raise MethodError(
-                f"expected a prior that gives {question.kind}, got one of source {self.source!r} that gives "
-                f"{', '.join(sorted(self.kinds)) or 'nothing'}. Declare it in the method's asks, and name a "
-                "source of priors that has it"
-            )
+            raise self._lack_of(question.kind)
         _check_image(question)
         answer = np.asarray(self.models[question.kind].answer(question))
         fault = _fault(question, answer)
@@ -218,7 +252,7 @@ def _fault(question: Question, answer: np.ndarray) -> str | None:
     return find_fault(kind, answer, height, width) or _fault_of_values(kind, answer)
 
 
-def _fault_of_values(kind: PriorKind, answer: np.ndarray) -> str | None:
+def _fault_of_values(kind: ImageKind, answer: np.ndarray) -> str | None:
     """What no depth, normal or share of one can be."""
     if kind == "depth" and answer.min() <= 0:
         return f"expected depth > 0, got {answer.min():.4g}"

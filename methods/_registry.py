@@ -30,6 +30,8 @@ BUILT_IN = {
     "retinex": "graycard.methods._retinex:RetinexMethod",
     "2dgs": "graycard.methods.surfels:SurfelMethod",
     "2dgs-oracle": "graycard.methods.surfels:OracleSurfelMethod",
+    "appearance": "graycard.methods.appearance:AppearanceMethod",
+    "darkgs": "graycard.methods.darkgs:DarkGsMethod",
     "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
 }
 

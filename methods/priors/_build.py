@@ -7,16 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard import Capture, MethodError, sha256
-from graycard.methods._priors import KINDS, Ask, PriorKind, PriorModel, Priors, PriorSource
+from graycard import Capture, Light, MethodError, sha256
+from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorModel, Priors, PriorSource
+from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import Oracle, truth_for
 from graycard.methods.priors._spec import KindSpec, PriorSpec, of_kind
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
     "none": frozenset(),
     "oracle": frozenset(KINDS),
-    "classical": frozenset(KINDS) - {"mask"},
-    "pretrained": frozenset(KINDS),
+    "classical": frozenset(KINDS) - {"mask", "light"},
+    "pretrained": frozenset(KINDS) - {"light"},
 }
 """The kinds that each source knows of."""
 
@@ -48,12 +49,14 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
             )
         if found.source == "oracle":
             truth_for(ask)
-        if found.source == "pretrained":
+        if _has_weights(found):
             _weights(found)
 
 
 def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
-    """Names of the true layers that the oracle of a spec is handed; empty where none is asked.
+    """Names of the true layers that the oracle of a spec is handed, and ``lights`` for the true lights.
+
+    Empty where none is asked.
 
     Raises:
         MethodError: The truth does not tell what is asked.
@@ -70,11 +73,17 @@ def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
     """
     check_priors(spec, asks)
     kinds = [of_kind(spec, ask.kind) for ask in asks]
-    paths = [_weights(found) for found in kinds if found.source == "pretrained"]
+    paths = [_weights(found) for found in kinds if _has_weights(found)]
     return [_hash(path.resolve(), _stamp(path)) for path in paths]
 
 
-def make_priors(spec: PriorSpec, asks: Sequence[Ask], capture: Capture, truth: Truth) -> Priors:
+def make_priors(
+    spec: PriorSpec,
+    asks: Sequence[Ask],
+    capture: Capture,
+    truth: Truth,
+    lights: tuple[Light, ...] = (),
+) -> Priors:
     """What a method can ask.
 
     Args:
@@ -82,20 +91,26 @@ def make_priors(spec: PriorSpec, asks: Sequence[Ask], capture: Capture, truth: T
         asks: What the method will ask for.
         capture: What the method may see of the scene.
         truth: The layers of :func:`truth_of`, for every view.
+        lights: The true lights, if :func:`truth_of` names them.
 
     Raises:
         MethodError: Spec, method, scene or weights do not go together.
     """
     check_priors(spec, asks)
     models: dict[str, PriorModel] = {}
+    calibration = None
     for ask in asks:
         found = of_kind(spec, ask.kind)
-        if ask.kind in GIVES[found.source]:
-            models[ask.kind] = models.get(ask.kind) or _model(found, capture, truth)
-    return Priors(spec.source, models=models)
+        if ask.kind not in GIVES[found.source]:
+            continue
+        if ask.kind == "light":
+            calibration = calibrated(lights, found.errors, found.seed)
+        else:
+            models[ask.kind] = models.get(ask.kind) or _model(ask.kind, found, capture, truth)
+    return Priors(spec.source, models=models, calibration=calibration)
 
 
-def _model(spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
+def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
     """What answers about one kind; torch is loaded only for those that need it."""
     if spec.source == "oracle":
         return Oracle(spec, truth, capture.exposure, capture.target)
@@ -105,7 +120,11 @@ def _model(spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
         return Classical(capture)
     from graycard.methods.priors._pretrained import load_pretrained
 
-    return load_pretrained(spec.kind, _weights(spec))
+    return load_pretrained(kind, _weights(spec))
+
+
+def _has_weights(spec: KindSpec) -> bool:
+    return spec.source == "pretrained" and spec.kind in GIVES["pretrained"]
 
 
 def _weights(spec: KindSpec) -> Path:

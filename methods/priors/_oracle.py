@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard import MethodError
+from graycard.methods._contract import LIGHTS
 from graycard.methods._priors import Ask, PriorKind, Question
 from graycard.methods.priors._colour import corrupt_base_color
 from graycard.methods.priors._depth import corrupt_depth
@@ -27,12 +28,13 @@ _TRUTH: Mapping[PriorKind, tuple[str, ...]] = {
     "roughness": ("roughness",),
     "metallic": ("metallic", "object_id"),
     "inpainting": (WITHOUT_TARGET,),
+    "light": (LIGHTS,),
 }
 _TRUTH_OF_MASKS = {"glossy": ("roughness", "object_id"), "target": ("object_id",)}
 
 
 def truth_for(ask: Ask) -> frozenset[str]:
-    """Names of the true layers from which the oracle answers.
+    """Names of the true layers from which the oracle answers; ``lights`` for the true lights.
 
     Raises:
         MethodError: The truth does not tell it.

@@ -4,14 +4,14 @@
 from pathlib import Path
 
 from graycard import MethodError
-from graycard.methods._priors import PriorKind, PriorModel
+from graycard.methods._priors import ImageKind, PriorModel
 from graycard.methods.priors._torchscript import InpaintingNetwork, ScriptedNetwork, load_torchscript
 from graycard.methods.priors._transformers import DepthNetwork, load_depth_network
 
 OF_DEPTH = ("depth", "normal")
 
 
-def load_pretrained(kind: PriorKind, weights: Path) -> PriorModel:
+def load_pretrained(kind: ImageKind, weights: Path) -> PriorModel:
     """The network that answers about a kind.
 
     Args:

@@ -10,7 +10,7 @@ from typing import Any
 
 from graycard import RecordError, UnknownNameError, decode, dumps
 from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
-from graycard.methods.priors import _colour, _depth, _inpainting, _mask, _material, _normal
+from graycard.methods.priors import _colour, _depth, _inpainting, _light, _mask, _material, _normal
 
 WORST = 5
 LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
@@ -21,6 +21,7 @@ LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "metallic": _material.METALLIC_LEVELS,
     "mask": _mask.LEVELS,
     "inpainting": _inpainting.LEVELS,
+    "light": _light.LEVELS,
 }
 """How wrong the oracle is, by kind and severity."""
 

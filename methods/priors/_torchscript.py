@@ -10,7 +10,7 @@ import torch
 from torch.nn.functional import pad
 
 from graycard import MethodError, srgb_decode, srgb_encode
-from graycard.methods._priors import PriorKind, Question
+from graycard.methods._priors import ImageKind, Question
 
 STEP = 8
 """Pixels that the sides of LaMa's images are a multiple of."""
@@ -29,7 +29,7 @@ class ScriptedNetwork:
     ``metallic``, a probability for ``mask``.
     """
 
-    kind: PriorKind
+    kind: ImageKind
     module: torch.nn.Module
 
     def answer(self, question: Question) -> np.ndarray:

@@ -12,6 +12,7 @@ from graycard.methods.splat._densify import reset_opacity as reset_opacity
 from graycard.methods.splat._depth_normal import depth_normal_map as depth_normal_map
 from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_normals
 from graycard.methods.splat._geometry import CameraSurfels as CameraSurfels
+from graycard.methods.splat._geometry import rotation_matrices as rotation_matrices
 from graycard.methods.splat._geometry import see as see
 from graycard.methods.splat._harmonics import coefficient_count as coefficient_count
 from graycard.methods.splat._harmonics import harmonics_basis as harmonics_basis

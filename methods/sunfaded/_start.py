@@ -5,13 +5,19 @@ from collections.abc import Sequence
 
 import torch
 
-from graycard import Capture, MethodError
+from graycard import Capture
 from graycard.methods.splat import Parameters, parameters_of
 from graycard.methods.sunfaded._light import lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
 from graycard.methods.sunfaded._objective import Photograph
 from graycard.methods.sunfaded._settings import SunFadedSettings
-from graycard.methods.surfels import check_places, decode, sparse_discs
+from graycard.methods.surfels import (
+    check_lamp_on_camera,
+    check_photographs,
+    check_places,
+    decode,
+    sparse_discs,
+)
 
 DARKEST = 0.02
 """Of the albedo that surfels begin with: at 0 it would have no gradient."""
@@ -24,26 +30,9 @@ def check_capture(capture: Capture) -> None:
         MethodError: The light is not on the camera, all views are from one place, or photographs are black
             or not finite.
     """
-    if not capture.light_on_camera:
-        raise MethodError(
-            f"expected a capture whose light moves with the camera, got {capture.scene} whose does not. "
-            "Fit it with another method, or import it with its light on the camera"
-        )
+    check_lamp_on_camera(capture)
     check_places(capture)
-    brightest = 0.0
-    for view in capture.train:
-        photograph = torch.from_numpy(capture.photograph(view))
-        if not bool(torch.isfinite(photograph).all()):
-            raise MethodError(
-                f"expected finite photographs in {capture.scene}, got {view.name} with a value that is not. "
-                "Import it anew"
-            )
-        brightest = max(brightest, float(photograph.max()))
-    if brightest <= 0:
-        raise MethodError(
-            f"expected light in the photographs of {capture.scene}, got black ones. Look whether they were "
-            "imported with the right exposure"
-        )
+    check_photographs(capture)
 
 
 def start(capture: Capture, views: Sequence[Photograph], settings: SunFadedSettings, seed: int) -> Parameters:

@@ -9,7 +9,7 @@ from typing import Any
 
 import torch
 
-from graycard import Camera, Capture, MethodError, Progress, encode
+from graycard import Camera, Capture, Progress, encode
 from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     CENTRES,
@@ -26,7 +26,8 @@ from graycard.methods.splat import (
     scene_extent,
     train,
 )
-from graycard.methods.surfels._objective import Objective, photographs
+from graycard.methods.surfels._checks import check_places
+from graycard.methods.surfels._objective import Objective, Tones, photographs
 from graycard.methods.surfels._scene import SurfelScene, load_scene
 from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
@@ -51,9 +52,10 @@ class SurfelMethod:
             MethodError: There are too few sparse points, or the fit has no way on.
         """
         check_places(capture)
-        rules = DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=settings.surfels)
+        rules = density_rules(settings.surfels)
         start = sparse_start(capture, settings, seed)
-        return fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
+        parameters = fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
+        return SurfelScene("2dgs", parameters, capture.exposure)
 
     def load(self, folder: Path) -> SurfelScene:
         """A saved decomposition.
@@ -85,7 +87,8 @@ class OracleSurfelMethod:
         """
         check_places(capture)
         start = oracle_start(capture, priors, settings, seed)
-        return fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
+        parameters = fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
+        return SurfelScene("2dgs-oracle", parameters, capture.exposure)
 
     def load(self, folder: Path) -> SurfelScene:
         """A saved decomposition.
@@ -105,33 +108,36 @@ def fit_surfels(
     *,
     start: Parameters,
     rules: DensityRules | None = None,
-) -> SurfelScene:
+    tones: Tones | None = None,
+) -> Parameters:
     """Fit parameters to the training photographs of a capture.
+
+    Args:
+        method: Its name.
+        capture: The photographs.
+        settings: Of the fit.
+        seed: Of the order of views, and of densification.
+        progress: Called now and then.
+        start: Before the first step.
+        rules: When surfels come and go; None: never.
+        tones: How photographs differ in colours; None: not at all.
 
     Raises:
         MethodError: The fit has no way on, or its checkpoint is of another one.
     """
     extent = scene_extent([view.camera for view in capture.train])
     views = photographs(capture, settings)
-    rates = learning_rates(extent, settings)
+    rates = learning_rates(extent, settings) | dict(tones.rates if tones else {})
     pictures = [(view.camera, view.encoded) for view in views]
     checkpoint = fit_checkpoint(method, settings, seed, pictures)
     plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
-    state = train(initial_state(start, seed), plan, Objective(views, settings, seed), progress)
-    return SurfelScene(method, state.parameters, capture.exposure)
+    state = train(initial_state(start, seed), plan, Objective(views, settings, seed, tones), progress)
+    return state.parameters
 
 
-def check_places(capture: Capture) -> None:
-    """Refuse a capture in which nothing moves.
-
-    Raises:
-        MethodError: All training views are taken from one place.
-    """
-    if scene_extent([view.camera for view in capture.train]) == 0:
-        raise MethodError(
-            f"expected training views from different places in {capture.scene}, got all from one. "
-            "Depth is not to be seen from one place"
-        )
+def density_rules(limit: int) -> DensityRules:
+    """When surfels come and go in a fit that is short and looks at few views; ``limit``: no more of them."""
+    return DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=limit)
 
 
 def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:

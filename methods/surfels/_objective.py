@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a step lowers: how far a drawn view is from its photograph, and surfels that do not agree."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from graycard.methods.splat import (
     CENTRES,
     Look,
     Maps,
+    Rate,
     depth_normal_map,
     harmonics_basis,
     image_radius,
@@ -29,6 +30,20 @@ from graycard.methods.surfels._start import COEFFICIENTS, DETAIL
 
 DEGREE_EVERY = 1 / 30
 """Share of the budget after which the next degree of the harmonics is fitted too (Kerbl et al. 2023)."""
+
+
+Tone = Callable[[Mapping[str, torch.Tensor], torch.Tensor, int], torch.Tensor]
+"""From parameters, the surfels' encoded colours ``(N, 3)`` and the number of a training view to the colours
+that this photograph has them in."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tones:
+    """How photographs differ in the colours of the same surfels."""
+
+    shown: Tone
+    rates: Mapping[str, Rate]
+    """Learning rates of its parameters by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +84,16 @@ class Objective:
     views: list[Photograph]
     settings: SurfelSettings
     seed: int
+    tones: Tones | None = None
+    """None: surfels have the same colours in all photographs."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
         """What is to be lowered at a step."""
-        view, settings = self.views[view_at(step, len(self.views), self.seed)], self.settings
+        number, settings = view_at(step, len(self.views), self.seed), self.settings
+        view = self.views[number]
         share = step / settings.iterations
         seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
+        seen = seen if self.tones is None else self.tones.shown(values, seen, number)
         offsets = torch.zeros(len(seen), 2, requires_grad=True)
         surfels = surfels_of(values, seen)
         weighs = self._weights(share)
@@ -83,7 +102,7 @@ class Objective:
             extra = torch.zeros(())
         else:
             drawn = rasterize(surfels, view.camera, offsets=offsets)
-            extra = _disagreement(drawn, view.camera, weighs)
+            extra = disagreement(drawn, view.camera, weighs)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
@@ -99,8 +118,14 @@ class Objective:
         )
 
 
-def _disagreement(drawn: Maps, camera: Camera, weights: tuple[float, float]) -> torch.Tensor:
-    """Normals that are not those of the depth, and surfels that are spread along rays."""
+def disagreement(drawn: Maps, camera: Camera, weights: tuple[float, float]) -> torch.Tensor:
+    """Normals that are not those of the depth, and surfels that are spread along rays.
+
+    Args:
+        drawn: What ``camera`` sees.
+        camera: It.
+        weights: Of the former and of the latter.
+    """
     normal, distortion = weights
     loss = distortion * drawn.distortion.mean()
     if normal > 0:

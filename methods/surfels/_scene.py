@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``2dgs``: surfels that can be drawn from anywhere."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from graycard.methods.surfels._compose import composed
 from graycard.methods.surfels._objective import colours, sky_basis
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
 
+LAYERS = frozenset({"radiance", "normal", "depth"})
+"""What surfels with colours provide."""
 SEEN = 0.5
 """Share of a pixel that surfels must cover for it to have a depth."""
 
@@ -43,7 +45,7 @@ class SurfelScene:
     @property
     def provides(self) -> frozenset[str]:
         """Radiance, normal and depth."""
-        return frozenset({"radiance", "normal", "depth"})
+        return LAYERS
 
     @torch.no_grad()
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
@@ -57,14 +59,7 @@ class SurfelScene:
         """
         check_layers(layers, self.provides)
         values = self.parameters.all
-        seen = colours(values, camera.position, _degree(values[DETAIL].shape[1] + 1))
-        drawn = rasterize(surfels_of(values, seen), camera)
-        sky = sky_basis(camera, _degree(len(values[SKY])))
-        images = {
-            "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / self.exposure).numpy(),
-            "normal": normal_layer(drawn, camera),
-            "depth": depth_layer(drawn),
-        }
+        images = coloured_layers(values, all_colours(values, camera), camera, self.exposure)
         return {name: images[name] for name in layers}
 
     def lights(self) -> tuple[Light, ...] | None:
@@ -77,10 +72,8 @@ class SurfelScene:
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
-        parameters = self.parameters
-        store(folder, self.method, {"exposure": self.exposure}, arrays_of(parameters))
-        coefficients = torch.cat([parameters.surfels[COEFFICIENTS], parameters.surfels[DETAIL]], dim=1)
-        export_harmonics_ply(Path(folder) / "surfels.ply", surfels_of(parameters.surfels), coefficients)
+        store(folder, self.method, {"exposure": self.exposure}, arrays_of(self.parameters))
+        export_colours(folder, self.parameters)
 
 
 def load_scene(folder: Path, method: str) -> SurfelScene:
@@ -91,6 +84,41 @@ def load_scene(folder: Path, method: str) -> SurfelScene:
     """
     facts, arrays = restore(folder, method)
     return SurfelScene(method, parameters_from(arrays), float(facts["exposure"]))
+
+
+def all_colours(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
+    """Encoded colours of the surfels as a camera sees them, with all their harmonics, shape ``(N, 3)``."""
+    return colours(values, camera.position, _degree(values[DETAIL].shape[1] + 1))
+
+
+def coloured_layers(
+    values: Mapping[str, torch.Tensor], seen: torch.Tensor, camera: Camera, exposure: float
+) -> dict[str, np.ndarray]:
+    """Radiance, normal and depth of surfels over their sky; see :meth:`SurfelScene.render`.
+
+    Args:
+        values: Parameters by name, the sky's among them.
+        seen: Shape ``(N, 3)``: encoded colours of the surfels as the camera sees them.
+        camera: Any.
+        exposure: Factor from radiance to the range of the colours, 1/(W/m²/sr).
+    """
+    drawn = rasterize(surfels_of(values, seen), camera)
+    sky = sky_basis(camera, _degree(len(values[SKY])))
+    return {
+        "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / exposure).numpy(),
+        "normal": normal_layer(drawn, camera),
+        "depth": depth_layer(drawn),
+    }
+
+
+def export_colours(folder: Path, parameters: Parameters) -> None:
+    """Write surfels with their harmonics as a PLY that viewers of Gaussian splats read.
+
+    Raises:
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    coefficients = torch.cat([parameters.surfels[COEFFICIENTS], parameters.surfels[DETAIL]], dim=1)
+    export_harmonics_ply(Path(folder) / "surfels.ply", surfels_of(parameters.surfels), coefficients)
 
 
 def _degree(count: int) -> int:

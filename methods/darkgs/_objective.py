@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a step lowers: the mean absolute difference of linear radiance, and surfels that do not agree."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from graycard import Camera, Capture
+from graycard.methods._priors import Lamp
+from graycard.methods.darkgs._lamp import warming
+from graycard.methods.darkgs._model import shade
+from graycard.methods.darkgs._settings import DarkGsSettings
+from graycard.methods.splat import CENTRES, Look, image_radius, l1_map, rasterize, surfels_of, view_at
+from graycard.methods.surfels import disagreement
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A training view as a fit looks at it."""
+
+    camera: Camera
+    exposed: torch.Tensor
+    """Shape ``(H, W, 3)``: linear, radiance times exposure."""
+
+
+def photographs(capture: Capture) -> list[Photograph]:
+    """The training views, linear and exposed."""
+    return [
+        Photograph(
+            view.camera,
+            torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)),
+        )
+        for view in capture.train
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """The loss of one view a step, each view once in a round, in an order that the seed decides."""
+
+    views: Sequence[Photograph]
+    lamp: Lamp
+    """As calibrated, in camera axes."""
+    exposure: float
+    settings: DarkGsSettings
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step."""
+        settings, share = self.settings, step / self.settings.iterations
+        view = self.views[view_at(step, len(self.views), self.seed)]
+        shaded = shade(values, view.camera, self._lamp_at(share), self.exposure)
+        offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
+        surfels = surfels_of(values, shaded.lamp + shaded.ambient)
+        drawn = rasterize(surfels, view.camera, offsets=offsets)
+        loss = l1_map(drawn.features, view.exposed).mean()
+        loss = loss + settings.cover_weight * (1 - drawn.alpha).mean()
+        if share >= settings.geometry_start:
+            weights = settings.normal_weight, settings.distortion_weight
+            loss = loss + disagreement(drawn, view.camera, weights)
+        size = view.camera.width, view.camera.height
+        return Look(loss, offsets, image_radius(values, view.camera), size)
+
+    def _lamp_at(self, share: float) -> Lamp:
+        """The lamp when a share of the budget is spent."""
+        way = share / self.settings.warm_up if self.settings.warm_up > 0 else 1.0
+        return warming(self.lamp, min(way, 1.0))
