@@ -31,6 +31,7 @@ BUILT_IN = {
     "2dgs": "graycard.methods.surfels:SurfelMethod",
     "2dgs-oracle": "graycard.methods.surfels:OracleSurfelMethod",
     "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
+    "sunfaded-oracle": "graycard.methods.sunfaded:OracleSunFadedMethod",
 }
 
 RESERVED = ("seed", "out", "save", "priors")

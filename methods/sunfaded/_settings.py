@@ -25,6 +25,9 @@ class SunFadedSettings:
     space: Space = "linear"
     """In which light multiplies albedo. ``srgb`` is the paper's: it works on pictures as they are displayed,
     where a product of light and albedo holds only roughly. Losses are in display space in both."""
+    first_albedo: float = 0.4
+    """Of all surfels in all channels, to begin with. 0: the colours of the photographs, as in the released
+    code; the paper says nothing. Those are lit, and where the lamp always shines they would stay."""
     weight: Weight = "log_minmax"
     """How brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm from 0 at the
     picture's darkest to 1 at its brightest place (paper); ``linear_max``, the blurred picture over its
@@ -74,9 +77,11 @@ class SunFadedSettings:
             raise ValueError(
                 f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
             )
-        shares = (self.fill, self.geometry_start, self.ssim_share)
+        shares = (self.fill, self.first_albedo, self.geometry_start, self.ssim_share)
         if not all(0 <= share <= 1 for share in shares):
-            raise ValueError(f"expected fill, geometry_start and ssim_share in [0, 1], got {shares}")
+            raise ValueError(
+                f"expected fill, first_albedo, geometry_start and ssim_share in [0, 1], got {shares}"
+            )
         if not (0 < self.tile <= 1 and 0 < self.blur <= 1):
             raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")
         weights = (
