@@ -108,8 +108,9 @@ class OracleSunFadedScene:
 class OracleSunFadedMethod:
     """Fits lamp and ambient light to photographs of surfaces that are known, with albedo, in every view.
 
-    It sees the truth, so it is a reference row: what is missing here the model of the light cannot say
-    (shadows, light from wall to wall), and what ``sunfaded`` misses beyond it, albedo and geometry cost.
+    It sees the truth, so it is a reference row: what is missing here is shadows and light from wall to wall,
+    which the model of the light cannot say. It is no bound of novel views, for ``sunfaded`` may put these
+    into an albedo that is free.
     """
 
     summary = "the lights of sunfaded, fitted on the true albedo, normals and depth"

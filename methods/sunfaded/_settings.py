@@ -66,6 +66,9 @@ class SunFadedSettings:
     cover_weight: float = 0.05
     """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper,
     whose captures have many more views."""
+    albedo_weight: float = 0.0
+    """Of the variance of albedo over the surfels, while it moves: of two explanations of a bright place the
+    one with more light and less paint is taken. Not in the paper."""
     ssim_share: float = 0.0
     """Of the loss with light; the rest is the mean absolute difference (paper: 0, released code: 0.2)."""
     checkpoint: str = ""
@@ -86,7 +89,7 @@ class SunFadedSettings:
             raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")
         weights = (
             self.beta, self.unlit_weight, self.depth_weight, self.normal_weight,
-            self.distortion_weight, self.cover_weight,
+            self.distortion_weight, self.cover_weight, self.albedo_weight,
         )  # fmt: skip
         if not all(weight >= 0 for weight in weights):
             raise ValueError(f"expected beta and weights of 0 or more, got {weights}")

@@ -76,7 +76,7 @@ def first_lights(
     """Both lights before the first step, for surfaces of a mean albedo.
 
     The light that stays makes them as bright as places that the lamp does not reach, and the lamp what is
-    left of the photographs' mean, if surfaces stand at 60 degrees to it.
+    left of the photographs' mean, if surfaces face it.
 
     Args:
         views: Photographs.
@@ -92,5 +92,5 @@ def first_lights(
     dark = torch.stack([(v.weight * image).mean(dim=(0, 1)) for v, image in zip(views, shown, strict=True)])
     dark = dark.mean(dim=0) / weights.mean() if settings.ambient else torch.zeros(3)
     whole = torch.stack([image.mean(dim=(0, 1)) for image in shown]).mean(dim=0)
-    level = 2 * (whole - dark).clamp(min=FAINT) / albedo
+    level = (whole - dark).clamp(min=FAINT) / albedo
     return lamp_parameters(seed, level) | {AMBIENT: dark / albedo}

@@ -225,7 +225,7 @@ def test_a_checkpoint_of_another_method_is_refused_before_any_step(scene: Path, 
 
 
 def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(scene: Path):
-    """``albedo E`` is the mean of dark places, and with the lamp at 60 degrees the mean of all."""
+    """``albedo E`` is the mean of dark places, and with the lamp the mean of all."""
     capture, chosen = with_points(scene), settings()
     views = photographs(capture, chosen)
     begun = start(capture, views, chosen, 0)
@@ -236,10 +236,26 @@ def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(sce
     torch.testing.assert_close(0.4 * begun.shared[AMBIENT], dark, rtol=1e-4, atol=1e-6)
     ahead = torch.randn(200, 3, generator=torch.Generator().manual_seed(0)) * 0.5 + torch.tensor([0, 0, 3.0])
     lamp = lamp_intensity(begun.shared, ahead).mean(dim=0)
-    whole = 0.4 * (begun.shared[AMBIENT] + lamp / 2)
+    whole = 0.4 * (begun.shared[AMBIENT] + lamp)
     torch.testing.assert_close(whole, shown.mean(dim=(0, 1, 2)), rtol=0.3, atol=0.01)
     coloured = start(capture, views, settings(first_albedo=0.0), 0).surfels[ALBEDO]
     assert coloured.std(dim=0).min() > 0.02
+
+
+@pytest.mark.parametrize("stage", [Stage.UNLIT, Stage.JOINT, Stage.REFINED])
+def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage: Stage):
+    capture, plain = with_points(scene), settings()
+    views = photographs(capture, plain)
+    values = dict(start(capture, views, settings(first_albedo=0.0), 0).all)
+    told = guesses(capture, methods.Priors(), [capture.photograph(view) for view in capture.train])
+    step = round(ENDS[stage - 1] * plain.iterations) if stage else 0
+    free, weighed = (
+        float(Objective(views, told, settings(albedo_weight=weight), 0)(values, step).loss.detach())
+        for weight in (0.0, 2.0)
+    )
+    variance = float(values[ALBEDO].double().var(dim=0, correction=0).mean())
+    assert variance > 1e-4
+    assert weighed - free == pytest.approx(2 * variance, rel=1e-3)
 
 
 def test_one_view_is_refused(make_scene: Callable[..., Path]):
