@@ -33,6 +33,7 @@ BUILT_IN = {
     "appearance": "graycard.methods.appearance:AppearanceMethod",
     "darkgs": "graycard.methods.darkgs:DarkGsMethod",
     "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
+    "sunfaded-oracle": "graycard.methods.sunfaded:OracleSunFadedMethod",
 }
 
 RESERVED = ("seed", "out", "save", "priors")

@@ -24,11 +24,17 @@ NETWORK = tuple(f"lamp {kind} {n}" for n in range(len(_LAYERS)) for kind in ("we
 """Parameters of the network."""
 
 
-def lamp_parameters(seed: int) -> dict[str, torch.Tensor]:
+def lamp_parameters(seed: int, level: torch.Tensor | None = None) -> dict[str, torch.Tensor]:
     """A lamp in the middle of the lens, and a network that has learnt nothing.
 
     Weights and biases are uniform within one over the root of the number of inputs, as ``torch.nn.Linear``
     begins.
+
+    Args:
+        seed: Of the network.
+        level: Shape ``(3,)``, above 0: about what the lamp sends everywhere to begin with. One that begins
+            far too bright is put out in the first steps, and its place runs away. None: about log 2, as the
+            layers give it.
     """
     random = torch.Generator().manual_seed(seed)
     found = {POSITION: torch.zeros(3)}
@@ -36,6 +42,8 @@ def lamp_parameters(seed: int) -> dict[str, torch.Tensor]:
         for kind, shape in (("weights", (outputs, inputs)), ("biases", (outputs,))):
             drawn = torch.rand(shape, generator=random) * 2 - 1
             found[f"lamp {kind} {number}"] = drawn / sqrt(inputs)
+    if level is not None:
+        found[NETWORK[-1]] = level.expm1().log()  # softplus gives the level
     return found
 
 

@@ -17,6 +17,7 @@ from graycard.methods.sunfaded._guess import (
     exposed_photographs,
     guesses,
 )
+from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._model import draw
 from graycard.methods.sunfaded._objective import Objective, Photograph, photographs
 from graycard.methods.sunfaded._scene import METHOD, SunFadedScene, load_scene
@@ -46,7 +47,8 @@ class SunFadedMethod:
         check_capture(capture)
         views = photographs(capture, settings)
         parameters = _fitted(capture, priors, views, settings, seed, progress)
-        return SunFadedScene(parameters, settings, capture.exposure, _reach(parameters, views, settings))
+        reach = _reach(parameters, views, settings)
+        return SunFadedScene(parameters, Lighting(settings, capture.exposure, reach))
 
     def load(self, folder: Path) -> SunFadedScene:
         """A saved decomposition.

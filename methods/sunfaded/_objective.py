@@ -20,7 +20,7 @@ from graycard.methods.splat import (
     view_at,
 )
 from graycard.methods.sunfaded._guess import Guess
-from graycard.methods.sunfaded._model import draw, picture_of, unlit_picture
+from graycard.methods.sunfaded._model import ALBEDO, draw, picture_of, unlit_picture
 from graycard.methods.sunfaded._schedule import Stage, stage_at
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings
 from graycard.methods.sunfaded._tiles import lens_of
@@ -87,6 +87,7 @@ class Objective:
             loss = self._lit_loss(values, drawn, number)
         loss = loss + self._geometry_loss(drawn, number, share)
         loss = loss + self.settings.cover_weight * (1 - drawn.alpha).mean()
+        loss = loss + self.settings.albedo_weight * values[ALBEDO].var(dim=0, correction=0).mean()
         if offsets is None:
             return Look(loss)
         size = view.camera.width, view.camera.height

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``sunfaded``: albedo and geometry of surfels, a light that stays, and a lamp."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
-from graycard import Camera, Light, MethodError, PointLight, encode
+from graycard import Camera, Light, MethodError, encode, light_from_json, light_to_json
 from graycard import decode as decode_json
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
-from graycard.methods.splat import Maps, Parameters, arrays_of, export_ply, parameters_from, surfels_of
-from graycard.methods.sunfaded._light import POSITION, lamp_intensity
-from graycard.methods.sunfaded._model import ALBEDO, Picture, draw, picture_of
+from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
+from graycard.methods.sunfaded._layers import Lighting, local_lights
+from graycard.methods.sunfaded._model import ALBEDO, draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
-from graycard.methods.sunfaded._tiles import lens_of
-from graycard.methods.surfels import decode, depth_layer, normal_layer
 from graycard.methods.surfels import encode as show
 
-LAMP, STAYS = "lamp", "ambient"
-"""Names of the two lights."""
 METHOD = "sunfaded"
 
 
@@ -31,20 +27,12 @@ class SunFadedScene:
     """Surfels with an albedo, and the two lights that shine on them."""
 
     parameters: Parameters
-    settings: SunFadedSettings
-    exposure: float
-    """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
-    reach: float
-    """Metres: the middle distance of what training views see ahead; there the lamp's strength counts."""
+    lighting: Lighting
 
     @property
     def provides(self) -> frozenset[str]:
-        """The picture, its two lights apart, albedo, shading and geometry.
-
-        ``shading`` only of a fit in linear space: there it is what albedo is multiplied with.
-        """
-        always = {"radiance", f"radiance.{LAMP}", f"radiance.{STAYS}", "base_color", "normal", "depth"}
-        return frozenset(always | ({"shading"} if self.settings.space == "linear" else set()))
+        """Picture, albedo, geometry; see :attr:`Lighting.provides`."""
+        return self.lighting.provides
 
     @torch.no_grad()
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
@@ -58,46 +46,23 @@ class SunFadedScene:
         """
         check_layers(layers, self.provides)
         values = self.parameters.all
-        drawn = draw(values, camera, self.settings)
-        picture = picture_of(drawn, values, camera, lens_of(camera), self.settings)
-        makers = self._makers(drawn, picture, camera)
-        return {name: makers[name]() for name in layers}
-
-    def _makers(self, drawn: Maps, picture: Picture, camera: Camera) -> dict[str, Callable[[], np.ndarray]]:
-        whole = picture.whole
-        return {
-            "radiance": partial(self._radiance, whole),
-            f"radiance.{LAMP}": lambda: self._radiance(whole) - self._radiance(picture.unlit),
-            f"radiance.{STAYS}": partial(self._radiance, picture.unlit),
-            "base_color": lambda: self._linear(picture.albedo).numpy(),
-            "shading": lambda: (whole / picture.albedo.clamp(min=1e-4) / self.exposure).numpy(),
-            "normal": lambda: normal_layer(drawn, camera),
-            "depth": lambda: depth_layer(drawn),
-        }
-
-    def _linear(self, picture: torch.Tensor) -> torch.Tensor:
-        """Linear values of those in the space of the fit."""
-        return picture if self.settings.space == "linear" else decode(picture)
-
-    def _radiance(self, picture: torch.Tensor) -> np.ndarray:
-        return (self._linear(picture).clamp(min=0) / self.exposure).numpy()
+        drawn = draw(values, camera, self.lighting.settings)
+        return self.lighting.layers(layers, drawn, values, camera)
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...] | None:
-        """The lamp, as a point light: its position in camera axes and its strength along the optical axis.
+        """The lamp, as a point light; see :meth:`Lighting.lights`."""
+        return self.lighting.lights(self.parameters.all)
 
-        The model gives what arrives over albedo, ``i``; a point light of the intensity I sends
-        ``I / (pi d^2)`` to a matte surface at the distance d that faces it. So I is ``i pi d^2``, at the
-        distance in ``reach``. The lamp of a fit in sRGB has no strength in W/sr: it gets that of the
-        decoded ``i``. The light that stays has no place, and is none of these.
+    def relight(self, lights: tuple[Light, ...]) -> "SunFadedScene | None":
+        """The same surfels under lights that are known: their falloff, beam and place are not learnt.
+
+        The found lamp and the light that stays are gone. What is known of the given ones takes the place of
+        ``i``, so a picture is right up to the gain of the albedo. Nothing casts a shadow or lights another.
+        None for surroundings, which have no place.
         """
-        values = self.parameters.all
-        ahead = torch.tensor([0.0, 0.0, self.reach])
-        sent = self._linear(lamp_intensity(values, ahead)).double() / self.exposure
-        distance = float((ahead - values[POSITION]).norm())
-        red, green, blue = (sent * np.pi * distance**2).tolist()
-        x, y, z = values[POSITION].double().tolist()
-        return (PointLight(LAMP, (x, y, z), (red, green, blue), "camera"),)
+        given = local_lights(lights)
+        return None if given is None else replace(self, lighting=replace(self.lighting, given=given))
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the albedo as a PLY that viewers of Gaussian splats read.
@@ -105,10 +70,9 @@ class SunFadedScene:
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
-        facts = {"exposure": self.exposure, "reach": self.reach, "settings": encode(self.settings)}
-        store(folder, METHOD, facts, arrays_of(self.parameters))
+        store(folder, METHOD, lighting_to_json(self.lighting), arrays_of(self.parameters))
         albedo = self.parameters.surfels[ALBEDO].clamp(0, 1)
-        albedo = show(albedo) if self.settings.space == "linear" else albedo
+        albedo = show(albedo) if self.lighting.settings.space == "linear" else albedo
         export_ply(Path(folder) / "surfels.ply", surfels_of(self.parameters.surfels), albedo)
 
 
@@ -119,5 +83,28 @@ def load_scene(folder: Path) -> SunFadedScene:
         MethodError: It is missing, damaged, or of another method.
     """
     facts, arrays = restore(folder, METHOD)
+    return SunFadedScene(parameters_from(arrays), lighting_from_json(facts))
+
+
+def lighting_to_json(lighting: Lighting) -> dict[str, Any]:
+    """What is known of the lights besides parameters, as JSON data."""
+    given = None if lighting.given is None else [light_to_json(light) for light in lighting.given]
+    return {
+        "exposure": lighting.exposure,
+        "reach": lighting.reach,
+        "given": given,
+        "settings": encode(lighting.settings),
+    }
+
+
+def lighting_from_json(facts: dict[str, Any]) -> Lighting:
+    """What :func:`lighting_to_json` gave.
+
+    Raises:
+        MethodError: It is damaged.
+    """
     settings = decode_json(SunFadedSettings, facts["settings"], MethodError, "settings")
-    return SunFadedScene(parameters_from(arrays), settings, float(facts["exposure"]), float(facts["reach"]))
+    given = facts["given"]
+    lights = None if given is None else [light_from_json(x, MethodError, "given lights") for x in given]
+    local = None if lights is None else local_lights(lights)
+    return Lighting(settings, float(facts["exposure"]), float(facts["reach"]), local)

@@ -25,6 +25,9 @@ class SunFadedSettings:
     space: Space = "linear"
     """In which light multiplies albedo. ``srgb`` is the paper's: it works on pictures as they are displayed,
     where a product of light and albedo holds only roughly. Losses are in display space in both."""
+    first_albedo: float = 0.4
+    """Of all surfels in all channels, to begin with. 0: the colours of the photographs, as in the released
+    code; the paper says nothing. Those are lit, and where the lamp always shines they would stay."""
     weight: Weight = "log_minmax"
     """How brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm from 0 at the
     picture's darkest to 1 at its brightest place (paper); ``linear_max``, the blurred picture over its
@@ -63,6 +66,9 @@ class SunFadedSettings:
     cover_weight: float = 0.05
     """Of what shines through all surfels: photographs of rooms show surfaces everywhere. Not in the paper,
     whose captures have many more views."""
+    albedo_weight: float = 0.0
+    """Of the variance of albedo over the surfels, while it moves: of two explanations of a bright place the
+    one with more light and less paint is taken. Not in the paper."""
     ssim_share: float = 0.0
     """Of the loss with light; the rest is the mean absolute difference (paper: 0, released code: 0.2)."""
     checkpoint: str = ""
@@ -74,14 +80,16 @@ class SunFadedSettings:
             raise ValueError(
                 f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
             )
-        shares = (self.fill, self.geometry_start, self.ssim_share)
+        shares = (self.fill, self.first_albedo, self.geometry_start, self.ssim_share)
         if not all(0 <= share <= 1 for share in shares):
-            raise ValueError(f"expected fill, geometry_start and ssim_share in [0, 1], got {shares}")
+            raise ValueError(
+                f"expected fill, first_albedo, geometry_start and ssim_share in [0, 1], got {shares}"
+            )
         if not (0 < self.tile <= 1 and 0 < self.blur <= 1):
             raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")
         weights = (
             self.beta, self.unlit_weight, self.depth_weight, self.normal_weight,
-            self.distortion_weight, self.cover_weight,
+            self.distortion_weight, self.cover_weight, self.albedo_weight,
         )  # fmt: skip
         if not all(weight >= 0 for weight in weights):
             raise ValueError(f"expected beta and weights of 0 or more, got {weights}")

@@ -11,6 +11,7 @@ from graycard.methods.sunfaded._light import lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
 from graycard.methods.sunfaded._objective import Photograph
 from graycard.methods.sunfaded._settings import SunFadedSettings
+from graycard.methods.sunfaded._weight import FAINT
 from graycard.methods.surfels import (
     check_lamp_on_camera,
     check_photographs,
@@ -38,25 +39,47 @@ def check_capture(capture: Capture) -> None:
 def start(capture: Capture, views: Sequence[Photograph], settings: SunFadedSettings, seed: int) -> Parameters:
     """Parameters before the first step.
 
-    The released code begins without any light that stays; then albedo has no gradient. Here that light
-    begins with what brings the mean albedo to the brightness of places that the lamp does not reach.
+    All surfels begin with one albedo, which no light has touched, and not with the colours of photographs:
+    where the lamp always shines nothing in the first stage would take its light out of them. The released
+    code begins without any light that stays; then albedo has no gradient. Here both lights begin with what
+    explains the photographs of such surfaces, see :func:`first_lights`.
 
     Raises:
         MethodError: There are too few sparse points.
     """
     discs = sparse_discs(capture, settings.surfels, settings.fill, seed)
-    linear = settings.space == "linear"
-    albedo = (decode(discs.features) if linear else discs.features).float().clamp(DARKEST, 1)
-    shared = lamp_parameters(seed)
-    shared[AMBIENT] = _dark_places(views, linear) / albedo.mean(dim=0) if settings.ambient else torch.zeros(3)
-    return parameters_of(discs, {ALBEDO: albedo}, shared)
+    albedo = _first_albedo(discs.features.float(), settings)
+    return parameters_of(discs, {ALBEDO: albedo}, first_lights(views, albedo.mean(dim=0), settings, seed))
 
 
-def _dark_places(views: Sequence[Photograph], linear: bool) -> torch.Tensor:
-    """The weighted mean of the photographs in the space of the fit, shape ``(3,)``."""
-    shown = [decode(view.shown) if linear else view.shown for view in views]
-    total = sum(float(view.weight.sum()) for view in views)
-    summed = torch.stack(
-        [(view.weight * image).sum(dim=(0, 1)) for view, image in zip(views, shown, strict=True)]
-    )
-    return summed.sum(dim=0) / total
+def _first_albedo(colours: torch.Tensor, settings: SunFadedSettings) -> torch.Tensor:
+    """Of surfels with such colours, as displayed, shape ``(N, 3)``; in the space of the fit."""
+    if settings.first_albedo > 0:
+        return torch.full_like(colours, settings.first_albedo)
+    return (decode(colours) if settings.space == "linear" else colours).clamp(DARKEST, 1)
+
+
+def first_lights(
+    views: Sequence[Photograph], albedo: torch.Tensor, settings: SunFadedSettings, seed: int
+) -> dict[str, torch.Tensor]:
+    """Both lights before the first step, for surfaces of a mean albedo.
+
+    The light that stays makes them as bright as places that the lamp does not reach, and the lamp what is
+    left of the photographs' mean, if surfaces face it.
+
+    Args:
+        views: Photographs.
+        albedo: Shape ``(3,)``, the mean, in the space of the fit.
+        settings: ``space`` and ``ambient``.
+        seed: Of the network.
+
+    Returns:
+        Parameters by name.
+    """
+    shown = [decode(view.shown) if settings.space == "linear" else view.shown for view in views]
+    weights = torch.stack([view.weight.mean() for view in views])
+    dark = torch.stack([(v.weight * image).mean(dim=(0, 1)) for v, image in zip(views, shown, strict=True)])
+    dark = dark.mean(dim=0) / weights.mean() if settings.ambient else torch.zeros(3)
+    whole = torch.stack([image.mean(dim=(0, 1)) for image in shown]).mean(dim=0)
+    level = (whole - dark).clamp(min=FAINT) / albedo
+    return lamp_parameters(seed, level) | {AMBIENT: dark / albedo}

@@ -44,6 +44,16 @@ def test_the_network_is_that_of_the_text():
     np.testing.assert_allclose(lamp_intensity(values, points), expected, rtol=1e-9)
 
 
+def test_a_lamp_begins_about_as_bright_as_asked():
+    """A faint one too, and in each channel; without a level it sends about log 2."""
+    points = torch.randn(500, 3, generator=torch.Generator().manual_seed(0)) + torch.tensor([0.0, 0, 3])
+    level = torch.tensor([0.02, 0.5, 3.0])
+    found = lamp_intensity(lamp_parameters(0, level), points).mean(dim=0)
+    torch.testing.assert_close(found, level, rtol=0.25, atol=0)
+    plain = lamp_intensity(lamp_parameters(0), points).mean(dim=0)
+    torch.testing.assert_close(plain, torch.full((3,), np.log(2.0), dtype=torch.float32), rtol=0.25, atol=0)
+
+
 def test_every_number_of_the_lamp_gets_a_gradient_that_finite_differences_confirm():
     values = {name: v.double().requires_grad_() for name, v in lamp_parameters(0).items()}
     points = torch.tensor([[0.2, 0.4, 2.0], [-1.0, 0.1, 0.7]], dtype=torch.float64)

@@ -11,16 +11,18 @@ import torch
 
 import graycard as gc
 from graycard import methods
+from graycard.methods._priors import Question
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import initial_state
 from graycard.methods.splat._optimise import leaves
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, guesses
-from graycard.methods.sunfaded._light import NETWORK, POSITION
-from graycard.methods.sunfaded._model import AMBIENT
+from graycard.methods.sunfaded._light import NETWORK, POSITION, lamp_intensity
+from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
 from graycard.methods.sunfaded._objective import Objective, correlation, photographs
 from graycard.methods.sunfaded._schedule import ENDS, Stage, learning_rates
 from graycard.methods.sunfaded._start import start
+from graycard.methods.surfels import decode
 from sparse_points import with_points
 
 QUICK = {"iterations": 80, "surfels": 400, "fill": 0.0}
@@ -194,6 +196,66 @@ def test_photographs_without_light_or_sense_are_refused(
     capture = replace(gc.open_capture(scene / "capture", check=False))
     with pytest.raises(gc.MethodError, match=message):
         methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(), 0, gc.silent)
+
+
+class Wrong:
+    """A prior whose depth is of another size than the image."""
+
+    def answer(self, question: Question) -> np.ndarray:
+        return np.full((3, 4), 2.0)
+
+
+def no_time(share: float, message: str) -> None:
+    raise AssertionError(f"a fit began: {message}")
+
+
+def test_a_prior_of_another_size_is_refused_before_any_step(scene: Path):
+    method, told = methods.load_method("sunfaded"), methods.Priors("classical", models={"depth": Wrong()})
+    with pytest.raises(gc.MethodError, match=r"prior for depth of view train_000: expected .* got .*3, 4"):
+        method.fit(with_points(scene), told, settings(), 0, no_time)
+
+
+def test_a_checkpoint_of_another_method_is_refused_before_any_step(scene: Path, tmp_path: Path):
+    capture, other = with_points(scene), methods.load_method("2dgs")
+    file = str(tmp_path / "fit")
+    chosen = methods.settings_of(other, QUICK | {"iterations": 2, "checkpoint": file})
+    other.fit(capture, methods.Priors(), chosen, 0, gc.silent)
+    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+        methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(checkpoint=file), 0, no_time)
+
+
+def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(scene: Path):
+    """``albedo E`` is the mean of dark places, and with the lamp the mean of all."""
+    capture, chosen = with_points(scene), settings()
+    views = photographs(capture, chosen)
+    begun = start(capture, views, chosen, 0)
+    assert torch.equal(begun.surfels[ALBEDO], torch.full_like(begun.surfels[ALBEDO], 0.4))
+    shown = torch.stack([decode(view.shown) for view in views])
+    weight = torch.stack([view.weight for view in views])
+    dark = (weight * shown).sum(dim=(0, 1, 2)) / weight.sum()
+    torch.testing.assert_close(0.4 * begun.shared[AMBIENT], dark, rtol=1e-4, atol=1e-6)
+    ahead = torch.randn(200, 3, generator=torch.Generator().manual_seed(0)) * 0.5 + torch.tensor([0, 0, 3.0])
+    lamp = lamp_intensity(begun.shared, ahead).mean(dim=0)
+    whole = 0.4 * (begun.shared[AMBIENT] + lamp)
+    torch.testing.assert_close(whole, shown.mean(dim=(0, 1, 2)), rtol=0.3, atol=0.01)
+    coloured = start(capture, views, settings(first_albedo=0.0), 0).surfels[ALBEDO]
+    assert coloured.std(dim=0).min() > 0.02
+
+
+@pytest.mark.parametrize("stage", [Stage.UNLIT, Stage.JOINT, Stage.REFINED])
+def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage: Stage):
+    capture, plain = with_points(scene), settings()
+    views = photographs(capture, plain)
+    values = dict(start(capture, views, settings(first_albedo=0.0), 0).all)
+    told = guesses(capture, methods.Priors(), [capture.photograph(view) for view in capture.train])
+    step = round(ENDS[stage - 1] * plain.iterations) if stage else 0
+    free, weighed = (
+        float(Objective(views, told, settings(albedo_weight=weight), 0)(values, step).loss.detach())
+        for weight in (0.0, 2.0)
+    )
+    variance = float(values[ALBEDO].double().var(dim=0, correction=0).mean())
+    assert variance > 1e-4
+    assert weighed - free == pytest.approx(2 * variance, rel=1e-3)
 
 
 def test_one_view_is_refused(make_scene: Callable[..., Path]):
