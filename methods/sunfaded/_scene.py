@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``sunfaded``: albedo and geometry of surfels, a light that stays, and a lamp."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from graycard.methods.splat import Maps, Parameters, arrays_of, export_ply, para
 from graycard.methods.sunfaded._light import POSITION, lamp_intensity
 from graycard.methods.sunfaded._model import ALBEDO, Picture, draw, picture_of
 from graycard.methods.sunfaded._settings import SunFadedSettings
-from graycard.methods.sunfaded._tiles import lens_of
+from graycard.methods.sunfaded._tiles import lens_of, light_evaluations, tile_side
 from graycard.methods.surfels import decode, depth_layer, normal_layer
 from graycard.methods.surfels import encode as show
 
@@ -98,6 +98,14 @@ class SunFadedScene:
         red, green, blue = (sent * np.pi * distance**2).tolist()
         x, y, z = values[POSITION].double().tolist()
         return (PointLight(LAMP, (x, y, z), (red, green, blue), "camera"),)
+
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        """How often the lamp's network is asked for a picture: once a tile, or once a surfel."""
+        if self.settings.shading == "surfel":
+            return {"light evaluations": len(self.parameters.surfels[ALBEDO])}
+        side = tile_side(camera.width, self.settings.tile)
+        found = light_evaluations(camera.width, camera.height, side, self.settings.light_map)
+        return {"light evaluations": found}
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the albedo as a PLY that viewers of Gaussian splats read.

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Verdicts in words: what was measured, beside what is possible and what is trivial."""
+
+import math
+from collections.abc import Sequence
+
+from graycard import CheckResult, ClaimVerdict, MetricRecord, RowMean
+from graycard.benchmarks.claims._claim import Check, Claim
+from graycard.benchmarks.claims._effects import Effect
+
+_TELLS: dict[ClaimVerdict, str] = {
+    "reproduced": "as claimed",
+    "direction only": "the sign is as claimed, the size is not",
+    "not supported": "scenes leave it open",
+    "contradicted": "the opposite of the claim",
+    "not checkable": "cannot be checked here",
+}
+
+
+def effect_words(check: Check) -> str:
+    """How the effect is made from rows."""
+    first, *others = check.rows if check.expects == "higher" else check.rows[::-1]
+    sign = "/" if check.scale == "ratio" else "−"
+    if check.rule == "monotone":
+        pairs = [f"{a} {sign} {b}" for a, b in zip(check.rows, check.minus, strict=False)] or check.rows
+        turn = "" if check.expects == "higher" else ", a fall counted as positive"
+        return f"change from the first to the last of: {'; '.join(pairs)}{turn}"
+    if not others:
+        ends = (first, f"{check.against:g}") if check.expects == "higher" else (f"{check.against:g}", first)
+        words = f"{ends[0]} {sign} {ends[1]}" if check.against or check.expects == "lower" else first
+    else:
+        words = f"{first} {sign} {others[0]}"
+    if check.along is None:
+        return words
+    along = check.along
+    return f"change of ({words}) when {along.knob} goes from {along.low:g} to {along.high:g}"
+
+
+def rule_words(check: Check, unit: str) -> str:
+    """What makes a check reproduced."""
+    if check.rule == "within":
+        assert check.accepted is not None, "the file was refused without"
+        return f"the whole interval lies in {span_words(check.accepted, unit)}"
+    words = "the interval excludes no effect"
+    if check.rule == "monotone":
+        words += ", every step goes the claimed way"
+    if check.range is None:
+        return f"{words}; the paper names no size"
+    return f"{words}, and the mean lies in {span_words(check.range, unit)}"
+
+
+def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str) -> str:
+    """What a verdict rests on."""
+    low, high = effect.interval
+    found = (
+        f"{_TELLS[verdict]}: {effect_words(check)} = {number(effect.mean)}{of_unit(unit)} "
+        f"({number(low)} to {number(high)}, {len(effect.scenes)} scenes)"
+    )
+    if check.paper is not None:
+        found += f"; the paper: {number(check.paper)}{of_unit(unit)}"
+    return found
+
+
+def beside_words(
+    check: Check, record: MetricRecord, rows: Sequence[RowMean], bound: RowMean, trivial: RowMean
+) -> str:
+    """What the upper bound and the trivial row make of a lead; empty where they raise no doubt."""
+    mine = rows[0].value
+    if check.rule != "better" or not check.quantity.is_plain or mine is None or record.group == "cost":
+        return ""
+    lower = [row for row in rows if row.value is not None and _beats(record, trivial.value, row.value)]
+    found = []
+    if lower and (check.expects == "higher") is record.higher_is_better:
+        whom = "all rows compared" if len(lower) == len(rows) else ", ".join(row.row for row in lower)
+        found.append(
+            f"what is trivial is as good or better: {trivial.row} has {number(trivial.value)}"
+            f"{of_unit(record.unit)}, no worse than {whom}"
+        )
+    if bound.value is not None and bound.value != mine and _beats(record, mine, bound.value):
+        found.append(f"{rows[0].row} is above the upper bound {bound.row}, which should not be possible")
+    return "; ".join(found)
+
+
+def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResult]) -> str:
+    """The verdict of a claim in a sentence or two."""
+    if claim.unavailable:
+        return claim.unavailable
+    deciding = [check for check in checks if check.decides]
+    telling = [check for check in deciding if check.verdict == verdict]
+    reasons = list(dict.fromkeys(check.reason for check in telling))
+    if len(deciding) == 1:
+        return reasons[0]
+    if verdict == "not checkable" and len(reasons) > 1:
+        return f"{reasons[0]} (and {len(reasons) - 1} more reasons)"
+    return f"{len(telling)} of {len(deciding)} checks: {'. '.join(reasons)}"
+
+
+def span_words(span: tuple[float, float], unit: str) -> str:
+    """An interval as in ``2.7 to 10.8 dB``; one open end as ``at most`` or ``at least``."""
+    low, high = span
+    if math.isinf(low):
+        return f"at most {number(high)}{of_unit(unit)}"
+    if math.isinf(high):
+        return f"at least {number(low)}{of_unit(unit)}"
+    return f"{number(low)} to {number(high)}{of_unit(unit)}"
+
+
+def number(value: float | None) -> str:
+    """Three significant digits."""
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def of_unit(unit: str) -> str:
+    """A unit behind a number; none where there is none."""
+    return "" if unit in ("1", "") else unit if unit == "×" else f" {unit}"
+
+
+def _beats(record: MetricRecord, one: float | None, other: float) -> bool:
+    """Whether a value is as good as another, or better."""
+    if one is None:
+        return False
+    return one >= other if record.higher_is_better else one <= other
