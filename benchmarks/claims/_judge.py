@@ -16,7 +16,7 @@ from graycard import (
     sha256,
 )
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
-from graycard.benchmarks.claims._claim import Check, Claim, Paper, claims_path, load_claims
+from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity, claims_path, load_claims
 from graycard.benchmarks.claims._effects import Effect, effect_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.claims._rules import RULES, combined, neutral_of, verdict_of
@@ -94,7 +94,7 @@ def _check(check: Check, track: str, beside: tuple[str, str], readings: Readings
     rows = tuple(RowMean(row, mean) for row, mean in effect.means.items())
     scenes = [s for s in readings.scenes(track, check.scenes) if s.scene in effect.scenes]
     bound, trivial = (_mean(row, check, scenes, readings) for row in beside)
-    reason = reason_words(check, verdict, effect, unit)
+    reason = reason_words(check, verdict, effect, unit, _quantity_words(check, readings))
     doubt = beside_words(check, record, rows, bound, trivial)
     return CheckResult(
         check.id,
@@ -151,7 +151,7 @@ def _quantity_words(check: Check, readings: Readings) -> str:
     if quantity.part:
         words += f" ({quantity.part})"
     if quantity.less:
-        words += f" less {quantity.less}"
+        words += f" less {readings.record(Quantity(quantity.less)).title}"
     return words
 
 

@@ -40,20 +40,20 @@ def rule_words(check: Check, unit: str) -> str:
     """What makes a check reproduced."""
     if check.rule == "within":
         assert check.accepted is not None, "the file was refused without"
-        return f"the whole interval lies in {span_words(check.accepted, unit)}"
+        return f"the whole interval {span_words(check.accepted, unit)}"
     words = "the interval excludes no effect"
     if check.rule == "monotone":
         words += ", every step goes the claimed way"
     if check.range is None:
         return f"{words}; the paper names no size"
-    return f"{words}, and the mean lies in {span_words(check.range, unit)}"
+    return f"{words}, and the mean {span_words(check.range, unit)}"
 
 
-def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str) -> str:
+def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str, quantity: str) -> str:
     """What a verdict rests on."""
     low, high = effect.interval
     found = (
-        f"{_TELLS[verdict]}: {effect_words(check)} = {number(effect.mean)}{of_unit(unit)} "
+        f"{_TELLS[verdict]}: {quantity}, {effect_words(check)} = {number(effect.mean)}{of_unit(unit)} "
         f"({number(low)} to {number(high)}, {len(effect.scenes)} scenes)"
     )
     if check.paper is not None:
@@ -92,17 +92,18 @@ def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResul
         return reasons[0]
     if verdict == "not checkable" and len(reasons) > 1:
         return f"{reasons[0]} (and {len(reasons) - 1} more reasons)"
-    return f"{len(telling)} of {len(deciding)} checks: {'. '.join(reasons)}"
+    words = "; ".join(reason.removeprefix(f"{_TELLS[verdict]}: ") for reason in reasons)
+    return f"{len(telling)} of {len(deciding)} checks, {_TELLS[verdict]}: {words}"
 
 
 def span_words(span: tuple[float, float], unit: str) -> str:
-    """An interval as in ``2.7 to 10.8 dB``; one open end as ``at most`` or ``at least``."""
+    """Where a number has to be, as in ``lies in 2.7 to 10.8 dB`` or ``is at most 0.5 dB``."""
     low, high = span
     if math.isinf(low):
-        return f"at most {number(high)}{of_unit(unit)}"
+        return f"is at most {number(high)}{of_unit(unit)}"
     if math.isinf(high):
-        return f"at least {number(low)}{of_unit(unit)}"
-    return f"{number(low)} to {number(high)}{of_unit(unit)}"
+        return f"is at least {number(low)}{of_unit(unit)}"
+    return f"lies in {number(low)} to {number(high)}{of_unit(unit)}"
 
 
 def number(value: float | None) -> str:

@@ -185,7 +185,7 @@ def test_a_gap_is_a_difference_of_two_metrics() -> None:
     found = judged(run, check_of(expects="lower", quantity=gap)).checks[0]
     assert found.verdict == "reproduced"
     assert found.mean == pytest.approx(2.0)
-    assert found.quantity == "Training PSNR less psnr"
+    assert found.quantity == "Training PSNR less PSNR"
 
 
 LEVELS = ("a", "b", "c")
@@ -342,6 +342,28 @@ def test_parts_and_protocols_of_a_score() -> None:
     assert "the run has no score by the protocol orb" in other.text
 
 
+@pytest.mark.parametrize(
+    ("check", "rule"),
+    [
+        (check_of(), "the interval excludes no effect; the paper names no size"),
+        (check_of(paper=5.4), "the interval excludes no effect, and the mean lies in 2.7 to 10.8 dB"),
+        (
+            check_of(accepted=(4.0, math.inf)),
+            "the interval excludes no effect, and the mean is at least 4 dB",
+        ),
+        (check_of("within", accepted=(-math.inf, 0.5)), "the whole interval is at most 0.5 dB"),
+        (check_of("within", accepted=(-0.2, 0.2)), "the whole interval lies in -0.2 to 0.2 dB"),
+        (check_of(scale="ratio", paper=2.0), "the interval excludes no effect, and the mean lies in 1 to 4×"),
+        (
+            check_of("monotone", ("mine", "theirs", "gray")),
+            "the interval excludes no effect, every step goes the claimed way; the paper names no size",
+        ),
+    ],
+)
+def test_what_a_check_asks_for_is_said(check: Check, rule: str) -> None:
+    assert judged(against(5), check).checks[0].rule == rule
+
+
 def test_a_lead_that_is_trivial_is_called_that() -> None:
     rows = {"mine": values(5), "theirs": values(0, 0 * SPREAD), "gray": values(6), "bound": values(9)}
     found = judged(run_of({row: {"psnr": v} for row, v in rows.items()}), check_of())
@@ -403,7 +425,7 @@ def test_the_checks_that_decided_are_told() -> None:
     found = judged(run, GOOD, replace(GONE, id="b"), replace(GONE, id="c", rows=("mine", "nowhere")))
     assert found.text == ("cannot be checked here: the run has no row nobody (and 1 more reasons)")
     assert judged(run, GOOD, replace(BAD, id="b")).text.startswith(
-        "1 of 2 checks: the opposite of the claim: theirs − mine = -5 dB ("
+        "1 of 2 checks, the opposite of the claim: PSNR, theirs − mine = -5 dB ("
     )
 
 

@@ -73,7 +73,7 @@ def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.Captu
     assert "A paper of mine, claims version 3" in lines
     first = next(line for line in lines if line.startswith("M1"))
     assert "reproduced" in first
-    assert "mine − theirs = 5 dB (3.76 to 6.24, 3 scenes); the paper: 5 dB" in first
+    assert "PSNR, mine − theirs = 5 dB (3.76 to 6.24, 3 scenes); the paper: 5 dB" in first
     told = next(line for line in lines if line.startswith("told"))
     assert "contradicted (decides nothing)" in told
     assert "bound: 50" in told
