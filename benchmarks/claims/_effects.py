@@ -7,6 +7,7 @@ Effects are positive (of a ratio: above 1) in the claimed sense. Ratios are aver
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import stats
@@ -139,7 +140,8 @@ def _change_along(
     """The change of an effect between two values of a knob, by least squares; Student's interval."""
     if len(set(places)) < 2:
         raise RecordError(f"expected scenes that differ in {along.knob}, got {places[0]:g} in all of them")
-    line, reach = stats.linregress(places, effects), along.high - along.low
+    line: Any = stats.linregress(places, effects)
+    reach = along.high - along.low
     half = float(stats.t.isf((1 - LEVEL) / 2, len(effects) - 2) * line.stderr) * reach
     change = float(line.slope) * reach
     return change, (change - half, change + half), float(line.pvalue)

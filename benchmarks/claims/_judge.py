@@ -2,11 +2,13 @@
 """The claims of papers against a run: a verdict for each, from nothing but the record of the run."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from graycard import (
     CheckResult,
     ClaimResult,
+    ClaimVerdict,
     Ledger,
     PaperResult,
     RecordError,
@@ -17,7 +19,7 @@ from graycard import (
 )
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity, claims_path, load_claims
-from graycard.benchmarks.claims._effects import Effect, effect_of
+from graycard.benchmarks.claims._effects import effect_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.benchmarks.claims._rules import RULES, combined, neutral_of, verdict_of
 from graycard.benchmarks.claims._words import (
@@ -68,8 +70,8 @@ def _paper(paper: Paper, digest: str, record: RunRecord) -> PaperResult:
 def _claim(claim: Claim, paper: Paper, readings: Readings) -> ClaimResult:
     beside = claim.bound or paper.bound, claim.trivial or paper.trivial
     checks = tuple(_check(check, paper.track, beside, readings) for check in claim.checks)
-    deciding = [check.verdict for check in checks if check.decides]
-    verdict = "not checkable" if claim.unavailable else combined(deciding, claim.verdict_by)
+    deciding: list[ClaimVerdict] = [check.verdict for check in checks if check.decides]
+    verdict: ClaimVerdict = "not checkable" if claim.unavailable else combined(deciding, claim.verdict_by)
     return ClaimResult(
         claim.id,
         claim.sentence,
@@ -84,60 +86,48 @@ def _claim(claim: Claim, paper: Paper, readings: Readings) -> ClaimResult:
 
 
 def _check(check: Check, track: str, beside: tuple[str, str], readings: Readings) -> CheckResult:
+    told = _told(check, readings)
     try:
         effect = effect_of(check, track, readings)
     except RecordError as cause:
-        return _unchecked(check, readings, str(cause))
-    record = readings.record(check.quantity)
-    unit = "×" if check.scale == "ratio" else record.unit
+        return replace(told, reason=f"{told.reason}: {cause}")
     verdict = verdict_of(check, effect)
     rows = tuple(RowMean(row, mean) for row, mean in effect.means.items())
     scenes = [s for s in readings.scenes(track, check.scenes) if s.scene in effect.scenes]
     bound, trivial = (_mean(row, check, scenes, readings) for row in beside)
-    reason = reason_words(check, verdict, effect, unit, _quantity_words(check, readings))
-    doubt = beside_words(check, record, rows, bound, trivial)
-    return CheckResult(
-        check.id,
-        check.says,
-        _quantity_words(check, readings),
-        unit,
-        effect_words(check),
-        rule_words(check, unit),
-        verdict,
-        f"{reason}. But {doubt}" if doubt else reason,
-        check.decides,
-        **_numbers(effect),
-        neutral=neutral_of(check),
-        paper=check.paper,
-        accepted=check.range,
+    reason = reason_words(check, verdict, effect, told.unit, told.quantity)
+    doubt = beside_words(check, readings.record(check.quantity), rows, bound, trivial)
+    return replace(
+        told,
+        verdict=verdict,
+        reason=f"{reason}. But {doubt}" if doubt else reason,
+        scenes=effect.scenes,
+        mean=effect.mean,
+        interval=effect.interval,
+        p_mean=effect.p_mean,
+        p_rank=effect.p_rank,
         rows=rows,
         bound=bound,
         trivial=trivial,
     )
 
 
-def _numbers(effect: Effect) -> dict[str, object]:
-    names = ("scenes", "mean", "interval", "p_mean", "p_rank")
-    return {name: getattr(effect, name) for name in names}
-
-
-def _unchecked(check: Check, readings: Readings, reason: str) -> CheckResult:
-    """A check that this run cannot make; what it would ask for is told all the same."""
+def _told(check: Check, readings: Readings) -> CheckResult:
+    """A check before anything is measured: what it asks for, which is told even where it cannot be made."""
     try:
-        record = readings.record(check.quantity)
-        title, unit = _quantity_words(check, readings), record.unit
+        quantity, unit = _quantity_words(check, readings), readings.record(check.quantity).unit
     except RecordError:
-        title, unit = check.quantity.metric, "1"
+        quantity, unit = check.quantity.metric, "1"
     unit = "×" if check.scale == "ratio" else unit
     return CheckResult(
         check.id,
         check.says,
-        title,
+        quantity,
         unit,
         effect_words(check),
         rule_words(check, unit),
         "not checkable",
-        f"cannot be checked here: {reason}",
+        "cannot be checked here",
         check.decides,
         neutral=neutral_of(check),
         paper=check.paper,

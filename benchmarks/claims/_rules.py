@@ -2,6 +2,7 @@
 """From an effect to a verdict."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 from graycard import ClaimVerdict
@@ -56,7 +57,7 @@ def neutral_of(check: Check) -> float:
     return 1.0 if check.scale == "ratio" else 0.0
 
 
-def combined(verdicts: list[ClaimVerdict], by: str) -> ClaimVerdict:
+def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
     """The verdict of a claim from those of its deciding checks."""
     ranked = sorted(verdicts, key=RANKS.index)
     return ranked[0] if by == "all" else ranked[-1]
