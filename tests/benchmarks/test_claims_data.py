@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of claims as they are read, and those that come along; tables of papers against themselves."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,18 @@ def test_what_is_no_file_of_claims(tmp_path: Path) -> None:
     broken.write_text("name = ")
     with pytest.raises(gc.RecordError, match="expected TOML in"):
         load_claims(str(broken))
+
+
+def test_the_files_of_the_docs_can_be_read(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "claims.md").read_text(encoding="utf-8")
+    claims, table = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+    path = tmp_path / "mine.toml"
+    path.write_text(claims + table)
+    paper = load_claims(str(path))
+    assert [c.id for c in (*paper.claims, *paper.arithmetic)] == ["M1", "GA1"]
+    commented = re.sub(r"(?m)^# (accepted|scenes|decides)", r"\1", claims)
+    path.write_text(commented.replace("decides = false", "decides = true"))
+    assert load_claims(str(path)).claims[0].checks[0].range == (2.0, float("inf"))
 
 
 def test_claims_of_a_suite() -> None:
