@@ -40,7 +40,9 @@ class CheckRow:
     evidence: str
     paper: str
     rows: tuple[tuple[str, str], ...]
-    """Label and mean of each compared row, then of the upper bound and of what is trivial."""
+    """Label and mean of each compared row."""
+    limits: tuple[tuple[str, str], ...]
+    """The same of the upper bound and of what is trivial."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,8 @@ def _check(check: gc.CheckResult) -> CheckRow:
         "" if interval is None else " to ".join(format_value(end, check.unit) for end in interval),
         ", ".join([*([format_p(max(chances))] if chances else []), *([f"n = {n}"] if n else [])]),
         "" if check.paper is None else _with_unit(check.paper, check.unit),
-        _rows(check),
+        tuple((row.row, _mean(row, check)) for row in check.rows),
+        _limits(check),
     )
 
 
@@ -147,11 +150,9 @@ def _log(value: float) -> float:
     return math.log(value) if value > 0 else -math.inf
 
 
-def _rows(check: gc.CheckResult) -> tuple[tuple[str, str], ...]:
-    named = [(row.row, row) for row in check.rows]
+def _limits(check: gc.CheckResult) -> tuple[tuple[str, str], ...]:
     beside = (("upper bound", check.bound), ("trivial", check.trivial))
-    named += [(f"{what} {row.row}", row) for what, row in beside if row is not None]
-    return tuple((name, _mean(row, check)) for name, row in named)
+    return tuple((f"{what} {row.row}", _mean(row, check)) for what, row in beside if row is not None)
 
 
 def _mean(row: gc.RowMean, check: gc.CheckResult) -> str:

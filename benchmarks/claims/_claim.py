@@ -259,6 +259,8 @@ def _size_fault(check: Check) -> str:
     neutral = 1.0 if check.scale == "ratio" else 0.0
     if check.accepted is not None and not check.accepted[0] < check.accepted[1]:
         return f"accepted from low to high, got {list(check.accepted)}"
+    if check.scale == "ratio" and len(check.rows) == 1 and check.against <= 0:
+        return f"a number above 0 that the row is a multiple of (against), got {check.against}"
     if check.rule == "within" and check.accepted is None:
         return "what the interval has to lie in (accepted)"
     if check.paper is None or check.rule == "within":

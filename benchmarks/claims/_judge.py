@@ -26,6 +26,7 @@ from graycard.benchmarks.claims._words import (
     beside_words,
     claim_words,
     effect_words,
+    limits_words,
     reason_words,
     rule_words,
 )
@@ -95,8 +96,10 @@ def _check(check: Check, track: str, beside: tuple[str, str], readings: Readings
     rows = tuple(RowMean(row, mean) for row, mean in effect.means.items())
     scenes = [s for s in readings.scenes(track, check.scenes) if s.scene in effect.scenes]
     bound, trivial = (_mean(row, check, scenes, readings) for row in beside)
+    record = readings.record(check.quantity)
     reason = reason_words(check, verdict, effect, told.unit, told.quantity)
-    doubt = beside_words(check, readings.record(check.quantity), rows, bound, trivial)
+    reason += f"; {limits_words(record, bound, trivial)}"
+    doubt = beside_words(check, record, rows, bound, trivial)
     return replace(
         told,
         verdict=verdict,

@@ -61,6 +61,16 @@ def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str,
     return found
 
 
+def limits_words(record: MetricRecord, bound: RowMean, trivial: RowMean) -> str:
+    """What is possible and what costs nothing, as in ``upper bound truth 42.5 dB, trivial gray 16.5 dB``."""
+    named = ("upper bound", bound), ("trivial", trivial)
+    return ", ".join(f"{what} {row.row} {_value_words(row, record)}" for what, row in named)
+
+
+def _value_words(row: RowMean, record: MetricRecord) -> str:
+    return row.reason if row.value is None else f"{number(row.value)}{of_unit(record.unit)}"
+
+
 def beside_words(
     check: Check, record: MetricRecord, rows: Sequence[RowMean], bound: RowMean, trivial: RowMean
 ) -> str:

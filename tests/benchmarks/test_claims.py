@@ -173,6 +173,14 @@ def test_a_ratio_is_of_geometric_means() -> None:
     assert "cost was not measured on s0" in judged(bare, check).text
 
 
+def test_a_row_may_be_a_multiple_of_a_number() -> None:
+    run = run_of({"mine": {"psnr": [4.0, 5.0, 6.0]}})
+    check = check_of(rows=["mine"], scale="ratio", against=2.0)
+    assert judged(run, check).checks[0].mean == pytest.approx((2 * 2.5 * 3) ** (1 / 3))
+    turned = judged(run, replace(check, expects="lower")).checks[0]
+    assert (turned.verdict, turned.effect_of) == ("contradicted", "2 / mine")
+
+
 def test_ratios_of_nothing() -> None:
     run = run_of({"mine": {"psnr": [0.0, 1.0, 2.0]}, "theirs": {"psnr": [1.0, 1.0, 1.0]}})
     assert "a ratio needs values above 0" in judged(run, check_of(scale="ratio")).text
@@ -381,7 +389,8 @@ def test_a_lead_that_is_trivial_is_called_that() -> None:
     )
     assert "no worse than theirs" in between.text
     honest = judged(against(5), check_of())
-    assert "trivial" not in honest.text
+    assert "no worse" not in honest.text
+    assert honest.text.endswith("; upper bound bound 42.5 dB, trivial gray 24.5 dB")
 
 
 def test_more_than_is_possible_is_called_that() -> None:
@@ -394,6 +403,7 @@ def test_rows_beside_a_check_that_are_missing_say_so() -> None:
     run = run_of({"mine": {"psnr": values(5)}, "theirs": {"psnr": values(0)}, "gray": {"error": [0.0] * 8}})
     found = judged(run, check_of()).checks[0]
     assert found.bound == gc.RowMean("bound", None, "not in this run")
+    assert found.reason.endswith("; upper bound bound not in this run, trivial gray has no psnr on s0")
     assert found.trivial is not None
     assert found.trivial.reason == "has no psnr on s0"
 

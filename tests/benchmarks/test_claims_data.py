@@ -94,6 +94,7 @@ def test_a_broken_file_is_refused(tmp_path: Path, claim: str, check: str, words:
         ('["mine", "theirs"]', '["mine", "mine"]', "rows that differ"),
         ('["mine", "theirs"]', '["a", "b", "c"]', "one or two rows"),
         ('["mine", "theirs"]', "[]", "one or two rows"),
+        ('["mine", "theirs"]', '["mine"]\nscale = "ratio"', "a number above 0 that the row is a multiple of"),
         ('bound = "truth"\n', "", "the rows of the upper bound and of what is trivial for 'M1'"),
         ("[[claims]]", '[[arithmetic]]\nid = "M1"\nsentence = ""\nsource = ""\n'
          "entries = {{ a = [1.0], b = [2.0] }}\n[[claims]]", "claims of 'mine' with ids of their own"),
