@@ -75,20 +75,40 @@ def beside_words(
     check: Check, record: MetricRecord, rows: Sequence[RowMean], bound: RowMean, trivial: RowMean
 ) -> str:
     """What the upper bound and the trivial row make of a lead; empty where they raise no doubt."""
-    mine = rows[0].value
-    if check.rule != "better" or not check.quantity.is_plain or mine is None or record.group == "cost":
+    if check.rule != "better" or record.group == "cost":
         return ""
-    lower = [row for row in rows if row.value is not None and _beats(record, trivial.value, row.value)]
+    if len(rows) == 1:
+        return _alike(check, record, rows[0], trivial)
+    if not check.quantity.is_plain:
+        return ""
     found = []
-    if lower and (check.expects == "higher") is record.higher_is_better:
-        whom = "all rows compared" if len(lower) == len(rows) else ", ".join(row.row for row in lower)
-        found.append(
-            f"what is trivial is as good or better: {trivial.row} has {number(trivial.value)}"
-            f"{of_unit(record.unit)}, no worse than {whom}"
-        )
-    if bound.value is not None and bound.value != mine and _beats(record, mine, bound.value):
-        found.append(f"{rows[0].row} is above the upper bound {bound.row}, which should not be possible")
+    if (check.expects == "higher") is record.higher_is_better:
+        found += _trivial(record, rows, trivial)
+    mine = rows[0].value
+    if mine is not None and bound.value is not None and bound.value != mine:
+        above = f"{rows[0].row} is above the upper bound {bound.row}, which should not be possible"
+        found += [above] if _beats(record, mine, bound.value) else []
     return "; ".join(found)
+
+
+def _trivial(record: MetricRecord, rows: Sequence[RowMean], trivial: RowMean) -> list[str]:
+    """The rows of a lead that the trivial one is no worse than."""
+    lower = [row for row in rows if row.value is not None and _beats(record, trivial.value, row.value)]
+    if not lower:
+        return []
+    whom = "all rows compared" if len(lower) == len(rows) else ", ".join(row.row for row in lower)
+    has = f"{trivial.row} has {_value_words(trivial, record)}"
+    return [f"what is trivial is as good or better: {has}, no worse than {whom}"]
+
+
+def _alike(check: Check, record: MetricRecord, row: RowMean, trivial: RowMean) -> str:
+    """Of one row alone: whether the trivial one shows the same."""
+    if row.value is None or trivial.value is None:
+        return ""
+    further = trivial.value - row.value if check.expects == "higher" else row.value - trivial.value
+    if further < 0:
+        return ""
+    return f"what is trivial shows it no less: {trivial.row} has {_value_words(trivial, record)}"
 
 
 def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResult]) -> str:

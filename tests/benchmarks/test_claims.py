@@ -393,6 +393,22 @@ def test_a_lead_that_is_trivial_is_called_that() -> None:
     assert honest.text.endswith("; upper bound bound 42.5 dB, trivial gray 24.5 dB")
 
 
+def test_what_the_trivial_row_shows_too_is_called_that() -> None:
+    check = check_of(rows=["mine"], against=20.0)
+    doubt = "what is trivial shows it no less: gray has 24.5 dB"
+    assert doubt in judged(run_with(mine=values(-10)), check).text
+    assert doubt not in judged(run_with(mine=values(-8)), check).text
+    lower = check_of(rows=["mine"], against=60.0, expects="lower")
+    assert doubt in judged(run_with(mine=values(-8)), lower).text
+    assert doubt not in judged(run_with(mine=values(-10)), lower).text
+
+
+def test_to_be_worse_is_no_merit_that_could_be_trivial() -> None:
+    worse = judged(run_with(mine=values(-10), theirs=values(0)), check_of(expects="lower"))
+    assert worse.verdict == "reproduced"
+    assert "But" not in worse.text
+
+
 def test_more_than_is_possible_is_called_that() -> None:
     rows = {"mine": values(5), "theirs": values(0), "gray": values(-9), "bound": values(3)}
     found = judged(run_of({row: {"psnr": v} for row, v in rows.items()}), check_of())
