@@ -279,11 +279,13 @@ def test_a_knob_that_no_scene_differs_in() -> None:
 def test_scenes_are_chosen_by_family_and_knob() -> None:
     rows = {"mine": {"psnr": values(0, 5 * np.sign(SPREAD))}, "theirs": {"psnr": values(0, 0 * SPREAD)}}
     good = [scene_of(i, "corridor" if s > 0 else "shelf", gloss=float(s > 0)) for i, s in enumerate(SPREAD)]
-    run = run_of(rows, good)
+    run = run_of(rows | {"gray": {"psnr": list(map(float, SPREAD))}}, good)
     assert verdict(run, check_of()) == "not supported"
     corridors = judged(run, check_of(scenes=Scenes(("corridor",)))).checks[0]
     assert (corridors.verdict, list(corridors.scenes)) == ("reproduced", ["s1", "s3", "s5", "s6"])
     assert verdict(run, check_of(scenes=Scenes(knobs={"gloss": (0.0, 0.5)}))) == "contradicted"
+    assert corridors.trivial is not None
+    assert corridors.trivial.value == pytest.approx(np.mean([SPREAD[i] for i in (1, 3, 5, 6)]))
     assert "has no psnr on scenes that this is about" in judged(run, check_of(scenes=Scenes(("lab",)))).text
 
 
@@ -318,6 +320,21 @@ def test_a_job_that_failed_is_no_scene_less() -> None:
     found = judged(replace(run, results=(*run.results[:-1], failed)), check_of())
     assert found.verdict == "not checkable"
     assert "theirs failed on s7: it ran out of memory" in found.text
+
+
+def test_a_seed_that_failed_is_not_averaged_away() -> None:
+    once = against(5)
+    again = [result_of("mine", n, {"psnr": None if n == 3 else 30.0}, seed=1) for n in range(8)]
+    found = judged(replace(once, results=(*once.results, *again)), check_of())
+    assert found.verdict == "not checkable"
+    assert "mine psnr failed on s3 (black)" in found.text
+
+
+def test_a_score_that_others_have_there_is_missing() -> None:
+    rows = {"mine": {"error": [0.1] * 4, "psnr": values(1)[:3]}, "theirs": {"psnr": values(0)[:4]}}
+    found = judged(run_of(rows), check_of())
+    assert found.verdict == "not checkable"
+    assert "mine has no psnr on s3" in found.text
 
 
 def test_scenes_that_do_not_have_the_metric_are_not_meant() -> None:

@@ -12,6 +12,10 @@ from skimage.metrics import peak_signal_noise_ratio
 
 import graycard as gc
 import graycard.eval as ge
+from graycard.eval._readings import TrueView
+from graycard.eval._shadow import SHADOW_METRICS, main_light
+from graycard.eval._training import Training
+from graycard.eval._training_view import score_training_views
 
 Layers = dict[str, np.ndarray]
 Predict = Callable[..., Path]
@@ -148,3 +152,46 @@ def test_a_training_view_that_is_missing_has_failed(scene: Path, predict: Predic
     score = ge.score_predictions(predict(scene, change), scene).score("training_view.psnr")
     assert (score.status, score.value, score.scored) == ("failed", None, 2)
     assert "train_000: expected radiance" in score.reason
+
+
+def seen(layers: Layers) -> TrueView:
+    """A view of 4 × 4 pixels that shows one surface, but for what ``layers`` says."""
+    camera = gc.Camera.from_fov(4, 4, 60, np.eye(4))
+    base = {"object_id": np.ones((4, 4), np.uint32), "radiance": np.full((4, 4, 3), 0.5, np.float32)}
+    return TrueView(gc.View("test_000", "test", camera), base | layers, frozenset())
+
+
+def light(name: str, visible: float, brings: float) -> Layers:
+    return {
+        f"visibility.{name}": np.full((4, 4), visible, np.float32),
+        f"irradiance.{name}": np.full((4, 4, 3), brings, np.float32),
+    }
+
+
+def test_the_main_light_is_the_one_that_brings_most() -> None:
+    both = light("a", 0.0, 1.0) | light("b", 1.0, 2.0)
+    assert main_light(seen(both)) == "b"
+    assert main_light(seen({name: both[name] for name in ("visibility.a", "irradiance.b")})) is None
+    assert main_light(seen(both | {"object_id": np.zeros((4, 4), np.uint32)})) is None
+    assert main_light(seen({})) is None
+
+
+@pytest.mark.parametrize(
+    ("visible", "asked"), [(0.0, [True, False]), (1.0, [False, True]), (0.5, [False, False])]
+)
+def test_a_view_without_shadow_or_light_asks_nothing(visible: float, asked: list[bool]) -> None:
+    view = seen(light("a", visible, 1.0))
+    assert [metric.question(view, 1.0) is not None for metric in SHADOW_METRICS] == asked
+    assert [metric.question(seen({}), 1.0) for metric in SHADOW_METRICS] == [None, None]
+
+
+def test_without_a_variance_there_is_no_ceiling() -> None:
+    metric = SHADOW_METRICS[0]
+    assert metric.ceiling(metric.question(seen(light("a", 0.0, 1.0)), 1.0)) is None
+    known = light("a", 0.0, 1.0) | {"radiance.var": np.full((4, 4, 3), 1e-6, np.float32)}
+    noise = metric.ceiling(metric.question(seen(known), 1.0))
+    assert noise == pytest.approx(1e-6 * gc.srgb_slope(np.float64(0.5)) ** 2, rel=1e-3)
+
+
+def test_training_views_that_see_nothing_have_no_score() -> None:
+    assert score_training_views(Training(frozenset(), (), {})) == []
