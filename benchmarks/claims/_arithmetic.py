@@ -69,6 +69,6 @@ def _check(
 ) -> CheckResult:
     verdict: ClaimVerdict = "reproduced" if fits else "contradicted"
     return CheckResult(
-        row, says, "entries of the table", found.unit, row, RULES["arithmetic"], verdict, reason,
+        row, says, "entries of the table", found.unit, row, "", verdict, reason,
         decides=True, mean=mean, paper=stated, accepted=accepted,
     )  # fmt: skip

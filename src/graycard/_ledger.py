@@ -43,7 +43,7 @@ class CheckResult:
     effect_of: str
     """How the effect is made from rows, in words."""
     rule: str
-    """What makes it reproduced, in words."""
+    """What makes it reproduced, in words; empty where the rule of the claim says all."""
     verdict: ClaimVerdict
     reason: str
     """What the verdict rests on, in words."""
