@@ -338,14 +338,11 @@ def test_a_score_that_others_have_there_is_missing() -> None:
 
 
 def test_scenes_that_do_not_have_the_metric_are_not_meant() -> None:
-    run = run_of(
-        {"mine": {"error": [0.1, 0.2, 0.1]}, "theirs": {"error": [0.4, 0.6, 0.5], "psnr": values(0)}}
-    )
-    results = [*run.results, *(result_of("mine", n, {"psnr": 1.0}) for n in range(3, 8))]
-    found = judged(
-        replace(run, results=tuple(results)), check_of(expects="lower", quantity=Quantity("error"))
-    )
-    assert (found.verdict, list(found.checks[0].scenes)) == ("reproduced", ["s0", "s1", "s2"])
+    rows = {row: {"error": [e] * 3, "psnr": values(0)} for row, e in (("mine", 0.1), ("theirs", 0.4))}
+    rows["bound"] = {"error": [0.0] * 3, "psnr": values(9)}
+    found = judged(run_of(rows), check_of(expects="lower", quantity=Quantity("error"))).checks[0]
+    assert (found.verdict, list(found.scenes)) == ("reproduced", ["s0", "s1", "s2"])
+    assert found.bound == gc.RowMean("bound", 0.0)
 
 
 def test_parts_and_protocols_of_a_score() -> None:
@@ -430,6 +427,8 @@ def test_more_than_is_possible_is_called_that() -> None:
     rows = {"mine": values(5), "theirs": values(0), "gray": values(-9), "bound": values(3)}
     found = judged(run_of({row: {"psnr": v} for row, v in rows.items()}), check_of())
     assert "mine is above the upper bound bound" in found.text
+    level = run_of({row: {"psnr": v} for row, v in (rows | {"bound": rows["mine"]}).items()})
+    assert "above" not in judged(level, check_of()).text
 
 
 def test_rows_beside_a_check_that_are_missing_say_so() -> None:

@@ -190,7 +190,7 @@ def test_without_a_variance_there_is_no_ceiling() -> None:
     assert metric.ceiling(metric.question(seen(light("a", 0.0, 1.0)), 1.0)) is None
     known = light("a", 0.0, 1.0) | {"radiance.var": np.full((4, 4, 3), 1e-6, np.float32)}
     noise = metric.ceiling(metric.question(seen(known), 1.0))
-    assert noise == pytest.approx(1e-6 * gc.srgb_slope(np.float64(0.5)) ** 2, rel=1e-3)
+    assert noise == pytest.approx(1e-6 * gc.srgb_slope(np.asarray(0.5)) ** 2, rel=1e-3)
 
 
 def test_training_views_that_see_nothing_have_no_score() -> None:
