@@ -18,6 +18,7 @@ from graycard import (
     Cost,
     DatasetError,
     EnvironmentLight,
+    MethodError,
     Progress,
     Truth,
     clear_predictions,
@@ -33,6 +34,8 @@ from graycard.methods import (
     COMPOSITION,
     LIGHTS,
     RELIGHTING,
+    Counting,
+    Decomposition,
     Method,
     Priors,
     asks_of,
@@ -113,10 +116,26 @@ def fit_scene(
         with closed(guard):
             name = spec.label or spec.method
             write_predictions(decomposition, capture, name, predictions, progress, changes)
-            cost = Cost(time.perf_counter() - start, peak_memory_mib())
+            elapsed, peak = time.perf_counter() - start, peak_memory_mib()
+            with blame(spec.method):
+                cost = Cost(elapsed, peak, _counts(decomposition, capture))
             if save is not None:
                 decomposition.save(save)
         return Fitted(cost, _access(guard, capture, priors))
+
+
+def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
+    """What a method that counts says of a held-out view: the means over them.
+
+    Raises:
+        MethodError: It does not give what it claims.
+    """
+    if not isinstance(decomposition, Counting):
+        return {}
+    found = [decomposition.counts(view.camera) for view in capture.test]
+    if not all(counts.keys() == found[0].keys() for counts in found):
+        raise MethodError(f"expected the same counts of each view, got {[sorted(c) for c in found]}")
+    return {name: float(sum(counts[name] for counts in found)) / len(found) for name in found[0]}
 
 
 def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:

@@ -38,7 +38,8 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
-    """A rendered scene, with the hash of its truth."""
+    """A rendered scene, with the hash of its truth and the knobs that it was made with."""
+    truth = manifest_of(open_truth(folder / "truth", check=False))
     return SceneRecord(
         track=spec.track,
         scene=folder.name,
@@ -47,6 +48,7 @@ def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
         folder=_relative(folder, run),
         truth_sha256=sha256(folder / "truth" / "manifest.json"),
         title=describe(spec),
+        knobs=truth.settings.get("knobs", {}),
     )
 
 

@@ -17,7 +17,18 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from graycard import COMPARISON, Job, Progress, RunRecord, dumps, encode, sha256, writable_folder, write_json
+from graycard import (
+    CLAIMS,
+    COMPARISON,
+    Job,
+    Progress,
+    RunRecord,
+    dumps,
+    encode,
+    sha256,
+    writable_folder,
+    write_json,
+)
 from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
@@ -41,6 +52,7 @@ from graycard.benchmarks._run_record import (
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
+from graycard.benchmarks.claims import claims_of_suite, judge_claims
 from graycard.eval import metrics
 from graycard.eval.statistics import compare_run
 from graycard.methods.priors import truth_of, weights_of
@@ -109,6 +121,8 @@ def run_bench(
         record = joined(record, before)
     write_json(run / "run.json", record)
     write_json(run / COMPARISON, compare_run(record))
+    if claims := claims_of_suite(record.suite):
+        write_json(run / CLAIMS, judge_claims(record, run, claims))
     return record
 
 

@@ -12,6 +12,7 @@ from graycard.eval._light_scores import score_lights, true_names
 from graycard.eval._relighting import Masks, score_changed
 from graycard.eval._table import VIEW_METRICS
 from graycard.eval._training import fit_gauges, survey_training
+from graycard.eval._training_view import score_training_views
 from graycard.eval._view_metrics import ViewScores
 from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
 
@@ -85,6 +86,7 @@ def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...
         *score_images(predictions, truth, training, names, (views, masks, hints)),
         *views.scores(),
         *score_changed(predictions, truth, masks),
+        *score_training_views(training),
         *score_lights(predictions, truth, fit_gauges(training)["light"]),
         *score_environments(predictions, truth),
     )

@@ -9,9 +9,16 @@ from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._noise_error import NOISE_METRICS
 from graycard.eval._relighting import COMPOSITION_METRICS, RELIGHTING_METRICS
 from graycard.eval._removal import REMOVAL_METRICS
+from graycard.eval._shadow import SHADOW_METRICS
+from graycard.eval._training_view import TRAINING_METRICS
 from graycard.eval._view_metrics import ViewMetric
 
-VIEW_METRICS: tuple[ViewMetric, ...] = (*NOISE_METRICS, *REMOVAL_METRICS, *LEAKAGE_METRICS)
+VIEW_METRICS: tuple[ViewMetric, ...] = (
+    *NOISE_METRICS,
+    *SHADOW_METRICS,
+    *REMOVAL_METRICS,
+    *LEAKAGE_METRICS,
+)
 
 
 def in_every_view() -> frozenset[str]:
@@ -25,4 +32,9 @@ def in_every_view() -> frozenset[str]:
 def metrics() -> tuple[gc.MetricRecord, ...]:
     """All metrics in the order in which they are scored and shown."""
     image_like = *IMAGE_METRICS, *VIEW_METRICS, *RELIGHTING_METRICS, *COMPOSITION_METRICS
-    return tuple(m.record for m in image_like) + LIGHT_METRICS + ENVIRONMENT_METRICS
+    return (
+        *(m.record for m in image_like),
+        *TRAINING_METRICS,
+        *LIGHT_METRICS,
+        *ENVIRONMENT_METRICS,
+    )

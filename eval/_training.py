@@ -2,13 +2,16 @@
 """What the training views of a prediction are read for: the gauges, and which layers there are."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import get_args
 
 import graycard as gc
 from graycard.eval._gauge import Factors, Kind, Moments, fit_gauge, moments
+from graycard.eval._image_metric import display
+from graycard.eval._psnr import mean_square_error
 from graycard.eval._readings import PredictedView, TrueView, read_prediction, read_truth
 
+PICTURE = "radiance"
 GAUGED = "base_color"
 REFLECTANCES = (GAUGED, "diffuse_reflectance", "albedo")
 """What can trade a scale with light; the first that a prediction has says what its light is divided by."""
@@ -34,6 +37,8 @@ class Training:
     """Why a file cannot be read, for each such file."""
     fits: Mapping[str, Fit]
     """By reflectance: those that the prediction and the truth have, and base colour in any case."""
+    errors: Mapping[str, float | str] = field(default_factory=dict)
+    """By view that sees an object: mean square error of the displayed picture, or why there is none."""
 
     def gauge(self, kind: Kind, layer: str = GAUGED) -> Factors:
         """The fitted factors.
@@ -68,12 +73,15 @@ def survey_training(
     unreadable: list[str] = []
     sums: dict[str, list[Moments]] = {layer: [] for layer in REFLECTANCES}
     faults: dict[str, list[str]] = {layer: [] for layer in REFLECTANCES}
+    errors: dict[str, float | str] = {}
     known = {GAUGED}
     for view in (v for v in truth.views if v.split == "train"):
         predicted, true = read_prediction(predictions, view, names), read_truth(truth, view)
         provided |= predicted.layers.keys()
         unreadable += [predicted.fault] if predicted.fault else []
         known |= true.layers.keys()
+        if true.mask(PICTURE).any():
+            errors[view.name] = _picture_error(predicted, true, truth.exposure)
         for layer in known.intersection(REFLECTANCES):
             try:
                 sums[layer] += _moments(layer, predicted, true)
@@ -81,7 +89,7 @@ def survey_training(
                 faults[layer].append(str(cause))
     gauged = [layer for layer in REFLECTANCES if layer == GAUGED or layer in provided & known]
     fits = {layer: Fit(tuple(sums[layer]), tuple(faults[layer])) for layer in gauged}
-    return Training(frozenset(provided), tuple(unreadable), fits)
+    return Training(frozenset(provided), tuple(unreadable), fits, errors)
 
 
 def fit_gauges(training: Training) -> dict[str, Factors | str]:
@@ -106,6 +114,15 @@ def _gauge(training: Training, kind: Kind, layer: str) -> Factors | str:
         return training.gauge(kind, layer)
     except gc.PredictionError as cause:
         return str(cause)
+
+
+def _picture_error(predicted: PredictedView, true: TrueView, exposure: float) -> float | str:
+    """Mean square error of the displayed picture, or why there is none."""
+    try:
+        p = display(predicted.take(PICTURE), exposure)
+    except gc.PredictionError as cause:
+        return str(cause)
+    return mean_square_error(p, display(true.take(PICTURE), exposure), true.mask(PICTURE))
 
 
 def _moments(layer: str, predicted: PredictedView, true: TrueView) -> list[Moments]:

@@ -6,7 +6,7 @@ protocols :class:`Relightable`, :class:`Composable` and :class:`Removable`. What
 provided", never 0.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -123,6 +123,15 @@ class Removable(Protocol):
 
     def remove(self, object_id: int) -> Decomposition:
         """The same scene without an object, its shadow and its reflection."""
+        ...
+
+
+@runtime_checkable
+class Counting(Protocol):
+    """A decomposition that counts work, so that costs can be compared without a clock."""
+
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        """What a picture for a camera takes, by name, as ``light evaluations``: how often light is found."""
         ...
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import graycard as gc
+from graycard.reports._claims import ClaimsSection, claims_section
 from graycard.reports._compared import Compared, compare_track
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
@@ -62,6 +63,8 @@ class Page:
     """Scores above their ceiling of methods that were handed nothing."""
     handed_above: str
     """How many scores of references are above theirs; empty for none."""
+    claims: ClaimsSection | None
+    """What papers claim; None where that was not judged."""
     counted: str
     failures: tuple[Trouble, ...]
     facts: tuple[FactGroup, ...]
@@ -97,6 +100,7 @@ def build_page(record: gc.RunRecord, run: Path) -> Page:
         comparison_fault=fault,
         leaks=tuple(score for score in above if not score.handed),
         handed_above=count(handed, "score") if handed else "",
+        claims=claims_section(run),
         counted=", ".join(parts),
         failures=tuple(failure for track in tracks for failure in track.failures),
         facts=fact_groups(record),

@@ -340,7 +340,7 @@ def commands_of(page: str) -> list[str]:
     return [line for line in lines if line.startswith("graycard ")]
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/methods.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/methods.md", "docs/claims.md"])
 def test_the_pages_name_commands_that_exist(page: str):
     from graycard.__main__ import _parse
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``sunfaded``: albedo and geometry of surfels, a light that stays, and a lamp."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters
 from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._model import ALBEDO, draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
+from graycard.methods.sunfaded._tiles import light_evaluations, tile_side
 from graycard.methods.surfels import encode as show
 
 METHOD = "sunfaded"
@@ -63,6 +64,15 @@ class SunFadedScene:
         """
         given = local_lights(lights)
         return None if given is None else replace(self, lighting=replace(self.lighting, given=given))
+
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        """How often the lamp's network is asked for a picture: once a tile, or once a surfel."""
+        settings = self.lighting.settings
+        if settings.shading == "surfel":
+            return {"light evaluations": len(self.parameters.surfels[ALBEDO])}
+        side = tile_side(camera.width, settings.tile)
+        found = light_evaluations(camera.width, camera.height, side, settings.light_map)
+        return {"light evaluations": found}
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the albedo as a PLY that viewers of Gaussian splats read.

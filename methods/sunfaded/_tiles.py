@@ -52,6 +52,18 @@ def lamp_map(
     return _nearest(values, points, side) if kind == "nearest" else _bilinear(values, points, side)
 
 
+def light_evaluations(width: int, height: int, side: int, kind: LightMap) -> int:
+    """How often :func:`lamp_map` asks the lamp's network for a picture.
+
+    Example:
+        >>> light_evaluations(112, 112, 2, "nearest"), light_evaluations(112, 112, 3, "nearest")
+        (3136, 1444)
+    """
+    if side > 1 and kind == "bilinear":
+        return max(1, height // side) * max(1, width // side)
+    return len(_middles(height, side)) * len(_middles(width, side))
+
+
 def _nearest(values: Mapping[str, torch.Tensor], points: torch.Tensor, side: int) -> torch.Tensor:
     """Each tile has the light of its middle; the last ones of a row may be cut off by the border."""
     height, width, _ = points.shape

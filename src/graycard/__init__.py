@@ -70,6 +70,15 @@ from graycard._layers import find_fault as find_fault
 from graycard._layers import layer as layer
 from graycard._layers import layers as layers
 from graycard._layers import shape_of as shape_of
+from graycard._ledger import CLAIMS as CLAIMS
+from graycard._ledger import CheckResult as CheckResult
+from graycard._ledger import ClaimResult as ClaimResult
+from graycard._ledger import ClaimVerdict as ClaimVerdict
+from graycard._ledger import Ledger as Ledger
+from graycard._ledger import PaperResult as PaperResult
+from graycard._ledger import RowMean as RowMean
+from graycard._ledger import find_claim as find_claim
+from graycard._ledger import read_ledger as read_ledger
 from graycard._lights import EnvironmentLight as EnvironmentLight
 from graycard._lights import GaussianLight as GaussianLight
 from graycard._lights import Light as Light

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard._commands_checks import CheckResult, Compare
+from graycard._commands_claims import Claims
 from graycard._commands_runs import Bench, Fit, Gate, Methods, Report
 from graycard._commands_scenes import Export, Import, Look, Render, Scenes, Verify
 from graycard._commands_scores import ScoreCommand
@@ -51,6 +52,7 @@ COMMANDS: dict[str, type[Any]] = {
     "bench": Bench,
     "gate": Gate,
     "compare": Compare,
+    "claims": Claims,
     "check-result": CheckResult,
     "report": Report,
     "look": Look,

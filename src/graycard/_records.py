@@ -108,6 +108,8 @@ class Cost:
 
     wall_s: float
     peak_memory_mib: float
+    counts: Mapping[str, float] = field(default_factory=dict)
+    """What the method itself counts for one held-out view, the mean over them, as ``light evaluations``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +157,8 @@ class SceneRecord:
     truth_sha256: str
     title: str
     """One line that says what is to be seen."""
+    knobs: Mapping[str, Any] = field(default_factory=dict)
+    """What makes it easy or hard, all of the family's; empty in the record of an older graycard."""
 
 
 @dataclass(frozen=True, slots=True)

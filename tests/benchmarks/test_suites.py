@@ -38,7 +38,8 @@ def written(folder: Path, more: str = "") -> str:
 @pytest.mark.parametrize("name", suite_names())
 def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
     suite = load_suite(name)
-    assert {scene.track for scene in suite.scenes} == set(gc.TRACKS)
+    tracks = {scene.track for scene in suite.scenes}
+    assert tracks == ({"dark"} if name == "claims-dark" else set(gc.TRACKS))
     for scene in suite.scenes:
         assert scene.seed < 1000  # from there on seeds are for tuning
         settings = suite.render_of(scene)

@@ -22,6 +22,7 @@ IMAGES = (
     *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart and m.available()),
     "novel_view.noise_rms",
 )
+TRAINING = "training_view.psnr"
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))
 LIGHTS = tuple(
     m.id for m in ge.metrics() if m.group == "light" and m.id not in ("light.direction", "light.extent")
@@ -132,10 +133,12 @@ def test_a_view_that_was_lost_after_it_was_listed(scene: Path, predict: Predict)
 
 def test_lights_alone_are_scored_and_images_are_not_provided(scene: Path, predict: Predict) -> None:
     sheet = ge.score_predictions(predict(scene, lambda view, layers: None), scene)
-    expect(sheet, "not provided", IMAGES, "no view has")
+    expect(sheet, "not provided", (*IMAGES, TRAINING), "no view has")
 
 
-@pytest.mark.parametrize(("name", "more"), [("test_001", ()), ("train_000", ("light.intensity.channel",))])
+@pytest.mark.parametrize(
+    ("name", "more"), [("test_001", ()), ("train_000", ("light.intensity.channel", TRAINING))]
+)
 def test_a_truncated_file_fails_all_images(
     scene: Path, predict: Predict, name: str, more: tuple[str, ...]
 ) -> None:

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Claims of papers as data, and verdicts on them that come from runs, never by hand."""
+
+from graycard.benchmarks.claims._claim import Along as Along
+from graycard.benchmarks.claims._claim import Arithmetic as Arithmetic
+from graycard.benchmarks.claims._claim import Check as Check
+from graycard.benchmarks.claims._claim import Claim as Claim
+from graycard.benchmarks.claims._claim import Paper as Paper
+from graycard.benchmarks.claims._claim import Quantity as Quantity
+from graycard.benchmarks.claims._claim import Scenes as Scenes
+from graycard.benchmarks.claims._claim import claims_names as claims_names
+from graycard.benchmarks.claims._claim import claims_of_suite as claims_of_suite
+from graycard.benchmarks.claims._claim import load_claims as load_claims
+from graycard.benchmarks.claims._judge import judge_claims as judge_claims
+from graycard.benchmarks.claims._judge import judge_paper as judge_paper
+from graycard.benchmarks.claims._rules import RULES as RULES

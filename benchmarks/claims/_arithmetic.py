@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of a paper's own tables against each other: no run is needed to see that a mean is none."""
+
+import math
+from itertools import combinations
+
+from graycard import CheckResult, ClaimResult, ClaimVerdict
+from graycard.benchmarks.claims._claim import Arithmetic
+from graycard.benchmarks.claims._rules import RULES, combined
+
+_ROUNDING = 1e-9
+"""Of binary numbers, beside that of printed ones."""
+
+
+def judge_arithmetic(found: Arithmetic) -> ClaimResult:
+    """Whether the entries of a table fit each other."""
+    checks = _means(found) if found.stated else _distinct(found)
+    wrong = [check.reason for check in checks if check.verdict == "contradicted"]
+    verdict = combined([check.verdict for check in checks], "all")
+    text = f"contradicted by its own entries: {'. '.join(wrong)}" if wrong else "follows from its own entries"
+    return ClaimResult(
+        found.id, found.sentence, found.source, verdict, text, RULES["arithmetic"], checks, notes=found.notes
+    )
+
+
+def _means(found: Arithmetic) -> tuple[CheckResult, ...]:
+    """The mean of each row against the one that is printed.
+
+    Each entry is rounded by half a unit of the last place at most, and so is the printed mean.
+    """
+    slack = 10.0**-found.decimals + _ROUNDING
+    checks = []
+    for row, entries in found.entries.items():
+        mean, stated = math.fsum(entries) / len(entries), found.stated[row]
+        listed = ", ".join(f"{entry:.{found.decimals}f}" for entry in entries)
+        fits = abs(mean - stated) <= slack
+        reason = f"the mean of {listed} is {mean:.{found.decimals + 1}f}"
+        reason += ", as printed" if fits else f", not {stated:.{found.decimals}f}"
+        checks.append(
+            _check(
+                found, row, "the printed mean is that of the entries", reason, fits,
+                mean=mean, stated=stated, accepted=(stated - slack, stated + slack),
+            )
+        )  # fmt: skip
+    return tuple(checks)
+
+
+def _distinct(found: Arithmetic) -> tuple[CheckResult, ...]:
+    """Every two rows against each other."""
+    checks = []
+    for (one, first), (other, second) in combinations(found.entries.items(), 2):
+        same = len(first) == len(second) and first == second
+        listed = ", ".join(f"{entry:.{found.decimals}f}" for entry in first)
+        reason = f"{one} and {other} are both {listed}" if same else f"{one} and {other} differ"
+        checks.append(_check(found, f"{one}, {other}", "different things differ", reason, not same))
+    return tuple(checks)
+
+
+def _check(
+    found: Arithmetic,
+    row: str,
+    says: str,
+    reason: str,
+    fits: bool,
+    *,
+    mean: float | None = None,
+    stated: float | None = None,
+    accepted: tuple[float, float] | None = None,
+) -> CheckResult:
+    verdict: ClaimVerdict = "reproduced" if fits else "contradicted"
+    return CheckResult(
+        row, says, "entries of the table", found.unit, row, "", verdict, reason,
+        decides=True, mean=mean, paper=stated, accepted=accepted,
+    )  # fmt: skip

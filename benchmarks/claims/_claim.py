@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Claims of a paper as data: a TOML file says what was claimed, of which rows, and what would show it."""
+
+import math
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from graycard import TRACKS, RecordError, UnknownNameError, decode
+
+FOLDER = Path(__file__).parent
+
+Rule = Literal["better", "within", "monotone"]
+Expects = Literal["higher", "lower"]
+Scale = Literal["difference", "ratio"]
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What is compared: one number of a row on a scene."""
+
+    metric: str
+    """Id of a metric; or ``cost.wall_s``, ``cost.peak_memory_mib``, or ``count.<name>`` for what a method
+    counts itself. Whether views are held out or trained on is part of the metric."""
+    less: str = ""
+    """A second metric in the same unit, subtracted from it."""
+    part: str = ""
+    """Part of the score's breakdown to read in its place."""
+    protocol: str = ""
+    """A published protocol, whose score is read in place of a metric's; ``metric`` is then its title."""
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is the metric itself, of which the best row is known to be the best."""
+        return not self.less
+
+
+@dataclass(frozen=True, slots=True)
+class Scenes:
+    """Which scenes of the track; all, where nothing is said."""
+
+    families: tuple[str, ...] = ()
+    knobs: Mapping[str, Span] = field(default_factory=dict)
+    """Least and greatest value of knobs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """A knob that scenes differ in; an effect is then its change between two values of it."""
+
+    knob: str
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(f"expected low below high along {self.knob}, got {self.low}, {self.high}")
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One comparison: rows of a suite, a quantity, a rule."""
+
+    id: str
+    says: str
+    """What has to be seen, in words."""
+    rule: Rule
+    quantity: Quantity
+    rows: tuple[str, ...]
+    """One row, judged against ``against``; two, the first against the second; or one for each level."""
+    expects: Expects
+    """Whether the first row is claimed to have the higher or the lower value, or whether values rise or fall
+    with the levels: effects in this sense are positive."""
+    minus: tuple[str, ...] = ()
+    """Rows that are subtracted from those of the levels, one for each."""
+    levels: tuple[float, ...] = ()
+    """What the rows of ``monotone`` stand for, rising; 0, 1, 2, ... if left out."""
+    against: float = 0.0
+    """What a single row is judged against."""
+    scale: Scale = "difference"
+    """``ratio``: how many times as large, which is what costs are compared by."""
+    paper: float | None = None
+    """The effect in the paper, in the unit of the quantity and the claimed sense."""
+    accepted: Span | None = None
+    """``better``: effects of the claimed size, half to twice the paper's if left out. ``within``: what the
+    interval has to lie in."""
+    along: Along | None = None
+    scenes: Scenes = field(default_factory=Scenes)
+    decides: bool = True
+    """Whether it counts for the verdict of the claim; else it is only told."""
+
+    def __post_init__(self) -> None:
+        for found in (_rows_fault(self), _size_fault(self)):
+            if found:
+                raise ValueError(f"expected {found} of check {self.id!r}")
+
+    @property
+    def range(self) -> Span | None:
+        """Effects of the claimed size; None where any will do that has the claimed sign."""
+        if self.accepted is not None or self.paper is None:
+            return self.accepted
+        return self.paper / 2, self.paper * 2
+
+    @property
+    def places(self) -> tuple[float, ...]:
+        """The levels of the rows."""
+        return self.levels or tuple(map(float, range(len(self.rows))))
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """What a paper says, and the comparisons that it comes down to."""
+
+    id: str
+    sentence: str
+    source: str
+    """Table or section."""
+    checks: tuple[Check, ...] = ()
+    verdict_by: Literal["all", "any"] = "all"
+    """``all``: the claim is as good as its worst deciding check; ``any``: as its best."""
+    unavailable: str = ""
+    """Why it cannot be checked here at all; empty if it can."""
+    bound: str = ""
+    """The row that shows what is possible; that of the paper's file if empty."""
+    trivial: str = ""
+    """The row that costs nothing; that of the paper's file if empty."""
+    figures: Mapping[str, str] = field(default_factory=dict)
+    """Of the paper, by what they are of."""
+    notes: tuple[str, ...] = ()
+    """What differs here from the paper."""
+
+    def __post_init__(self) -> None:
+        check_unique("checks", (check.id for check in self.checks), self.id)
+        if not self.unavailable and not any(check.decides for check in self.checks):
+            raise ValueError(f"expected a check that decides, or unavailable, in claim {self.id!r}, got none")
+
+
+@dataclass(frozen=True, slots=True)
+class Arithmetic:
+    """Entries of a paper's own table that have to fit each other."""
+
+    id: str
+    sentence: str
+    source: str
+    entries: Mapping[str, tuple[float, ...]]
+    """By the name of a row: what its mean is said to be of; or rows that should not be the same."""
+    stated: Mapping[str, float] = field(default_factory=dict)
+    """By row: the mean as the paper prints it. Empty: all rows should differ from each other."""
+    decimals: int = 2
+    """Of the printed figures."""
+    unit: str = "1"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.stated and self.stated.keys() != self.entries.keys():
+            raise ValueError(f"expected a stated mean for each row of {self.id!r}, got {sorted(self.stated)}")
+        if not all(self.entries.values()) or len(self.entries) < (1 if self.stated else 2):
+            raise ValueError(f"expected rows with entries in {self.id!r}, got {dict(self.entries)}")
+
+
+@dataclass(frozen=True, slots=True)
+class Paper:
+    """All claims of one paper."""
+
+    name: str
+    version: int
+    title: str
+    track: str = ""
+    suite: str = ""
+    """Whose runs have the rows that are compared."""
+    bound: str = ""
+    trivial: str = ""
+    claims: tuple[Claim, ...] = ()
+    arithmetic: tuple[Arithmetic, ...] = ()
+
+    def __post_init__(self) -> None:
+        check_unique("claims", (c.id for c in (*self.claims, *self.arithmetic)), self.name)
+        if self.claims and self.track not in TRACKS:
+            raise UnknownNameError("track", self.track, TRACKS)
+        for claim in self.claims:
+            if not (claim.bound or self.bound) or not (claim.trivial or self.trivial):
+                raise ValueError(
+                    f"expected the rows of the upper bound and of what is trivial for {claim.id!r}, got none"
+                )
+
+
+def claims_names() -> list[str]:
+    """Names of the files of claims that come with graycard."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def claims_path(name: str) -> Path:
+    """The file of a name, or the path itself if it ends in ``.toml``.
+
+    Raises:
+        UnknownNameError: There is no such file.
+    """
+    path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+    if len(path.name) > 200 or not path.is_file():
+        own = "Claims of your own: a path that ends in .toml"
+        raise UnknownNameError("file of claims", name, claims_names(), own)
+    return path
+
+
+def load_claims(name: str) -> Paper:
+    """The claims of a name, or of a path that ends in ``.toml``.
+
+    Raises:
+        UnknownNameError: There are none of this name, or they name a track that does not exist.
+        RecordError: The file is no TOML, has an unknown or missing key, or a check that cannot be made.
+    """
+    path = claims_path(name)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
+        raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
+    return decode(Paper, data, RecordError, str(path))
+
+
+def claims_of_suite(suite: str) -> list[str]:
+    """Names of the files of claims that the runs of a suite are made for."""
+    return [name for name in claims_names() if load_claims(name).suite == suite]
+
+
+def check_unique(what: str, names: Iterable[str], where: str) -> None:
+    """Refuse names that stand twice.
+
+    Raises:
+        ValueError: One does.
+    """
+    twice = sorted(name for name, times in Counter(names).items() if times > 1)
+    if twice:
+        raise ValueError(f"expected {what} of {where!r} with ids of their own, got {twice} more than once")
+
+
+def _rows_fault(check: Check) -> str:
+    """What is wrong with the rows, as the end of ``expected ...``; empty if nothing."""
+    count = len(check.rows)
+    if len(set(check.rows)) < count:
+        return f"rows that differ, got {list(check.rows)}"
+    if check.rule != "monotone":
+        stray = check.minus or check.levels
+        return "one or two rows, without levels" if stray or count not in (1, 2) else ""
+    if count < 3 or check.along is not None:
+        return f"three or more rows and no knob for a monotone course, got {count}"
+    if check.minus and len(check.minus) != count:
+        return f"as many rows in minus as in rows, got {len(check.minus)} for {count}"
+    if len(check.places) != count or sorted(set(check.places)) != list(check.places):
+        return f"a level for each row, rising, got {list(check.places)}"
+    return ""
+
+
+def _size_fault(check: Check) -> str:
+    """What is wrong with the sizes, as the end of ``expected ...``; empty if nothing."""
+    neutral = 1.0 if check.scale == "ratio" else 0.0
+    if check.accepted is not None and not check.accepted[0] < check.accepted[1]:
+        return f"accepted from low to high, got {list(check.accepted)}"
+    if check.scale == "ratio" and len(check.rows) == 1 and check.against <= 0:
+        return f"a number above 0 that the row is a multiple of (against), got {check.against}"
+    if check.rule == "within" and check.accepted is None:
+        return "what the interval has to lie in (accepted)"
+    if check.paper is None or check.rule == "within":
+        return ""
+    if not neutral < check.paper < math.inf:
+        return f"the paper's effect above {neutral:g}, as it is in the claimed sense, got {check.paper}"
+    return ""

@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The claims of papers against a run: a verdict for each, from nothing but the record of the run."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from graycard import (
+    CheckResult,
+    ClaimResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    RecordError,
+    RowMean,
+    RunRecord,
+    SceneRecord,
+    sha256,
+)
+from graycard.benchmarks.claims._arithmetic import judge_arithmetic
+from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity, claims_path, load_claims
+from graycard.benchmarks.claims._effects import effect_of
+from graycard.benchmarks.claims._readings import Readings
+from graycard.benchmarks.claims._rules import RULES, combined, neutral_of, verdict_of
+from graycard.benchmarks.claims._words import (
+    beside_words,
+    claim_words,
+    effect_words,
+    limits_words,
+    reason_words,
+    rule_words,
+)
+from graycard.eval.statistics import LEVEL
+
+
+def judge_claims(record: RunRecord, run: Path, names: Sequence[str]) -> Ledger:
+    """The ledger of a run; a pure function of its ``run.json`` and of the files of claims.
+
+    Args:
+        record: Of the run.
+        run: The folder that it was read from; for the hash.
+        names: Of files of claims, or paths to them.
+
+    Raises:
+        UnknownNameError: There are no such claims.
+        RecordError: A file of claims is broken.
+    """
+    papers = tuple(_paper(load_claims(name), sha256(claims_path(name)), record) for name in names)
+    return Ledger(
+        record.suite,
+        record.suite_version,
+        sha256(Path(run) / "run.json"),
+        LEVEL,
+        RULES,
+        {method.name: method.summary for method in record.methods},
+        papers,
+    )
+
+
+def judge_paper(paper: Paper, record: RunRecord) -> tuple[ClaimResult, ...]:
+    """All claims of one paper."""
+    readings = Readings(record)
+    claims = (_claim(claim, paper, readings) for claim in paper.claims)
+    return *claims, *(judge_arithmetic(found) for found in paper.arithmetic)
+
+
+def _paper(paper: Paper, digest: str, record: RunRecord) -> PaperResult:
+    return PaperResult(paper.name, paper.version, paper.title, digest, judge_paper(paper, record))
+
+
+def _claim(claim: Claim, paper: Paper, readings: Readings) -> ClaimResult:
+    beside = claim.bound or paper.bound, claim.trivial or paper.trivial
+    checks = tuple(_check(check, paper.track, beside, readings) for check in claim.checks)
+    deciding: list[ClaimVerdict] = [check.verdict for check in checks if check.decides]
+    verdict: ClaimVerdict = "not checkable" if claim.unavailable else combined(deciding, claim.verdict_by)
+    return ClaimResult(
+        claim.id,
+        claim.sentence,
+        claim.source,
+        verdict,
+        claim_words(claim, verdict, checks),
+        RULES[claim.verdict_by],
+        checks,
+        claim.figures,
+        claim.notes,
+    )
+
+
+def _check(check: Check, track: str, beside: tuple[str, str], readings: Readings) -> CheckResult:
+    told = _told(check, readings)
+    try:
+        effect = effect_of(check, track, readings)
+    except RecordError as cause:
+        return replace(told, reason=f"{told.reason}: {cause}")
+    verdict = verdict_of(check, effect)
+    rows = tuple(RowMean(row, mean) for row, mean in effect.means.items())
+    scenes = [s for s in readings.scenes(track, check.scenes) if s.scene in effect.scenes]
+    bound, trivial = (_mean(row, check, scenes, readings) for row in beside)
+    record = readings.record(check.quantity)
+    reason = reason_words(check, verdict, effect, told.unit, told.quantity)
+    reason += f"; {limits_words(record, bound, trivial)}"
+    doubt = beside_words(check, record, rows, bound, trivial)
+    return replace(
+        told,
+        verdict=verdict,
+        reason=f"{reason}. But {doubt}" if doubt else reason,
+        scenes=effect.scenes,
+        mean=effect.mean,
+        interval=effect.interval,
+        p_mean=effect.p_mean,
+        p_rank=effect.p_rank,
+        rows=rows,
+        bound=bound,
+        trivial=trivial,
+    )
+
+
+def _told(check: Check, readings: Readings) -> CheckResult:
+    """A check before anything is measured: what it asks for, which is told even where it cannot be made."""
+    try:
+        quantity, unit = _quantity_words(check, readings), readings.record(check.quantity).unit
+    except RecordError:
+        quantity, unit = check.quantity.metric, "1"
+    unit = "×" if check.scale == "ratio" else unit
+    return CheckResult(
+        check.id,
+        check.says,
+        quantity,
+        unit,
+        effect_words(check),
+        rule_words(check, unit),
+        "not checkable",
+        "cannot be checked here",
+        check.decides,
+        neutral=neutral_of(check),
+        paper=check.paper,
+        accepted=check.range,
+    )
+
+
+def _quantity_words(check: Check, readings: Readings) -> str:
+    quantity = check.quantity
+    words = readings.record(quantity).title
+    if quantity.part:
+        words += f" ({quantity.part})"
+    if quantity.less:
+        words += f" less {readings.record(Quantity(quantity.less)).title}"
+    return words
+
+
+def _mean(row: str, check: Check, scenes: Iterable[SceneRecord], readings: Readings) -> RowMean:
+    """The mean of a row that stands beside a check, over its scenes."""
+    if readings.missing_rows([row]):
+        return RowMean(row, None, "not in this run")
+    found = [readings.value(row, scene, check.quantity) for scene in scenes]
+    lacking = [reading.reason for reading in found if reading.value is None]
+    if lacking:
+        return RowMean(row, None, lacking[0])
+    values = [reading.value for reading in found if reading.value is not None]
+    return RowMean(row, sum(values) / len(values))

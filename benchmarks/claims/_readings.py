@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of a run that claims are about: one for each row and scene, the mean over seeds."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from graycard import JobResult, MetricRecord, RecordError, RunRecord, SceneRecord, Score
+from graycard.benchmarks.claims._claim import Quantity, Scenes
+
+COSTS = {
+    "cost.wall_s": MetricRecord(
+        "cost.wall_s", "Time of the fit", "cost", "s", False, 0.0, "wall clock", False, 0.0
+    ),
+    "cost.peak_memory_mib": MetricRecord(
+        "cost.peak_memory_mib", "Peak memory", "cost", "MiB", False, 0.0, "of the process", False, 0.0
+    ),
+}
+"""What the run record knows of a fit besides its scores."""
+COUNT = "count."
+"""How the ids of what methods count begin."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A row on a scene."""
+
+    value: float | None
+    """None where there is none."""
+    reason: str = ""
+    """Why."""
+    absent: bool = False
+    """Whether the scene has no such quantity, rather than the row having failed to give it."""
+
+
+class Readings:
+    """A run as a table of rows, scenes and quantities."""
+
+    def __init__(self, run: RunRecord) -> None:
+        self._metrics = {metric.id: metric for metric in run.metrics}
+        self._scenes = run.scenes
+        self.rows = {method.name for method in run.methods}
+        self._results: dict[tuple[str, str, str], list[JobResult]] = defaultdict(list)
+        for result in run.results:
+            self._results[result.job.track, result.job.scene, result.job.method].append(result)
+
+    def scenes(self, track: str, wanted: Scenes) -> list[SceneRecord]:
+        """The scenes of a track that a check is about.
+
+        Raises:
+            RecordError: It is about knobs, and the run does not tell them.
+        """
+        here = [s for s in self._scenes if s.track == track]
+        here = [s for s in here if not wanted.families or s.family in wanted.families]
+        return [
+            s for s in here if all(low <= knob_of(s, k) <= high for k, (low, high) in wanted.knobs.items())
+        ]
+
+    def record(self, quantity: Quantity) -> MetricRecord:
+        """What a quantity means; direction and unit are those of its metric.
+
+        Raises:
+            RecordError: The run has no such metric.
+        """
+        if quantity.metric.startswith(COUNT):
+            name = quantity.metric.removeprefix(COUNT)
+            return MetricRecord(
+                quantity.metric, f"{name.capitalize()} a picture", "cost", "count", False, 0.0, "", False, 0.0
+            )
+        if quantity.protocol:
+            return self._protocol(quantity)
+        for name in filter(None, (quantity.metric, quantity.less)):
+            if name not in self._metrics | COSTS:
+                raise RecordError(f"the run has no metric {name}")
+        return (self._metrics | COSTS)[quantity.metric]
+
+    def _protocol(self, quantity: Quantity) -> MetricRecord:
+        """What the scores by a published protocol say of themselves."""
+        sheets = [r.sheet for results in self._results.values() for r in results if r.sheet]
+        for score in (s for sheet in sheets for s in sheet.protocols):
+            if score.protocol == quantity.protocol:
+                facts = score.unit, score.higher_is_better, score.optimum
+                return MetricRecord(quantity.protocol, quantity.metric, "albedo", *facts, "", False, 0.0)
+        raise RecordError(f"the run has no score by the protocol {quantity.protocol}")
+
+    def value(self, row: str, scene: SceneRecord, quantity: Quantity) -> Reading:
+        """A row on a scene: the mean over seeds, each of which must have a value."""
+        results = self._results.get((scene.track, scene.scene, row), [])
+        if not results:
+            return Reading(None, f"was not run on {scene.scene}")
+        readings = [_read(result, quantity) for result in results]
+        lacking = [reading for reading in readings if reading.value is None]
+        if lacking:
+            return lacking[0]
+        return Reading(math.fsum(r.value for r in readings if r.value is not None) / len(readings))
+
+    def missing_rows(self, rows: Iterable[str]) -> list[str]:
+        """Rows that the run does not have."""
+        return [row for row in dict.fromkeys(rows) if row not in self.rows]
+
+
+def knob_of(scene: SceneRecord, knob: str) -> float:
+    """The value of a knob of a scene.
+
+    Raises:
+        RecordError: The record does not tell it, or it is no number.
+    """
+    value: Any = scene.knobs.get(knob)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise RecordError(f"the run does not tell the knob {knob} of {scene.scene}")
+    return float(value)
+
+
+def _read(result: JobResult, quantity: Quantity) -> Reading:
+    if result.status == "failed" or result.sheet is None:
+        return Reading(None, f"failed on {result.job.scene}: {result.reason or 'no reason given'}")
+    if quantity.metric in COSTS or quantity.metric.startswith(COUNT):
+        return _cost(result, quantity.metric)
+    first = _score(result, quantity.protocol or quantity.metric, quantity.part, bool(quantity.protocol))
+    if first.value is None or not quantity.less:
+        return first
+    second = _score(result, quantity.less, "", published=False)
+    return second if second.value is None else Reading(first.value - second.value)
+
+
+def _score(result: JobResult, name: str, part: str, published: bool) -> Reading:
+    assert result.sheet is not None, "the caller looked"
+    scores: Sequence[Score] = result.sheet.protocols if published else result.sheet.scores
+    score = next((s for s in scores if name == (s.protocol if published else s.metric)), None)
+    if score is None:
+        return Reading(None, f"has no {name} on {result.job.scene}", absent=True)
+    if score.status != "scored" or score.value is None or math.isnan(score.value):
+        why = f" ({score.reason})" if score.reason else ""
+        return Reading(None, f"{name} {score.status} on {result.job.scene}{why}")
+    if not part:
+        return Reading(score.value)
+    return _part(score.breakdown, name, part, result.job.scene)
+
+
+def _part(breakdown: Mapping[str, float], name: str, part: str, scene: str) -> Reading:
+    if part not in breakdown:
+        return Reading(None, f"{name} has no part {part} on {scene}")
+    return Reading(breakdown[part])
+
+
+def _cost(result: JobResult, name: str) -> Reading:
+    cost, scene = result.cost, result.job.scene
+    if cost is None:
+        return Reading(None, f"cost was not measured on {scene}")
+    if name in COSTS:
+        return Reading(float(getattr(cost, name.removeprefix("cost."))))
+    count = cost.counts.get(name.removeprefix(COUNT))
+    return Reading(None, f"counts no {name.removeprefix(COUNT)}") if count is None else Reading(float(count))

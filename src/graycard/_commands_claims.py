@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that holds a run against the claims of papers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, get_args
+
+import tyro
+from rich.table import Table
+
+from graycard._json import write_json
+from graycard._ledger import CLAIMS, CheckResult, ClaimVerdict, PaperResult, RowMean
+from graycard._records import read_run
+from graycard._screen import OK, Json, Screen, new_table, write_optional_json
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Say which claims of papers a run bears out, and write them into it and its report."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder; its claims.json is written anew from run.json."""
+    claims: tuple[str, ...] = ()
+    """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
+    default, all where there are none."""
+    checks: bool = False
+    """Also show every comparison that a claim comes down to."""
+    json: Json = None
+    """Also write the ledger to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Judge them; a contradicted claim is a finding, no failure."""
+        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims
+        from graycard.reports import write_report
+
+        record = read_run(self.run_folder)
+        names = self.claims or claims_of_suite(record.suite) or claims_names()
+        found = judge_claims(record, self.run_folder, names)
+        for paper in found.papers:
+            self._show(screen, paper)
+        write_json(self.run_folder / CLAIMS, found)
+        write_optional_json(self.json, found)
+        counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
+        words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
+        screen.out.print(f"claims: {words}; report: {write_report(self.run_folder).resolve()}")
+        return OK
+
+    def _show(self, screen: Screen, paper: PaperResult) -> None:
+        screen.out.print(f"\n{paper.title}, claims version {paper.version}")
+        table = new_table("", "claim", "verdict", "why")
+        for claim in paper.claims:
+            table.add_row(claim.id, claim.sentence, claim.verdict, claim.text)
+        screen.out.print(table)
+        if self.checks:
+            for claim in paper.claims:
+                if claim.checks:
+                    screen.out.print(f"\n{claim.id}: {claim.sentence}")
+                    screen.out.print(_checks(claim.checks))
+
+
+def _checks(checks: tuple[CheckResult, ...]) -> Table:
+    heads = ("", "effect", "mean", "95 % interval", "p", "n", "paper", "upper bound", "trivial", "verdict")
+    table = new_table(*heads)
+    for check in checks:
+        told = "" if check.decides else " (decides nothing)"
+        table.add_row(
+            check.id,
+            check.effect_of,
+            _number(check.mean, check.unit),
+            "" if check.interval is None else f"{check.interval[0]:.3g} to {check.interval[1]:.3g}",
+            _number(check.p_mean),
+            str(len(check.scenes) or ""),
+            _number(check.paper, check.unit),
+            _row(check.bound),
+            _row(check.trivial),
+            check.verdict + told,
+        )
+    return table
+
+
+def _row(row: RowMean | None) -> str:
+    if row is None:
+        return ""
+    return f"{row.row}: {row.reason if row.value is None else _number(row.value)}"
+
+
+def _number(value: float | None, unit: str = "1") -> str:
+    return "" if value is None else f"{value:.3g}" + ("" if unit == "1" else f" {unit}")

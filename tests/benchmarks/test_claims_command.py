@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``graycard claims`` on a run made by hand."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.__main__ import main
+from runs_by_hand import run_of
+
+CLAIMS = """
+name = "mine"
+version = 3
+title = "A paper of mine"
+track = "dark"
+bound = "bound"
+trivial = "gray"
+[[claims]]
+id = "M1"
+sentence = "Mine is better."
+source = "Table 1"
+figures = { mine = "35 dB" }
+[[claims.checks]]
+id = "psnr"
+says = "PSNR is higher"
+rule = "better"
+rows = ["mine", "theirs"]
+quantity = { metric = "psnr" }
+expects = "higher"
+paper = 5.0
+[[claims.checks]]
+id = "told"
+says = "The other way round"
+rule = "better"
+rows = ["theirs", "mine"]
+quantity = { metric = "psnr" }
+expects = "higher"
+decides = false
+[[claims]]
+id = "M2"
+sentence = "Mine is better than nobody."
+source = "Table 1"
+[[claims.checks]]
+id = "psnr"
+says = "PSNR is higher"
+rule = "better"
+rows = ["mine", "nobody"]
+quantity = { metric = "psnr" }
+expects = "higher"
+"""
+
+
+@pytest.fixture
+def claims(tmp_path: Path) -> str:
+    path = tmp_path / "mine.toml"
+    path.write_text(CLAIMS)
+    return str(path)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    rows = {"mine": [35.0, 35.5, 36.5], "theirs": [30.0, 31.0, 31.0], "gray": [10.0] * 3, "bound": [50.0] * 3}
+    gc.write_json(tmp_path / "run" / "run.json", run_of({row: {"psnr": v} for row, v in rows.items()}))
+    return tmp_path / "run"
+
+
+def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.CaptureFixture[str]) -> None:
+    copy = run / "copy.json"
+    assert main(["claims", str(run), "--claims", claims, "--checks", "--json", str(copy)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "A paper of mine, claims version 3" in lines
+    first = next(line for line in lines if line.startswith("M1"))
+    assert "reproduced" in first
+    assert "PSNR, mine − theirs = 5 dB (3.76 to 6.24, 3 scenes); the paper: 5 dB" in first
+    told = next(line for line in lines if line.startswith("told"))
+    assert "contradicted (decides nothing)" in told
+    assert "bound: 50" in told
+    assert lines[-1].startswith(
+        "claims: 1 reproduced, 0 direction only, 0 not supported, 0 contradicted, 1 not"
+    )
+    ledger = gc.read_ledger(run)
+    assert ledger is not None
+    assert ledger == gc.decode(gc.Ledger, gc.read_json(copy))
+    assert ledger.run_sha256 == gc.sha256(run / "run.json")
+    assert ledger.papers[0].claims_sha256 == gc.sha256(Path(claims))
+    assert ledger.methods["mine"] == "what mine is"
+    assert gc.find_claim(ledger, "M2").verdict == "not checkable"
+    with pytest.raises(gc.RecordError, match="expected a claim of this ledger, got 'M3'"):
+        gc.find_claim(ledger, "M3")
+
+
+def test_the_same_run_gives_the_same_ledger(run: Path, claims: str) -> None:
+    main(["claims", str(run), "--claims", claims])
+    once = (run / gc.CLAIMS).read_bytes()
+    main(["claims", str(run), "--claims", claims])
+    assert (run / gc.CLAIMS).read_bytes() == once
+
+
+def test_a_run_of_another_suite_is_held_against_all(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["claims", str(run)]) == 0
+    ledger = gc.read_ledger(run)
+    assert ledger is not None
+    assert [paper.name for paper in ledger.papers] == ["gsid", "sunfaded"]
+    assert gc.find_claim(ledger, "GA1").verdict == "contradicted"
+    assert all(claim.verdict == "not checkable" for claim in ledger.papers[1].claims)
+    assert "the run has no row sunfaded, appearance" in capsys.readouterr().out
+
+
+def test_claims_made_for_the_suite_come_first(run: Path) -> None:
+    gc.write_json(run / "run.json", replace(gc.read_run(run), suite="claims-dark"))
+    assert main(["claims", str(run)]) == 0
+    ledger = gc.read_ledger(run)
+    assert ledger is not None
+    assert [paper.name for paper in ledger.papers] == ["sunfaded"]
+
+
+def test_what_is_wrong_is_said(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["claims", str(run), "--claims", "sunfadde"]) == 2
+    assert "expected a file of claims that exists, got 'sunfadde'" in capsys.readouterr().err
+    assert main(["claims", str(tmp_path)]) == 2
+    assert "expected a run folder with run.json" in capsys.readouterr().err
+    assert gc.read_ledger(tmp_path) is None

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The claims of papers in the report: verdicts, effects on their axes, and what is told beside them."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.reports import write_report
+from graycard.reports._claims import claims_section, effect_plot
+from runs_by_hand import run_of
+
+CHECK = gc.CheckResult(
+    "psnr", "PSNR is <higher>", "Novel view PSNR", "dB", "mine − theirs", "the interval excludes no effect",
+    "reproduced", "as claimed: mine − theirs = 5 dB", True,
+    scenes={"s0": 4.0, "s1": 6.0}, mean=5.0, interval=(3.0, 7.0), p_mean=0.01, p_rank=0.0312, paper=5.4,
+    accepted=(2.7, 10.8), rows=(gc.RowMean("mine", 35.0), gc.RowMean("theirs", 30.0)),
+    bound=gc.RowMean("truth", math.inf), trivial=gc.RowMean("gray", None, "not in this run"),
+)  # fmt: skip
+OPEN = replace(
+    CHECK, id="gone", verdict="not checkable", reason="cannot be checked here: no row", decides=False,
+    scenes={}, mean=None, interval=None, p_mean=None, p_rank=None, rows=(), bound=None, trivial=None,
+)  # fmt: skip
+CLAIM = gc.ClaimResult(
+    "S1", "It is <b>better</b>.", "Table 1", "reproduced", "as claimed", "all", (CHECK, OPEN),
+    {"theirs": "30 dB"}, ("rooms are small",),
+)  # fmt: skip
+
+
+def ledger_of(*claims: gc.ClaimResult, digest: str = "") -> gc.Ledger:
+    papers = (gc.PaperResult("p", 2, "A paper", "ab", claims),)
+    return gc.Ledger("hand", 1, digest, 0.95, {"better": "what it asks for"}, {}, papers)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    gc.write_json(tmp_path / "run.json", run_of({"mine": {"psnr": [1.0]}}))
+    gc.write_json(tmp_path / gc.CLAIMS, ledger_of(CLAIM, digest=gc.sha256(tmp_path / "run.json")))
+    return tmp_path
+
+
+def text_of(run: Path) -> str:
+    return write_report(run).read_text(encoding="utf-8")
+
+
+def test_a_claim_is_told_with_all_that_it_follows_from(run: Path) -> None:
+    text = text_of(run)
+    told = (
+        "A paper", "1 claim: 1 reproduced", "It is &lt;b&gt;better&lt;/b&gt;.", "PSNR is &lt;higher&gt;",
+        '<span class="verdict reproduced">reproduced</span>', "5.00 dB", "3.00 to 7.00", "p = 0.031, n = 2",
+        "5.40 dB", "35.00", "upper bound truth", "∞", "trivial gray", "not in this run", "30 dB",
+        "rooms are small", "told only; decides nothing", "cannot be checked here: no row", "Table 1",
+        "what it asks for", 'href="#claims"',
+    )  # fmt: skip
+    for words in told:
+        assert words in text, words
+    assert "of another state of this run" not in text
+    assert (
+        text.count('<svg class="effect"') == 2
+    )  # at the claim and in its table; nothing was measured of the other
+
+
+def test_verdicts_of_another_state_are_called_that(run: Path) -> None:
+    gc.write_json(run / gc.CLAIMS, ledger_of(CLAIM, digest="other"))
+    assert "These verdicts are of another state of this run" in text_of(run)
+
+
+def test_a_run_without_verdicts_says_nothing_of_claims(run: Path) -> None:
+    (run / gc.CLAIMS).unlink()
+    assert claims_section(run) is None
+    assert 'id="claims"' not in text_of(run)
+
+
+def test_a_ledger_that_is_broken_is_no_end_of_the_report(run: Path) -> None:
+    (run / gc.CLAIMS).write_text("{")
+    assert "The verdicts cannot be read: expected JSON in" in text_of(run)
+
+
+def place(value: float, low: float, high: float) -> float:
+    return round(100 * (0.06 + 0.88 * (value - low) / (high - low)), 2)
+
+
+def test_effects_stand_where_their_values_are() -> None:
+    plot = effect_plot(CHECK)
+    assert plot is not None
+    ends = 0.0, 10.8  # from no effect to twice the paper's
+    assert (plot.neutral, plot.mean) == (place(0, *ends), place(5, *ends))
+    assert plot.interval == (place(3, *ends), place(7, *ends))
+    assert plot.scenes == (place(4, *ends), place(6, *ends))
+    assert plot.paper == place(5.4, *ends)
+    assert plot.accepted == (place(2.7, *ends), place(10.8, *ends))
+    assert plot.ends == ("0.00", "10.80")
+
+
+def test_an_open_end_reaches_to_the_border() -> None:
+    half = effect_plot(replace(CHECK, accepted=(-math.inf, 6.0)))
+    other = effect_plot(replace(CHECK, accepted=(6.0, math.inf)))
+    assert half is not None
+    assert other is not None
+    assert half.accepted == (0.0, place(6, 0, 7))
+    assert other.accepted == (place(6, 0, 7), 100.0)
+
+
+def test_ratios_stand_on_a_logarithmic_axis() -> None:
+    ratio = replace(
+        CHECK,
+        unit="×",
+        neutral=1.0,
+        mean=4.0,
+        interval=(2.0, 8.0),
+        scenes={},
+        paper=16.0,
+        accepted=(0.0, 8.0),
+    )
+    plot = effect_plot(ratio)
+    assert plot is not None
+    assert plot.mean == pytest.approx((plot.neutral + (plot.paper or 0)) / 2, abs=0.01)
+    assert plot.accepted == (0.0, place(3, 0, 4))
+
+
+def test_what_was_not_measured_has_no_plot() -> None:
+    assert effect_plot(OPEN) is None
+
+
+def test_arithmetic_has_no_interval_and_no_plot() -> None:
+    assert effect_plot(replace(CHECK, interval=None)) is None
