@@ -54,6 +54,11 @@ class Guard:
             return len(parts) > 2 and parts[2] == "truth"
         return _inside(real, self._jobs) and not _inside(real, self._own)
 
+    def moves(self, path: str) -> bool:
+        """Whether renaming a path takes truth out of what is closed: a scene's folder, or one that holds it."""
+        real = os.path.realpath(path)
+        return _inside(real, self._dataset) or _inside(self._dataset, real)
+
     def names(self, command: tuple[Any, ...]) -> bool:
         """Whether a command names the dataset or other jobs: another program has no hook.
 
@@ -100,7 +105,8 @@ class _Hook:
                 guard.refuse(f"{event} {arguments[:2]!r}")
             return
         for path in arguments[: 2 if event in _TWO_PATHS else 1]:
-            if (text := _text(path)) is not None and guard.closes(text):
+            closes = guard.moves if event == "os.rename" else guard.closes
+            if (text := _text(path)) is not None and (closes(text) or guard.closes(text)):
                 guard.refuse(os.path.abspath(text))
 
 

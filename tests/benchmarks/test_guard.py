@@ -75,6 +75,7 @@ WAYS: dict[str, Callable[[Path], object]] = {
     "link": through_a_link,
     "hard link": lambda scene: os.link(scene / "truth" / "truth.json", scene.parents[2] / "mine.json"),
     "rename": lambda scene: os.rename(scene / "truth", scene / "mine"),
+    "rename of the scene": lambda scene: os.rename(scene, scene.parents[2] / "mine"),
     "chdir": lambda scene: os.chdir(scene / "truth"),
     "our reader": lambda scene: gc.read_layers(scene / "truth" / "views" / "test_001.exr"),
     "our door": lambda scene: gc.open_truth(scene / "truth"),
