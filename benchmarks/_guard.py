@@ -55,7 +55,7 @@ class Guard:
         return _inside(real, self._jobs) and not _inside(real, self._own)
 
     def moves(self, path: str) -> bool:
-        """Whether renaming a path takes truth out of what is closed: a scene's folder, or one that holds it."""
+        """Whether renaming a path takes truth out of what is closed: a scene's folder, or one around it."""
         real = os.path.realpath(path)
         return _inside(real, self._dataset) or _inside(self._dataset, real)
 
