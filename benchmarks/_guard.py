@@ -8,6 +8,7 @@ malice: code that reads files in a language of its own is not seen.
 """
 
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -24,6 +25,8 @@ GUARD = "capture-copy-and-audit-hook-1"
 _ONE_PATH = frozenset({"open", "os.listdir", "os.scandir", "os.chdir", "graycard.read"})
 _TWO_PATHS = frozenset({"os.link", "os.symlink", "os.rename"})
 _PROGRAMS = frozenset({"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn"})
+_SEPARATORS = re.compile(r"[\s'\"=:;,|&<>()\[\]{}]+")
+"""What stands between the words of a command, in a shell's line as well as in a list of arguments."""
 
 
 class Guard:
@@ -51,9 +54,27 @@ class Guard:
             return len(parts) > 2 and parts[2] == "truth"
         return _inside(real, self._jobs) and not _inside(real, self._own)
 
-    def names(self, words: str) -> bool:
-        """Whether a command names the dataset or other jobs: another program has no hook."""
-        return any(place in words for place in (self._dataset, self._jobs) if place)
+    def moves(self, path: str) -> bool:
+        """Whether renaming a path takes truth out of what is closed: a scene's folder, or one around it."""
+        real = os.path.realpath(path)
+        return _inside(real, self._dataset) or _inside(self._dataset, real)
+
+    def names(self, command: tuple[Any, ...]) -> bool:
+        """Whether a command names the dataset or other jobs: another program has no hook.
+
+        Args:
+            command: What the audit event says of it: the program, its arguments, and for some the folder in
+                which it starts. Relative paths and links are followed from there and from here.
+        """
+        words = repr(command)
+        closed = [place for place in (self._dataset, self._jobs) if place]
+        if any(place in words for place in closed):
+            return True
+        starts = [os.getcwd(), *(text for text in map(_text, command) if text and os.path.isdir(text))]
+        named = [word for word in _SEPARATORS.split(words) if word]
+        paths = [os.path.join(start, word) for start in starts for word in named]
+        real = [os.path.realpath(path) for path in paths if os.path.lexists(path)]
+        return any(_inside(path, place) for path in real for place in closed)
 
     def refuse(self, what: str) -> None:
         """Keep in mind what was tried.
@@ -80,11 +101,12 @@ class _Hook:
         if guard is None or event not in _WATCHED:
             return
         if event in _PROGRAMS:
-            if guard.names(repr(arguments[:3])):
+            if guard.names(arguments[:3]):
                 guard.refuse(f"{event} {arguments[:2]!r}")
             return
         for path in arguments[: 2 if event in _TWO_PATHS else 1]:
-            if (text := _text(path)) is not None and guard.closes(text):
+            closes = guard.moves if event == "os.rename" else guard.closes
+            if (text := _text(path)) is not None and (closes(text) or guard.closes(text)):
                 guard.refuse(os.path.abspath(text))
 
 

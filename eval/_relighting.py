@@ -2,7 +2,7 @@
 """Pictures under lights, and with objects, that were not there when the scene was photographed.
 
 Whoever takes the albedo for half of what it is, renders half the light under given lamps. So the gauge that
-was fitted to base colour on training views, under the lights of the photographs, is carried over; nothing is
+was fitted to its albedo on training views, under the lights of the photographs, is carried over; nothing is
 fitted to the changed pictures. Where an object is put in, the lights stay those that the method found: then
 albedo and light stand together in the picture, and it has no gauge.
 """
@@ -88,7 +88,10 @@ def _record(
     best, tolerance = (math.inf, 0.3) if unit == "dB" else (1.0, 0.01)
     where = "as displayed, srgb(L·exposure), over the mask of the test views"
     own = group == "composition"
-    scale = "s_c of base_color on training views under the lights of the photographs (1 without base_color)"
+    scale = (
+        "s_c of the prediction's albedo (base_color, else diffuse_reflectance, else albedo; 1 where it has "
+        "none) on training views under the lights of the photographs"
+    )
     formula = f"{rule} of radiance {where}" if own else f"{rule} of s_c·radiance {where}, {scale}"
     ignores: tuple[gc.Invariance, ...] = () if own else ("global gain", "channel gain")
     return gc.MetricRecord(

@@ -59,7 +59,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
 
 
 def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
-    """The gauges of base colour that a predictions folder has by its training views, each once.
+    """The gauges that a predictions folder has by its training views, of all reflectances, each once.
 
     Args:
         predictions: The predictions folder.

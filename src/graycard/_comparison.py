@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard._errors import RecordError
+from graycard._json import read_json
 from graycard._records import read_record
 
 COMPARISON = "comparison.json"
@@ -133,9 +134,16 @@ def read_comparison(run: Path) -> Comparison | None:
     """The comparison in a run folder; None where an older graycard wrote none.
 
     Raises:
-        RecordError: It is damaged, misspelt, or of a newer format.
+        RecordError: It is damaged, misspelt, or of another version of the format.
     """
     path = Path(run) / COMPARISON
     if not path.is_file():
         return None
+    data = read_json(path)
+    version = data.get("format_version") if isinstance(data, dict) else None
+    if isinstance(version, int) and version < COMPARISON_VERSION:
+        raise RecordError(
+            f"expected {path} of format version {COMPARISON_VERSION}, got version {version} of an older "
+            "graycard. Run `graycard bench` again: it fits nothing anew"
+        )
     return read_record(Comparison, path, "graycard-comparison", COMPARISON_VERSION)

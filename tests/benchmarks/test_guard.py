@@ -49,6 +49,22 @@ def in_a_thread(scene: Path) -> None:
     raise errors[0]
 
 
+def by_a_relative_path(scene: Path) -> None:
+    """As a method does that is started in the run folder."""
+    here = os.getcwd()
+    os.chdir(scene.parents[2])
+    try:
+        subprocess.run(["cat", (scene / "truth" / "truth.json").relative_to(scene.parents[2])], check=True)
+    finally:
+        os.chdir(here)
+
+
+def by_a_program_through_a_link(scene: Path) -> None:
+    link = scene.parents[2] / "innocent"
+    link.symlink_to(scene)
+    os.system(f"cat <{link}/truth/truth.json")
+
+
 WAYS: dict[str, Callable[[Path], object]] = {
     "open": lambda scene: (scene / "truth" / "truth.json").read_text(),
     "bytes": lambda scene: os.open(os.fsencode(scene / "truth" / "truth.json"), os.O_RDONLY),
@@ -59,11 +75,15 @@ WAYS: dict[str, Callable[[Path], object]] = {
     "link": through_a_link,
     "hard link": lambda scene: os.link(scene / "truth" / "truth.json", scene.parents[2] / "mine.json"),
     "rename": lambda scene: os.rename(scene / "truth", scene / "mine"),
+    "rename of the scene": lambda scene: os.rename(scene, scene.parents[2] / "mine"),
     "chdir": lambda scene: os.chdir(scene / "truth"),
     "our reader": lambda scene: gc.read_layers(scene / "truth" / "views" / "test_001.exr"),
     "our door": lambda scene: gc.open_truth(scene / "truth"),
     "another program": lambda scene: subprocess.run(["cat", str(scene / "truth" / "truth.json")], check=True),
     "a shell": lambda scene: os.system(f"cat {scene}/truth/truth.json"),
+    "a relative path": by_a_relative_path,
+    "a program in a folder": lambda scene: subprocess.run(["cat", "truth/truth.json"], cwd=scene, check=True),
+    "a program through a link": by_a_program_through_a_link,
     "a thread": in_a_thread,
     "another scene": lambda scene: (scene.parents[1] / "tabletop" / "other" / "truth" / "x").read_text(),
 }

@@ -160,6 +160,9 @@ def test_a_comparison_of_another_verdict_or_a_newer_format_is_refused(tmp_path: 
     gc.write_json(tmp_path / gc.COMPARISON, {**data, "format_version": 9})
     with pytest.raises(gc.RecordError, match="got version 9"):
         gc.read_comparison(tmp_path)
+    gc.write_json(tmp_path / gc.COMPARISON, {**data, "format_version": 1})
+    with pytest.raises(gc.RecordError, match="got version 1 of an older graycard"):
+        gc.read_comparison(tmp_path)
     data["metrics"][0]["pairs"][0]["verdict"] = "glorious"
     gc.write_json(tmp_path / gc.COMPARISON, data)
     with pytest.raises(gc.RecordError, match="verdict"):
