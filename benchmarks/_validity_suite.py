@@ -20,6 +20,7 @@ from graycard import (
 )
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, suite_names
 from graycard.benchmarks._validity_record import Breach, difference, place_of
+from graycard.methods.priors import PriorSpec
 from graycard.synth import SceneSpec, resolved_knobs, scene_name
 
 RULE = "suite"
@@ -143,7 +144,7 @@ def _other_method(result: JobResult, method: SuiteMethod) -> Iterator[Breach]:
     job = result.job
     wanted: dict[str, Any] = {"entry": method.name, "settings": method.settings}
     found = {"entry": job.entry, "settings": job.settings}
-    if job.priors:
+    if job.priors or method.priors != PriorSpec():
         wanted["priors"], found["priors"] = method.priors, job.priors
     if (place := _apart(encode(wanted), encode(found))) is not None:
         yield Breach(RULE, place_of(result), f"expected the method as the suite has it, got another {place}")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from graycard.eval._ceiling import mean_variance
 from graycard.eval._image_metric import ImageMetric, Space
 from graycard.eval._pixelwise import Bracketed, Errors, Pixelwise
 from graycard.eval._psnr import psnr
@@ -61,7 +62,8 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
         parts[name] = float(value_of.statistic(seen.errors(value_of.errors, space)))
     value = float(value_of.statistic(errors))
     if metric.noisy and seen.variance is not None and seen.variance.any():
-        parts["debiased"] = value - _noise(metric.space, seen, seen.variance)
+        true, variance = seen.true[seen.mask], seen.variance[seen.mask]
+        parts["debiased"] = value - mean_variance(true, variance, lambda x: metric.space(x, seen.exposure))
     return value, parts
 
 
@@ -86,19 +88,6 @@ def breakdown(
     if metric.finish is psnr:
         pooled["mean_of_views"] = _mean([psnr(value) for value in values])
     return pooled
-
-
-def _noise(space: Space, seen: Comparison, variance: np.ndarray) -> float:
-    """Mean variance that the truth has in the space of comparison, over the mask and the channels.
-
-    By three points of Gauss and Hermite (mean and √3 standard deviations to both sides): where the display
-    clips black or bends, as in dark pictures, a slope alone would give too much.
-    """
-    true, deviation = seen.true[seen.mask], np.sqrt(3 * np.asarray(variance, np.float64)[seen.mask])
-    low, high = (space(true + step * deviation, seen.exposure) for step in (-1, 1))
-    middle = seen.shown(space)[1][seen.mask]
-    mean = (low + 4 * middle + high) / 6
-    return float(np.mean((4 * (middle - mean) ** 2 + (low - mean) ** 2 + (high - mean) ** 2) / 6))
 
 
 def _regions(seen: Comparison) -> dict[str, np.ndarray]:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of the predicted images of a scene, view by view."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import groupby
 from typing import Protocol
@@ -59,10 +59,12 @@ def score_images(
     table = _applicable(first)
     findings: dict[ImageMetric, dict[str, Finding]] = {m: {} for m in table}
     provided, unreadable = set(training.provided), list(training.unreadable)
+    surplus: set[str] = set()
     for view in tests:
         true = first if view is tests[0] else read_truth(truth, view)
         predicted = read_prediction(predictions, view, names)
         provided |= predicted.layers.keys()
+        surplus |= predicted.surplus
         lit = with_darkness(predicted, [m.layer for m in table], names)
         unreadable += [predicted.fault] if predicted.fault else []
         for observer in observers:
@@ -73,7 +75,19 @@ def score_images(
                 findings[metric][view.name] = judge(metric, lit, true, scene, comparisons)
     seen = [m for m in table if findings[m] or (m.layer in REQUIRED and not m.chart)]
     extra = _unknown_views(predictions, truth)
-    return [assemble(group, findings, scene, provided, unreadable, extra) for group in by_record(seen)]
+    return [
+        assemble(group, findings, scene, provided, unreadable, extra + _surplus(group[0].layer, surplus))
+        for group in by_record(seen)
+    ]
+
+
+def _surplus(layer: str, surplus: Set[str]) -> tuple[str, ...]:
+    """Layers of predicted lights that stand for no true one: nothing judges them."""
+    stem = layer.rpartition(".")[0]
+    found = sorted(name for name in surplus if name.rpartition(".")[0] == stem)
+    return (
+        (f"of lights that the scene has not, and not judged: {', '.join(found)}",) if stem and found else ()
+    )
 
 
 def judge(

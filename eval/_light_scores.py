@@ -47,8 +47,7 @@ class Rule:
     error: Error | None = None
     """Averaged over those lights; None for what looks at all lights together."""
     price: float = 0.0
-    """What a true light without a partner counts, and the most that one with a partner does: so it never pays
-    to leave a light out."""
+    """What a true light without a partner counts, and the most that one with a partner does."""
     together: Callable[[Case], float] | None = None
     empty: bool = False
     """Whether it says something of a scene without such lights."""

@@ -26,6 +26,8 @@ class PredictedView:
     exists: bool = True
     dark: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Layers of lights that the prediction says are not there, black."""
+    surplus: frozenset[str] = frozenset()
+    """Names of layers of lights that stand for no true one."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be scored.
@@ -128,7 +130,8 @@ def read_prediction(
         listed = f"views/{view.name}.exr" in predictions.files
         return PredictedView(view, fault=_gone(view.name) if listed else "", exists=False)
     try:
-        return PredictedView(view, _renamed(gc.with_sums(predictions.layers(view.name)), names))
+        layers, surplus = _renamed(gc.with_sums(predictions.layers(view.name)), names)
+        return PredictedView(view, layers, surplus=surplus)
     except gc.GraycardError as cause:
         return PredictedView(view, fault=f"{view.name}: {cause}")
 
@@ -169,18 +172,24 @@ def read_truth(truth: gc.Truth, view: gc.View) -> TrueView:
     return TrueView(view, gc.with_sums(truth.layers(view)), truth.emitter_ids(), charts)
 
 
-def _renamed(layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None) -> Mapping[str, np.ndarray]:
+def _renamed(
+    layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None
+) -> tuple[Mapping[str, np.ndarray], frozenset[str]]:
+    """Layers by the true names of lights, and the names of those that stand for none."""
     if names is None:
-        return layers
+        return layers, frozenset()
     stems = _stems()
     found: dict[str, np.ndarray] = {}
+    surplus = set()
     for name, values in layers.items():
         stem, _, light = name.rpartition(".")
         if stem not in stems:
             found[name] = values
         elif light in names:
             found[f"{stem}.{names[light]}"] = values
-    return found
+        else:
+            surplus.add(name)
+    return found, frozenset(surplus)
 
 
 def _stems() -> set[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import graycard as gc
+from graycard.eval._ceiling import mean_variance
 from graycard.eval._image_metric import display, exposed
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import TrueView
@@ -104,7 +105,7 @@ def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
 def _noise(asked: Removed) -> float | None:
     if asked.variance is None:
         return None
-    return float(gc.display_variance(asked.without, asked.variance, asked.exposure).mean())
+    return mean_variance(asked.without, asked.variance, lambda values: display(values, asked.exposure))
 
 
 def _residual(predicted: np.ndarray, asked: Removed) -> Answer:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import graycard as gc
+from graycard.eval._ceiling import mean_variance
 from graycard.eval._image_metric import display
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import TrueView
@@ -61,7 +62,7 @@ def _square_error(predicted: np.ndarray, asked: Region) -> Answer:
 def _noise(asked: Region) -> float | None:
     if asked.variance is None:
         return None
-    return float(gc.display_variance(asked.true, asked.variance, asked.exposure).mean())
+    return mean_variance(asked.true, asked.variance, lambda values: display(values, asked.exposure))
 
 
 def _metric(name: str, title: str, where: str, shadow: bool) -> ViewMetric:

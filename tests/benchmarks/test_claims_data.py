@@ -42,6 +42,8 @@ quantity = {{ metric = "novel_view.psnr" }}
 expects = "higher"
 {check}
 """
+
+
 def written(folder: Path, claim: str = "", check: str = "", text: str = CLAIMS) -> str:
     path = folder / "mine.toml"
     path.write_text(text.format(claim=claim, check=check))

@@ -225,7 +225,7 @@ def prove(
     def holds(factors: np.ndarray) -> None:
         found = change(factors)
         assert (found is None) is refused
-        assert found is None or found < 1e-5  # FLIP computes in float32
+        assert found is None or found < 1e-5  # FLIP is rounded next to black
 
     holds()
 

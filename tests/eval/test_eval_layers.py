@@ -217,7 +217,8 @@ def test_patches_are_read_off_as_means_and_count_alike(score: Callable[..., gc.S
     def noisy(view: gc.View, layers: Layers) -> Layers:
         color = layers["base_color"].copy()
         red = (np.abs(color - PATCHES[0]) < 1e-6).all(axis=-1)
-        color[red] *= np.where(np.arange(red.sum()) % 2, 0.5, 1.5)[:, None] if red.sum() % 2 == 0 else 1
+        even = np.flatnonzero(red)[: red.sum() // 2 * 2]
+        color.reshape(-1, 3)[even] *= np.where(np.arange(len(even)) % 2, 0.5, 1.5)[:, None]
         return layers | {"base_color": color.astype(np.float32)}
 
     sheet = score(noisy)
@@ -345,3 +346,14 @@ def test_a_bracket_sees_in_the_dark(score: Callable[..., gc.ScoreSheet], scene: 
     assert plain is not None
     assert bracket is not None
     assert bracket > plain > 0
+
+
+def test_light_of_a_lamp_that_is_not_there_is_named(score: Callable[..., gc.ScoreSheet]) -> None:
+    ghost = gc.PointLight("ghost", (50.0, 50.0, 50.0), (1.0, 1.0, 1.0))
+    sheet = score(
+        lambda view, layers: layers | {"irradiance.ghost": layers["radiance"]}, (*LAMPS, ghost, SKY)
+    )
+    warnings = sheet.score("irradiance.psnr").warnings
+    assert warnings == ("of lights that the scene has not, and not judged: irradiance.ghost",)
+    assert sheet.score("irradiance.psnr").value == math.inf
+    assert not sheet.score("light_share.psnr").warnings

@@ -135,7 +135,7 @@ HARD_TRUTH = (*spots((1, 1, 1), (0, 0, 0)), PANEL)
     st.tuples(*[st.floats(0, float(np.pi))] * 3),
     st.sets(st.integers(0, 3), min_size=1),
 )
-def test_it_never_pays_to_leave_a_light_out(
+def test_of_lights_in_their_places_none_is_worth_leaving_out(
     factors: tuple[float, ...], turns: tuple[float, ...], left_out: set[int]
 ) -> None:
     found = (*spots(factors, turns), replace(PANEL, half_u=(0.1, 0, 0), radiance=(9, 4, 1)))
