@@ -25,6 +25,8 @@ HANDED_IN = (
 RECEIVED = ("shading.psnr", "irradiance.psnr")
 ALBEDO = ("albedo.", "light.intensity.channel", *RECEIVED)
 """What albedo is multiplied by, light is divided by."""
+GAINED = ("albedo.psnr.raw", "light.intensity.channel", *RECEIVED)
+"""What one factor on albedo reaches; all else has a gauge."""
 VIEWS = ("novel_view.", "training_view.")
 PIXELS = (
     *VIEWS, "albedo.", "normal.", "depth.", "roughness.", "metallic.", "counterfactual.", *RECEIVED,
@@ -100,9 +102,9 @@ FAULTS = (
           "albedo.psnr.channel", "base_color looks sRGB-encoded"),
     Fault("B, G, R", of("base_color", lambda v, _: v[..., ::-1]), ALBEDO,
           "albedo.psnr.channel", "base_color looks like B, G, R"),
-    Fault("albedo divided by π", of("base_color", lambda v, _: v / np.pi), ALBEDO,
+    Fault("albedo divided by π", of("base_color", lambda v, _: v / np.pi), GAINED,
           "albedo.psnr.channel", "base_color looks divided by π"),
-    Fault("albedo of 0 to 255", of("base_color", lambda v, _: v * 255), ALBEDO,
+    Fault("albedo of 0 to 255", of("base_color", lambda v, _: v * 255), GAINED,
           "albedo.psnr.channel", "base_color looks like 0 to 255"),
     Fault("albedo of 8 bits", of("base_color", lambda v, _: np.round(gc.srgb_encode(v) * 255) / 255),
           ALBEDO, "albedo.psnr.channel", "base_color looks"),
