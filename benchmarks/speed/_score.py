@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What it costs to score a view with all its layers, on one core, in a process of its own."""
 
-import resource
 import time
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from threadpoolctl import threadpool_limits
 
 import graycard as gc
-from graycard.benchmarks._fit import FitSpec, fit_scene
+from graycard.benchmarks._fit import FitSpec, fit_scene, peak_memory_mib
 from graycard.eval import score_predictions
 from graycard.synth import RenderSettings, SceneSpec, families, render_scene
 
@@ -34,6 +34,8 @@ class ScoreCost:
     """Numbers that came out."""
     seconds: float
     """Median over the repeats, wall time of one core; two training views, for the gauge, are among it."""
+    reading_s: float
+    """Of that, to read all layers of the three views from disk, true and predicted."""
     peak_mib: float
     """Largest resident memory of the process, Python and its libraries among it."""
 
@@ -65,17 +67,29 @@ def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
     scene = render_scene(SceneSpec(track, family, SEED), settings, folder / "dataset")
     fit_scene(FitSpec("truth", {}, 0, scene), predictions, gc.silent)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        scores, seconds, peak = pool.submit(_score_often, predictions, scene, repeats).result()
-    return ScoreCost(track, family, size**2, scores, seconds, peak)
+        found = pool.submit(_score_often, predictions, scene, repeats).result()
+    return ScoreCost(track, family, size**2, *found)
 
 
-def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float]:
-    """How many scores, median seconds, and the peak of this process in MiB."""
-    times, scored = [], 0
+def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float, float]:
+    """How many scores, median seconds in all and of reading, and the peak of this process in MiB."""
     with threadpool_limits(1):
-        for _ in range(repeats + 1):
-            start = time.perf_counter()
-            sheet = score_predictions(predictions, scene)
-            times.append(time.perf_counter() - start)
-            scored = sum(score.status == "scored" for score in sheet.scores)
-    return scored, median(times[1:]), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        sheet = score_predictions(predictions, scene)
+        whole = [_seconds(lambda: score_predictions(predictions, scene)) for _ in range(repeats)]
+        peak = peak_memory_mib()
+        reading = [_seconds(lambda: _read(predictions, scene)) for _ in range(repeats)]
+    scored = sum(score.status == "scored" for score in sheet.scores)
+    return scored, median(whole), median(reading), peak
+
+
+def _read(predictions: Path, scene: Path) -> None:
+    truth, predicted = gc.open_truth(scene / "truth", check=False), gc.open_predictions(predictions)
+    for view in truth.views:
+        truth.layers(view)
+        predicted.layers(view.name)
+
+
+def _seconds(run: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    run()
+    return time.perf_counter() - start

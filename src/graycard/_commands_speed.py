@@ -62,17 +62,17 @@ class Speed:
         size, repeats = (64, 1) if self.quick else (512, self.repeats)
         with screen.progress() as progress:
             costs = measure_scoring(size, repeats, progress)
-        table = new_table("track", "family", "pixels", "scores", "s", "peak MiB")
+        table = new_table("track", "family", "pixels", "scores", "s", "of it reading", "peak MiB")
         for c in costs:
-            figures = str(c.pixels), str(c.scores), f"{c.seconds:.2f}", f"{c.peak_mib:.0f}"
-            table.add_row(c.track, c.family, *figures)
+            figures = str(c.pixels), str(c.scores), f"{c.seconds:.2f}", f"{c.reading_s:.2f}"
+            table.add_row(c.track, c.family, *figures, f"{c.peak_mib:.0f}")
         screen.out.print(table)
         write_optional_json(self.json, costs)
-        worst = max(costs, key=lambda cost: cost.seconds)
+        worst = max(costs, key=lambda cost: cost.seconds - cost.reading_s)
         peak = max(cost.peak_mib for cost in costs)
         screen.out.print(
-            f"speed: a view of {size} x {size} takes at most {worst.seconds:.2f} s on one core "
-            f"({worst.family}) and {peak:.0f} MiB"
+            f"speed: a view of {size} x {size} takes at most {worst.seconds - worst.reading_s:.2f} s on one "
+            f"core, once read ({worst.family}), and {peak:.0f} MiB"
         )
         return OK
 
