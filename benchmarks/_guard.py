@@ -57,7 +57,9 @@ class Guard:
     def moves(self, path: str) -> bool:
         """Whether renaming a path takes truth out of what is closed: a scene's folder, or one around it."""
         real = os.path.realpath(path)
-        return _inside(real, self._dataset) or _inside(self._dataset, real)
+        if _inside(real, self._dataset):
+            return len(os.path.relpath(real, self._dataset).split(os.sep)) <= 2
+        return _inside(self._dataset, real)
 
     def names(self, command: tuple[Any, ...]) -> bool:
         """Whether a command names the dataset or other jobs: another program has no hook.
