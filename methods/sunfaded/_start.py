@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a fit begins: surfels with the colours of the photographs, and a light that explains dark places."""
+"""Where a fit begins: surfels with one neutral albedo, and lights that explain the photographs of such."""
 
 from collections.abc import Sequence
 
