@@ -9,6 +9,7 @@ from typing import TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from graycard import OutputError, Progress
+from graycard._memory import keep_freed_memory
 from graycard.benchmarks._jobs import Outcome
 
 J = TypeVar("J")
@@ -39,7 +40,9 @@ def run_all(
     """
     outcomes = {number: found for number, job in enumerate(jobs) if (found := at_hand(job)) is not None}
     context = multiprocessing.get_context("spawn")
-    with ProcessPool(max_workers=at_a_time, max_tasks=1, context=context) as pool:
+    with ProcessPool(
+        max_workers=at_a_time, max_tasks=1, initializer=keep_freed_memory, context=context
+    ) as pool:
         try:
             todo = [number for number in range(len(jobs)) if number not in outcomes]
             waiting: dict[Future[Outcome], int] = {

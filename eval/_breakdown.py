@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,16 @@ class Comparison:
             self.kept[of, space] = of(*self.shown(space), self.mask)
         return self.kept[of, space]
 
+    def noise(self, space: Space) -> float | None:
+        """Mean variance of the judged pixels in a space of comparison; None where it is not known."""
+        if self.variance is None:
+            return None
+        key = "noise", space
+        if key not in self.kept:
+            true, variance = (values[self.mask] for values in (self.true, self.variance))
+            self.kept[key] = mean_variance(true, variance, lambda x: space(x, self.exposure))
+        return self.kept[key]
+
 
 def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, float]]:
     """The value of one view, and the same by neighbouring rules; all before ``finish``.
@@ -55,15 +66,14 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
     if not isinstance(value_of, Pixelwise):
         return value_of(*seen.shown(metric.space), seen.mask), {}
     spaces = value_of.spaces if isinstance(value_of, Bracketed) else (metric.space,)
-    errors = np.max([seen.errors(value_of.errors, space) for space in spaces], axis=0)
+    errors = reduce(np.maximum, (seen.errors(value_of.errors, space) for space in spaces))
     parts = {name: float(value_of.statistic(errors[of])) for name, of in _regions(seen).items() if of.any()}
     if metric.beside:
         name, space = metric.beside
         parts[name] = float(value_of.statistic(seen.errors(value_of.errors, space)))
     value = float(value_of.statistic(errors))
-    if metric.noisy and seen.variance is not None and seen.variance.any():
-        true, variance = seen.true[seen.mask], seen.variance[seen.mask]
-        parts["debiased"] = value - mean_variance(true, variance, lambda x: metric.space(x, seen.exposure))
+    if metric.noisy and (noise := seen.noise(metric.space)):
+        parts["debiased"] = value - noise
     return value, parts
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene, assemble, by_record
 from graycard.eval._breakdown import Comparison, measure
-from graycard.eval._ceiling import noise_as_displayed
 from graycard.eval._gauge import Factors, apply_gauge
 from graycard.eval._image_metric import ImageMetric
 from graycard.eval._metrics import IMAGE_METRICS
@@ -121,7 +120,7 @@ def judge(
         value, parts = measure(metric, seen)
     except gc.GraycardError as cause:
         return Finding(reason=str(cause))
-    noise = _noise(metric, true, mask, exposure)
+    noise = seen.noise(metric.space) if metric.noisy else None
     return Finding(value, "", _warnings(metric, seen.predicted, mask, true.view.name), noise, parts)
 
 
@@ -151,10 +150,6 @@ def _checked(layer: str, true: TrueView) -> np.ndarray:
 
 def _variance(true: TrueView, layer: str) -> np.ndarray | None:
     return true.take(f"{layer}.var") if f"{layer}.var" in true.layers else None
-
-
-def _noise(metric: ImageMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
-    return noise_as_displayed(true, metric.layer, mask, exposure) if metric.noisy else None
 
 
 def _warnings(metric: ImageMetric, values: np.ndarray, mask: np.ndarray, view: str) -> tuple[str, ...]:

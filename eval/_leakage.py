@@ -107,25 +107,24 @@ def log_errors(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def _over_the_mask(true: TrueView, exposure: float) -> Pairs | None:
-    light, certain = _log_shading(true)
-    told, ids = _scatters(true).ravel() & certain & _dull(true), true.take("object_id").ravel()
-    inside = np.flatnonzero(told)
+    light, certain = true.once(_log_shading)
+    inside = np.flatnonzero(_scatters(true).ravel() & certain & true.once(_dull))
     if not len(inside):
         return None
-    albedo = np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1).ravel()
-    classes = np.stack([ids[inside], np.floor(albedo[inside] / SAME_ALBEDO)], axis=-1)
-    _, of = np.unique(classes, axis=0, return_inverse=True)
-    order = np.argsort(of, kind="stable")
-    alike = np.split(inside[order], np.flatnonzero(np.diff(of[order])) + 1)
+    ids, albedo = (values.ravel()[inside] for values in (true.take("object_id"), true.once(_log_albedo)))
+    shades = np.floor(albedo / SAME_ALBEDO).astype(np.int64)
+    classes = ids.astype(np.int64) * (np.ptp(shades) + 1) + shades - shades.min()
+    order = np.argsort(classes, kind="stable")
+    alike = np.split(inside[order], np.flatnonzero(np.diff(classes[order])) + 1)
     low, high = np.concatenate([[same[side] for side in partners(light[same])] for same in alike], axis=1)
     return _pairs(true, light, low, high)
 
 
 def _across_shadow_edges(true: TrueView, exposure: float) -> Pairs | None:
-    light, certain = _log_shading(true)
+    light, certain = true.once(_log_shading)
     edges = [_neighbours(visibility) for visibility in _visibilities(true)]
     wanted = [np.any(along, axis=0) for along in zip(*edges, strict=True)]
-    return _local_pairs(true, light, certain & _dull(true), wanted)
+    return _local_pairs(true, light, certain & true.once(_dull), wanted)
 
 
 def _neighbours(visibility: np.ndarray) -> list[np.ndarray]:
@@ -166,11 +165,11 @@ def _visibilities(true: TrueView) -> list[np.ndarray]:
 
 
 def _at_highlights(true: TrueView, exposure: float) -> Pairs | None:
-    diffuse, specular = _lobes(true)
-    seen = np.all(diffuse * exposure > _LEAST_LIGHT, axis=-1, keepdims=True)
-    gloss = _log_gloss(diffuse, specular)
-    shading, certain = _log_shading(true)
-    alike = shading.reshape(gloss.shape), np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1)
+    diffuse, _ = true.once(_lobes)
+    seen = np.all(diffuse * exposure > _LEAST_LIGHT, axis=-1)
+    gloss = true.once(_log_gloss)
+    shading, certain = true.once(_log_shading)
+    alike = shading.reshape(gloss.shape), true.once(_log_albedo)
     wanted = []
     for axis in (0, 1):
         step, *others = (np.abs(np.subtract(*_sides(image, axis))) for image in (gloss, *alike))
@@ -193,11 +192,12 @@ def _dull(true: TrueView) -> np.ndarray:
     """Where diffuse light outweighs the specular by far, ``(H·W,)``, bool; anywhere without true lobes."""
     if not any(name.startswith("direct.specular.") for name in true.layers):
         return np.ones(true.take("object_id").size, bool)
-    return _log_gloss(*_lobes(true)).ravel() <= math.log1p(MOST_GLOSS)
+    return true.once(_log_gloss).ravel() <= math.log1p(MOST_GLOSS)
 
 
-def _log_gloss(diffuse: np.ndarray, specular: np.ndarray) -> np.ndarray:
+def _log_gloss(true: TrueView) -> np.ndarray:
     """Mean over channels of log((diffuse + specular) / diffuse), ``(H, W)``: what baking it in would add."""
+    diffuse, specular = true.once(_lobes)
     return np.log1p(np.maximum(specular, 0) / np.maximum(diffuse, _NO_LIGHT)).mean(axis=-1)
 
 
@@ -207,6 +207,11 @@ def _log_shading(true: TrueView) -> tuple[np.ndarray, np.ndarray]:
     variance = true.take("shading.var").reshape(-1, 3) if "shading.var" in true.layers else 0 * shading
     certain = np.all((shading > 0) & (shading >= _SIGMAS * np.sqrt(variance)), axis=-1, keepdims=True)
     return np.log(np.where(certain, shading, 1)).mean(axis=-1), certain[:, 0]
+
+
+def _log_albedo(true: TrueView) -> np.ndarray:
+    """Mean over channels of the log of base colour, ``(H, W)``."""
+    return np.log(np.maximum(true.take(LAYER), FLOOR)).mean(axis=-1)
 
 
 def _pairs(true: TrueView, light: np.ndarray, low: np.ndarray, high: np.ndarray) -> Pairs | None:

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers taken from disk for scoring: whole, of the right size and finite, or a reason why not."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 import graycard as gc
 from graycard.eval._chart import NAME as CHART
 from graycard.eval._mask import judged_mask
+
+T = TypeVar("T")
 
 WITH_LIGHTS = frozenset({"radiance", "counterfactual.radiance", "normal", "depth"})
 """Layers that are judged on the surfaces of lights, too."""
@@ -61,6 +64,8 @@ class TrueView:
     """Ids of the objects that are colour charts."""
     masks: dict[tuple[str, bool], np.ndarray] = field(default_factory=dict, repr=False, compare=False)
     """Those that were asked for already."""
+    kept: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False, compare=False)
+    """What :meth:`once` has made, by what made it."""
 
     def take(self, layer: str) -> np.ndarray:
         """A layer that is fit to be compared with.
@@ -77,6 +82,12 @@ class TrueView:
         if found := gc.find_fault(layer, self.layers[layer], camera.height, camera.width):
             raise gc.DatasetError(f"truth of view {name}: {found}. Run `graycard render` again")
         return self.layers[layer]
+
+    def once(self, make: Callable[["TrueView"], T]) -> T:
+        """What several metrics derive from this view: made when first asked for, then kept."""
+        if make not in self.kept:
+            self.kept[make] = make(self)
+        return self.kept[make]
 
     def mask(self, layer: str, chart: bool = False) -> np.ndarray:
         """The judged pixels of a layer, shape ``(H, W)``, bool.

@@ -43,7 +43,7 @@ def main_light(true: TrueView) -> str | None:
 
 
 def _asked(true: TrueView, exposure: float, shadow: bool) -> Region | None:
-    light = main_light(true)
+    light = true.once(main_light)
     if light is None:
         return None
     visible = true.take(_VISIBILITY + light)

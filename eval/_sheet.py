@@ -51,7 +51,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         truth.track,
         truth.scene,
         found.method,
-        gc.predictions_hash(Path(predictions)),
+        found.hash_files(),
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
         _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),

@@ -12,6 +12,7 @@ import tyro
 
 from graycard._commands import COMMANDS, Fit, Render
 from graycard._errors import GraycardError, MethodError, UnknownNameError
+from graycard._memory import keep_freed_memory
 from graycard._screen import Screen, refuse
 
 ERROR = 2
@@ -29,6 +30,7 @@ def main(args: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without Unicode shows "?" instead of failing
+    keep_freed_memory()
     screen = Screen()
     given = list(sys.argv[1:] if args is None else args)
     if given == ["--version"]:

@@ -4,7 +4,8 @@
 import numpy as np
 
 _KNEE = 0.0031308
-
+_BLOCK = 1 << 14
+"""Values that are encoded at a time: what lies between them and the result stays in the cache."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of linear Rec.709 in relative luminance, CIE Y (ITU-R BT.709-6, item 3.2)."""
@@ -21,8 +22,17 @@ def srgb_encode(linear: np.ndarray) -> np.ndarray:
     Domain: [0, ∞), where 1 is display white; what lies outside [0, 1] is clipped. Range: [0, 1].
     Formula: IEC 61966-2-1:1999, piecewise (not a 2.2 power).
     """
-    x = np.clip(np.asarray(linear, dtype=np.float64), 0, 1)
-    return np.where(x <= _KNEE, 12.92 * x, 1.055 * np.maximum(x, _KNEE) ** (1 / 2.4) - 0.055)
+    values = np.asarray(linear)
+    encoded = np.empty(values.shape)
+    found, asked = encoded.reshape(-1), values.reshape(-1)
+    for start in range(0, asked.size, _BLOCK):
+        block = slice(start, start + _BLOCK)
+        x, y = np.clip(asked[block].astype(np.float64, copy=False), 0, 1), found[block]
+        np.power(x, 1 / 2.4, out=y)
+        y *= 1.055
+        y -= 0.055
+        np.copyto(y, 12.92 * x, where=x <= _KNEE)
+    return encoded
 
 
 def srgb_slope(linear: np.ndarray) -> np.ndarray:

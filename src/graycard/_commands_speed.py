@@ -62,17 +62,17 @@ class Speed:
         size, repeats = (64, 1) if self.quick else (512, self.repeats)
         with screen.progress() as progress:
             costs = measure_scoring(size, repeats, progress)
-        table = new_table("track", "family", "pixels", "scores", "s", "of it reading", "peak MiB")
+        table = new_table("track", "family", "pixels", "scores", "sheet s", "view s", "of it reading", "MiB")
         for c in costs:
-            figures = str(c.pixels), str(c.scores), f"{c.seconds:.2f}", f"{c.reading_s:.2f}"
+            figures = str(c.pixels), str(c.scores), *(f"{s:.2f}" for s in (c.seconds, c.view_s, c.reading_s))
             table.add_row(c.track, c.family, *figures, f"{c.peak_mib:.0f}")
         screen.out.print(table)
         write_optional_json(self.json, costs)
-        worst = max(costs, key=lambda cost: cost.seconds - cost.reading_s)
+        worst = max(costs, key=lambda cost: cost.view_s)
         peak = max(cost.peak_mib for cost in costs)
         screen.out.print(
-            f"speed: a view of {size} x {size} takes at most {worst.seconds - worst.reading_s:.2f} s on one "
-            f"core, once read ({worst.family}), and {peak:.0f} MiB"
+            f"speed: a view of {size} x {size} takes at most {worst.view_s:.2f} s on one core "
+            f"({worst.family}) and {peak:.0f} MiB, from files to scores"
         )
         return OK
 

@@ -77,7 +77,7 @@ def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarra
     planes = _read(path, error)
     if not {"R", "G", "B"} <= planes.keys():
         raise error(f"expected channels R, G, B in {path}, got {', '.join(planes)}")
-    return np.stack([planes[c].astype(np.float32) for c in "RGB"], axis=-1)
+    return np.stack([planes[c].astype(np.float32, copy=False) for c in "RGB"], axis=-1)
 
 
 def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -141,5 +141,5 @@ def _assemble(
     stored = {str(planes[f"{name}.{c}"].dtype.kind) for c in kind.channels}
     if (kind.dtype == "uint32") != (stored == {"u"}):
         raise error(f"expected {kind.dtype} channels for {name} in {path}, got other ones. Convert them")
-    stacked = np.stack([planes[f"{name}.{c}"].astype(kind.dtype) for c in kind.channels], axis=-1)
-    return stacked[..., 0] if len(kind.channels) == 1 else stacked
+    found = [planes[f"{name}.{c}"].astype(kind.dtype, copy=False) for c in kind.channels]
+    return found[0] if len(found) == 1 else np.stack(found, axis=-1)

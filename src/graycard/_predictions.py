@@ -41,6 +41,8 @@ class Predictions:
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 by relative path; optional, and checked where it is given."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
+    known: dict[str, str] = field(default_factory=dict, metadata=IN_MEMORY)
+    """SHA-256 of files that :meth:`hash_files` has read; they are not read for it again."""
 
     def view_names(self) -> list[str]:
         """Names of the views that have a file."""
@@ -130,14 +132,24 @@ class Predictions:
             raise PredictionError(f"expected finite radiance of 0 or more in {path}, got other values")
         return values
 
+    def hash_files(self) -> str:
+        """Read all files once for their SHA-256; later reads compare with what was found now.
+
+        Returns:
+            :func:`predictions_hash` of the folder.
+        """
+        self.known.update(sha256_of_files(self._root))
+        return _hash_of_hashes(self.known)
+
     def is_whole(self) -> bool:
         """Whether the files are exactly those that the index lists, as they were written."""
         return sha256_of_files(self._root, skip=lambda name: name == INDEX) == dict(self.files)
 
     def _check_hash(self, path: Path) -> None:
         """Prove that a file is the one that the index lists, if it lists it."""
-        listed = self.files.get(path.relative_to(self._root).as_posix())
-        found = sha256(path) if path.is_file() else "none"
+        name = path.relative_to(self._root).as_posix()
+        listed = self.files.get(name)
+        found = self.known.get(name) or (sha256(path) if path.is_file() else "none")
         if listed is not None and found != listed:
             raise PredictionError(
                 f"expected {path} with SHA-256 {listed[:12]}…, got {found[:12]}: it changed after {INDEX} "
@@ -272,6 +284,9 @@ def finish_predictions(
 
 def predictions_hash(folder: Path) -> str:
     """SHA-256 of what ``sha256sum`` prints for the files of a predictions folder, sorted by name."""
-    hashes = sha256_of_files(Path(folder))
+    return _hash_of_hashes(sha256_of_files(Path(folder)))
+
+
+def _hash_of_hashes(hashes: Mapping[str, str]) -> str:
     lines = "".join(f"{value}  {name}\n" for name, value in hashes.items())
     return hashlib.sha256(lines.encode()).hexdigest()

@@ -99,6 +99,24 @@ def test_predictions_round_trip_and_notice_changes(tmp_path: Path):
         found.layers("test_000")
 
 
+def test_predictions_are_hashed_once_and_a_change_is_still_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.5)})
+    gc.finish_predictions(tmp_path, gc.Predictions("mine", "dark", "s"))
+    whole = gc.predictions_hash(tmp_path)
+    found = gc.open_predictions(tmp_path)
+    assert found.hash_files() == whole
+    with monkeypatch.context() as patch:
+        patch.setattr("graycard._predictions.sha256", lambda path: pytest.fail(f"{path} is read again"))
+        found.layers("test_000")
+    gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.6)})
+    changed = gc.open_predictions(tmp_path)
+    assert changed.hash_files() != whole
+    with pytest.raises(gc.PredictionError, match="it changed after predictions.json was written"):
+        changed.layers("test_000")
+
+
 def test_predictions_need_an_index_of_their_format(tmp_path: Path):
     with pytest.raises(
         gc.PredictionError, match=r"with predictions.json at .*, got nothing.*docs/formats.md"
@@ -130,6 +148,11 @@ def test_srgb_against_the_standard():
         [0, 0.46135, 1, 1, 0], abs=1e-5
     )
     assert gc.srgb_encode(np.array([0.0031308]))[0] == pytest.approx(0.04045, abs=1e-6)
+    many = np.linspace(0, 1, 100_001)  # more than are encoded at a time
+    assert gc.srgb_encode(many)[[0, 99_000]] == pytest.approx([0, float(gc.srgb_encode(0.99))])
+    assert gc.srgb_decode(gc.srgb_encode(many)) == pytest.approx(many, abs=1e-12)
+    strided = np.random.default_rng(0).random((60, 70, 6))[:, ::2, 1::2]
+    assert np.array_equal(gc.srgb_encode(strided), gc.srgb_encode(strided.copy()))
     x = np.array([0.001, 0.02, 0.5, 0.9])
     slope = (gc.srgb_encode(x + 1e-6) - gc.srgb_encode(x - 1e-6)) / 2e-6
     assert gc.srgb_slope(x) == pytest.approx(slope, rel=1e-4)
