@@ -164,11 +164,15 @@ def _gauges(result: JobResult, scene: Path, run: Path) -> Iterator[Breach]:
             "gauge", place_of(result), f"expected to fit the gauge again, got: {cause}", unknown=True
         )
         return
-    allowed = np.array([*fitted, *(tuple(1 / g for g in factors) for factors in fitted)]).reshape(-1, 3)
     for score in result.sheet.scores if result.sheet else ():
-        if score.gauge and not np.isclose(allowed, score.gauge, rtol=1e-6, atol=0).all(axis=1).any():
-            got = " ".join(f"{g:.4g}" for g in score.gauge)
-            what = f"{score.metric}: expected a gauge that the training views give, got {got}"
+        right = fitted.get(score.metric)
+        if score.gauge is None and (right is None or score.status != "scored"):
+            continue
+        if right is None or score.gauge is None or not np.allclose(score.gauge, right, rtol=1e-6, atol=0):
+            expected, got = (
+                " ".join(f"{g:.4g}" for g in factors or ()) or "none" for factors in (right, score.gauge)
+            )
+            what = f"{score.metric}: expected the gauge that the training views give, {expected}, got {got}"
             yield Breach("gauge", place_of(result), what)
 
 

@@ -16,13 +16,16 @@ import numpy as np
 import graycard as gc
 from graycard.eval._assembly import Finding, Scene
 from graycard.eval._ceiling import noise_as_displayed
-from graycard.eval._gauge import Factors, apply_gauge
+from graycard.eval._gauge import apply_gauge
 from graycard.eval._image_metric import display, same
 from graycard.eval._pixelwise import square_errors
 from graycard.eval._psnr import psnr
 from graycard.eval._readings import PredictedView, TrueView
 from graycard.eval._ssim import ssim
 from graycard.eval._view_metrics import mean, pooled
+
+GAUGE = "traded"
+"""Name of the gauge of pictures under given lights: what the albedo gains, they gain with it."""
 
 Read = Callable[[], dict[str, np.ndarray] | None]
 
@@ -242,16 +245,10 @@ def _gauged(picture: Picture, scene: Scene) -> np.ndarray | None:
         raise gc.PredictionError(f"{where}: {fault}. Write this picture again")
     if not picture.gauged:
         return layers["radiance"].astype(np.float64)
-    gauge = _albedo_scale(scene)
+    gauge = scene.gauges[GAUGE]
     if isinstance(gauge, str):
         raise gc.PredictionError(gauge)
     return apply_gauge(layers["radiance"], gauge)
-
-
-def _albedo_scale(scene: Scene) -> Factors | str:
-    """What the albedo gains by its gauge, and a picture under given lights with it; or why there is none."""
-    lost = scene.gauges["light"]
-    return lost if isinstance(lost, str) else (1 / lost[0], 1 / lost[1], 1 / lost[2])
 
 
 def _noise(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
@@ -265,7 +262,7 @@ def _pool(
     scene: Scene,
 ) -> gc.Score:
     status, reason = _status(findings, kinds)
-    factors = _albedo_scale(scene)
+    factors = scene.gauges[GAUGE]
     gauge = factors if isinstance(factors, tuple) and metric in RELIGHTING_METRICS else None
     score = pooled(metric.record, metric.finish, findings, status=status, reason=reason, gauge=gauge)
     if status != "scored":

@@ -10,7 +10,7 @@ from graycard.eval._hints import Hints, with_hints
 from graycard.eval._images import score_images
 from graycard.eval._light_scores import score_lights, true_names
 from graycard.eval._relighting import Masks, score_changed
-from graycard.eval._table import VIEW_METRICS
+from graycard.eval._table import VIEW_METRICS, gauge_names
 from graycard.eval._training import fit_gauges, survey_training
 from graycard.eval._training_view import score_training_views
 from graycard.eval._view_metrics import ViewScores
@@ -58,15 +58,15 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
     )
 
 
-def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
-    """The gauges that a predictions folder has by its training views, of all reflectances, each once.
+def training_gauges(predictions: Path, scene: Path) -> dict[str, Factors]:
+    """The gauges that a predictions folder has by its training views.
 
     Args:
         predictions: The predictions folder.
         scene: ``DATASET/<track>/<scene>``; its files are not compared with their hashes.
 
     Returns:
-        Factors for R, G, B; none of a kind that cannot be fitted.
+        Factors for R, G, B by id of each metric that has a gauge; without those that cannot be fitted.
 
     Raises:
         PredictionError: The folder has no index.
@@ -74,7 +74,8 @@ def training_gauges(predictions: Path, scene: Path) -> tuple[Factors, ...]:
     """
     truth = gc.open_truth(Path(scene) / "truth", check=False)
     fitted = fit_gauges(survey_training(gc.open_predictions(Path(predictions)), truth))
-    return tuple(dict.fromkeys(factors for factors in fitted.values() if not isinstance(factors, str)))
+    found = {metric: fitted.get(name, "") for metric, name in gauge_names().items()}
+    return {metric: factors for metric, factors in found.items() if not isinstance(factors, str)}
 
 
 def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:

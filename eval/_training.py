@@ -96,8 +96,8 @@ def fit_gauges(training: Training) -> dict[str, Factors | str]:
     """All gauges by name: the factors, or why there are none.
 
     ``raw``, ``scalar`` and ``channel`` are those of base colour, ``<layer>.<kind>`` those of another
-    reflectance. ``light`` is what light gains where albedo loses: one over the scale per channel of the
-    first reflectance that is predicted, and 1 where none is, as nothing was traded.
+    reflectance. ``traded`` is the scale per channel of the first reflectance that is predicted, and 1 where
+    none is, as nothing was traded; ``light`` is one over it: what light gains where albedo loses.
     """
     found: dict[str, Factors | str] = {}
     for layer in training.fits:
@@ -105,6 +105,7 @@ def fit_gauges(training: Training) -> dict[str, Factors | str]:
             found[kind if layer == GAUGED else f"{layer}.{kind}"] = _gauge(training, kind, layer)
     traded = [layer for layer in REFLECTANCES if layer in training.provided and layer in training.fits]
     scale = _gauge(training, "channel", traded[0]) if traded else (1.0, 1.0, 1.0)
+    found["traded"] = scale
     found["light"] = scale if isinstance(scale, str) else (1 / scale[0], 1 / scale[1], 1 / scale[2])
     return found
 

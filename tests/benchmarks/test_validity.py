@@ -481,7 +481,26 @@ def test_numbers_are_finite(run: Path, edit: Callable[[Any], object], words: str
 def test_a_gauge_of_the_held_out_views(run: Path):
     change(run, lambda data: score_in(data, "gray", "albedo.psnr.channel").update(gauge=[1.0, 2.0, 3.0]))
     (line,) = breaches(run)["gauge"]
-    assert "albedo.psnr.channel: expected a gauge that the training views give, got 1 2 3" in line
+    assert "albedo.psnr.channel: expected the gauge that the training views give, " in line
+    assert line.endswith("got 1 2 3")
+
+
+@pytest.mark.parametrize(
+    ("metric", "taken_from"),
+    [
+        ("albedo.psnr.channel", "albedo.psnr.scalar"),
+        ("albedo.psnr.channel", None),
+        ("novel_view.psnr", "albedo.psnr.channel"),
+    ],
+)
+def test_a_gauge_that_another_metric_may_have(run: Path, metric: str, taken_from: str | None):
+    def swap(data: Any) -> None:
+        gauge = score_in(data, "gray", taken_from)["gauge"] if taken_from else None
+        score_in(data, "gray", metric).update(gauge=gauge)
+
+    change(run, swap)
+    (line,) = breaches(run)["gauge"]
+    assert f"{metric}: expected the gauge that the training views give" in line
 
 
 @pytest.mark.parametrize(
