@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """A real run, as small as can be: three tracks, four methods, rendered by Mitsuba."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from graycard.__main__ import main
+from valid_runs import write_valid_run
 
 SUITE = """
 name = "tiny"
@@ -59,3 +61,15 @@ def suite_of(tmp_path: Path) -> Callable[..., Path]:
         return write_suite(tmp_path / "tiny.toml", **options)  # pyright: ignore
 
     return write
+
+
+@pytest.fixture(scope="session")
+def made_run(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
+    """A whole and valid run; not to be changed."""
+    return write_valid_run(tmp_path_factory.mktemp("validity") / "run", write_tiny)
+
+
+@pytest.fixture
+def run(made_run: Path, tmp_path: Path) -> Path:
+    """A copy of it to break."""
+    return Path(shutil.copytree(made_run, tmp_path / "run"))
