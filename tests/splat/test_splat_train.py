@@ -280,6 +280,17 @@ def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
         assert torch.equal(values, fit(plan).parameters.all[name]), name
 
 
+def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():
+    rules = splat.DensityRules(
+        start=0.0, until=1.0, every=0.1, reset_every=0.2, largest=None, largest_on_screen=0.3
+    )
+    plan = splat.Plan(10, {"albedo": splat.Rate(1e-3)}, 1.0, rules)
+    state = splat.initial_state(some_parameters(), 0)
+    radius = torch.tensor([0.1, 0.4, 0.2, 0.1, 0.5])
+    state = replace(state, step=4, screen=replace(state.screen, radius=radius))
+    assert len(splat.train_step(state, plan, far_from_zero).parameters) == 3
+
+
 def test_every_view_once_in_a_round_in_an_order_of_the_seed():
     orders = {
         (seed, first): [splat.view_at(first + step, 9, seed) for step in range(9)]
