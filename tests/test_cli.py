@@ -2,6 +2,7 @@
 """The command line on small things; tests/benchmarks/test_bench.py runs the large ones."""
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -268,6 +269,23 @@ def test_names_are_not_turned_into_pictures(capsys: Capture):
 def test_the_version(capsys: Capture):
     assert main(["--version"]) == 0
     assert last_line(capsys) == f"graycard {gc.__version__}"
+
+
+@pytest.mark.parametrize(
+    ("set_by_user", "found"),
+    [({}, "3000"), ({"GOMP_SPINCOUNT": "7"}, "7"), ({"OMP_WAIT_POLICY": "active"}, "None")],
+)
+def test_idle_threads_sleep_soon_unless_told_otherwise(set_by_user: dict[str, str], found: str):
+    """OpenMP reads it when it is loaded: PyTorch and Numba must not be there before."""
+    code = (
+        "import os, sys; from graycard.__main__ import main; main(['--version']); "
+        "print(os.environ.get('GOMP_SPINCOUNT'), sorted({'torch', 'numba'} & set(sys.modules)))"
+    )
+    kept = {name: value for name, value in os.environ.items() if "OMP" not in name}
+    run = subprocess.run(
+        [sys.executable, "-c", code], env=kept | set_by_user, capture_output=True, text=True, check=True
+    )
+    assert run.stdout.splitlines()[-1] == f"{found} []"
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: Capture):

@@ -2,6 +2,7 @@
 """Which view a step of a fit looks at, and how large surfels are there."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -13,7 +14,13 @@ from graycard.methods.splat._parameters import CENTRES, LOG_SCALES
 def view_at(step: int, views: int, seed: int) -> int:
     """The number of the view of a step: each once in a round, in an order that the seed decides."""
     round_, place = divmod(step, views)
-    return int(np.random.default_rng((seed, round_)).permutation(views)[place])
+    return _order(round_, views, seed)[place]
+
+
+@lru_cache(maxsize=1)
+def _order(round_: int, views: int, seed: int) -> tuple[int, ...]:
+    """The views of a round: kept, since to begin a generator takes longer than to draw all of them."""
+    return tuple(np.random.default_rng((seed, round_)).permutation(views).tolist())
 
 
 @torch.no_grad()

@@ -2,6 +2,7 @@
 """The command line: ``graycard VERB ...``, or ``python -m graycard VERB ...``."""
 
 import io
+import os
 import sys
 import traceback
 from collections.abc import Sequence
@@ -16,6 +17,9 @@ from graycard._memory import keep_freed_memory
 from graycard._screen import Screen, refuse
 
 ERROR = 2
+SPINS = "3000"
+"""Turns that an idle thread of GNU OpenMP waits for work before it sleeps: a fraction of a millisecond. Left
+alone it waits for milliseconds, and on a machine that is busy it takes them from the threads that work."""
 
 
 def main(args: Sequence[str] | None = None) -> int:
@@ -27,6 +31,8 @@ def main(args: Sequence[str] | None = None) -> int:
     Returns:
         The exit code: 0 done, 1 a job, a score or the gate failed, 2 something for the user to mend.
     """
+    if "OMP_WAIT_POLICY" not in os.environ:
+        os.environ.setdefault("GOMP_SPINCOUNT", SPINS)  # before PyTorch and Numba load OpenMP
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without Unicode shows "?" instead of failing

@@ -92,7 +92,10 @@ def test_no_more_than_the_limit_and_the_neediest_first():
     full = splat.densify(after, rules, EXTENT)
     assert numbers(full) == numbers(after)
     three = replace(RULES, limit=6, children=3)
-    assert numbers(splat.densify(state_of([LARGE] * 4, [1e-3] * 4), three, EXTENT)) == [2, 3, 4, 1, 1, 1]
+    split = splat.densify(state_of([LARGE] * 4, [1e-3] * 4), three, EXTENT)
+    assert numbers(split) == [2, 3, 4, 1, 1, 1]
+    sizes = split.parameters.surfels[splat.LOG_SCALES].exp()
+    torch.testing.assert_close(sizes, torch.tensor([LARGE] * 3 + [LARGE / 2.4] * 3)[:, None].expand(6, 2))
 
 
 def test_nothing_is_changed_in_place_and_equal_states_give_equal_ones():
@@ -122,6 +125,13 @@ def test_transparent_ones_go_with_all_that_is_theirs():
     torch.testing.assert_close(after.screen.gradient, torch.tensor([4e-3, 8e-3]))
     assert {len(m.first) for name, m in after.moments.items() if name != "network"} == {2}
     assert numbers(splat.prune(before, RULES, EXTENT, bound_sizes=True)) == [1]
+
+
+def test_what_is_too_large_is_so_by_the_extent():
+    rules = replace(RULES, largest=0.1)
+    before = state_of([0.19, 0.21], [0.0] * 2)
+    assert numbers(splat.prune(before, rules, extent=2.0, bound_sizes=True)) == [1]
+    assert numbers(splat.prune(before, rules, extent=3.0, bound_sizes=True)) == [1, 2]
 
 
 def test_what_covers_too_much_of_the_screen_goes():

@@ -263,6 +263,47 @@ def test_a_fit_without_end_is_not_begun_anew(tmp_path: Path):
         assert torch.equal(values, again.parameters.all[name]), name
 
 
+def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
+    """Between two savings, and to the same bits."""
+    checkpoint = splat.Checkpoint(tmp_path / "saved", 1000, "")
+    whole = splat.Plan(6, {"albedo": splat.Rate(5e-2, 1e-2)}, 1.0)
+    plan = replace(whole, checkpoint=checkpoint)
+
+    def fit(plan: splat.Plan) -> splat.FitState:
+        return splat.train(splat.initial_state(some_parameters(), 0), plan, far_from_zero, gc.silent)
+
+    assert fit(replace(plan, until=4)).step == 4
+    saved = splat.load_state(checkpoint)
+    assert saved is not None
+    assert saved.step == 4
+    for name, values in fit(whole).parameters.all.items():
+        assert torch.equal(values, fit(plan).parameters.all[name]), name
+
+
+def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():
+    rules = splat.DensityRules(
+        start=0.0, until=1.0, every=0.1, reset_every=0.2, largest=None, largest_on_screen=0.3
+    )
+    plan = splat.Plan(10, {"albedo": splat.Rate(1e-3)}, 1.0, rules)
+    state = splat.initial_state(some_parameters(), 0)
+    radius = torch.tensor([0.1, 0.4, 0.2, 0.1, 0.5])
+    state = replace(state, step=4, screen=replace(state.screen, radius=radius))
+    assert len(splat.train_step(state, plan, far_from_zero).parameters) == 3
+
+
+def test_every_view_once_in_a_round_in_an_order_of_the_seed():
+    orders = {
+        (seed, first): [splat.view_at(first + step, 9, seed) for step in range(9)]
+        for seed in (0, 1)
+        for first in (0, 9)
+    }
+    assert all(sorted(order) == list(range(9)) for order in orders.values())
+    assert len({tuple(order) for order in orders.values()}) == 4
+    for step in (3, 12):  # asked for by turns
+        for seed in (0, 1):
+            assert splat.view_at(step, 9, seed) == orders[seed, step - step % 9][step % 9]
+
+
 def test_another_fit_and_a_damaged_file_are_refused(tmp_path: Path):
     mine = splat.Checkpoint(tmp_path / "saved", 1, "mine")
     assert splat.load_state(mine) is None
