@@ -43,10 +43,9 @@ def stage_at(share: float, schedule: Schedule) -> Stage:
 def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
-    Those of surfels are 2DGS's, faster where a fit is so much shorter, and those of the lamp's place and the
-    ambient light the released code's. Albedo, of which these are logits, hardly moves at first and is the
-    fastest in the end, so that what is smooth is explained by the lamp; the lamp's network is twice as fast
-    as there. The centres of surfels still move when the lamp is known: before, little is seen of them.
+    Those of surfels are 2DGS's, faster where a fit is so much shorter, and those of light the released code's.
+    That of albedo, in logits, is half of the released code's where albedo begins: what is smooth is left to
+    the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
     """
     unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in Stage)
     released = settings.schedule == "release_40k"
@@ -60,10 +59,10 @@ def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]
         LOG_SCALES: Rate(5e-3, windows=surfels),
         ROTATIONS: Rate(1e-3, windows=surfels),
         LOGITS: Rate(5e-2, windows=(unlit, joint, opacity, *last)),
-        ALBEDO: Rate(1e-3, 2e-2, surfels),
+        ALBEDO: Rate(5e-3, windows=surfels),
         POSITION: Rate(2.5e-3, windows=light).times(1 / UNITS_PER_METRE),
     }
-    rates |= {name: Rate(5e-3, windows=light) for name in NETWORK}
+    rates |= {name: Rate(2.5e-3, windows=light) for name in NETWORK}
     return rates | ({AMBIENT: Rate(2.5e-3, windows=ambient)} if settings.ambient else {})
 
 

@@ -60,9 +60,8 @@ class SunFadedSettings:
     not at all. A fit without a source of priors goes without them."""
     depth_weight: float = 0.001
     """Of 1 - Pearson's correlation of drawn depth and the prior's."""
-    normal_weight: float = 0.05
-    """Of normals that are not those of the depth: half of it for drawn ones, half for the prior's. The paper
-    has no figure, 2DGS this one, the released code 0.01."""
+    normal_weight: float = 0.01
+    """Of normals that are not those of the depth: half of it for drawn ones, half for the prior's."""
     distortion_weight: float = 0.01
     """Of the spread of surfels along rays."""
     geometry_start: float = 0.075

@@ -42,13 +42,6 @@ def test_stages_follow_each_other_to_the_end(schedule: Schedule):
     assert [stage_at(end - 1e-6, schedule) for end in ends] == list(Stage)
 
 
-def test_albedo_is_slower_than_the_lamp_at_first_and_faster_in_the_end():
-    rates = learning_rates(2.0, SunFadedSettings())
-    albedo, lamp = rates[ALBEDO], rates[NETWORK[0]]
-    assert albedo.at(0.3) < lamp.at(0.3) / 2
-    assert albedo.at(0.79) > lamp.at(0.79)
-
-
 def test_the_released_code_moves_the_ambient_light_with_the_lamp():
     assert moving(0.3, schedule="release_40k") == LAMP | {AMBIENT}
     assert moving(0.6, schedule="release_40k") == SURFELS | LAMP | {AMBIENT}
