@@ -43,8 +43,8 @@ def stage_at(share: float, schedule: Schedule) -> Stage:
 def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
-    Those of surfels are 2DGS's, faster where a fit is so much shorter, and those of light the released code's.
-    That of albedo, in logits, is half of the released code's where albedo begins: what is smooth is left to
+    Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light the released
+    code's. That of albedo, in logits, is half of the released code's where albedo begins: what is smooth is left to
     the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
     """
     unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in Stage)
