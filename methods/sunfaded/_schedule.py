@@ -44,7 +44,7 @@ def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
     Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light the released
-    code's. That of albedo, in logits, is half of the released code's where albedo begins: what is smooth is left to
+    code's. That of albedo, in logits, is half of that code's where albedo begins: what is smooth is left to
     the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
     """
     unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in Stage)

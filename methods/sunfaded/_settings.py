@@ -72,8 +72,9 @@ class SunFadedSettings:
     albedo_weight: float = 0.0
     """Of the variance of albedo over the surfels, while it moves: of two explanations of a bright place the
     one with more light and less paint is taken. Not in the paper."""
-    ssim_share: float = 0.0
-    """Of the loss with light; the rest is the mean absolute difference (paper: 0, released code: 0.2)."""
+    ssim_share: float = 0.2
+    """Of the loss with light; the rest is the mean absolute difference. 0.2 as in the released code and in
+    ``2dgs``; of the paper we know only that it compares pictures with the light on."""
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
 
