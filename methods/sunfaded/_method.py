@@ -21,7 +21,7 @@ from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._model import draw
 from graycard.methods.sunfaded._objective import Objective, Photograph, photographs
 from graycard.methods.sunfaded._scene import METHOD, SunFadedScene, load_scene
-from graycard.methods.sunfaded._schedule import ALBEDO_PRIOR, density_rules, learning_rates
+from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
 from graycard.methods.surfels import fit_checkpoint
@@ -78,7 +78,7 @@ def _fitted(
     plan = _plan(capture, views, lit, settings, seed)
     objective = Objective(views, lit, settings, seed)
     if asked and settings.geometry_prior == "albedo":
-        until = max(1, round(ALBEDO_PRIOR * settings.iterations))
+        until = max(1, round(ENDS[settings.schedule][Stage.JOINT] * settings.iterations))
         first = replace(plan, until=until, checkpoint=_beside(plan.checkpoint))
         state = train(state, first, objective, progress)
         albedos = drawn_albedos(capture, state.parameters.all, settings)

@@ -13,7 +13,15 @@ from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._tiles import lamp_map, points_of, tile_side
 
 ALBEDO, AMBIENT = "albedo", "ambient light"
-"""Names of the parameters: of each surfel, shape ``(N, 3)``, and of the scene, shape ``(3,)``."""
+"""Names of the parameters: logits of each surfel, shape ``(N, 3)``, and of the scene, shape ``(3,)``."""
+
+
+def albedo_of(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    """Albedo of each surfel, in (0, 1), shape ``(N, 3)``.
+
+    The released code cuts its numbers off at 0 and 1. What is beyond has no gradient and never comes back.
+    """
+    return values[ALBEDO].sigmoid()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +51,7 @@ def draw(
 
     With shading ``surfel`` three more channels follow the albedo: what each surfel reflects of the lamp.
     """
-    albedo = values[ALBEDO].clamp(0, 1)
+    albedo = albedo_of(values)
     features = albedo
     if settings.shading == "surfel":
         features = torch.cat([albedo, albedo * _surfel_light(values, camera)], dim=1)

@@ -20,7 +20,7 @@ from graycard.methods.splat import (
     view_at,
 )
 from graycard.methods.sunfaded._guess import Guess
-from graycard.methods.sunfaded._model import ALBEDO, draw, picture_of, unlit_picture
+from graycard.methods.sunfaded._model import albedo_of, draw, picture_of, unlit_picture
 from graycard.methods.sunfaded._schedule import Stage, stage_at
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings
 from graycard.methods.sunfaded._tiles import lens_of
@@ -73,7 +73,8 @@ class Objective:
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
         """What is to be lowered at a step."""
         share = step / self.settings.iterations
-        number, stage = view_at(step, len(self.views), self.seed), stage_at(share)
+        number = view_at(step, len(self.views), self.seed)
+        stage = stage_at(share, self.settings.schedule)
         if stage is Stage.LAMP:
             return Look(self._lit_loss(values, self._still(values, number), number))
         view = self.views[number]
@@ -87,7 +88,7 @@ class Objective:
             loss = self._lit_loss(values, drawn, number)
         loss = loss + self._geometry_loss(drawn, number, share)
         loss = loss + self.settings.cover_weight * (1 - drawn.alpha).mean()
-        loss = loss + self.settings.albedo_weight * values[ALBEDO].var(dim=0, correction=0).mean()
+        loss = loss + self.settings.albedo_weight * albedo_of(values).var(dim=0, correction=0).mean()
         if offsets is None:
             return Look(loss)
         size = view.camera.width, view.camera.height
@@ -123,7 +124,8 @@ class Objective:
         """Surfels that do not agree with each other, and with what the prior says."""
         settings, guess, camera = self.settings, self.guesses[number], self.views[number].camera
         loss = torch.zeros(())
-        if guess.depth is not None and _asks_for_depth(stage_at(share), settings):
+        stage = stage_at(share, settings.schedule)
+        if guess.depth is not None and _asks_for_depth(stage, settings):
             loss = loss + settings.depth_weight * (1 - correlation(drawn.depth, guess.depth, drawn.alpha))
         if share < settings.geometry_start:
             return loss

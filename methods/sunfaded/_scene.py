@@ -15,7 +15,7 @@ from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.sunfaded._layers import Lighting, local_lights
-from graycard.methods.sunfaded._model import ALBEDO, draw
+from graycard.methods.sunfaded._model import ALBEDO, albedo_of, draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._tiles import light_evaluations, tile_side
 from graycard.methods.surfels import encode as show
@@ -81,7 +81,7 @@ class SunFadedScene:
             OutputError: The folder cannot be written to, or the disk is full.
         """
         store(folder, METHOD, lighting_to_json(self.lighting), arrays_of(self.parameters))
-        albedo = self.parameters.surfels[ALBEDO].clamp(0, 1)
+        albedo = albedo_of(self.parameters.surfels)
         albedo = show(albedo) if self.lighting.settings.space == "linear" else albedo
         export_ply(Path(folder) / "surfels.ply", surfels_of(self.parameters.surfels), albedo)
 

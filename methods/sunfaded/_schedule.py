@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What moves when: five stages by shares of the budget (25, 25, 25, 12.5 and 12.5 %)."""
+"""What moves when: five stages by shares of the budget."""
 
+from collections.abc import Mapping
 from enum import IntEnum
 
 from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, DensityRules, Rate
 from graycard.methods.sunfaded._light import NETWORK, POSITION, UNITS_PER_METRE
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
-from graycard.methods.sunfaded._settings import SunFadedSettings
+from graycard.methods.sunfaded._settings import Schedule, SunFadedSettings
 
 
 class Stage(IntEnum):
@@ -24,36 +25,41 @@ class Stage(IntEnum):
     """Everything but the lamp."""
 
 
-ENDS = (0.25, 0.5, 0.75, 0.875, 1.0)
-"""Shares of the budget at which the stages end."""
-ALBEDO_PRIOR = ENDS[Stage.JOINT]
-"""From when the geometry prior looks at the albedo."""
+_PAPER = (0.25, 0.5, 0.75, 0.875, 1.0)
+ENDS: Mapping[Schedule, tuple[float, ...]] = {
+    "short": (0.15, 0.25, 0.8, 0.9, 1.0),
+    "paper": _PAPER,
+    "release_40k": _PAPER,
+}
+"""Shares of the budget at which the stages end. From the end of the joint one on the geometry prior looks at
+the albedo."""
 
 
-def stage_at(share: float) -> Stage:
+def stage_at(share: float, schedule: Schedule) -> Stage:
     """The stage when a share of the budget, below 1, is spent."""
-    return next(stage for stage in Stage if share < ENDS[stage])
+    return next(stage for stage in Stage if share < ENDS[schedule][stage])
 
 
 def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
-    Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light and albedo are the
-    released code's.
+    Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light the released
+    code's. That of albedo, in logits, is half of that code's where albedo begins: what is smooth is left to
+    the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
     """
-    unlit, lamp, joint, opacity, refined = (_window(stage) for stage in Stage)
+    unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in Stage)
     released = settings.schedule == "release_40k"
-    last = _every_other(settings.iterations) if released else (refined,)
+    last = _every_other(settings) if released else (refined,)
     surfels = (unlit, joint, *last)
     # Without a light that stays there is no unlit picture: the first stage then has the lamp too.
     light = (*(() if settings.ambient else (unlit,)), lamp, joint, *(last if released else ()))
     ambient = (unlit, *((lamp,) if released else ()), joint, *last)
     rates = {
-        CENTRES: Rate(5e-4, 5e-6, surfels).times(extent),
+        CENTRES: Rate(5e-4, 5e-5, surfels).times(extent),
         LOG_SCALES: Rate(5e-3, windows=surfels),
         ROTATIONS: Rate(1e-3, windows=surfels),
         LOGITS: Rate(5e-2, windows=(unlit, joint, opacity, *last)),
-        ALBEDO: Rate(2.5e-3, windows=surfels),
+        ALBEDO: Rate(5e-3, windows=surfels),
         POSITION: Rate(2.5e-3, windows=light).times(1 / UNITS_PER_METRE),
     }
     rates |= {name: Rate(2.5e-3, windows=light) for name in NETWORK}
@@ -66,16 +72,18 @@ def density_rules(settings: SunFadedSettings) -> DensityRules:
     What is looked at in between moves no surfel, so none is asked to be two.
     """
     return DensityRules(
-        start=0.05, every=0.025, until=ENDS[Stage.OPACITY], reset_every=1.0, gradient=1e-4,
+        start=0.05, every=0.025, until=ENDS[settings.schedule][Stage.OPACITY], reset_every=1.0, gradient=1e-4,
         limit=settings.surfels,
     )  # fmt: skip
 
 
-def _window(stage: Stage) -> tuple[float, float]:
-    return (ENDS[stage - 1] if stage else 0.0), ENDS[stage]
+def _window(stage: Stage, settings: SunFadedSettings) -> tuple[float, float]:
+    ends = ENDS[settings.schedule]
+    return (ends[stage - 1] if stage else 0.0), ends[stage]
 
 
-def _every_other(steps: int) -> tuple[tuple[float, float], ...]:
+def _every_other(settings: SunFadedSettings) -> tuple[tuple[float, float], ...]:
     """Every other step of the last stage, as the released code has it."""
-    first = round(ENDS[Stage.OPACITY] * steps)
+    steps = settings.iterations
+    first = round(ENDS[settings.schedule][Stage.OPACITY] * steps)
     return tuple((step / steps, (step + 1) / steps) for step in range(first, steps, 2))

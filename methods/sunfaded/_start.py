@@ -49,14 +49,15 @@ def start(capture: Capture, views: Sequence[Photograph], settings: SunFadedSetti
     """
     discs = sparse_discs(capture, settings.surfels, settings.fill, seed)
     albedo = _first_albedo(discs.features.float(), settings)
-    return parameters_of(discs, {ALBEDO: albedo}, first_lights(views, albedo.mean(dim=0), settings, seed))
+    lights = first_lights(views, albedo.mean(dim=0), settings, seed)
+    return parameters_of(discs, {ALBEDO: albedo.logit()}, lights)
 
 
 def _first_albedo(colours: torch.Tensor, settings: SunFadedSettings) -> torch.Tensor:
     """Of surfels with such colours, as displayed, shape ``(N, 3)``; in the space of the fit."""
     if settings.first_albedo > 0:
         return torch.full_like(colours, settings.first_albedo)
-    return (decode(colours) if settings.space == "linear" else colours).clamp(DARKEST, 1)
+    return (decode(colours) if settings.space == "linear" else colours).clamp(DARKEST, 1 - DARKEST)
 
 
 def first_lights(

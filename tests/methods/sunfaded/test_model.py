@@ -9,7 +9,7 @@ import graycard as gc
 from graycard.methods.splat import Parameters, parameters_of, surfels_on_surface
 from graycard.methods.sunfaded import SunFadedSettings, _tiles
 from graycard.methods.sunfaded._light import BANDS, POSITION, lamp_intensity, lamp_parameters
-from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, draw, picture_of
+from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, albedo_of, draw, picture_of
 from graycard.methods.sunfaded._tiles import lens_of
 
 CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
@@ -22,7 +22,7 @@ def floor(albedo: float = 0.4, side: int = 10) -> Parameters:
     up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
     discs = surfels_on_surface(points, up, np.full_like(points, albedo), side**2, 0)
     shared = {**lamp_parameters(0), AMBIENT: torch.tensor([0.3, 0.2, 0.1])}
-    return parameters_of(discs, {ALBEDO: torch.full((len(discs), 3), albedo)}, shared)
+    return parameters_of(discs, {ALBEDO: torch.full((len(discs), 3), albedo).logit()}, shared)
 
 
 def smooth(values: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -75,7 +75,7 @@ def test_light_and_albedo_trade_a_gain(monkeypatch: pytest.MonkeyPatch):
     values, settings = floor().all, SunFadedSettings()
     before = shown(values, settings).whole
     monkeypatch.setattr(_tiles, "lamp_intensity", lambda v, points: lamp_intensity(v, points) / gain)
-    changed = {**values, ALBEDO: values[ALBEDO] * gain, AMBIENT: values[AMBIENT] / gain}
+    changed = {**values, ALBEDO: (albedo_of(values) * gain).logit(), AMBIENT: values[AMBIENT] / gain}
     torch.testing.assert_close(shown(changed, settings).whole, before, rtol=1e-6, atol=1e-6)
 
 
@@ -92,7 +92,7 @@ def test_depth_gets_no_gradient_from_light_and_normals_do():
 
 def test_albedo_is_kept_between_black_and_white():
     values = floor().all
-    values[ALBEDO] = torch.linspace(-1, 3, values[ALBEDO].numel()).reshape(-1, 3)
+    values[ALBEDO] = torch.linspace(-30, 30, values[ALBEDO].numel()).reshape(-1, 3)
     albedo = shown(values, SunFadedSettings()).albedo
     assert albedo.min() >= 0
     assert albedo.max() <= 1

@@ -94,7 +94,7 @@ def floor(albedo: float, space: str = "linear") -> SunFadedScene:
     points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
     discs = surfels_on_surface(points, np.repeat(UP, x.size, axis=0), np.ones_like(points), 1600, 0)
     shared = {**lamp_parameters(0), AMBIENT: torch.tensor([0.3, 0.2, 0.1])}
-    parameters = parameters_of(discs, {ALBEDO: torch.full((len(discs), 3), albedo)}, shared)
+    parameters = parameters_of(discs, {ALBEDO: torch.full((len(discs), 3), albedo).logit()}, shared)
     settings = SunFadedSettings(space=space)  # pyright: ignore[reportArgumentType]
     return SunFadedScene(parameters, Lighting(settings, 2.0, 2.2))
 

@@ -7,7 +7,8 @@ from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS
 from graycard.methods.sunfaded import SunFadedSettings
 from graycard.methods.sunfaded._light import NETWORK, POSITION
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
-from graycard.methods.sunfaded._schedule import Stage, density_rules, learning_rates, stage_at
+from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates, stage_at
+from graycard.methods.sunfaded._settings import Schedule
 
 SURFELS = {CENTRES, LOG_SCALES, ROTATIONS, LOGITS, ALBEDO}
 LAMP = {POSITION, *NETWORK}
@@ -29,8 +30,16 @@ def moving(share: float, **settings: object) -> set[str]:
     ],
 )
 def test_the_paper_moves_what_it_says(share: float, stage: Stage, names: set[str]):
-    assert stage_at(share) is stage
-    assert moving(share) == names
+    assert stage_at(share, "paper") is stage
+    assert moving(share, schedule="paper") == names
+
+
+@pytest.mark.parametrize("schedule", list(ENDS))
+def test_stages_follow_each_other_to_the_end(schedule: Schedule):
+    ends = ENDS[schedule]
+    assert sorted(ends) == list(ends)
+    assert ends[-1] == 1
+    assert [stage_at(end - 1e-6, schedule) for end in ends] == list(Stage)
 
 
 def test_the_released_code_moves_the_ambient_light_with_the_lamp():
@@ -52,7 +61,7 @@ def test_without_ambient_light_the_first_stage_has_the_lamp():
 
 
 def test_surfels_are_taken_away_while_opacities_are_fitted_and_not_after():
-    rules = density_rules(SunFadedSettings(iterations=2000, surfels=70))
+    rules = density_rules(SunFadedSettings(iterations=2000, surfels=70, schedule="paper"))
     assert rules.limit == 70
     assert any(rules.densifies(step, 2000) for step in range(1500, 1750))
     assert not any(rules.densifies(step, 2000) for step in range(1750, 2001))
