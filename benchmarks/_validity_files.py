@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rules for a valid result that the files of a run and of its scenes can break."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +151,7 @@ def gauge_breaches(run: RunRecord, folder: Path) -> list[Breach]:
     found: list[Breach] = []
     for result in run.results:
         scene = scenes.get((result.job.track, result.job.scene))
-        if scene and result.sheet and any(score.gauge for score in result.sheet.scores):
+        if scene and result.sheet:
             found += _gauges(result, scene, folder)
     return found
 
@@ -168,12 +168,21 @@ def _gauges(result: JobResult, scene: Path, run: Path) -> Iterator[Breach]:
         right = fitted.get(score.metric)
         if score.gauge is None and (right is None or score.status != "scored"):
             continue
-        if right is None or score.gauge is None or not np.allclose(score.gauge, right, rtol=1e-6, atol=0):
+        if not _agree(score.gauge, right):
             expected, got = (
                 " ".join(f"{g:.4g}" for g in factors or ()) or "none" for factors in (right, score.gauge)
             )
             what = f"{score.metric}: expected the gauge that the training views give, {expected}, got {got}"
             yield Breach("gauge", place_of(result), what)
+
+
+def _agree(one: Sequence[float] | None, other: Sequence[float] | None) -> bool:
+    return (
+        one is not None
+        and other is not None
+        and len(one) == len(other)
+        and np.allclose(one, other, rtol=1e-6, atol=0)
+    )
 
 
 def score_breaches(run: RunRecord, folder: Path) -> list[Breach]:

@@ -72,8 +72,8 @@ def measure(metric: ImageMetric, seen: Comparison) -> tuple[float, dict[str, flo
         name, space = metric.beside
         parts[name] = float(value_of.statistic(seen.errors(value_of.errors, space)))
     value = float(value_of.statistic(errors))
-    if metric.noisy and (noise := seen.noise(metric.space)):
-        parts["debiased"] = value - noise
+    if metric.noisy and seen.variance is not None and seen.variance.any():
+        parts["debiased"] = value - (seen.noise(metric.space) or 0.0)
     return value, parts
 
 

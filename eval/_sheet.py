@@ -41,7 +41,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
     chosen = find_protocols(protocol)
     published = [p for p in chosen if isinstance(p, AlbedoProtocol)]
     truth = gc.open_truth(Path(scene) / "truth")
-    found = gc.open_predictions(Path(predictions))
+    found, digest = gc.open_predictions(Path(predictions)).hashed()
     if (found.track, found.scene) != (truth.track, truth.scene):
         raise gc.PredictionError(
             f"expected predictions for {truth.track}/{truth.scene}, got some for "
@@ -51,7 +51,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         truth.track,
         truth.scene,
         found.method,
-        found.hash_files(),
+        digest,
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
         _scores(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),

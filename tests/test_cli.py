@@ -119,6 +119,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
     assert (cost["track"], cost["pixels"]) == ("tabletop", 4096)
     assert cost["scores"] > 40
     assert 0 < cost["reading_s"] < cost["seconds"] < 600
+    assert 0 < cost["view_s"] < cost["seconds"], "the training views are not among it"
     assert 50 < cost["peak_mib"] < 8000
 
 
@@ -286,6 +287,12 @@ def test_idle_threads_sleep_soon_unless_told_otherwise(set_by_user: dict[str, st
         [sys.executable, "-c", code], env=kept | set_by_user, capture_output=True, text=True, check=True
     )
     assert run.stdout.splitlines()[-1] == f"{found} []"
+
+
+@pytest.mark.parametrize("what", ["truth", "engine", "score"])
+def test_nothing_can_be_timed_no_time(what: str, capsys: Capture):
+    assert main(["speed", what, "--repeats", "0"]) == 2
+    assert "expected --repeats of 1 or more, got 0" in capsys.readouterr().err
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: Capture):

@@ -40,7 +40,7 @@ def rasterize(
         UnknownNameError: There is no such back end.
         MethodError: The lists and images would not fit into the memory that is available (``cpu``), or
             gsplat or a GPU is missing (``cuda``).
-        ValueError: Features or offsets of another shape or dtype.
+        ValueError: Features or offsets of another shape or dtype, or not finite.
     """
     _check_name(backend)
     if backend == "cuda":
@@ -77,7 +77,7 @@ def rasterize_features(
         UnknownNameError: There is no such back end.
         MethodError: The lists and images would not fit into the memory that is available (``cpu``), or
             gsplat or a GPU is missing (``cuda``).
-        ValueError: Features or offsets of another shape or dtype.
+        ValueError: Features or offsets of another shape or dtype, or not finite.
     """
     _check_name(backend)
     if backend == "cuda":

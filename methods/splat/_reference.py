@@ -20,7 +20,7 @@ from graycard.methods.splat._maps import (
     Maps,
     ndc_depth,
 )
-from graycard.methods.splat._surfels import Surfels
+from graycard.methods.splat._surfels import Surfels, check_finite
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def rasterize_reference(
         The maps, differentiable in every tensor of the surfels, in the features and in the offsets.
 
     Raises:
-        ValueError: Features or offsets of another shape or dtype.
+        ValueError: Features or offsets of another shape or dtype, or not finite.
     """
     features = checked_features(surfels, features)
     seen, hits, order = _look(surfels, camera, offsets)
@@ -75,35 +75,38 @@ def rasterize_features_reference(
 
 
 def checked_features(surfels: Surfels, features: torch.Tensor | None) -> torch.Tensor:
-    """The features to draw, after a look at their shape and dtype.
+    """The features to draw, after a look at them.
 
     Raises:
-        ValueError: They do not fit the surfels.
+        ValueError: They do not fit the surfels, or are not finite.
     """
     if features is None:
         return surfels.features
-    if features.ndim != 2 or len(features) != len(surfels) or features.dtype != surfels.centres.dtype:
-        raise ValueError(
-            f"expected features of shape ({len(surfels)}, C) in {surfels.centres.dtype}, "
-            f"got {tuple(features.shape)} in {features.dtype}"
-        )
+    _check("features", features, surfels, None)
     return features
 
 
 def checked_offsets(surfels: Surfels, offsets: torch.Tensor | None) -> torch.Tensor | None:
-    """The offsets, after a look at their shape and dtype.
+    """The offsets, after a look at them.
 
     Raises:
-        ValueError: They do not fit the surfels.
+        ValueError: They do not fit the surfels, or are not finite.
     """
-    if offsets is None:
-        return None
-    if offsets.shape != (len(surfels), 2) or offsets.dtype != surfels.centres.dtype:
-        raise ValueError(
-            f"expected offsets of shape ({len(surfels)}, 2) in {surfels.centres.dtype}, "
-            f"got {tuple(offsets.shape)} in {offsets.dtype}"
-        )
+    if offsets is not None:
+        _check("offsets", offsets, surfels, 2)
     return offsets
+
+
+def _check(name: str, values: object, surfels: Surfels, width: int | None) -> None:
+    """Refuse what does not go with the surfels, a row each; any number of columns where ``width`` is None."""
+    count, dtype = len(surfels), surfels.centres.dtype
+    wanted = f"expected {name} of shape ({count}, {width or 'C'}) in {dtype}, got"
+    if not isinstance(values, torch.Tensor):
+        raise ValueError(f"{wanted} a {type(values).__name__}")
+    shape = tuple(values.shape)
+    if len(shape) != 2 or shape[0] != count or width not in (None, shape[1]) or values.dtype != dtype:
+        raise ValueError(f"{wanted} {shape} in {values.dtype}")
+    check_finite(name, values)
 
 
 def _look(

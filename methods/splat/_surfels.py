@@ -73,8 +73,17 @@ class Surfels:
                 f"expected {name} as the centres are ({self.centres.dtype} on {self.centres.device}), "
                 f"got {value.dtype} on {value.device}"
             )
-        if not bool(value.detach().sum().isfinite()):  # nor is a sum with a term that is not, for sure
-            _check_values(name, value, torch.isfinite(value), "finite")
+        check_finite(name, value)
+
+
+def check_finite(name: str, values: torch.Tensor) -> None:
+    """Refuse numbers that are none.
+
+    Raises:
+        ValueError: The first surfel with one is named.
+    """
+    if not bool(values.detach().sum().isfinite()):  # nor is a sum with a term that is not, for sure
+        _check_values(name, values, torch.isfinite(values), "finite")
 
 
 def _check_values(name: str, values: torch.Tensor, good: torch.Tensor, rule: str) -> None:

@@ -4,6 +4,7 @@
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 
 import numpy as np
 
@@ -29,8 +30,10 @@ class Camera:
     """Pose, shape ``(4, 4)``: columns are the camera's axes and its position in the world, metres."""
 
     def __post_init__(self) -> None:
-        if self.width < 1 or self.height < 1:
-            raise ValueError(f"expected a positive image size, got {self.width}x{self.height}")
+        if not all(isinstance(side, Integral) and side >= 1 for side in (self.width, self.height)):
+            raise ValueError(
+                f"expected a positive image size in whole pixels, got {self.width}x{self.height}"
+            )
         for name, shape in (("K", (3, 3)), ("camera_to_world", (4, 4))):
             value = np.asarray(getattr(self, name), dtype=np.float64)
             if value.shape != shape or not np.isfinite(value).all():

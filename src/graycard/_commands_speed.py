@@ -38,6 +38,8 @@ class Speed:
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Time one of them."""
+        if self.repeats < 1:
+            raise GraycardError(f"expected --repeats of 1 or more, got {self.repeats}")
         if self.what == "engine":
             return self._engine(screen)
         self._refuse_options(*() if self.what == "score" else ("quick",))

@@ -56,11 +56,14 @@ def decode(cls: type[T], data: Any, error: type[GraycardError] = RecordError, so
     """
     hooks = {float: decode_float, int: _integer, np.ndarray: _array, Path: Path}
     config = dacite.Config(strict=True, strict_unions_match=True, type_hooks=hooks)
+    every = dataclasses.fields(cls)  # pyright: ignore[reportArgumentType]
+    fields = [f.name for f in every if not f.metadata.get("in_memory")]
     try:
+        if isinstance(data, dict) and (surplus := data.keys() & {f.name for f in every} - set(fields)):
+            raise dacite.UnexpectedDataError(surplus)
         return dacite.from_dict(cls, _tuples(data), config)  # pyright: ignore[reportArgumentType]
     except (dacite.DaciteError, ValueError, TypeError, AttributeError) as cause:
         where = f" in {source}" if source else ""
-        fields = [f.name for f in dataclasses.fields(cls)]  # pyright: ignore[reportArgumentType]
         words = f"expected a {cls.__name__} with {', '.join(fields)}{where}, got: {cause}"
         raise error(words + _nearest(cause, fields)) from cause
 

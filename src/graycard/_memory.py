@@ -6,16 +6,15 @@ import sys
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """``M_TRIM_THRESHOLD`` and ``M_MMAP_THRESHOLD`` of glibc's ``malloc.h``."""
-_KEPT, _LARGEST = 1 << 30, 1 << 28
-"""Bytes that may lie idle, and of the largest array that is treated so."""
+_KEPT, _LARGEST = 1 << 28, 1 << 25
+"""Bytes that may lie idle, and of the largest array that is treated so (old versions take no more)."""
 
 
 def keep_freed_memory() -> bool:
     """Keep freed memory for the next array instead of handing it back to the system.
 
     Whatever works on images makes and frees arrays of one size again and again. glibc returns each to the
-    system, which then clears the next page by page: a seventh of the time of scoring (2 s of 14 over three
-    scenes of 512 x 512).
+    system, which then clears the next page by page: a seventh of the time of scoring a scene of 512 x 512.
 
     Returns:
         Whether the C library took the setting; elsewhere than with glibc nothing changes.

@@ -41,8 +41,8 @@ class Predictions:
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 by relative path; optional, and checked where it is given."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
-    known: dict[str, str] = field(default_factory=dict, metadata=IN_MEMORY)
-    """SHA-256 of files that :meth:`hash_files` has read; they are not read for it again."""
+    hashes: Mapping[str, str] | None = field(default=None, repr=False, compare=False, metadata=IN_MEMORY)
+    """SHA-256 of all files as :meth:`hashed` found them; None where each is hashed when it is read."""
 
     def view_names(self) -> list[str]:
         """Names of the views that have a file."""
@@ -132,14 +132,15 @@ class Predictions:
             raise PredictionError(f"expected finite radiance of 0 or more in {path}, got other values")
         return values
 
-    def hash_files(self) -> str:
-        """Read all files once for their SHA-256; later reads compare with what was found now.
+    def hashed(self) -> tuple["Predictions", str]:
+        """Hash all files now, once.
 
         Returns:
-            :func:`predictions_hash` of the folder.
+            The same predictions, which hold these hashes against the index when a file is read and do not
+            hash it again: what changes from now on is not seen. And :func:`predictions_hash` of the folder.
         """
-        self.known.update(sha256_of_files(self._root))
-        return _hash_of_hashes(self.known)
+        hashes = sha256_of_files(self._root)
+        return replace(self, hashes=hashes), _hash_of_hashes(hashes)
 
     def is_whole(self) -> bool:
         """Whether the files are exactly those that the index lists, as they were written."""
@@ -149,7 +150,10 @@ class Predictions:
         """Prove that a file is the one that the index lists, if it lists it."""
         name = path.relative_to(self._root).as_posix()
         listed = self.files.get(name)
-        found = self.known.get(name) or (sha256(path) if path.is_file() else "none")
+        if self.hashes is not None:
+            found = self.hashes.get(name, "none")
+        else:
+            found = sha256(path) if path.is_file() else "none"
         if listed is not None and found != listed:
             raise PredictionError(
                 f"expected {path} with SHA-256 {listed[:12]}…, got {found[:12]}: it changed after {INDEX} "

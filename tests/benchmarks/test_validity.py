@@ -256,6 +256,20 @@ def test_a_gauge_of_the_held_out_views(run: Path):
     assert line.endswith("got 1 2 3")
 
 
+def test_gauges_that_are_all_left_out(run: Path):
+    def forget(data: Any) -> None:
+        for score in data["results"][1]["sheet"]["scores"]:
+            score["gauge"] = None
+
+    change(run, forget)
+    assert any("albedo.ssim: expected the gauge" in line for line in breaches(run)["gauge"])
+
+
+def test_a_gauge_of_two_numbers(run: Path):
+    change(run, lambda data: score_in(data, "gray", "albedo.psnr.channel").update(gauge=[1.0, 2.0]))
+    assert check_result(run).exit_code == 1
+
+
 @pytest.mark.parametrize(
     ("metric", "taken_from"),
     [

@@ -98,6 +98,12 @@ def test_what_comes_beside_the_surfels_has_to_fit(name: str, how: Any, backend: 
     for bad in (one[:2], one[0], one.float(), one[:, :, None]):
         with pytest.raises(ValueError, match=rf"expected {name} of shape \(3, .\) in torch.float64, got"):
             how(surfels_of(), camera_of(), backend=backend, **{name: bad})
+    with pytest.raises(ValueError, match=rf"expected {name} of shape .* got a list"):
+        how(surfels_of(), camera_of(), backend=backend, **{name: [[1.0, 1.0]] * 3})
+    for number in (float("nan"), float("inf")):
+        one[1, 0] = number
+        with pytest.raises(ValueError, match=rf"expected {name} to be finite, got .*(nan|inf).* at surfel 1"):
+            how(surfels_of(), camera_of(), backend=backend, **{name: one})
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

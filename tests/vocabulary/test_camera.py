@@ -54,7 +54,8 @@ def test_json_round_trip_is_exact_and_equal():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"width": 0}, "expected a positive image size, got 0x20"),
+        ({"width": 0}, "expected a positive image size in whole pixels, got 0x20"),
+        ({"width": 20.5}, "expected a positive image size in whole pixels, got 20.5x20"),
         ({"K": np.eye(2)}, r"expected K to be finite and \(3, 3\)"),
         ({"K": np.diag([1.0, -1.0, 1.0])}, "fx, fy > 0"),
         ({"camera_to_world": np.full((4, 4), np.nan)}, "expected camera_to_world to be finite"),

@@ -99,22 +99,31 @@ def test_predictions_round_trip_and_notice_changes(tmp_path: Path):
         found.layers("test_000")
 
 
-def test_predictions_are_hashed_once_and_a_change_is_still_seen(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_predictions_are_hashed_once_and_a_change_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.5)})
     gc.finish_predictions(tmp_path, gc.Predictions("mine", "dark", "s"))
-    whole = gc.predictions_hash(tmp_path)
-    found = gc.open_predictions(tmp_path)
-    assert found.hash_files() == whole
+    opened = gc.open_predictions(tmp_path)
+    found, digest = opened.hashed()
+    assert digest == gc.predictions_hash(tmp_path)
+    assert found == opened
     with monkeypatch.context() as patch:
-        patch.setattr("graycard._predictions.sha256", lambda path: pytest.fail(f"{path} is read again"))
+        patch.setattr("graycard._predictions.sha256", lambda path: pytest.fail(f"{path} is hashed again"))
         found.layers("test_000")
     gc.write_view(tmp_path, "test_000", {"base_color": np.full((2, 3, 3), 0.6)})
-    changed = gc.open_predictions(tmp_path)
-    assert changed.hash_files() != whole
+    gc.write_view(tmp_path, "another", {"base_color": np.full((2, 3, 3), 0.6)})
+    changed, digest = found.hashed()
+    assert digest == gc.predictions_hash(tmp_path)
     with pytest.raises(gc.PredictionError, match="it changed after predictions.json was written"):
         changed.layers("test_000")
+
+
+@pytest.mark.parametrize("key", ["root", "hashes"])
+def test_a_file_may_not_say_what_is_known_in_memory_only(tmp_path: Path, key: str):
+    gc.finish_predictions(tmp_path, gc.Predictions("mine", "dark", "s"))
+    index = json.loads((tmp_path / "predictions.json").read_text())
+    (tmp_path / "predictions.json").write_text(json.dumps(index | {key: {} if key == "hashes" else "/"}))
+    with pytest.raises(gc.PredictionError, match=rf"got: can not match .*{key}"):
+        gc.open_predictions(tmp_path)
 
 
 def test_predictions_need_an_index_of_their_format(tmp_path: Path):
