@@ -98,12 +98,14 @@ def _between_skies(
     skies: tuple[torch.Tensor, ...], directions: torch.Tensor, roughness: torch.Tensor
 ) -> torch.Tensor:
     """What is seen in a sky filtered for a roughness: linear between the two that are nearest to it."""
-    level = (roughness * (len(skies) - 1)).clamp(0, len(skies) - 1)
-    total = torch.zeros_like(directions)
+    level = roughness.expand(directions.shape[:-1]).reshape(-1) * (len(skies) - 1)
+    level, toward = level.clamp(0, len(skies) - 1), directions.reshape(-1, 3)
+    total = torch.zeros_like(toward)
     for number, sky in enumerate(skies):
-        share = (1 - (level - number).abs()).relu()
-        total = total + share[..., None] * look_up(sky, directions)
-    return total
+        share = 1 - (level - number).abs()
+        (near,) = (share > 0).nonzero(as_tuple=True)
+        total = total.index_add(0, near, share[near, None] * look_up(sky, toward[near]))
+    return total.reshape(directions.shape)
 
 
 def _cubemap(texels: torch.Tensor) -> torch.Tensor:
