@@ -33,6 +33,11 @@ INFLATED = 1.4
 """Sides of that box, over those of the box around surfaces and cameras."""
 COVERED = 0.5
 """Share of a pixel that surfels must cover."""
+SHAPES = (0.0, 4.0)
+"""Sharpnesses of the lobes that a lamp may begin with: alike all round, and a beam to the middle of what is
+seen."""
+DIM = 0.5
+"""Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
 _AT_ONCE = 64
 """Places whose light is found at once."""
 _SEEN = 0.05
@@ -58,13 +63,16 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class FirstLights:
-    """Lamps that shine alike all round, and a sky of six colours, exposed."""
+    """Lamps, and a sky of six colours, exposed."""
 
     positions: torch.Tensor
+    """Shape ``(k, 3)``, metres."""
     intensities: torch.Tensor
-    """Shapes ``(k, 3)``."""
+    """Shape ``(k, S, 3)``: of a lobe of each of the first S of the :data:`SHAPES`, on its axis."""
+    middle: torch.Tensor
+    """Shape ``(3,)``, metres: where the lobes look."""
     sky: torch.Tensor
-    """Shape ``(6, 3)``."""
+    """Shape ``(6, 3)``: radiance of the faces of the cubemap."""
 
 
 def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float) -> FirstLights:
@@ -76,22 +84,20 @@ def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, exte
         settings: Of the fit.
         extent: Of the scene, metres.
     """
-    sky = _sky_columns(samples)
-    if settings.lamps == 0:
-        _, of_sky = _explained(torch.zeros(len(sky), 0, 3), sky, samples.shown)
-        return FirstLights(torch.zeros(0, 3), torch.zeros(0, 3), of_sky)
+    look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent)
+    sky, shown = _sky_columns(samples), samples.shown
     places, spacing = _grid(samples)
-    columns, seen = _lamp_columns(places, samples, surfels, settings, extent)
+    if settings.lamps == 0:
+        places = places[:0]
+    columns, seen = look.columns(places)
     places, columns = places[seen > _SEEN], columns[:, seen > _SEEN]
     levels, _ = _explained(
-        columns.mean(dim=-1, keepdim=True),
-        sky.mean(dim=-1, keepdim=True),
-        samples.shown.mean(dim=-1, keepdim=True),
+        columns.mean(dim=-1)[..., None], sky.mean(dim=-1)[..., None], shown.mean(dim=-1)[..., None]
     )
-    merged = _merged(places, levels[:, 0] * columns.mean(dim=(0, 2)), 1.6 * spacing, settings.lamps)
-    columns, _ = _lamp_columns(merged, samples, surfels, settings, extent)
-    intensities, of_sky = _explained(columns, sky, samples.shown)
-    return FirstLights(merged, intensities, of_sky)
+    given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
+    merged = _merged(places, given, 1.6 * spacing, settings.lamps)
+    intensities, of_sky = _explained(look.columns(merged)[0], sky, shown)
+    return FirstLights(merged, intensities, look.middle, of_sky)
 
 
 def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
@@ -108,23 +114,38 @@ def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3), spacing
 
 
-def _lamp_columns(
-    places: torch.Tensor, samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """What a lamp of 1 W/sr at each place gives, ``(P, C, 3)``, and the share of the samples that it sees."""
-    parts, seen = [], []
-    for some in places.split(_AT_ONCE):
-        reached = torch.ones(len(samples.points), len(some))
-        if settings.visibility != "none":
-            reached = lamp_visibility(surfels, samples.points, some, extent)
-        lamps = Lamps(
-            some, torch.ones(len(some), 1, 3), torch.zeros(len(some), 1), torch.ones(len(some), 1, 3)
-        )
-        arrival = arriving(lamps, samples.points, SOFTEN * extent)
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What lamps at any place would give."""
+
+    samples: Samples
+    middle: torch.Tensor
+    surfels: Surfels
+    settings: GsidSettings
+    extent: float
+
+    def columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Of lobes of 1 W/sr, ``(P, C, S, 3)``, and the share of the samples that each place sees."""
+        parts = [self._columns(some) for some in places.split(_AT_ONCE)]
+        columns, seen = zip(*parts, strict=True)
+        return torch.cat(columns, dim=1), torch.cat(seen)
+
+    def _columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        samples = self.samples
+        reached = torch.ones(len(samples.points), len(places))
+        if self.settings.visibility != "none":
+            reached = lamp_visibility(self.surfels, samples.points, places, self.extent)
+        arrival = arriving(self._lamps(places, 0.0), samples.points, SOFTEN * self.extent)
         arrival = arrival._replace(facing=arrival.facing * reached[..., None])
-        parts.append(lit_by_lamps(samples.material, samples.normal, samples.eye, arrival).whole)
-        seen.append(reached.mean(dim=0))
-    return torch.cat(parts, dim=1), torch.cat(seen)
+        even = lit_by_lamps(samples.material, samples.normal, samples.eye, arrival).whole
+        shapes = SHAPES[: self.settings.lobes]
+        beams = [self._lamps(places, sharpness).intensity(-arrival.toward) for sharpness in shapes]
+        return torch.stack([even * beam for beam in beams], dim=2), reached.mean(dim=0)
+
+    def _lamps(self, places: torch.Tensor, sharpness: float) -> Lamps:
+        ones = torch.ones(len(places), 1, 3)
+        axes = (self.middle - places)[:, None] + 1e-3
+        return Lamps(places, axes, torch.full((len(places), 1), sharpness), ones)
 
 
 def _sky_columns(samples: Samples) -> torch.Tensor:
@@ -141,18 +162,18 @@ def _sky_columns(samples: Samples) -> torch.Tensor:
 def _explained(
     lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Strengths of lamps ``(C, channels)`` and of the faces ``(6, channels)``: non-negative least squares.
+    """Strengths ``(C, S, channels)`` and the sky's ``(6, channels)``: non-negative least squares.
 
-    Errors count in shares of a pixel's brightness, as far as that is above a tenth of the mean.
+    Errors count in shares of a pixel's brightness, as far as that is above a share of the mean.
     """
-    weights = 1 / (shown.mean(dim=-1) + 0.1 * shown.mean())
+    weights = 1 / (shown.mean(dim=-1) + DIM * shown.mean())
     found = []
     for channel in range(shown.shape[-1]):
-        columns = torch.cat([lamps[..., channel], sky[..., channel]], dim=1) * weights[:, None]
+        columns = torch.cat([lamps[..., channel].flatten(1), sky[..., channel]], dim=1) * weights[:, None]
         target = shown[:, channel] * weights
         found.append(nnls(columns.double().numpy(), target.double().numpy())[0])
     strengths = torch.from_numpy(np.stack(found, axis=-1)).float()
-    return strengths[: lamps.shape[1]], strengths[lamps.shape[1] :]
+    return strengths[:-6].reshape(*lamps.shape[1:3], shown.shape[-1]), strengths[-6:]
 
 
 def _merged(places: torch.Tensor, given: torch.Tensor, reach: float, most: int) -> torch.Tensor:

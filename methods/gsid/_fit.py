@@ -9,7 +9,7 @@ import torch
 
 from graycard import Capture, MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
-from graycard.methods.gsid._candidates import SAMPLES, FirstLights, Samples, enough_cover, find_lights
+from graycard.methods.gsid._candidates import SAMPLES, Samples, enough_cover, find_lights
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._lights import AMPLITUDES, AXES, POSITIONS, SHARPNESS, SKY, first_lights
 from graycard.methods.gsid._materials import first_materials
@@ -88,7 +88,7 @@ def fit_lights(
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
     surface |= first_materials(surfels, normals, stage.shots)
     lights = find_lights(_samples(surface, stage, eyes), surfels, settings, extent)
-    parameters = Parameters(surface, _light_parameters(lights, surfels, settings))
+    parameters = Parameters(surface, first_lights(lights, settings))
     return _trained(initial_state(parameters, seed), stage, progress).parameters
 
 
@@ -155,10 +155,3 @@ def _samples(surface: dict[str, torch.Tensor], stage: Stage, eyes: torch.Tensor)
         points[chosen], normal[chosen], eye[chosen], Material(*material)[chosen], opened[chosen],
         shown[chosen], eyes,
     )  # fmt: skip
-
-
-def _light_parameters(
-    lights: FirstLights, surfels: Surfels, settings: GsidSettings
-) -> dict[str, torch.Tensor]:
-    middle = surfels.centres.median(dim=0).values
-    return first_lights(lights.positions, lights.intensities, lights.sky, middle, settings)

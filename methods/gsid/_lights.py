@@ -5,6 +5,7 @@ from collections.abc import Mapping
 
 import torch
 
+from graycard.methods.gsid._candidates import SHAPES, FirstLights
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import Lamps
 
@@ -20,6 +21,8 @@ SKY = "log sky"
 """Cubemap ``(6, N, N, 3)``: logarithm of W/m²/sr times the exposure."""
 DARK = -14.0
 """Logarithm of what a lamp that is out sends: too little to be seen, and yet above 0."""
+DIMMEST = -6.0
+"""Logarithm of the least that a lobe begins with: what is darker has no gradient to speak of."""
 FIRST_SHARPNESS = 0.3
 """Of lobes that begin: nearly the same all round."""
 LAMPS = (POSITIONS, AXES, SHARPNESS, AMPLITUDES)
@@ -35,37 +38,31 @@ def sky_from(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
     return values[SKY].exp()
 
 
-def first_lights(
-    positions: torch.Tensor,
-    intensities: torch.Tensor,
-    sky: torch.Tensor,
-    middle: torch.Tensor,
-    settings: GsidSettings,
-) -> dict[str, torch.Tensor]:
-    """Parameters of lamps that shine nearly alike all round; those that are missing are out.
+def first_lights(first: FirstLights, settings: GsidSettings) -> dict[str, torch.Tensor]:
+    """Parameters before the first step; lamps that are missing are out.
 
     Args:
-        positions: Shape ``(k, 3)``, metres, k at most ``settings.lamps``.
-        intensities: Shape ``(k, 3)``, exposed.
-        sky: Shape ``(6, 3)``: radiance of the faces of the cubemap, exposed.
-        middle: Shape ``(3,)``, metres: lobes look there.
+        first: At most ``settings.lamps`` of them.
         settings: Numbers of lamps, lobes and texels.
     """
-    missing, lobes = settings.lamps - len(positions), settings.lobes
-    places = torch.cat([positions, middle.expand(missing, 3)])
-    sent = torch.cat([intensities.clamp(min=0), torch.zeros(missing, 3)])
-    axes = torch.nn.functional.normalize(middle - places + 1e-3, dim=-1)
-    levels = (sent / lobes + 1e-12).log().clamp(min=DARK)
-    faces = sky.clamp(min=1e-4).log()[:, None, None].expand(6, settings.sky_size, settings.sky_size, 3)
+    missing, lobes = settings.lamps - len(first.positions), settings.lobes
+    places = torch.cat([first.positions, first.middle.expand(missing, 3)])
+    sent = torch.zeros(settings.lamps, lobes, 3)
+    shapes = first.intensities.shape[1]
+    sent[: len(first.positions), :shapes] = first.intensities
+    sharpness = torch.tensor([max(s, FIRST_SHARPNESS) for s in SHAPES[:lobes]])
+    sharpness = torch.cat([sharpness, sharpness[-1:].expand(lobes - len(sharpness))]).log()
+    axes = torch.nn.functional.normalize(first.middle - places + 1e-3, dim=-1)
+    faces = first.sky.clamp(min=1e-4).log()[:, None, None]
     return {
         POSITIONS: places.clone(),
         AXES: axes[:, None].repeat(1, lobes, 1),
-        SHARPNESS: torch.full((settings.lamps, lobes), FIRST_SHARPNESS).log() + _spread(lobes),
-        AMPLITUDES: levels[:, None].repeat(1, lobes, 1),
-        SKY: faces.clone(),
+        SHARPNESS: (sharpness + _spread(lobes)).expand(settings.lamps, lobes).clone(),
+        AMPLITUDES: (sent + 1e-12).log().clamp(min=DIMMEST),
+        SKY: faces.expand(6, settings.sky_size, settings.sky_size, 3).clone(),
     }
 
 
 def _spread(lobes: int) -> torch.Tensor:
     """Lobes that begin alike would stay alike."""
-    return torch.linspace(0, 0.5 * (lobes - 1), lobes)
+    return torch.linspace(0, 0.1 * (lobes - 1), lobes)

@@ -10,7 +10,7 @@ import torch
 import graycard as gc
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
-from graycard.methods.gsid._candidates import _explained, _merged, find_lights
+from graycard.methods.gsid._candidates import FirstLights, _explained, _merged, find_lights
 from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, shadows_in
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -29,7 +29,7 @@ from graycard.methods.shading import surroundings_of
 from graycard.methods.splat import Parameters, Plan, initial_state, train_step
 from lit_sheets import EXTENT, LAMPS, World
 
-QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5)
+QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5, aggregate_every=0.5)
 TRUE = np.array([light.position for light in LAMPS])
 
 
@@ -38,11 +38,10 @@ def stage_of(world: World, settings: GsidSettings = QUICK) -> Stage:
 
 
 def state_of(world: World, positions: np.ndarray, intensity: float = 0.5):
-    count = len(positions)
-    lights = first_lights(
-        torch.from_numpy(positions).float(), torch.full((count, 3), intensity), torch.full((6, 3), 0.05),
-        torch.zeros(3), QUICK,
-    )  # fmt: skip
+    sent = torch.zeros(len(positions), 2, 3)
+    sent[:, 0] = intensity
+    places, sky = torch.from_numpy(positions).float(), torch.full((6, 3), 0.05)
+    lights = first_lights(FirstLights(places, sent, torch.zeros(3), sky), QUICK)
     surface = {name: values.clone() for name, values in world.surface.items()}  # a fit uses them up
     return initial_state(Parameters(surface, lights), 0)
 
@@ -62,13 +61,16 @@ def test_lamps_begin_where_they_are(world: World):
 
 
 def test_strengths_are_found_exactly_where_places_are_known():
-    columns = torch.rand(200, 3, 2, generator=torch.Generator().manual_seed(1))
-    sky = torch.rand(200, 6, 2, generator=torch.Generator().manual_seed(2))
-    true, of_sky = torch.tensor([[1.0, 2.0], [0.0, 0.0], [3.0, 0.5]]), torch.full((6, 2), 0.25)
-    shown = (columns * true).sum(dim=1) + (sky * of_sky).sum(dim=1)
+    columns = torch.rand(200, 2, 2, 3, generator=torch.Generator().manual_seed(1))
+    sky = torch.rand(200, 6, 3, generator=torch.Generator().manual_seed(2))
+    true, of_sky = (
+        torch.tensor([[[1.0, 2.0, 0.5], [0.0, 0.0, 0.0]], [[3.0, 0.5, 0.0], [0.1, 0.2, 0.3]]]),
+        0.25,
+    )
+    shown = (columns * true).sum(dim=(1, 2)) + (sky * of_sky).sum(dim=1)
     found, found_sky = _explained(columns, sky, shown)
     torch.testing.assert_close(found, true, atol=1e-4, rtol=1e-4)
-    torch.testing.assert_close(found_sky, of_sky, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(found_sky, torch.full((6, 3), of_sky), atol=1e-4, rtol=1e-4)
 
 
 def test_places_that_are_near_are_one_lamp():
