@@ -9,8 +9,8 @@ import numpy as np
 import torch
 
 from graycard import Camera, EnvironmentLight, Light, LocalLight, PointLight
+from graycard.methods.shading import light_at
 from graycard.methods.splat import Maps
-from graycard.methods.sunfaded._given import light_at
 from graycard.methods.sunfaded._light import POSITION, lamp_intensity
 from graycard.methods.sunfaded._model import picture_of
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings

@@ -6,6 +6,7 @@ from graycard.methods.surfels._checks import check_photographs as check_photogra
 from graycard.methods.surfels._checks import check_places as check_places
 from graycard.methods.surfels._colour import decode as decode
 from graycard.methods.surfels._colour import encode as encode
+from graycard.methods.surfels._compose import composed as composed
 from graycard.methods.surfels._likeness import SweptView as SweptView
 from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
 from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
@@ -18,6 +19,7 @@ from graycard.methods.surfels._objective import Photograph as Photograph
 from graycard.methods.surfels._objective import Tones as Tones
 from graycard.methods.surfels._objective import colours as colours
 from graycard.methods.surfels._objective import disagreement as disagreement
+from graycard.methods.surfels._objective import photographs as photographs
 from graycard.methods.surfels._objective import sky_basis as sky_basis
 from graycard.methods.surfels._scene import LAYERS as LAYERS
 from graycard.methods.surfels._scene import SurfelScene as SurfelScene

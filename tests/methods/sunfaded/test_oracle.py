@@ -11,9 +11,9 @@ import torch
 
 import graycard as gc
 from graycard import methods
+from graycard.methods.shading import light_at
 from graycard.methods.splat import Maps
 from graycard.methods.sunfaded import OracleSunFadedScene, SunFadedSettings
-from graycard.methods.sunfaded._given import light_at
 from graycard.methods.sunfaded._light import POSITION, lamp_parameters
 from graycard.methods.sunfaded._model import AMBIENT, picture_of
 from graycard.methods.sunfaded._objective import Photograph

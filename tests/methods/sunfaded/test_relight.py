@@ -11,9 +11,9 @@ import torch
 
 import graycard as gc
 from graycard import methods
+from graycard.methods.shading import light_at
 from graycard.methods.splat import parameters_of, surfels_on_surface
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
-from graycard.methods.sunfaded._given import light_at
 from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._light import lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT

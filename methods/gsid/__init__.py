@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``gsid``: materials, local lamps and an environment, apart (Du et al., ICCV 2025)."""
+
+from graycard.methods.gsid._method import GsidMethod as GsidMethod
+from graycard.methods.gsid._scene import GsidScene as GsidScene
+from graycard.methods.gsid._settings import GsidSettings as GsidSettings

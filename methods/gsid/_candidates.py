@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where lamps begin: of many places the few whose light, with its shadows, explains the photographs.
+
+Pictures are linear in light. On pixels whose place, normal and material are about known, what a lamp of
+strength 1 at each of many places would give is found with rays, and non-negative least squares tells how
+strong each has to be: nearly all come out dark (inferred; the paper says nothing of where lamps begin).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.optimize import nnls
+
+from graycard.methods.gsid._model import SOFTEN
+from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.gsid._visibility import lamp_visibility
+from graycard.methods.shading import (
+    Lamps,
+    Material,
+    arriving,
+    lit_by_lamps,
+    lit_by_surroundings,
+    surroundings_of,
+)
+from graycard.methods.splat import Surfels
+
+SAMPLES = 2000
+"""Pixels that are explained."""
+GRID = 9
+"""Places along the longest side of the box in which lamps are looked for."""
+INFLATED = 1.4
+"""Sides of that box, over those of the box around surfaces and cameras."""
+COVERED = 0.5
+"""Share of a pixel that surfels must cover."""
+SHAPES = (0.0, 4.0)
+"""Sharpnesses of the lobes that a lamp may begin with: alike all round, and a beam to the middle of what is
+seen."""
+DIM = 0.5
+"""Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
+_AT_ONCE = 64
+"""Places whose light is found at once."""
+_SEEN = 0.05
+"""Share of the samples that a place must see."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """P pixels out of all training views."""
+
+    points: torch.Tensor
+    """Shape ``(P, 3)``, world, metres."""
+    normal: torch.Tensor
+    eye: torch.Tensor
+    material: Material
+    open: torch.Tensor
+    """Shape ``(P,)``: share of the sky's light that arrives."""
+    shown: torch.Tensor
+    """Shape ``(P, 3)``: what the photographs show, linear, exposed."""
+    eyes: torch.Tensor
+    """Shape ``(V, 3)``: the cameras' places, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLights:
+    """Lamps, and a sky of six colours, exposed."""
+
+    positions: torch.Tensor
+    """Shape ``(k, 3)``, metres."""
+    intensities: torch.Tensor
+    """Shape ``(k, S, 3)``: of a lobe of each of the first S of the :data:`SHAPES`, on its axis."""
+    middle: torch.Tensor
+    """Shape ``(3,)``, metres: where the lobes look."""
+    sky: torch.Tensor
+    """Shape ``(6, 3)``: radiance of the faces of the cubemap."""
+
+
+def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float) -> FirstLights:
+    """The lights that explain the samples best, at most ``settings.lamps`` lamps.
+
+    Args:
+        samples: Pixels.
+        surfels: In the way of light.
+        settings: Of the fit.
+        extent: Of the scene, metres.
+    """
+    look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent)
+    sky, shown = _sky_columns(samples), samples.shown
+    places, spacing = _grid(samples)
+    if settings.lamps == 0:
+        places = places[:0]
+    columns, seen = look.columns(places)
+    places, columns = places[seen > _SEEN], columns[:, seen > _SEEN]
+    levels, _ = _explained(
+        columns.mean(dim=-1)[..., None], sky.mean(dim=-1)[..., None], shown.mean(dim=-1)[..., None]
+    )
+    given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
+    merged = _merged(places, given, 1.6 * spacing, settings.lamps)
+    intensities, of_sky = _explained(look.columns(merged)[0], sky, shown)
+    return FirstLights(merged, intensities, look.middle, of_sky)
+
+
+def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
+    """Places in a box around what is seen and the cameras, shape ``(C, 3)``, and how far apart, metres."""
+    inside = torch.cat([samples.points, samples.eyes])
+    low, high = inside.quantile(0.005, dim=0), inside.quantile(0.995, dim=0)
+    low, high = torch.minimum(low, samples.eyes.amin(dim=0)), torch.maximum(high, samples.eyes.amax(dim=0))
+    middle, half = (low + high) / 2, (high - low) / 2 * INFLATED
+    spacing = float(2 * half.max() / (GRID - 1))
+    counts = (2 * half / spacing).floor().long() + 1
+    axes = [
+        m + (torch.arange(int(n)) - (int(n) - 1) / 2) * spacing for m, n in zip(middle, counts, strict=True)
+    ]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3), spacing
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What lamps at any place would give."""
+
+    samples: Samples
+    middle: torch.Tensor
+    surfels: Surfels
+    settings: GsidSettings
+    extent: float
+
+    def columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Of lobes of 1 W/sr, ``(P, C, S, 3)``, and the share of the samples that each place sees."""
+        parts = [self._columns(some) for some in places.split(_AT_ONCE)]
+        columns, seen = zip(*parts, strict=True)
+        return torch.cat(columns, dim=1), torch.cat(seen)
+
+    def _columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        samples = self.samples
+        reached = torch.ones(len(samples.points), len(places))
+        if self.settings.visibility != "none":
+            reached = lamp_visibility(self.surfels, samples.points, places, self.extent)
+        arrival = arriving(self._lamps(places, 0.0), samples.points, SOFTEN * self.extent)
+        arrival = arrival._replace(facing=arrival.facing * reached[..., None])
+        even = lit_by_lamps(samples.material, samples.normal, samples.eye, arrival).whole
+        shapes = SHAPES[: self.settings.lobes]
+        beams = [self._lamps(places, sharpness).intensity(-arrival.toward) for sharpness in shapes]
+        return torch.stack([even * beam for beam in beams], dim=2), reached.mean(dim=0)
+
+    def _lamps(self, places: torch.Tensor, sharpness: float) -> Lamps:
+        ones = torch.ones(len(places), 1, 3)
+        axes = (self.middle - places)[:, None] + 1e-3
+        return Lamps(places, axes, torch.full((len(places), 1), sharpness), ones)
+
+
+def _sky_columns(samples: Samples) -> torch.Tensor:
+    """What each face of the cubemap gives with a radiance of 1, shape ``(P, 6, 3)``."""
+    columns = []
+    for face in range(6):
+        sky = torch.zeros(6, 1, 1, 3)
+        sky[face] = 1
+        lit = lit_by_surroundings(samples.material, samples.normal, samples.eye, surroundings_of(sky))
+        columns.append(lit.whole * samples.open[:, None])
+    return torch.stack(columns, dim=1)
+
+
+def _explained(
+    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Strengths ``(C, S, channels)`` and the sky's ``(6, channels)``: non-negative least squares.
+
+    Errors count in shares of a pixel's brightness, as far as that is above a share of the mean.
+    """
+    weights = 1 / (shown.mean(dim=-1) + DIM * shown.mean())
+    found = []
+    for channel in range(shown.shape[-1]):
+        columns = torch.cat([lamps[..., channel].flatten(1), sky[..., channel]], dim=1) * weights[:, None]
+        target = shown[:, channel] * weights
+        found.append(nnls(columns.double().numpy(), target.double().numpy())[0])
+    strengths = torch.from_numpy(np.stack(found, axis=-1)).float()
+    return strengths[:-6].reshape(*lamps.shape[1:3], shown.shape[-1]), strengths[-6:]
+
+
+def _merged(places: torch.Tensor, given: torch.Tensor, reach: float, most: int) -> torch.Tensor:
+    """Middles of groups of places, brightest first, shape ``(k, 3)``.
+
+    Args:
+        places: Shape ``(C, 3)``.
+        given: Shape ``(C,)``: mean brightness that each gives.
+        reach: Metres: how far places of one group are from its brightest.
+        most: Groups.
+    """
+    found: list[tuple[float, torch.Tensor]] = []
+    left = given.clone()
+    while bool((left > 0).any()):
+        near = ((places - places[left.argmax()]).norm(dim=-1) <= reach) & (left > 0)
+        found.append(
+            (float(left[near].sum()), (left[near, None] * places[near]).sum(dim=0) / left[near].sum())
+        )
+        left[near] = 0
+    found.sort(key=lambda group: -group[0])
+    return torch.stack([place for _, place in found[:most]]) if found else torch.zeros(0, 3)
+
+
+def enough_cover(alpha: torch.Tensor) -> torch.Tensor:
+    """Pixels that surfels cover well enough to be explained, bool, of the same shape."""
+    return alpha > COVERED

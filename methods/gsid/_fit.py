@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The second stage: materials and lights on surfels that stand still."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from graycard import Capture, MethodError, Progress
+from graycard.methods.gsid._aggregation import aggregated
+from graycard.methods.gsid._candidates import SAMPLES, Samples, enough_cover, find_lights
+from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._lights import AMPLITUDES, AXES, POSITIONS, SHARPNESS, SKY, first_lights
+from graycard.methods.gsid._materials import first_materials
+from graycard.methods.gsid._model import (
+    BASE_COLOR,
+    METALLIC,
+    OPEN,
+    ROUGHNESS,
+    SHADOW,
+    ground_of,
+    pixels_of,
+    shadows_of,
+)
+from graycard.methods.gsid._objective import Objective, Shot, shots_of
+from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.gsid._visibility import lamp_visibility, outward, sky_visibility
+from graycard.methods.shading import Material
+from graycard.methods.splat import (
+    GEOMETRY,
+    FitState,
+    Parameters,
+    Plan,
+    Rate,
+    Surfels,
+    initial_state,
+    scene_extent,
+    surfels_of,
+    train,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What the second stage looks at, and does not move."""
+
+    surfels: Surfels
+    shots: Sequence[Shot]
+    settings: GsidSettings
+    extent: float
+    seed: int
+
+    @property
+    def steps(self) -> int:
+        """Of this stage."""
+        return self.settings.iterations - self.settings.geometry_steps
+
+
+def fit_lights(
+    capture: Capture,
+    geometry: Parameters,
+    guesses: Sequence[Guess],
+    settings: GsidSettings,
+    seed: int,
+    progress: Progress,
+) -> Parameters:
+    """Materials and lights that explain the training photographs.
+
+    Args:
+        capture: The photographs.
+        geometry: Of the first stage; it stays.
+        guesses: What the prior says, one a view.
+        settings: Of the fit.
+        seed: Of the order of views and of the samples.
+        progress: Called now and then.
+
+    Raises:
+        MethodError: Surfels cover nothing, or the fit has no way on.
+    """
+    surfels = surfels_of(geometry.surfels)
+    extent = scene_extent([view.camera for view in capture.train])
+    eyes = torch.tensor(np.array([view.camera.position for view in capture.train])).float()
+    normals = outward(surfels, eyes)
+    opened = sky_visibility(surfels, normals, extent) if settings.occlusion else torch.ones(len(surfels))
+    grounds = [ground_of(surfels, view.camera, opened) for view in capture.train]
+    stage = Stage(surfels, shots_of(capture, grounds, guesses), settings, extent, seed)
+    surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
+    surface |= first_materials(surfels, normals, stage.shots)
+    lights = find_lights(_samples(surface, stage, eyes), surfels, settings, extent)
+    parameters = Parameters(surface, first_lights(lights, settings))
+    return _trained(initial_state(parameters, seed), stage, progress).parameters
+
+
+def _trained(state: FitState, stage: Stage, progress: Progress) -> FitState:
+    """In chunks: before each, rays are traced to where the lamps are then."""
+    settings = stage.settings
+    every = max(1, round(settings.aggregate_every * stage.steps))
+    plan = Plan(stage.steps, learning_rates(stage.extent, settings), stage.extent)
+    while state.step < stage.steps:
+        shadows = shadows_in(stage, state.parameters)
+        if 0 < state.step <= settings.aggregate_until * stage.steps:
+            state = aggregated(state, stage.shots, shadows, settings, stage.extent)
+            shadows = shadows_in(stage, state.parameters)
+        objective = Objective(stage.shots, shadows, settings, stage.extent, stage.seed)
+        state = train(state, replace(plan, until=state.step + every), objective, progress)
+    return state
+
+
+def shadows_in(stage: Stage, parameters: Parameters) -> list[torch.Tensor | None]:
+    """What arrives of each lamp in each training view; None where vectors say it."""
+    if stage.settings.visibility != "traced":
+        return [None] * len(stage.shots)
+    lamps = parameters.shared[POSITIONS]
+    reached = lamp_visibility(stage.surfels, stage.surfels.centres, lamps, stage.extent)
+    return [shadows_of(stage.surfels, s.ground.camera, reached, s.ground) for s in stage.shots]
+
+
+def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
+    """By the names of parameters, for a scene of an extent in metres (all inferred)."""
+    rates = {
+        BASE_COLOR: Rate(4e-2, 1e-2),
+        ROUGHNESS: Rate(2e-2, 5e-3),
+        METALLIC: Rate(2e-2, 5e-3),
+        POSITIONS: Rate(5e-3, 1e-3).times(extent),
+        AXES: Rate(2e-2, 5e-3),
+        SHARPNESS: Rate(2e-2, 5e-3),
+        AMPLITUDES: Rate(3e-2, 5e-3),
+        SKY: Rate(2e-2, 5e-3),
+    }
+    return rates | ({SHADOW: Rate(2e-2)} if settings.visibility.startswith("vector") else {})
+
+
+@torch.no_grad()
+def _samples(surface: dict[str, torch.Tensor], stage: Stage, eyes: torch.Tensor) -> Samples:
+    """Some pixels of all training views, with the materials that surfels begin with."""
+    parts: list[tuple[torch.Tensor, ...]] = []
+    for shot in stage.shots:
+        ground, material = shot.ground, pixels_of(surface, shot.ground).material
+        well = enough_cover(ground.drawn.alpha)
+        layers = (
+            ground.points, ground.normal, ground.eye, ground.open, shot.linear,
+            material.base_color, material.roughness, material.metallic,
+        )  # fmt: skip
+        parts.append(tuple(layer[well] for layer in layers))
+    points, normal, eye, opened, shown, *material = (torch.cat(layer) for layer in zip(*parts, strict=True))
+    if not len(points):
+        raise MethodError(
+            f"expected surfels that cover some pixels, got {len(stage.surfels)} that cover none by half. "
+            "Give the fit more iterations or surfels"
+        )
+    count = min(SAMPLES, len(points))
+    chosen = torch.from_numpy(np.random.default_rng(stage.seed).choice(len(points), count, replace=False))
+    return Samples(
+        points[chosen], normal[chosen], eye[chosen], Material(*material)[chosen], opened[chosen],
+        shown[chosen], eyes,
+    )  # fmt: skip

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first stage: surfels with view-dependent colours, their normals beside those of a prior."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+
+from graycard import Capture, Progress
+from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.splat import (
+    Look,
+    Maps,
+    Parameters,
+    Plan,
+    image_radius,
+    initial_state,
+    photometric_map,
+    rasterize,
+    scene_extent,
+    surfels_of,
+    train,
+    view_at,
+)
+from graycard.methods.surfels import (
+    Photograph,
+    SurfelSettings,
+    colours,
+    composed,
+    density_rules,
+    disagreement,
+    learning_rates,
+    photographs,
+    sparse_start,
+)
+
+DEGREE = 2
+"""Of the harmonics of the surfels' colours: highlights must not become holes."""
+_DEGREE_EVERY = 1 / 10
+
+
+def fit_geometry(
+    capture: Capture, guesses: Sequence[Guess], settings: GsidSettings, seed: int, progress: Progress
+) -> Parameters:
+    """Surfels that show the training photographs.
+
+    Raises:
+        MethodError: There are too few sparse points, or the fit has no way on.
+    """
+    surfel_settings = _surfel_settings(settings)
+    extent = scene_extent([view.camera for view in capture.train])
+    views = photographs(capture, surfel_settings)
+    rates, rules = learning_rates(extent, surfel_settings), density_rules(settings.surfels)
+    plan = Plan(settings.geometry_steps, rates, extent, rules)
+    state = initial_state(sparse_start(capture, surfel_settings, seed), seed)
+    return train(state, plan, GeometryObjective(views, guesses, settings, seed), progress).parameters
+
+
+def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
+    return SurfelSettings(
+        iterations=settings.geometry_steps, surfels=settings.surfels, fill=settings.fill, degree=DEGREE
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class GeometryObjective:
+    """The loss of one view a step."""
+
+    views: Sequence[Photograph]
+    guesses: Sequence[Guess]
+    """One a view."""
+    settings: GsidSettings
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step."""
+        number, settings = view_at(step, len(self.views), self.seed), self.settings
+        view, share = self.views[number], step / settings.geometry_steps
+        seen = colours(values, view.camera.position, min(DEGREE, int(share / _DEGREE_EVERY)))
+        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        drawn = rasterize(surfels_of(values, seen), view.camera, offsets=offsets)
+        picture = composed(drawn, view.sky, values)
+        loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()
+        loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
+        loss = loss + self._agreement(drawn, number, share)
+        size = view.camera.width, view.camera.height
+        return Look(loss, offsets, image_radius(values, view.camera), size)
+
+    def _agreement(self, drawn: Maps, number: int, share: float) -> torch.Tensor:
+        """Of the surfels with each other, and with the prior's normals."""
+        settings, loss = self.settings, torch.zeros(())
+        if share >= settings.geometry_start:
+            weights = settings.normal_weight, settings.distortion_weight
+            loss = loss + disagreement(drawn, self.views[number].camera, weights)
+        guess = self.guesses[number].normal
+        if guess is not None:
+            loss = loss + settings.normal_prior_weight * normal_difference(drawn, guess)
+        return loss
+
+
+def normal_difference(drawn: Maps, guess: torch.Tensor) -> torch.Tensor:
+    """Mean of 1 - cosine between drawn normals and a prior's, where the prior knows one.
+
+    Args:
+        drawn: A view.
+        guess: Shape ``(H, W, 3)``, world, unit, or zero.
+    """
+    known = guess.square().sum(dim=-1) > 0.5
+    cosine = (torch.nn.functional.normalize(drawn.normal, dim=-1, eps=1e-6) * guess).sum(dim=-1)
+    return torch.where(known, drawn.alpha.detach() * (1 - cosine), 0.0).mean()

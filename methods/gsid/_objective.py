@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the second stage lowers: how far shaded layers are from the photographs and from the prior."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from graycard import Capture
+from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._lights import lamps_from, sky_from
+from graycard.methods.gsid._model import Ground, Pixels, picture_of, pixels_of
+from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.shading import surroundings_of
+from graycard.methods.splat import Look, view_at
+from graycard.methods.surfels import encode
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A training view as the second stage looks at it."""
+
+    linear: torch.Tensor
+    """Shape ``(H, W, 3)``: radiance times exposure."""
+    shown: torch.Tensor
+    """The same, encoded for a display."""
+    ground: Ground
+    guess: Guess
+
+
+def shots_of(capture: Capture, grounds: Sequence[Ground], guesses: Sequence[Guess]) -> list[Shot]:
+    """The training views, exposed."""
+    found = []
+    for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
+        linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
+        found.append(Shot(linear, encode(linear), ground, guess))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Objective:
+    """The loss of one view a step."""
+
+    shots: Sequence[Shot]
+    shadows: Sequence[torch.Tensor | None]
+    """One a view, see :func:`picture_of`."""
+    settings: GsidSettings
+    extent: float
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step."""
+        number, settings = view_at(step, len(self.shots), self.seed), self.settings
+        shot, sky = self.shots[number], sky_from(values)
+        whole = pixels_of(values, shot.ground)
+        rows = self._rows(shot, step)
+        shadows = self.shadows[number]
+        shadows = None if shadows is None else shadows.flatten(0, 1)[rows]
+        picture = picture_of(
+            whole.at(rows),
+            lamps_from(values),
+            surroundings_of(sky),
+            shadows,
+            settings.visibility,
+            self.extent,
+        )
+        loss = (encode(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
+        loss = loss + prior_loss(whole, shot, settings)
+        loss = loss + settings.lamp_weight * picture.irradiance.sum(dim=-2).mean()
+        return Look(loss + settings.sky_weight * roughness_of(sky))
+
+    def _rows(self, shot: Shot, step: int) -> torch.Tensor:
+        """Pixels that are shaded at a step, as the seed decides."""
+        count = shot.shown.shape[0] * shot.shown.shape[1]
+        random = np.random.default_rng([self.seed, step])
+        return torch.from_numpy(random.permutation(count)[: max(1, round(self.settings.pixels * count))])
+
+
+def prior_loss(pixels: Pixels, shot: Shot, settings: GsidSettings) -> torch.Tensor:
+    """Weighted mean absolute differences to what the prior says, over what surfels cover."""
+    material, guess, loss = pixels.material, shot.guess, torch.zeros(())
+    cover = pixels.cover
+    for mine, other, weight in (
+        (material.base_color, guess.base_color, settings.base_color_weight),
+        (material.roughness, guess.roughness, settings.roughness_weight),
+        (material.metallic, guess.metallic, settings.metallic_weight),
+    ):
+        if other is not None:
+            weighing = cover if mine.ndim == cover.ndim else cover[..., None]
+            loss = loss + weight * (weighing * (mine - other).abs()).mean()
+    return loss
+
+
+def roughness_of(sky: torch.Tensor) -> torch.Tensor:
+    """Mean absolute difference between neighbours in a cubemap, within its faces."""
+    if sky.shape[1] == 1:
+        return sky.sum() * 0
+    return sky.diff(dim=1).abs().mean() + sky.diff(dim=2).abs().mean()

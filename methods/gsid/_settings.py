@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of ``gsid``. The paper's code was never published: what it leaves open is marked *inferred*."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Visibility = Literal["traced", "vector", "vector_half", "vector_relu", "none"]
+
+
+@dataclass(frozen=True, slots=True)
+class GsidSettings:
+    """Settings of ``gsid``; times are shares of ``iterations``, so that a budget of any size fits."""
+
+    iterations: int = 1500
+    """Of both stages (paper: 30 000)."""
+    surfels: int = 5000
+    """No more than these."""
+    fill: float = 0.75
+    """Share of ``surfels`` that begin where stereo finds depth (inferred; the paper begins as 3DGS does)."""
+    geometry_share: float = 2 / 3
+    """Of the budget: the first stage, surfels with view-dependent colours (paper: 20 000 of 30 000)."""
+    lamps: int = 8
+    """Local lamps at most (paper: 33 in all tables)."""
+    lobes: int = 2
+    """Spherical Gaussians a lamp (inferred; the paper says "N_SG")."""
+    sky_size: int = 16
+    """Texels along the side of a face of the environment's cubemap (GS-IR: 256)."""
+    visibility: Visibility = "traced"
+    """What is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to the lamp:
+    ``vector``, ``1 - max(0, v . w)^8``; ``vector_half``, ``(1 + v . w) / 2``; ``vector_relu``,
+    ``max(0, v . w)``; the paper has such a vector and does not say how it is read. ``traced``: rays from the
+    surfels to the lamp (inferred). ``none``: nothing is in the way."""
+    occlusion: bool = True
+    """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
+    base_color_weight: float = 0.5
+    """Of what differs from the prior's base colour, mean absolute (paper: lambda_A)."""
+    roughness_weight: float = 0.1
+    """Paper: lambda_R."""
+    metallic_weight: float = 0.1
+    """Paper: lambda_M."""
+    normal_prior_weight: float = 0.1
+    """Of 1 - cosine between drawn normals and the prior's in the first stage (inferred)."""
+    normal_weight: float = 0.1
+    """Of drawn normals that are not those of the drawn depth, as in ``2dgs``."""
+    distortion_weight: float = 100.0
+    """Of the spread of surfels along rays, as in ``2dgs``."""
+    geometry_start: float = 0.1
+    """Share of the first stage after which these begin to count."""
+    cover_weight: float = 0.05
+    """Of what shines through all surfels, as in ``2dgs``."""
+    lamp_weight: float = 1e-3
+    """Of the mean irradiance of the lamps on what is seen: the fewer the better (inferred)."""
+    sky_weight: float = 1e-2
+    """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
+    ssim_share: float = 0.2
+    """Of the photometric loss of the first stage; all else is the mean absolute difference."""
+    pixels: float = 0.25
+    """Share of a view's pixels that are shaded at a step of the second stage (inferred; the paper shades all
+    of them, on a GPU)."""
+    aggregate_every: float = 0.1
+    """Share of the second stage after which lamps that do next to nothing are put where light is missing,
+    and rays are traced anew (inferred)."""
+    aggregate_until: float = 0.7
+    """Share of the second stage after which no lamp is moved so (inferred)."""
+    least_share: float = 1e-2
+    """Of all local light: what a lamp must give to stay (inferred)."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.iterations < 2 or self.surfels < 2:
+            raise ValueError(
+                f"expected 2 or more iterations and surfels, got {self.iterations} and {self.surfels}"
+            )
+        if self.lamps < 0 or self.lobes < 1 or self.sky_size < 1:
+            raise ValueError(
+                "expected lamps of 0 or more, lobes and sky_size of 1 or more, "
+                f"got {self.lamps}, {self.lobes} and {self.sky_size}"
+            )
+        if not (0 < self.geometry_share < 1 and 0 < self.aggregate_every <= 1 and 0 < self.pixels <= 1):
+            raise ValueError(
+                "expected geometry_share in (0, 1), aggregate_every and pixels in (0, 1], "
+                f"got {self.geometry_share}, {self.aggregate_every} and {self.pixels}"
+            )
+        shares = (self.fill, self.ssim_share, self.geometry_start, self.aggregate_until, self.least_share)
+        if not all(0 <= share <= 1 for share in shares):
+            raise ValueError(
+                "expected fill, ssim_share, geometry_start, aggregate_until and least_share in [0, 1], "
+                f"got {shares}"
+            )
+        weights = (
+            self.base_color_weight, self.roughness_weight, self.metallic_weight, self.normal_prior_weight,
+            self.normal_weight, self.distortion_weight, self.cover_weight, self.lamp_weight, self.sky_weight,
+        )  # fmt: skip
+        if not all(weight >= 0 for weight in weights):
+            raise ValueError(f"expected weights of 0 or more, got {weights}")
+
+    @property
+    def geometry_steps(self) -> int:
+        """Steps of the first stage."""
+        return min(max(1, round(self.geometry_share * self.iterations)), self.iterations - 1)

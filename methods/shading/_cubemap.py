@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Light from far away as a cubemap: where its texels look, how much of the sky each is, and what is seen.
+
+A cubemap is a tensor of shape ``(6, N, N, 3)``: the faces +x, -x, +y, -y, +z and -z of the world, each with
+rows from top to bottom and columns from left to right as it is seen from inside.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+import torch
+
+_FORWARD = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
+_RIGHT = np.array([(0, 0, 1), (0, 0, -1), (-1, 0, 0), (-1, 0, 0), (-1, 0, 0), (1, 0, 0)], dtype=np.float64)
+_DOWN = np.array([(0, -1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, -1, 0), (0, -1, 0)], dtype=np.float64)
+
+
+def texel_directions(size: int, per_side: int = 1) -> np.ndarray:
+    """Where points of the texels look.
+
+    Args:
+        size: Texels along the side of a face.
+        per_side: Points along the side of a texel, evenly spaced on the face.
+
+    Returns:
+        Shape ``(6, size * per_side, size * per_side, 3)``, unit, world, float64.
+    """
+    steps = _centres(size * per_side)
+    return _on_cube(steps[None, None, :], steps[None, :, None])
+
+
+def solid_angles(size: int) -> np.ndarray:
+    """How much of the sphere each texel of a face is, exact: shape ``(size, size)``, sr; six faces are 4 pi.
+
+    ``A(u1, v1) - A(u0, v1) - A(u1, v0) + A(u0, v0)`` with ``A(u, v) = atan(u v / sqrt(1 + u² + v²))``.
+    """
+    edges = np.linspace(-1, 1, size + 1)
+    u, v = edges[None, :], edges[:, None]
+    corner = np.arctan2(u * v, np.sqrt(1 + u * u + v * v))
+    return np.diff(np.diff(corner, axis=0), axis=1)
+
+
+def turned_texels(size: int) -> torch.Tensor:
+    """Where each texel goes when the cube is turned so that a face becomes the first, shape ``(6, 6 size²)``.
+
+    Row ``f`` is for the turn that brings face ``f``, upright, to the place of face 0.
+    """
+    frames = np.stack([_RIGHT, _DOWN, _FORWARD], axis=1)
+    directions = texel_directions(size).reshape(-1, 3)
+    return torch.stack([_texels_at(directions @ frame.T @ frames[0], size) for frame in frames])
+
+
+def look_up(cubemap: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
+    """What is seen in directions, bilinear, across the edges of the faces too.
+
+    Args:
+        cubemap: Shape ``(6, N, N, C)``.
+        directions: Shape ``(..., 3)``, world, of any length above 0.
+
+    Returns:
+        Shape ``(..., C)``, differentiable in both.
+    """
+    size, channels = cubemap.shape[1], cubemap.shape[-1]
+    face, u, v = _on_face(directions)
+    x, y = ((c + 1) * (size / 2) + 0.5 for c in (u, v))  # in a face with a border of one texel
+    left, top = (c.detach().floor().clamp(0, size) for c in (x, y))
+    across, down = (x - left)[..., None], (y - top)[..., None]
+    first = (face * (size + 2) + top.long()) * (size + 2) + left.long()
+    texels, border = cubemap.reshape(-1, channels), _bordered(size)
+
+    def at(right: int, below: int) -> torch.Tensor:
+        index = border[first + (below * (size + 2) + right)]
+        return texels.index_select(0, index.reshape(-1)).reshape(*index.shape, channels)
+
+    upper = at(0, 0) * (1 - across) + at(1, 0) * across
+    lower = at(0, 1) * (1 - across) + at(1, 1) * across
+    return upper * (1 - down) + lower * down
+
+
+def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Tensor:
+    """A cubemap of an environment.
+
+    Args:
+        image: Shape ``(H, W, 3)``, as :class:`graycard.EnvironmentLight` says.
+        size: Texels along the side of a face.
+        per_side: Points along the side of a texel, of which each texel is the mean by solid angle.
+
+    Returns:
+        Shape ``(6, size, size, 3)``, float32.
+    """
+    directions = texel_directions(size, per_side)
+    weights = solid_angles(size * per_side)[None, ..., None]
+    seen = _seen_in_latitudes(image, directions) * weights
+    blocks = (6, size, per_side, size, per_side)
+    total = seen.reshape(*blocks, -1).sum(axis=(2, 4))
+    share = np.broadcast_to(weights, (*seen.shape[:-1], 1)).reshape(*blocks, 1).sum(axis=(2, 4))
+    return torch.from_numpy((total / share).astype(np.float32))
+
+
+def to_latitudes(cubemap: torch.Tensor, height: int) -> np.ndarray:
+    """The image of a cubemap, shape ``(height, 2 height, 3)``, as :class:`graycard.EnvironmentLight` says."""
+    polar = np.pi * (np.arange(height) + 0.5)[:, None] / height
+    azimuth = np.pi * (np.arange(2 * height) + 0.5)[None, :] / height
+    parts = np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar) + 0 * azimuth
+    directions = torch.from_numpy(np.stack(parts, axis=-1)).to(cubemap.dtype)
+    return look_up(cubemap.detach(), directions).numpy()
+
+
+def _on_cube(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Unit vectors through points of the faces, shape ``(6, V, U, 3)``."""
+    forward, right, down = (axes[:, None, None, :] for axes in (_FORWARD, _RIGHT, _DOWN))
+    through = forward + u[..., None] * right + v[..., None] * down
+    return through / np.linalg.norm(through, axis=-1, keepdims=True)
+
+
+def _centres(size: int) -> np.ndarray:
+    return (2 * np.arange(size) + 1) / size - 1
+
+
+def _on_face(directions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Number of the face, and where on it, each coordinate in [-1, 1]."""
+    axis = directions.detach().abs().argmax(dim=-1)
+    along = directions.gather(-1, axis[..., None])[..., 0]
+    face = 2 * axis + (along < 0)
+    right, down = (torch.from_numpy(axes).to(directions.dtype)[face] for axes in (_RIGHT, _DOWN))
+    u, v = ((directions * axes).sum(dim=-1) / along.abs() for axes in (right, down))
+    return face, u, v
+
+
+@lru_cache(maxsize=8)
+def _bordered(size: int) -> torch.Tensor:
+    """Texels by their place in faces with a border of one texel, shape ``(6 (size + 2)²,)``.
+
+    What is beyond an edge is the texel of the neighbour there; what is beyond a corner, where three faces
+    meet, is the same texel for all of them, so that nothing jumps.
+    """
+    steps = np.concatenate([[-1 - 1 / size], _centres(size), [1 + 1 / size]])
+    directions = _on_cube(steps[None, None, :], steps[None, :, None])
+    directions[:, [[0], [-1]], [0, -1]] = np.sign(directions[:, [[0], [-1]], [0, -1]])
+    return _texels_at(directions, size).reshape(-1)
+
+
+def _texels_at(directions: np.ndarray, size: int) -> torch.Tensor:
+    """Numbers of the texels that hold directions, of the same shape without the last axis."""
+    face, u, v = _on_face(torch.from_numpy(directions))
+    column, row = (((c + 1) * size / 2).floor().long().clamp(0, size - 1) for c in (u, v))
+    return (face * size + row) * size + column
+
+
+def _seen_in_latitudes(image: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Bilinear, around in azimuth."""
+    height, width = image.shape[:2]
+    x, y, z = np.moveaxis(directions, -1, 0)
+    row = np.arccos(z.clip(-1, 1)) / np.pi * height - 0.5
+    column = np.arctan2(y, x) / (2 * np.pi) * width - 0.5
+    top, left = np.floor(row).astype(int), np.floor(column).astype(int)
+    down, across = (row - top)[..., None], (column - left)[..., None]
+
+    def at(below: int, right: int) -> np.ndarray:
+        return image[np.clip(top + below, 0, height - 1), (left + right) % width].astype(np.float64)
+
+    upper = at(0, 0) * (1 - across) + at(0, 1) * across
+    lower = at(1, 0) * (1 - across) + at(1, 1) * across
+    return upper * (1 - down) + lower * down

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The second stage on surfaces that are known: where lamps begin, what moves, and what is put elsewhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from graycard.methods.gsid import GsidSettings
+from graycard.methods.gsid._aggregation import aggregated, largest_lack
+from graycard.methods.gsid._candidates import FirstLights, _explained, _merged, find_lights
+from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, shadows_in
+from graycard.methods.gsid._lights import (
+    AMPLITUDES,
+    DARK,
+    POSITIONS,
+    first_lights,
+    lamps_from,
+)
+from graycard.methods.gsid._lights import (
+    LAMPS as NAMES,
+)
+from graycard.methods.gsid._materials import first_materials
+from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, picture_of, pixels_of
+from graycard.methods.gsid._objective import Objective, roughness_of
+from graycard.methods.shading import surroundings_of
+from graycard.methods.splat import Parameters, Plan, initial_state, train_step
+from lit_sheets import EXTENT, LAMPS, World
+
+QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5, aggregate_every=0.5)
+TRUE = np.array([light.position for light in LAMPS])
+
+
+def stage_of(world: World, settings: GsidSettings = QUICK) -> Stage:
+    return Stage(world.surfels, world.shots, settings, EXTENT, 0)
+
+
+def state_of(world: World, positions: np.ndarray, intensity: float = 0.5):
+    sent = torch.zeros(len(positions), 2, 3)
+    sent[:, 0] = intensity
+    places, sky = torch.from_numpy(positions).float(), torch.full((6, 3), 0.05)
+    lights = first_lights(FirstLights(places, sent, torch.zeros(3), sky), QUICK)
+    surface = {name: values.clone() for name, values in world.surface.items()}  # a fit uses them up
+    return initial_state(Parameters(surface, lights), 0)
+
+
+def eyes_of(world: World) -> torch.Tensor:
+    return torch.tensor(np.array([shot.ground.camera.position for shot in world.shots])).float()
+
+
+def test_lamps_begin_where_they_are(world: World):
+    """On true materials, to about a spacing of the places that are tried."""
+    eyes = eyes_of(world)
+    samples = _samples(world.surface, stage_of(world), eyes)
+    found = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT)
+    distance = np.linalg.norm(found.positions.numpy()[:, None] - TRUE, axis=-1)
+    assert sorted(distance.argmin(axis=1)) == [0, 1]
+    assert distance.min(axis=1).max() < 0.35
+
+
+def test_strengths_are_found_exactly_where_places_are_known():
+    columns = torch.rand(200, 2, 2, 3, generator=torch.Generator().manual_seed(1))
+    sky = torch.rand(200, 6, 3, generator=torch.Generator().manual_seed(2))
+    true, of_sky = (
+        torch.tensor([[[1.0, 2.0, 0.5], [0.0, 0.0, 0.0]], [[3.0, 0.5, 0.0], [0.1, 0.2, 0.3]]]),
+        0.25,
+    )
+    shown = (columns * true).sum(dim=(1, 2)) + (sky * of_sky).sum(dim=1)
+    found, found_sky = _explained(columns, sky, shown)
+    torch.testing.assert_close(found, true, atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(found_sky, torch.full((6, 3), of_sky), atol=1e-4, rtol=1e-4)
+
+
+def test_places_that_are_near_are_one_lamp():
+    places = torch.tensor(
+        [[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [3.0, 0.0, 0.0], [6.0, 0.0, 0.0], [9.0, 0.0, 0.0]]
+    )
+    found = _merged(places, torch.tensor([3.0, 1.0, 2.0, 0.5, 0.0]), 1.0, 2)
+    torch.testing.assert_close(found, torch.tensor([[0.1, 0.0, 0.0], [3.0, 0.0, 0.0]]))
+    assert _merged(places, torch.zeros(5), 1.0, 2).shape == (0, 3)
+
+
+def test_without_lamps_the_sky_explains_it(world: World):
+    eyes = eyes_of(world)
+    samples = _samples(world.surface, stage_of(world), eyes)
+    found = find_lights(samples, world.surfels, replace(QUICK, lamps=0), EXTENT)
+    assert found.positions.shape == (0, 3)
+    assert found.sky.max() > 0.05
+
+
+def test_materials_begin_as_the_prior_says(world: World):
+    found = first_materials(world.surfels, world.normals, world.shots)
+    seen = world.surfels.centres[:, :2].abs().amax(dim=1) < 0.5
+    floor = world.surfels.centres[:, 2] < 0.1
+    off = (found[BASE_COLOR].sigmoid() - world.surface[BASE_COLOR].sigmoid()).abs().mean(dim=1)
+    assert off[seen & ~floor].mean() < 0.08
+    torch.testing.assert_close(
+        found[ROUGHNESS].sigmoid()[seen & ~floor],
+        torch.full((int((seen & ~floor).sum()), 1), 0.6),
+        atol=0.02,
+        rtol=0,
+    )
+    torch.testing.assert_close(found[SHADOW], -world.normals)
+
+
+def test_without_a_prior_they_begin_neutral(world: World):
+    from graycard.methods.gsid._guess import Guess
+
+    found = first_materials(world.surfels, world.normals, [replace(s, guess=Guess()) for s in world.shots])
+    torch.testing.assert_close(found[BASE_COLOR].sigmoid(), torch.full_like(found[BASE_COLOR], 0.4))
+    torch.testing.assert_close(found[METALLIC].sigmoid(), torch.full_like(found[METALLIC], 0.1))
+
+
+@pytest.mark.parametrize("visibility", ["traced", "vector", "vector_half", "vector_relu", "none"])
+def test_everything_that_moves_has_a_gradient(world: World, visibility):
+    settings = replace(QUICK, visibility=visibility)
+    stage, state = stage_of(world, settings), state_of(world, TRUE)
+    rates = learning_rates(EXTENT, settings)
+    objective = Objective(world.shots, shadows_in(stage, state.parameters), settings, EXTENT, 0)
+    values = {n: v.detach().requires_grad_(n in rates) for n, v in state.parameters.all.items()}
+    values[SHADOW] = (values[SHADOW] + 0.3).detach().requires_grad_(SHADOW in rates)
+    moving = [values[name] for name in rates]
+    found = torch.autograd.grad(objective(values, 0).loss, moving, allow_unused=True, materialize_grads=True)
+    for name, gradient in zip(rates, found, strict=True):
+        assert gradient.isfinite().all(), name
+        assert gradient.any(), name
+    assert (SHADOW in rates) is visibility.startswith("vector")
+
+
+def test_the_fit_lowers_the_error_and_repeats_to_the_bit(world: World):
+    ends = []
+    for _ in range(2):
+        state = _trained(state_of(world, TRUE + 0.15, 0.3), stage_of(world), gc.silent)
+        ends.append(state.parameters.all)
+    for name, values in ends[0].items():
+        assert torch.equal(values, ends[1][name]), name
+    assert error(world, ends[0]) < 0.6 * error(world, state_of(world, TRUE + 0.15, 0.3).parameters.all)
+
+
+def error(world: World, values) -> float:
+    stage = stage_of(world)
+    shared = {name: values[name] for name in (*NAMES, "log sky")}
+    shadows = shadows_in(stage, Parameters(world.surface, shared))
+    off = [shaded(values, shot, s).whole - shot.linear for shot, s in zip(world.shots, shadows, strict=True)]
+    return float(torch.stack(off).abs().mean())
+
+
+def shaded(values, shot, shadows):
+    sky = surroundings_of(values["log sky"].exp())
+    return picture_of(pixels_of(values, shot.ground), lamps_from(values), sky, shadows, "traced", EXTENT)
+
+
+def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
+    """One true lamp is there, the other is not: the third, which is out, takes its part, nearer to it."""
+    state, stage = state_of(world, TRUE[1:], 0.7), stage_of(world)
+    state.parameters.shared[AMPLITUDES][1:] = DARK
+    before = state.parameters.shared[POSITIONS].clone()
+    moved = aggregated(state, world.shots, shadows_in(stage, state.parameters), QUICK, EXTENT)
+    positions = moved.parameters.shared[POSITIONS]
+    changed = (positions != before).any(dim=1)
+    assert changed.sum() == 1
+    assert not changed[0]
+    place = positions[changed][0]
+    assert torch.linalg.vector_norm(place[:2] - torch.tensor([0.7, 0.3])) < 0.8
+    assert (moved.parameters.shared[AMPLITUDES][changed] > DARK + 5).all()
+    state = train_step(
+        moved,
+        Plan(5, learning_rates(EXTENT, QUICK), EXTENT),
+        Objective(world.shots, shadows_in(stage, moved.parameters), QUICK, EXTENT, 0),
+    )
+    assert state.parameters.shared[POSITIONS].isfinite().all()
+
+
+def test_a_lamp_that_shines_stays(world: World):
+    state, stage = state_of(world, np.concatenate([TRUE, [[0.0, 0.5, 1.5]]]), 0.5), stage_of(world)
+    before = state.parameters.shared[POSITIONS].clone()
+    moved = aggregated(state, world.shots, shadows_in(stage, state.parameters), QUICK, EXTENT)
+    assert torch.equal(moved.parameters.shared[POSITIONS], before)
+
+
+def test_light_is_missing_where_the_photographs_are_brighter(world: World):
+    values = state_of(world, TRUE).parameters.all
+    pictures = [
+        shaded(values, shot, None if s is None else s)
+        for shot, s in zip(
+            world.shots,
+            shadows_in(stage_of(world), Parameters(world.surface, {n: values[n] for n in NAMES})),
+            strict=True,
+        )
+    ]
+    brighter = [replace(shot, linear=p.whole.clone()) for shot, p in zip(world.shots, pictures, strict=True)]
+    brighter[2].linear[18:25, 12:19] += 0.5
+    lack = largest_lack(brighter, pictures, EXTENT)
+    ground = world.shots[2].ground
+    expected = ground.points[21, 15] + 0.25 * EXTENT * ground.normal[21, 15]
+    assert torch.linalg.vector_norm(lack.position - expected) < 0.15
+    assert (lack.intensity > 0).all()
+
+
+def test_a_cubemap_of_one_colour_is_smooth():
+    assert float(roughness_of(torch.full((6, 4, 4, 3), 0.3))) == 0
+    assert float(roughness_of(torch.full((6, 1, 1, 3), 0.3))) == 0
+    assert float(roughness_of(torch.rand(6, 4, 4, 3))) > 0.1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"iterations": 1}, "2 or more iterations"),
+        ({"lobes": 0}, "lobes and sky_size of 1 or more"),
+        ({"pixels": 0.0}, r"pixels in \(0, 1\]"),
+        ({"least_share": 2.0}, r"least_share in \[0, 1\]"),
+        ({"sky_weight": -1.0}, "weights of 0 or more"),
+    ],
+)
+def test_settings_out_of_range(wrong: dict, match: str):
+    with pytest.raises(ValueError, match=match):
+        GsidSettings(**wrong)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Shadows: rays through surfels against geometry, and the readings of the paper's vector."""
+
+import numpy as np
+import pytest
+import torch
+
+from graycard.methods.gsid._visibility import (
+    SLACK,
+    lamp_visibility,
+    outward,
+    sky_visibility,
+    vector_visibility,
+)
+from lit_sheets import EXTENT, World
+
+OVERHEAD = torch.tensor([[0.1, 0.1, 1.5]])
+
+
+def points(*places: tuple[float, float, float]) -> torch.Tensor:
+    return torch.tensor(places)
+
+
+def test_the_board_is_in_the_way(world: World):
+    under, beside = (0.1, 0.1, 0.0), (1.0, -1.0, 0.0)
+    found = lamp_visibility(world.surfels, points(under, beside), OVERHEAD, EXTENT)
+    np.testing.assert_allclose(found[:, 0], [0, 1], atol=0.05)
+
+
+def test_a_surface_does_not_shade_itself(world: World):
+    found = lamp_visibility(world.surfels, world.surfels.centres, OVERHEAD, EXTENT)[:, 0]
+    board = world.surfels.centres[:, 2] > 0.3
+    assert found[board].min() > 0.9
+    shade = (world.surfels.centres[:, :2] - 0.1).abs().max(dim=1).values < 0.24
+    assert found[~board & ~shade & (world.surfels.centres[:, :2].abs().amax(dim=1) < 1.1)].mean() > 0.9
+
+
+def test_what_is_behind_the_lamp_is_in_nobodys_way(world: World):
+    """The lamp hangs under the board, over the floor."""
+    found = lamp_visibility(world.surfels, points((0.1, 0.1, 0.0)), points((0.1, 0.1, 0.2)), EXTENT)
+    assert float(found) > 0.95
+
+
+def test_a_lamp_in_a_surface_lights_it(world: World):
+    here = world.surfels.centres[:1]
+    assert float(lamp_visibility(world.surfels, here, here, EXTENT)) == pytest.approx(1)
+
+
+def test_where_nothing_is_light_arrives(world: World):
+    found = lamp_visibility(world.surfels, points((5.0, 5.0, 5.0)), OVERHEAD, EXTENT)
+    assert float(found) == pytest.approx(1)
+    assert lamp_visibility(world.surfels, points((0.0, 0.0, 0.0)), torch.zeros(0, 3), EXTENT).shape == (1, 0)
+
+
+def test_the_sky_is_seen_from_above_and_hardly_from_under_the_board(world: World):
+    found = sky_visibility(world.surfels, world.normals, EXTENT)
+    centres = world.surfels.centres
+    under = (centres[:, 2] < 0.1) & ((centres[:, :2] - 0.1).norm(dim=1) < 0.08)
+    assert found[centres[:, 2] > 0.3].mean() > 0.98
+    # 1 - r² / (r² + h²) of discs within the board and around it, from where rays begin
+    height = 0.35 - SLACK * EXTENT
+    assert 1 - 0.4**2 / (0.4**2 + height**2) < found[under].mean() < 1 - 0.24**2 / (0.24**2 + height**2)
+
+
+def test_normals_are_on_the_side_of_the_eyes(world: World):
+    up = outward(world.surfels, torch.tensor([[0.0, 0.0, 5.0]]))
+    down = outward(world.surfels, torch.tensor([[0.0, 0.0, -5.0]]))
+    assert (up[:, 2] > 0.99).all()
+    torch.testing.assert_close(up, -down)
+
+
+@pytest.mark.parametrize(
+    ("form", "with_it", "aside", "against"),
+    [("vector", 0.0, 1.0, 1.0), ("vector_half", 1.0, 0.5, 0.0), ("vector_relu", 1.0, 0.0, 0.0)],
+)
+def test_readings_of_a_vector(form, with_it: float, aside: float, against: float):
+    up = torch.tensor([0.0, 0.0, 3.0])
+    toward = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    torch.testing.assert_close(vector_visibility(form, up, toward), torch.tensor([with_it, aside, against]))
