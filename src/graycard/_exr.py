@@ -49,13 +49,14 @@ def read_layers(path: Path, error: type[GraycardError] = DatasetError) -> dict[s
     Raises:
         DatasetError: (or ``error``) The file is missing or broken, or has channels of no layer.
     """
-    planes = _read(path, error)
+    pieces = _read(path, error)
+    planes = _planes_of(pieces)
     names = dict.fromkeys(channel.rpartition(".")[0] for channel in planes)
     if "" in names:
         raise error(
             f"expected channels named <layer>.<suffix> in {path}, got {', '.join(planes)}. Rename them"
         )
-    return {name: _assemble(path, name, planes, error) for name in names}
+    return {name: _assemble(path, name, planes, pieces.get(name), error) for name in names}
 
 
 def write_rgb(path: Path, values: np.ndarray) -> None:
@@ -74,7 +75,7 @@ def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarra
     Raises:
         DatasetError: (or ``error``) The file is missing or broken, or has other channels.
     """
-    planes = _read(path, error)
+    planes = _planes_of(_read(path, error))
     if not {"R", "G", "B"} <= planes.keys():
         raise error(f"expected channels R, G, B in {path}, got {', '.join(planes)}")
     return np.stack([planes[c].astype(np.float32, copy=False) for c in "RGB"], axis=-1)
@@ -112,13 +113,20 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, st
             ) from cause
 
 
+_PLAIN = ("RGB", "RGBA")
+"""What OpenEXR calls colours whose channels have no name before the dot."""
+
+
 def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
+    """Colours in one piece, ``(H, W, 3 or 4)``, by the name of the layer; other channels by their own."""
     sys.audit("graycard.read", str(path))  # OpenEXR opens files where Python's own audit does not see it
     if not Path(path).is_file():
         raise error(f"expected an EXR file at {path}, got none")
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            return {name: channel.pixels for name, channel in file.channels().items()}
+        try:
+            return _pixels(path, separate=False)
+        except (RuntimeError, ValueError):  # colours whose channels are of several types stay apart
+            return _pixels(path, separate=True)
     except (RuntimeError, ValueError) as cause:
         raise error(
             f"expected a whole EXR file at {path}, got one that breaks off or is none "
@@ -126,8 +134,29 @@ def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
         ) from cause
 
 
+def _pixels(path: Path, separate: bool) -> dict[str, np.ndarray]:
+    with OpenEXR.File(str(path), separate_channels=separate) as file:
+        return {name: channel.pixels for name, channel in file.channels().items()}
+
+
+def _planes_of(pieces: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Each channel by its name in the file."""
+    planes = {}
+    for name, pixels in pieces.items():
+        if pixels.ndim == 2:
+            planes[name] = pixels
+        else:
+            stem = "" if name in _PLAIN else f"{name}."
+            planes |= {f"{stem}{c}": pixels[..., i] for i, c in enumerate("RGBA"[: pixels.shape[-1]])}
+    return planes
+
+
 def _assemble(
-    path: Path, name: str, planes: Mapping[str, np.ndarray], error: type[GraycardError]
+    path: Path,
+    name: str,
+    planes: Mapping[str, np.ndarray],
+    piece: np.ndarray | None,
+    error: type[GraycardError],
 ) -> np.ndarray:
     try:
         kind = layer(name)
@@ -141,5 +170,7 @@ def _assemble(
     stored = {str(planes[f"{name}.{c}"].dtype.kind) for c in kind.channels}
     if (kind.dtype == "uint32") != (stored == {"u"}):
         raise error(f"expected {kind.dtype} channels for {name} in {path}, got other ones. Convert them")
+    if piece is not None and piece.ndim == 3:  # its channels are R, G, B, or they would not have fitted
+        return piece.astype(kind.dtype, copy=False)
     found = [planes[f"{name}.{c}"].astype(kind.dtype, copy=False) for c in kind.channels]
     return found[0] if len(found) == 1 else np.stack(found, axis=-1)

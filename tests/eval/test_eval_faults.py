@@ -168,7 +168,7 @@ def test_a_wrong_channel_name(scene: Path, predict: Predict) -> None:
     gc.write_rgb(path, np.zeros((24, 28, 3)))
     gc.finish_predictions(folder, gc.open_predictions(folder))
     sheet = ge.score_predictions(folder, scene)
-    expect(sheet, "failed", IMAGES, "expected channels named <layer>.<suffix>", "got B, G, R", "Rename them")
+    expect(sheet, "failed", IMAGES, "expected channels named <layer>.<suffix>", "got R, G, B", "Rename them")
 
 
 def test_a_gauge_needs_base_color_on_the_training_views(scene: Path, predict: Predict) -> None:

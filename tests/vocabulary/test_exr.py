@@ -58,6 +58,20 @@ def test_another_program_sees_named_float32_channels_in_rec709(tmp_path: Path, a
         assert json.loads(file.header()["graycard"]) == {"view": "test_000"}
 
 
+def test_channels_of_several_types_and_in_any_company(tmp_path: Path):
+    """Colours are read in one piece where they can be."""
+    colours = np.random.default_rng(0).random((4, 5, 3)).astype(np.float16).astype(np.float32)
+    planes = {f"radiance.{c}": colours[..., i].copy() for i, c in enumerate("RGB")}
+    half = {**planes, "radiance.G": planes["radiance.G"].astype(np.float16)}
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    for channels in (planes, half, {**half, "depth.Z": planes["radiance.B"]}):
+        OpenEXR.File(dict(header), channels).write(str(tmp_path / "a.exr"))
+        found = gc.read_layers(tmp_path / "a.exr")["radiance"]
+        assert np.array_equal(found, colours)
+        assert found.dtype == np.float32
+        found[0] = 0  # nothing else holds it
+
+
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.99])
 def test_a_truncated_file(tmp_path: Path, arrays: dict[str, np.ndarray], share: float):
     path = tmp_path / "a.exr"
@@ -84,10 +98,11 @@ def test_a_missing_file(tmp_path: Path):
         ),
         (
             ["normal.R", "normal.G", "normal.B"],
-            r"expected channels normal\.X, normal\.Y, normal\.Z .* got normal\.B",
+            r"expected channels normal\.X, normal\.Y, normal\.Z .* got normal\.R",
         ),
         (["radiance.R", "radiance.G"], r"expected channels radiance\.R, radiance\.G, radiance\.B"),
-        (["R", "G", "B"], "expected channels named <layer>.<suffix>"),
+        (["R", "G", "B"], "expected channels named <layer>.<suffix> in .*, got R, G, B"),
+        ([f"radiance.{c}" for c in "RGBA"], r"expected channels radiance.* got .*radiance\.A"),
     ],
 )
 def test_wrong_channel_names(tmp_path: Path, channels: list[str], message: str):
