@@ -24,6 +24,7 @@ from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
 from graycard.eval._removal import residual_energy as residual_energy
 from graycard.eval._sheet import score_predictions as score_predictions
+from graycard.eval._sheet import scores_of as scores_of
 from graycard.eval._sheet import training_gauges as training_gauges
 from graycard.eval._ssim import ssim as ssim
 from graycard.eval._table import in_every_view as in_every_view

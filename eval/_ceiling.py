@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from graycard._memory import blocks
 from graycard.eval._image_metric import display
 from graycard.eval._readings import TrueView
 
@@ -102,14 +103,22 @@ def mean_variance(
     Args:
         values: Any shape, linear.
         variance: Same shape, in the unit squared.
-        shown: The curve.
+        shown: The curve, of each number by itself.
     """
     if not variance.any():
         return 0.0
+    values, variance = np.ravel(values), np.ravel(variance)
+    sums = [_sum_of_variances(values[b], variance[b], shown) for b in blocks(values.size)]
+    return math.fsum(sums) / values.size
+
+
+def _sum_of_variances(
+    values: np.ndarray, variance: np.ndarray, shown: Callable[[np.ndarray], np.ndarray]
+) -> float:
     middle, deviation = values.astype(np.float64), np.sqrt(3 * np.asarray(variance, np.float64))
     low, at, high = (shown(middle + step * deviation) for step in (-1, 0, 1))
     mean = (low + 4 * at + high) / 6
-    return float(np.mean((4 * (at - mean) ** 2 + (low - mean) ** 2 + (high - mean) ** 2) / 6))
+    return float(np.sum(4 * (at - mean) ** 2 + (low - mean) ** 2 + (high - mean) ** 2)) / 6
 
 
 def pooled_ceiling(best: Sequence[float | None], finish: Callable[[float], float]) -> float | None:

@@ -6,10 +6,12 @@ fast as the authors' own library, with which it agrees to the rounding of that l
 """
 
 import math
+from functools import cache
 
 import numpy as np
 
 from graycard import srgb_decode
+from graycard._memory import blocks
 from graycard.eval._colour_difference import lab_planes
 from graycard.eval._filters import along_columns, along_rows, separable
 from graycard.eval._mask import box_around, with_true_background
@@ -82,19 +84,27 @@ def _opponent_planes(display: np.ndarray) -> np.ndarray:
 
 def _difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """FLIP of two images in opponent channels ``(3, H, W)``, shape ``(H, W)``: equation 8 of the paper."""
-    colour = _redistributed(_hyab(_perceived(one), _perceived(other)))
+    seen = [_resolved(image).reshape(3, -1) for image in (one, other)]
+    colour = np.empty(one[0].size)
+    for block in blocks(colour.size):
+        colour[block] = _redistributed(_hyab(*(_perceived(image[:, block]) for image in seen)))
+    colour = colour.reshape(one[0].shape)
     (edge, point), (other_edge, other_point) = _features(one[0]), _features(other[0])
     feature = np.maximum(np.abs(edge - other_edge), np.abs(point - other_point)) / math.sqrt(2)
     return colour ** (1 - feature**_FEATURE_EXPONENT)
 
 
-def _perceived(opponent: np.ndarray) -> np.ndarray:
-    """Hunt-adjusted L*a*b* of what the eye resolves and a display can show, shape ``(3, H, W)``."""
-    resolved = np.array([_resolved(c, s) for c, s in zip(opponent, _SENSITIVITY, strict=True)])
+def _resolved(opponent: np.ndarray) -> np.ndarray:
+    """What the eye resolves of an image, shape ``(3, H, W)``."""
+    return np.array([_without_details(c, s) for c, s in zip(opponent, _SENSITIVITY, strict=True)])
+
+
+def _perceived(resolved: np.ndarray) -> np.ndarray:
+    """Hunt-adjusted L*a*b* of what a display can show of opponent channels ``(3, N)``, shape ``(3, N)``."""
     return _hunt_lab(np.clip(np.tensordot(np.linalg.inv(_OPPONENT), resolved, 1), 0, 1))
 
 
-def _resolved(channel: np.ndarray, gaussians: tuple[tuple[float, float], ...]) -> np.ndarray:
+def _without_details(channel: np.ndarray, gaussians: tuple[tuple[float, float], ...]) -> np.ndarray:
     """A channel without the details to which the eye is blind."""
     square_degrees = (np.arange(-REACH, REACH + 1) / PIXELS_PER_DEGREE) ** 2
     found, total = np.zeros(channel.shape), 0.0
@@ -119,11 +129,17 @@ def _hyab(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 def _redistributed(distance: np.ndarray) -> np.ndarray:
     """Colour error in [0, 1] of a compressed distance: most of the range for what is common in renderings."""
-    green, blue = np.eye(3)[1:]
-    greatest = _hyab(_hunt_lab(green), _hunt_lab(blue))
+    greatest = _greatest_distance()
     knee = _KNEE_AT * greatest
     above = _KNEE + (1 - _KNEE) * (distance - knee) / (greatest - knee)
     return np.where(distance < knee, _KNEE / knee * distance, above)
+
+
+@cache
+def _greatest_distance() -> float:
+    """Of two colours of a display, compressed: that of green and blue."""
+    green, blue = np.eye(3)[1:]
+    return float(_hyab(_hunt_lab(green), _hunt_lab(blue)))
 
 
 def _features(luminance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

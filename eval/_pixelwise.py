@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard import angles
+from graycard._memory import blocks
 from graycard.eval._colour_difference import ciede2000
 from graycard.eval._flip import flip_map
 from graycard.eval._image_metric import Space
-from graycard.eval._mask import judged_pixels
+from graycard.eval._mask import check_images, judged_pixels
 
 Errors = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """``(predicted, true, mask)`` of shapes ``(H, W, 3)`` and ``(H, W)`` to the errors inside, ``(N,)``."""
@@ -43,9 +44,13 @@ def share_below(errors: np.ndarray, limit: float) -> np.floating:
 
 def square_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Mean over channels, if there are any, of the squared difference, ``(N,)``, in the unit squared."""
-    p, t = judged_pixels(predicted, true, mask)
-    difference = (p - t).reshape(len(p), -1)
-    return np.einsum("nc,nc->n", difference, difference) / difference.shape[1]
+    check_images(predicted, true, mask)
+    inside, errors = np.flatnonzero(mask), np.empty(int(mask.sum()))
+    p, t = (image.reshape(mask.size, -1) for image in (predicted, true))
+    for block in blocks(len(inside)):
+        difference = np.subtract(*(np.take(i, inside[block], axis=0) for i in (p, t)), dtype=np.float64)
+        np.einsum("nc,nc->n", difference, difference, out=errors[block])
+    return errors / p.shape[1]
 
 
 def absolute_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -53,7 +53,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         found.method,
         digest,
         gc.sha256(Path(scene) / "truth" / "manifest.json"),
-        _scores(found, truth) if len(published) < len(chosen) else (),
+        scores_of(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
     )
 
@@ -78,8 +78,12 @@ def training_gauges(predictions: Path, scene: Path) -> dict[str, Factors]:
     return {metric: factors for metric, factors in found.items() if not isinstance(factors, str)}
 
 
-def _scores(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
-    """By graycard's own protocol, in the order of the table."""
+def scores_of(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, ...]:
+    """All scores by graycard's own protocol, in the order of the table, of folders that are open already.
+
+    Raises:
+        DatasetError: The truth of a view is missing or broken.
+    """
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
     views, masks, hints = ViewScores(VIEW_METRICS), Masks(), Hints()

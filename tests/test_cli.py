@@ -119,7 +119,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
     assert (cost["track"], cost["pixels"]) == ("tabletop", 4096)
     assert cost["scores"] > 40
     assert 0 < cost["reading_s"] < cost["seconds"] < 600
-    assert 0 < cost["view_s"] < cost["seconds"], "the training views are not among it"
+    assert 0 < cost["view_s"] < cost["seconds"], "what is once a scene is not among it"
     assert 50 < cost["peak_mib"] < 8000
 
 

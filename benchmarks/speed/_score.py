@@ -4,7 +4,7 @@
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 import graycard as gc
 from graycard._memory import keep_freed_memory
 from graycard.benchmarks._fit import FitSpec, fit_scene, peak_memory_mib
-from graycard.eval import score_predictions, training_gauges
+from graycard.eval import score_predictions, scores_of
 from graycard.synth import RenderSettings, SceneSpec, families, render_scene
 
 SEED = 1000
@@ -37,10 +37,10 @@ class ScoreCost:
     """Of the whole sheet, wall time of one core; here and below the least of the repeats, since what disturbs
     a machine only adds."""
     view_s: float
-    """Of that, the held-out view and all there is once a scene: without hashing and reading the two training
-    views, which the gauge is fitted to."""
+    """What one more held-out view adds to a sheet, from its files to its scores. The rest is once a scene:
+    lights, environments, and the two training views, which the gauge is fitted to."""
     reading_s: float
-    """Of that, to read all layers of the held-out view, true and predicted."""
+    """Of that, to read all layers of the view, true and predicted."""
     peak_mib: float
     """Largest resident memory of the process, Python and its libraries among it."""
 
@@ -79,25 +79,26 @@ def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
 def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float, float, float]:
     """How many scores; least seconds in all, of the view, of reading it; the peak of this process in MiB."""
     keep_freed_memory()
-    truth, predicted = gc.open_truth(scene / "truth", check=False), gc.open_predictions(predictions)
-    trained = [
-        folder / "views" / f"{view.name}.exr"
-        for view in truth.views
-        if view.split == "train"
-        for folder in (scene / "truth", predictions)
-    ]
+    truth, predicted = (
+        gc.open_truth(scene / "truth", check=False),
+        gc.open_predictions(predictions).hashed()[0],
+    )
+    tests = [view for view in truth.views if view.split == "test"]
+    again = replace(truth, views=(*truth.views, *tests))
+    files = [folder / "views" / f"{v.name}.exr" for v in tests for folder in (scene / "truth", predictions)]
     parts: tuple[Callable[[], object], ...] = (
         lambda: score_predictions(predictions, scene),
-        lambda: training_gauges(predictions, scene),
-        lambda: [gc.sha256(path) for path in trained],
+        lambda: scores_of(predicted, truth),
+        lambda: scores_of(predicted, again),
+        lambda: [gc.sha256(path) for path in files],
         lambda: _read(predicted, truth),
     )
     with threadpool_limits(1):
         sheet = score_predictions(predictions, scene)
         times = [[_seconds(part) for part in parts] for _ in range(repeats)]
-    whole, survey, hashing, reading = np.min(times, axis=0).tolist()
+    whole, once, twice, hashing, reading = np.min(times, axis=0).tolist()
     scored = sum(score.status == "scored" for score in sheet.scores)
-    return scored, whole, whole - survey - hashing, reading, peak_memory_mib()
+    return scored, whole, twice - once + hashing, reading, peak_memory_mib()
 
 
 def _read(predictions: gc.Predictions, truth: gc.Truth) -> None:

@@ -3,9 +3,9 @@
 
 import numpy as np
 
+from graycard._memory import blocks
+
 _KNEE = 0.0031308
-_BLOCK = 1 << 14
-"""Values that are encoded at a time: what lies between them and the result stays in the cache."""
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of linear Rec.709 in relative luminance, CIE Y (ITU-R BT.709-6, item 3.2)."""
@@ -25,8 +25,7 @@ def srgb_encode(linear: np.ndarray) -> np.ndarray:
     values = np.asarray(linear)
     encoded = np.empty(values.shape)
     found, asked = encoded.reshape(-1), values.reshape(-1)
-    for start in range(0, asked.size, _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in blocks(asked.size):
         x, y = np.clip(asked[block].astype(np.float64, copy=False), 0, 1), found[block]
         np.power(x, 1 / 2.4, out=y)
         y *= 1.055

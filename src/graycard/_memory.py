@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How this process deals with memory that it has freed."""
+"""How much memory is touched at a time, and what becomes of it when it is freed."""
 
 import ctypes
 import sys
+from collections.abc import Iterator
 
+BLOCK = 1 << 14
+"""Numbers of a block: several arrays of them fit the nearest cache."""
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
 """``M_TRIM_THRESHOLD`` and ``M_MMAP_THRESHOLD`` of glibc's ``malloc.h``."""
 _KEPT, _LARGEST = 1 << 28, 1 << 25
@@ -23,3 +26,13 @@ def keep_freed_memory() -> bool:
         return False
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     return bool(mallopt and mallopt(_MMAP_THRESHOLD, _LARGEST) and mallopt(_TRIM_THRESHOLD, _KEPT))
+
+
+def blocks(count: int) -> Iterator[slice]:
+    """Slices of a long array, for work on each number whose steps shall stay in the cache.
+
+    Example:
+        >>> [(b.start, b.stop) for b in blocks(20000)]
+        [(0, 16384), (16384, 20000)]
+    """
+    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
