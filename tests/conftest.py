@@ -152,3 +152,15 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
         pytest.skip(f"a small file system needs root: {done.stderr.strip()}")
     yield disk
     subprocess.run(["umount", str(disk)], check=True)
+
+
+@pytest.fixture
+def llvm() -> str:
+    """The variant that works on whole images at once, in use; without LLVM the test is skipped."""
+    from graycard.synth import use_renderer  # tests without a renderer need not wait for it
+    from graycard.synth._variant import LLVM_RGB
+
+    try:
+        return use_renderer(variant=LLVM_RGB).variant
+    except gc.RenderError as reason:
+        pytest.skip(str(reason))

@@ -79,10 +79,8 @@ def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
 def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float, float, float]:
     """How many scores; least seconds in all, of the view, of reading it; the peak of this process in MiB."""
     keep_freed_memory()
-    truth, predicted = (
-        gc.open_truth(scene / "truth", check=False),
-        gc.open_predictions(predictions).hashed()[0],
-    )
+    truth = gc.open_truth(scene / "truth", check=False)
+    predicted, _ = gc.open_predictions(predictions).hashed()
     tests = [view for view in truth.views if view.split == "test"]
     again = replace(truth, views=(*truth.views, *tests))
     files = [folder / "views" / f"{v.name}.exr" for v in tests for folder in (scene / "truth", predictions)]

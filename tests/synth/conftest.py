@@ -61,15 +61,6 @@ def no_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def llvm() -> str:
-    """The variant that renders whole images at once, in use; without LLVM the test is skipped."""
-    try:
-        return use_renderer(variant=LLVM_RGB).variant
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
-
-
-@pytest.fixture
 def judge(request: pytest.FixtureRequest) -> Judge:
     """``judge(what, figure, bar)`` fails above the bar or without a number; figures go to ``--junitxml``."""
 

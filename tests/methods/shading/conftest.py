@@ -1,22 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The renderer of the truth, which shading is held against, and directions to look along."""
+"""Directions to look along."""
 
 import numpy as np
 import pytest
 import torch
-
-import graycard as gc
-from graycard.synth import use_renderer
-from graycard.synth._variant import LLVM_RGB
-
-
-@pytest.fixture
-def llvm() -> str:
-    """The variant that evaluates many directions at once, in use; without LLVM the test is skipped."""
-    try:
-        return use_renderer(variant=LLVM_RGB).variant
-    except gc.RenderError as reason:
-        pytest.skip(str(reason))
 
 
 @pytest.fixture
