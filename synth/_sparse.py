@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from skimage.feature import corner_peaks, corner_shi_tomasi
 
 import graycard as gc
 from graycard.synth._spec import CaptureSettings
@@ -166,6 +165,8 @@ def _tracks(sightings: Sequence[Sighting]) -> tuple[gc.Points, np.ndarray]:
 
 def _peaks(s: Sighting) -> _Peaks:
     """Rows and columns of the corners that a view shows, and the smaller eigenvalue at each."""
+    from skimage.feature import corner_peaks, corner_shi_tomasi  # two seconds, for whoever fits or scores
+
     response = corner_shi_tomasi(s.grey, sigma=1)
     peaks = corner_peaks(response, min_distance=2, threshold_abs=0, threshold_rel=QUALITY)
     rows, columns = peaks.astype(np.intp).reshape(-1, 2).T

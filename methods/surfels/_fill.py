@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from scipy.ndimage import median_filter, uniform_filter
+from scipy.ndimage import binary_erosion, median_filter, uniform_filter
 
 from graycard import Camera, Capture, MethodError, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
@@ -107,8 +107,13 @@ def dense_depths(cameras: Sequence[Camera], swept: Sequence[SweptDepth]) -> list
 
 
 def _guess(swept: SweptDepth) -> np.ndarray:
-    """Depth where stereo is not sure; NaN where it says nothing."""
-    row, column = np.nonzero(swept.sure)
+    """Depth where stereo is not sure; NaN where it says nothing. Where it is sure, anything.
+
+    Triangles are drawn between the rims of what is sure: one that has a pixel with eight sure neighbours for
+    a corner reaches no farther than these, and no such pixel is the nearest to one that is not sure.
+    """
+    rim = swept.sure & ~binary_erosion(swept.sure, np.ones((3, 3)), border_value=1)
+    row, column = np.nonzero(rim)
     if len(row) == 0:
         return swept.depth
     places = np.stack([column, row], axis=1) + 0.5
