@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole content of a report, before any HTML."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,11 +77,19 @@ class Page:
     """Of the codes of linear light."""
 
 
-def build_page(record: gc.RunRecord, run: Path) -> Page:
-    """The content of the report of a run; reads the folders that the record names."""
+def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None = None) -> Page:
+    """The content of the report of a run; reads the folders that the record names.
+
+    Args:
+        record: The run.
+        run: Its folder.
+        pictures: Names of the methods whose pictures are embedded; None for all.
+    """
     comparison, fault = _read_comparison(run)
     names = dict.fromkeys([s.track for s in record.scenes] + [r.job.track for r in record.results])
-    tracks = tuple(_track(record, comparison, run, name, f"track-{i + 1}") for i, name in enumerate(names))
+    tracks = tuple(
+        _track(record, comparison, run, name, f"track-{i + 1}", pictures) for i, name in enumerate(names)
+    )
     above = comparison.above_ceiling if comparison else ()
     handed = sum(bool(score.handed) for score in above)
     verdicts = {(t.name, metric): v for t in tracks for metric, v in t.compared.verdicts.items()}
@@ -122,7 +131,12 @@ def _read_comparison(run: Path) -> tuple[gc.Comparison | None, str]:
 
 
 def _track(
-    record: gc.RunRecord, comparison: gc.Comparison | None, run: Path, name: str, anchor: str
+    record: gc.RunRecord,
+    comparison: gc.Comparison | None,
+    run: Path,
+    name: str,
+    anchor: str,
+    pictures: Collection[str] | None,
 ) -> TrackSection:
     results = [r for r in record.results if r.job.track == name]
     metrics = metrics_of(record, results)
@@ -142,7 +156,7 @@ def _track(
         silent=silent,
         failures=failures(results, metrics),
         scenes=tuple(
-            scene_section(run, scene, results, board.methods, metrics, f"{anchor}-scene-{i + 1}")
-            for i, scene in enumerate(scenes)
+            scene_section(run, scene, results, board.methods, metrics, f"{anchor}-scene-{i}", shown=pictures)
+            for i, scene in enumerate(scenes, 1)
         ),
     )

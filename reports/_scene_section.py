@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """All that a report says of one scene."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +36,8 @@ class ScenePictures:
 
     description: str
     settings: tuple[tuple[str, str], ...]
+    methods: tuple[MethodHead, ...]
+    """Those whose pictures are embedded."""
     views: int
     """Number of test views, of which some are embedded."""
     photographs: int
@@ -81,12 +83,25 @@ def scene_section(
     methods: Sequence[MethodHead],
     metrics: Sequence[gc.MetricRecord],
     anchor: str,
+    *,
+    shown: Collection[str] | None = None,
 ) -> SceneSection:
-    """A scene with what its folders have to show; what is missing or broken is said in its place."""
+    """A scene with what its folders have to show; what is missing or broken is said in its place.
+
+    Args:
+        run: The run folder.
+        scene: The scene.
+        track_results: Of the jobs of its track.
+        methods: All of them.
+        metrics: All of them.
+        anchor: Of the section.
+        shown: Names of the methods whose pictures are embedded; None for all.
+    """
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
     competing = {m.name for m in here if not m.sees}  # that the truth is too good is no news
-    pictures, reason, faults = _pictures(run, scene, results, here)
+    drawn = tuple(m for m in here if shown is None or m.name in shown)
+    pictures, reason, faults = _pictures(run, scene, results, drawn)
     rows, silent = told_rows(metric_rows(results, here, metrics))
     return SceneSection(
         anchor=anchor,
@@ -112,17 +127,21 @@ def _pictures(
         evidence = open_scene(run / scene.folder)
         by_name = [([r for r in results if r.job.method == m.name], not m.sees) for m in methods]
         shown = [open_method(run, found, evidence.shown, competes) for found, competes in by_name]
-        return _scene_pictures(scene, evidence, shown), "", _faults(shown)
+        return _scene_pictures(scene, evidence, methods, shown), "", _faults(shown)
     except gc.GraycardError as cause:
         return None, str(cause), ()
 
 
 def _scene_pictures(
-    scene: gc.SceneRecord, evidence: SceneEvidence, shown: Sequence[MethodEvidence]
+    scene: gc.SceneRecord,
+    evidence: SceneEvidence,
+    methods: Sequence[MethodHead],
+    shown: Sequence[MethodEvidence],
 ) -> ScenePictures:
     return ScenePictures(
         describe_scene(scene, evidence),
         flatten(evidence.settings) if evidence.settings else (),
+        tuple(methods),
         len(evidence.test),
         len(evidence.capture.train),
         build_gallery(evidence, shown),

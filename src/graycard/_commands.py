@@ -12,7 +12,7 @@ from typing import Any
 
 from graycard._commands_checks import CheckResult, Compare
 from graycard._commands_claims import Claims
-from graycard._commands_runs import Bench, Fit, Gate, Methods, Report
+from graycard._commands_runs import Bench, Fit, Gate, Methods, Publish, Report
 from graycard._commands_scenes import Export, Import, Look, Render, Scenes, Verify
 from graycard._commands_scores import ScoreCommand
 from graycard._commands_speed import Speed
@@ -55,6 +55,7 @@ COMMANDS: dict[str, type[Any]] = {
     "claims": Claims,
     "check-result": CheckResult,
     "report": Report,
+    "publish": Publish,
     "look": Look,
     "export": Export,
     "import": Import,

@@ -189,6 +189,37 @@ class Report:
         return OK
 
 
+@dataclass(frozen=True)
+class Publish:
+    """Keep the records and the report of a valid run, without scenes and predictions."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder, with its scenes and predictions."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Where to; new or empty."""
+    pictures: tuple[str, ...] = ()
+    """Embed pictures of these rows only; of all by default."""
+    limit_mib: float = 20.0
+    """Fail if the folder would be larger."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Write it, unless a rule for a valid result is broken."""
+        from graycard.benchmarks import check_result
+        from graycard.reports import publish_run
+
+        with screen.progress() as progress:
+            found = check_result(self.run_folder, progress)
+        for breach in found.breaches:
+            screen.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+        if found.exit_code:
+            screen.out.print("publish: nothing written, the run is no valid result")
+            return found.exit_code
+        size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
+        part = f", {found.part}" if found.part else ""
+        screen.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
+        return OK
+
+
 def _failures(record: RunRecord) -> list[str]:
     """A line for each job that failed, and for each score that failed."""
     lines = []

@@ -38,6 +38,19 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
 
 
+def test_only_a_valid_run_is_published(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "published"
+    assert main(["publish", str(run), "--out", str(out), "--pictures", METHODS[0]]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith(" MiB, 6 fits")
+    assert (out / "run.json").read_bytes() == (run / "run.json").read_bytes()
+    change(run, lambda data: data["environment"].update(git_commit=None))
+    assert main(["publish", str(run), "--out", str(tmp_path / "other")]) == 1
+    found = capsys.readouterr()
+    assert "broken: origin: environment: expected the git commit" in found.err
+    assert found.out.splitlines()[-1] == "publish: nothing written, the run is no valid result"
+    assert not (tmp_path / "other").exists()
+
+
 def test_a_folder_without_a_run_cannot_be_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["check-result", str(tmp_path)]) == 2
     assert "expected a run folder with run.json" in capsys.readouterr().err

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a run is kept and shown to others: its records and its report, without scenes and predictions."""
+
+from collections.abc import Collection
+from pathlib import Path
+
+import graycard as gc
+from graycard.reports._write import report_of
+
+RECORDS = ("run.json", "suite.json", gc.COMPARISON, gc.CLAIMS)
+"""Files of a run that are copied as they are. All but the first may be missing."""
+PAGE = "index.html"
+
+
+def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[str] | None = None) -> float:
+    """Write a folder that says what a run found, small enough for a repository.
+
+    The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run.
+
+    Args:
+        run: The run folder, with its scenes and predictions, of which the report shows pictures.
+        folder: A new or an empty one.
+        limit_mib: MiB that it may have.
+        pictures: Methods whose pictures the report has; None for all.
+
+    Returns:
+        Its size in MiB.
+
+    Raises:
+        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name.
+        OutputError: It would be larger than the limit, or it cannot be written, or is in use.
+    """
+    files = {name: Path(run) / name for name in RECORDS}
+    content = {PAGE: report_of(Path(run), pictures)}
+    content |= {name: path.read_bytes() for name, path in files.items() if path.is_file()}
+    sizes = {name: len(data) / 2**20 for name, data in content.items()}
+    whole = sum(sizes.values())
+    if whole > limit_mib:
+        parts = ", ".join(f"{name} {size:.1f}" for name, size in sizes.items())
+        raise gc.OutputError(
+            f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
+            "--pictures, or raise --limit-mib"
+        )
+    with gc.atomic_folder(folder) as partial:
+        for name, data in content.items():
+            (partial / name).write_bytes(data)
+    return whole

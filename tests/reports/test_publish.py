@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What of a run is kept and shown."""
+
+from pathlib import Path
+
+import pytest
+
+import graycard as gc
+from graycard.reports import publish_run, write_report
+
+
+def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Path, tmp_path: Path):
+    (tiny_run / "suite.json").write_text("{}\n")
+    size = publish_run(tiny_run, tmp_path / "out", 100, ["gray"])
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "run.json", "suite.json"]
+    for name in ("run.json", "suite.json"):
+        assert (tmp_path / "out" / name).read_bytes() == (tiny_run / name).read_bytes()
+    assert gc.read_run(tmp_path / "out") == gc.read_run(tiny_run)
+    assert size == pytest.approx(sum(p.stat().st_size for p in (tmp_path / "out").iterdir()) / 2**20)
+    page, whole = (path.read_text() for path in (tmp_path / "out" / "index.html", write_report(tiny_run)))
+    assert page.count("Pictures and lights of 1 of 4 methods are embedded") == 3
+    assert "methods are embedded" not in whole
+    assert page.count("<h5>") == 3
+    assert whole.count("<h5>") == 3 * 4
+    for text in (page, whole):  # the tables have all methods
+        assert text.count('scope="row"') > 50
+        assert "Reflectance changes in steps" in text
+
+
+def test_the_whole_page_is_that_of_the_report(tiny_run: Path, tmp_path: Path):
+    publish_run(tiny_run, tmp_path / "out", 100)
+    assert (tmp_path / "out" / "index.html").read_bytes() == write_report(tiny_run).read_bytes()
+
+
+def test_what_is_too_large_is_not_written(tiny_run: Path, tmp_path: Path):
+    with pytest.raises(gc.OutputError, match=r"expected 0\.01 MiB at most, got .*index\.html"):
+        publish_run(tiny_run, tmp_path / "out", 0.01)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_in_use_is_left_alone(tiny_run: Path, tmp_path: Path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
+        publish_run(tiny_run, tmp_path, 100)
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_a_method_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
+    with pytest.raises(gc.RecordError, match=r"expected pictures of methods of the run \(truth, .*got grey"):
+        publish_run(tiny_run, tmp_path / "out", 100, ["grey"])
