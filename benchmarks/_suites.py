@@ -119,6 +119,11 @@ def check_track(name: str) -> str:
 def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()) -> Suite:
     """The part of a suite on some tracks, with some methods; a method need not be in the suite.
 
+    Args:
+        suite: The whole.
+        tracks: Their names; all if empty.
+        methods: Of rows, or else of methods, which stand for all of their rows; all if empty.
+
     Raises:
         UnknownNameError: A track does not exist.
         RecordError: The suite has no scene on these tracks.
@@ -127,10 +132,11 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
     scenes = tuple(scene for scene in suite.scenes if scene.track in wanted)
     if not scenes:
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
-    chosen = [m for name in methods for m in _named(suite, name)] or suite.methods
-    return replace(suite, scenes=scenes, methods=tuple(chosen))
+    chosen = {m.row: m for name in methods for m in _named(suite, name)}
+    return replace(suite, scenes=scenes, methods=tuple(chosen.values()) or suite.methods)
 
 
 def _named(suite: Suite, name: str) -> list[SuiteMethod]:
-    """The variants of a suite that bear a name or label; if none does, that method with its defaults."""
-    return [m for m in suite.methods if name in (m.name, m.label)] or [SuiteMethod(name)]
+    """The row of that name; without one all rows of that method; without any the method with its defaults."""
+    rows = [m for m in suite.methods if m.row == name] or [m for m in suite.methods if m.name == name]
+    return rows or [SuiteMethod(name)]
