@@ -102,7 +102,8 @@ class Bench:
     tracks: tuple[str, ...] = ()
     """Only these tracks."""
     methods: tuple[str, ...] = ()
-    """Only these methods; names or module:attribute, also such as are not in the suite."""
+    """Only these rows, or all rows of these methods; also methods that are not in the suite, by name or
+    module:attribute."""
     jobs: int | None = None
     """Fits at a time; as many as there are cores by default."""
     timeout: float | None = None

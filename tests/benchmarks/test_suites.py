@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Suites as they are read."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import graycard as gc
-from graycard.benchmarks import load_suite, suite_names
+from graycard.benchmarks import load_suite, narrow, suite_names
+from graycard.benchmarks._suites import SuiteMethod
 from graycard.synth import CaptureSettings, family_of
 
 SUITE = """
@@ -83,3 +85,18 @@ def test_a_baseline_is_not_made_stricter_than_its_metrics(tmp_path: Path) -> Non
     path.write_text(path.read_text() + "slack = 0.5\n")
     with pytest.raises(gc.RecordError, match="slack of 1 or more for gray, got 0.5"):
         load_suite(str(path))
+
+
+def test_a_part_of_a_suite_is_named_by_rows_or_by_methods() -> None:
+    suite = load_suite("claims-dark")
+
+    def rows(*names: str) -> list[str]:
+        return [method.row for method in narrow(suite, methods=names).methods]
+
+    assert rows("darkgs", "darkgs-2", "darkgs") == ["darkgs", "darkgs-2"]
+    assert rows("mine:Own") == ["mine:Own"]
+    assert rows() == [method.row for method in suite.methods]
+    named = [SuiteMethod("gray", label="a"), SuiteMethod("gray", label="b"), SuiteMethod("input")]
+    suite = replace(suite, methods=tuple(named))
+    assert rows("gray") == ["a", "b"]  # no row has the name of the method
+    assert rows("b", "gray") == ["b", "a"]
