@@ -9,7 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from graycard import JobResult, RecordError, RunRecord, Score, encode, read_comparison
+from graycard import JobResult, OlderRecordError, RecordError, RunRecord, Score, encode, read_comparison
 from graycard.benchmarks._guard import GUARD
 from graycard.benchmarks._sources import PACKAGES
 from graycard.eval.statistics import compare_run
@@ -214,6 +214,8 @@ def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
     """A comparison that is missing, or does not follow from the scores."""
     try:
         written = read_comparison(folder)
+    except OlderRecordError as cause:
+        return [Breach("comparison", "comparison.json", str(cause), unknown=True)]
     except RecordError as cause:
         return [Breach("comparison", "comparison.json", str(cause))]
     if written is None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from graycard._errors import RecordError
+from graycard._errors import OlderRecordError, RecordError
 from graycard._json import read_json
 from graycard._records import read_record
 
@@ -134,7 +134,8 @@ def read_comparison(run: Path) -> Comparison | None:
     """The comparison in a run folder; None where an older graycard wrote none.
 
     Raises:
-        RecordError: It is damaged, misspelt, or of another version of the format.
+        OlderRecordError: It is of an older version of the format.
+        RecordError: It is damaged, misspelt, or of a newer version.
     """
     path = Path(run) / COMPARISON
     if not path.is_file():
@@ -142,7 +143,7 @@ def read_comparison(run: Path) -> Comparison | None:
     data = read_json(path)
     version = data.get("format_version") if isinstance(data, dict) else None
     if isinstance(version, int) and version < COMPARISON_VERSION:
-        raise RecordError(
+        raise OlderRecordError(
             f"expected {path} of format version {COMPARISON_VERSION}, got version {version} of an older "
             "graycard. Run `graycard bench` again: it fits nothing anew"
         )

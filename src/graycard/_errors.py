@@ -46,6 +46,10 @@ class RecordError(GraycardError):
     """A JSON record (settings, scores, run, baseline) is missing, damaged or misspelt."""
 
 
+class OlderRecordError(RecordError):
+    """A JSON record of a format that only an older graycard wrote."""
+
+
 class OutputError(GraycardError):
     """Nothing can be written where the user asked for it."""
 

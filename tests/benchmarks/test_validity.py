@@ -210,6 +210,13 @@ def test_without_evidence_it_cannot_be_judged(run: Path, gone: str, rule: str):
     assert rule in breaches(run)
 
 
+def test_a_comparison_of_an_older_format_is_no_evidence(run: Path):
+    comparison = gc.read_json(run / "comparison.json")
+    gc.write_json(run / "comparison.json", comparison | {"format_version": 0})
+    assert check_result(run).exit_code == 2
+    assert "of an older graycard. Run `graycard bench` again" in breaches(run)["comparison"][0]
+
+
 def test_a_scene_of_another_seed(run: Path):
     change(run, lambda data: data["scenes"][0].update(seed=7))
     assert breaches(run) == {
