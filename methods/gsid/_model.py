@@ -11,8 +11,8 @@ from graycard import Camera
 from graycard.methods.gsid._settings import Visibility
 from graycard.methods.gsid._visibility import vector_visibility
 from graycard.methods.shading import (
-    Lamps,
     Material,
+    Shining,
     Surroundings,
     arriving,
     lit_by_lamps,
@@ -138,7 +138,7 @@ class Picture:
 
 def picture_of(
     pixels: Pixels,
-    lamps: Lamps,
+    lamps: Shining,
     surroundings: Surroundings,
     shadows: torch.Tensor | None,
     form: Visibility,
@@ -148,8 +148,8 @@ def picture_of(
 
     Args:
         pixels: Of shape ``(...)``.
-        lamps: K of them, exposed.
-        surroundings: Exposed.
+        lamps: K of them, as bright as ``surroundings``.
+        surroundings: Of the whole scene.
         shadows: Shape ``(..., K)``: what arrives of each lamp; None: as ``form`` reads the vectors.
         form: How.
         extent: Of the scene, metres.

@@ -2,13 +2,23 @@
 """The decomposition of ``gsid``: surfels with materials, lamps, and surroundings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from graycard import Camera, EnvironmentLight, Light, MethodError, encode
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    Light,
+    LocalLight,
+    MethodError,
+    encode,
+    light_from_json,
+    light_to_json,
+    read_rgb,
+)
 from graycard import decode as decode_json
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
@@ -26,16 +36,36 @@ from graycard.methods.gsid._model import (
 )
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._visibility import lamp_visibility
-from graycard.methods.shading import Lamps, lights_of, surroundings_of, to_latitudes
+from graycard.methods.shading import (
+    Lamps,
+    Shining,
+    from_latitudes,
+    known_lamps,
+    lights_of,
+    surroundings_of,
+    to_latitudes,
+)
 from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.surfels import depth_layer, normal_layer
 from graycard.methods.surfels import encode as show
 
 METHOD = "gsid"
-SKY_NAME = "sky"
+_GIVEN_SKY = "given sky"
+SKY_NAME, SKY_FILE = "sky", "environment.exr"
 HEIGHT = 64
 """Rows of the image of the surroundings."""
+PANEL = 4
+"""Points along each side of a given light with an area."""
 _ALWAYS = frozenset({"radiance", "base_color", "roughness", "metallic", "normal", "depth"})
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Lights that shine in place of those that were found, in true units."""
+
+    local: tuple[LocalLight, ...]
+    sky: torch.Tensor
+    """Cubemap ``(6, N, N, 3)``, W/m²/sr."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +78,14 @@ class GsidScene:
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
     """Of the scene, metres."""
+    given: Given | None = None
+    """None: the lights that were found."""
 
     @property
     def provides(self) -> frozenset[str]:
-        """Picture, material, geometry, and the picture light by light."""
+        """Picture, material, geometry, and the picture light by light where the lights are those found."""
+        if self.given is not None:
+            return _ALWAYS
         return _ALWAYS | {f"radiance.{name}" for name in (*self._names, SKY_NAME)}
 
     @property
@@ -86,13 +120,28 @@ class GsidScene:
         return {name: found[name] for name in layers}
 
     def _picture(self, ground: Ground, pixels: Pixels) -> Picture:
-        lamps, surfels = self._lamps, surfels_of(self.parameters.surfels)
+        """In W/m²/sr."""
+        lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
         shadows = None
         if self.settings.visibility == "traced":
             reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
             shadows = shadows_of(surfels, ground.camera, reached, ground)
-        surroundings = surroundings_of(sky_from(self.parameters.shared))
+        surroundings = surroundings_of(self._sky)
         return picture_of(pixels, lamps, surroundings, shadows, self.settings.visibility, self.extent)
+
+    def _shining_at(self, camera: Camera) -> Shining:
+        """The lamps that shine, in W/sr."""
+        if self.given is not None:
+            return known_lamps(self.given.local, camera, PANEL)
+        lamps = self._lamps
+        return Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
+
+    @property
+    def _sky(self) -> torch.Tensor:
+        """The surroundings, shape ``(6, N, N, 3)``, W/m²/sr."""
+        if self.given is not None:
+            return self.given.sky
+        return sky_from(self.parameters.shared) / self.exposure
 
     def _surface_layers(self, ground: Ground, pixels: Pixels) -> dict[str, np.ndarray]:
         return {
@@ -104,24 +153,53 @@ class GsidScene:
         }
 
     def _light_layers(self, picture: Picture) -> dict[str, np.ndarray]:
+        whole = {"radiance": picture.whole.numpy()}
+        if self.given is not None:
+            return whole
         by_lamp = {
-            f"radiance.{name}": (picture.by_lamp[..., number, :] / self.exposure).numpy()
+            f"radiance.{name}": picture.by_lamp[..., number, :].numpy()
             for number, name in enumerate(self._names)
         }
-        whole, sky = (image / self.exposure for image in (picture.whole, picture.by_sky))
-        return by_lamp | {"radiance": whole.numpy(), f"radiance.{SKY_NAME}": sky.numpy()}
+        return whole | by_lamp | {f"radiance.{SKY_NAME}": picture.by_sky.numpy()}
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...]:
-        """The lamps that are not out, in W/sr, and the surroundings."""
+        """The given lights, or the lamps that are not out, in W/sr; and the surroundings."""
+        sky = EnvironmentLight(SKY_NAME, SKY_FILE)
+        if self.given is not None:
+            return *self.given.local, sky
         lamps = self._lamps
         true = Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
-        return *lights_of(true, self._names), EnvironmentLight(SKY_NAME, "environment.exr")
+        return *lights_of(true, self._names), sky
 
     @torch.no_grad()
     def environment(self, light: EnvironmentLight) -> np.ndarray:
         """The surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
-        return to_latitudes(sky_from(self.parameters.shared) / self.exposure, HEIGHT)
+        return to_latitudes(self._sky, HEIGHT)
+
+    @torch.no_grad()
+    def relight(self, lights: tuple[Light, ...]) -> "GsidScene":
+        """The same surfels under other lights, their shadows traced.
+
+        A lamp that was found can be switched off, moved or given another colour by handing in
+        :meth:`lights` so changed: the surroundings of that tuple are those that were found. A given sphere is
+        a point of its strength, a rectangle sixteen points.
+
+        Args:
+            lights: All that shine then, in true units. The ``image`` of surroundings is the full path of its
+                file; without any the scene is dark around.
+
+        Raises:
+            DatasetError: An image is missing or broken.
+        """
+        size = self.settings.sky_size
+        sky = torch.zeros(6, size, size, 3)
+        for light in lights:
+            if isinstance(light, EnvironmentLight):
+                own = light == EnvironmentLight(SKY_NAME, SKY_FILE)
+                sky = sky + (self._sky if own else from_latitudes(read_rgb(Path(light.image)), size))
+        local = tuple(light for light in lights if not isinstance(light, EnvironmentLight))
+        return replace(self, given=Given(local, sky))
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
@@ -130,7 +208,11 @@ class GsidScene:
             OutputError: The folder cannot be written to, or the disk is full.
         """
         facts = {"exposure": self.exposure, "extent": self.extent, "settings": encode(self.settings)}
-        store(folder, METHOD, facts, arrays_of(self.parameters))
+        arrays = arrays_of(self.parameters)
+        if self.given is not None:
+            facts["given"] = [light_to_json(light) for light in self.given.local]
+            arrays[_GIVEN_SKY] = self.given.sky.numpy()
+        store(folder, METHOD, facts, arrays)
         surfels = self.parameters.surfels
         export_ply(Path(folder) / "surfels.ply", surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
 
@@ -143,4 +225,10 @@ def load_scene(folder: Path) -> GsidScene:
     """
     facts, arrays = restore(folder, METHOD)
     settings = decode_json(GsidSettings, facts["settings"], MethodError, "settings")
-    return GsidScene(parameters_from(arrays), settings, float(facts["exposure"]), float(facts["extent"]))
+    given = None
+    if "given" in facts:
+        local = (light_from_json(light, MethodError, "given lights") for light in facts["given"])
+        sky = torch.from_numpy(arrays.pop(_GIVEN_SKY).copy())
+        given = Given(tuple(light for light in local if not isinstance(light, EnvironmentLight)), sky)
+    exposure, extent = float(facts["exposure"]), float(facts["extent"])
+    return GsidScene(parameters_from(arrays), settings, exposure, extent, given)

@@ -6,9 +6,12 @@ from graycard.methods.shading._cubemap import look_up as look_up
 from graycard.methods.shading._cubemap import solid_angles as solid_angles
 from graycard.methods.shading._cubemap import texel_directions as texel_directions
 from graycard.methods.shading._cubemap import to_latitudes as to_latitudes
+from graycard.methods.shading._known import KnownLamps as KnownLamps
+from graycard.methods.shading._known import known_lamps as known_lamps
 from graycard.methods.shading._known import light_at as light_at
 from graycard.methods.shading._lamps import Arrival as Arrival
 from graycard.methods.shading._lamps import Lamps as Lamps
+from graycard.methods.shading._lamps import Shining as Shining
 from graycard.methods.shading._lamps import arriving as arriving
 from graycard.methods.shading._lamps import lamps_of as lamps_of
 from graycard.methods.shading._lamps import lights_of as lights_of

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light of lamps that are known, on surfaces that were found: nothing is learnt, nothing casts a shadow."""
+"""Light of lamps that are known, on surfaces that were found: nothing is learnt."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
+import torch
+from torch.nn.functional import normalize
 
 from graycard import (
     Camera,
@@ -14,11 +18,78 @@ from graycard import (
     SphereLight,
     SpotLight,
 )
+from graycard.methods.shading._lamps import arriving, lamps_of
 
 SAMPLES = 8
 """Points along each side of a rectangle."""
-_NEAREST = 1e-6
-"""Metres: at a lamp itself the falloff has no value."""
+_AT_ONCE = 1 << 13
+"""Surface points that are lit at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLamps:
+    """Points that stand for lights of any kind, as :func:`arriving` takes them; world axes."""
+
+    positions: torch.Tensor
+    """Shape ``(K, 3)``, metres."""
+    lights: tuple[LocalLight, ...]
+    points: tuple[int, ...]
+    """How many of the positions stand for each light, in the order of the lights."""
+    turns: tuple[torch.Tensor, ...]
+    """Shape ``(3, 3)``: turns rows of world axes into those of each light, multiplied from the right."""
+
+    def __len__(self) -> int:
+        """The number of points."""
+        return len(self.positions)
+
+    def intensity(self, away: torch.Tensor) -> torch.Tensor:
+        """Radiant intensity in directions away from the points.
+
+        Args:
+            away: Shape ``(..., K, 3)``, unit, world.
+
+        Returns:
+            Shape ``(..., K, 3)``, W/sr.
+        """
+        parts = [
+            _intensity(light, directions @ turn) / count
+            for light, count, turn, directions in zip(
+                self.lights, self.points, self.turns, away.split(self.points, dim=-2), strict=True
+            )
+        ]
+        return torch.cat([away[..., :0, :], *parts], dim=-2)
+
+    def by_light(self, values: torch.Tensor) -> torch.Tensor:
+        """Sums over the points of each light, shape ``(..., lights, 3)`` of ``(..., K, 3)``."""
+        sums = [part.sum(dim=-2, keepdim=True) for part in values.split(self.points, dim=-2)]
+        return torch.cat([values[..., :0, :], *sums], dim=-2)
+
+
+def known_lamps(
+    lights: Sequence[LocalLight],
+    camera: Camera,
+    samples: int = SAMPLES,
+    dtype: torch.dtype = torch.float32,
+) -> KnownLamps:
+    """Points that stand for lights: one each, and a grid for a rectangle.
+
+    Args:
+        lights: Of the scene; those on the camera are where this camera has them.
+        camera: That looks.
+        samples: Points along each side of a rectangle.
+        dtype: Of the tensors.
+    """
+    world = np.eye(3), np.zeros(3)
+    mounted = camera.camera_to_world[:3, :3], camera.position
+    frames = [mounted if light.frame == "camera" else world for light in lights]
+    found = [_places(light, samples) for light in lights]
+    places = [own @ turn.T + place for own, (turn, place) in zip(found, frames, strict=True)]
+    return KnownLamps(
+        torch.tensor(np.concatenate([np.zeros((0, 3)), *places]), dtype=dtype),
+        tuple(lights),
+        tuple(len(own) for own in found),
+        tuple(torch.tensor(turn, dtype=dtype) for turn, _ in frames),
+    )
 
 
 def light_at(
@@ -40,59 +111,52 @@ def light_at(
     """
     total = np.zeros(points.shape)
     seen = np.isfinite(points).all(axis=-1)
-    for light in lights:
-        at, facing = points[seen].astype(np.float64), normals[seen].astype(np.float64)
-        if light.frame == "camera":
-            turn = camera.camera_to_world[:3, :3]
-            at, facing = (at - camera.position) @ turn, facing @ turn
-        total[seen] += _received(light, at, facing)
+    lamps = known_lamps(lights, camera, dtype=torch.float64)
+    at, facing = (torch.from_numpy(np.ascontiguousarray(x[seen], np.float64)) for x in (points, normals))
+    parts = []
+    for some, normal in zip(at.split(_AT_ONCE), facing.split(_AT_ONCE), strict=True):
+        arrival = arriving(lamps, some)
+        cosine = (arrival.toward * normal[:, None]).sum(dim=-1, keepdim=True).relu()
+        parts.append((arrival.facing * cosine).sum(dim=-2) / torch.pi)
+    total[seen] = torch.cat([at[:0], *parts]).numpy()
     return total
 
 
-def _received(light: LocalLight, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Of one light, in its own axes, shape ``(N, 3)``."""
-    places = _places(light)
-    total = np.zeros(points.shape)
-    for place in places:
-        away = points - place
-        distance = np.linalg.norm(away, axis=-1, keepdims=True).clip(min=_NEAREST)
-        directions = away / distance
-        cosine = -(directions * normals).sum(axis=-1, keepdims=True)
-        total += _intensity(light, directions) * cosine.clip(min=0) / distance**2
-    return total / (np.pi * len(places))
-
-
-def _places(light: LocalLight) -> np.ndarray:
-    """Points that stand for a light, shape ``(K, 3)``."""
+def _places(light: LocalLight, samples: int) -> np.ndarray:
+    """Points that stand for a light, in its own axes, shape ``(K, 3)``."""
     centre = np.array(light.position)
     if not isinstance(light, RectangleLight):
         return centre[None]
-    steps = (np.arange(SAMPLES) + 0.5) / SAMPLES * 2 - 1
+    steps = (np.arange(samples) + 0.5) / samples * 2 - 1
     u, v = np.meshgrid(steps, steps)
     return centre + u.reshape(-1, 1) * np.array(light.half_u) + v.reshape(-1, 1) * np.array(light.half_v)
 
 
-def _intensity(light: LocalLight, directions: np.ndarray) -> np.ndarray:
-    """Radiant intensity of the whole light in unit directions away from it, shape ``(N, 3)``, W/sr."""
+def _intensity(light: LocalLight, directions: torch.Tensor) -> torch.Tensor:
+    """Radiant intensity of the whole light in unit directions away from it, in its own axes, W/sr."""
+    axial = directions.new_tensor(light.axial_intensity)
     match light:
         case PointLight() | SphereLight():
-            return np.broadcast_to(light.axial_intensity, directions.shape)
+            return axial.expand(directions.shape)
         case SpotLight():
-            return light.axial_intensity * _beam(light, directions)
+            return axial * _beam(light, directions)
         case GaussianLight():
-            return light.intensity_towards(directions)
+            return lamps_of([light], directions.dtype).intensity(directions)
         case RectangleLight():
-            cosine = directions @ _unit(np.cross(light.half_u, light.half_v))
-            return light.axial_intensity * cosine.clip(min=0)[..., None]
+            facing = directions @ _unit(directions, np.cross(light.half_u, light.half_v))
+            return axial * facing.relu()[..., None]
+        case _:
+            assert_never(light)
 
 
-def _beam(light: SpotLight, directions: np.ndarray) -> np.ndarray:
-    """1 inside the beam, 0 outside the cone, linear in the angle between, shape ``(N, 1)``."""
-    angle = np.degrees(np.arccos(np.clip(directions @ _unit(np.array(light.direction)), -1, 1)))[..., None]
+def _beam(light: SpotLight, directions: torch.Tensor) -> torch.Tensor:
+    """1 inside the beam, 0 outside the cone, linear in the angle between, shape ``(..., 1)``."""
+    cosine = directions @ _unit(directions, np.array(light.direction))
+    angle = torch.rad2deg(torch.acos(cosine.clamp(-1, 1)))[..., None]
     if light.cutoff_angle == light.beam_width:
-        return (angle <= light.cutoff_angle).astype(np.float64)
-    return ((light.cutoff_angle - angle) / (light.cutoff_angle - light.beam_width)).clip(0, 1)
+        return (angle <= light.cutoff_angle).to(directions.dtype)
+    return ((light.cutoff_angle - angle) / (light.cutoff_angle - light.beam_width)).clamp(0, 1)
 
 
-def _unit(vector: np.ndarray) -> np.ndarray:
-    return vector / np.linalg.norm(vector)
+def _unit(like: torch.Tensor, vector: np.ndarray) -> torch.Tensor:
+    return normalize(like.new_tensor(vector), dim=-1)

@@ -7,7 +7,7 @@ direction ``w`` receives ``sum_k a_k exp(s_k (w . m_k - 1)) / d²``. That is the
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import torch
@@ -87,11 +87,24 @@ class Arrival(NamedTuple):
     """Shape ``(..., K)``, metres."""
 
 
-def arriving(lamps: Lamps, points: torch.Tensor, soften: float = 0.0) -> Arrival:
+class Shining(Protocol):
+    """K points that send light."""
+
+    @property
+    def positions(self) -> torch.Tensor:
+        """Shape ``(K, 3)``, metres."""
+        ...
+
+    def intensity(self, away: torch.Tensor) -> torch.Tensor:
+        """Radiant intensity in unit directions away from them, ``(..., K, 3)`` of ``(..., K, 3)``, W/sr."""
+        ...
+
+
+def arriving(lamps: Shining, points: torch.Tensor, soften: float = 0.0) -> Arrival:
     """What lamps send to points.
 
     Args:
-        lamps: K of them.
+        lamps: K of them, :class:`Lamps` or others.
         points: Shape ``(..., 3)``, metres.
         soften: Metres, squared and added to the squared distance: a lamp inside a surface is not infinitely
             bright. 0 is the light of a point.
