@@ -118,7 +118,7 @@ def effect_plot(check: gc.CheckResult) -> EffectPlot | None:
     scale = _log if check.unit == "×" else float
     wanted = [check.neutral, check.mean, *check.interval, *check.scenes.values()]
     wanted += [check.paper] if check.paper is not None else []
-    wanted += [end for end in check.accepted or () if math.isfinite(end)]
+    wanted += [end for end in check.accepted or () if math.isfinite(scale(end))]  # a ratio of 0 has no place
     axis = axis_of(map(scale, wanted), check.unit)
     assert axis is not None, "a mean is finite"
     ends = tuple(format_value(v, check.unit) for v in (min(wanted), max(wanted)))

@@ -13,6 +13,7 @@ from graycard.methods.appearance._tone import CODE, codes_of, tone_parameters, t
 from graycard.methods.splat import CENTRES, Parameters
 from graycard.methods.surfels import (
     Tones,
+    check_checkpoint,
     check_photographs,
     check_places,
     density_rules,
@@ -43,6 +44,7 @@ class AppearanceMethod:
         """
         check_places(capture)
         check_photographs(capture)
+        check_checkpoint(METHOD, settings, seed)
         parameters = fit_surfels(
             METHOD,
             capture,

@@ -26,6 +26,7 @@ from graycard.methods.splat import (
     train,
 )
 from graycard.methods.surfels import (
+    check_checkpoint,
     check_lamp_on_camera,
     check_photographs,
     check_places,
@@ -62,6 +63,7 @@ class DarkGsMethod:
         check_places(capture)
         check_photographs(capture)
         lamp, views = priors.light(), photographs(capture)
+        check_checkpoint(f"{METHOD} {lamp}", settings, seed)
         extent = scene_extent([view.camera for view in capture.train])
         pictures = [(view.camera, view.exposed) for view in views]
         checkpoint = fit_checkpoint(f"{METHOD} {lamp}", settings, seed, pictures)

@@ -2,6 +2,7 @@
 """From a spec to priors that a method can ask; what is missing is met before any time is spent."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from graycard import Capture, Light, MethodError, sha256
 from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorModel, Priors, PriorSource
+from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import Oracle, truth_for
 from graycard.methods.priors._spec import KindSpec, PriorSpec, of_kind
@@ -103,6 +105,7 @@ def make_priors(
         found = of_kind(spec, ask.kind)
         if ask.kind not in GIVES[found.source]:
             continue
+        found = replace(found, seed=seed_in(found.seed, capture.scene))
         if ask.kind == "light":
             calibration = calibrated(lights, found.errors, found.seed)
         else:

@@ -21,6 +21,11 @@ CORRELATION = 0.06
 """Correlation length of random fields: about the size of a thing in a room."""
 
 
+def seed_in(seed: int, scene: str) -> int:
+    """A seed for one scene: views of other scenes bear the same names, and their errors are others."""
+    return int.from_bytes(hashlib.sha256(f"{seed}/{scene}".encode()).digest()[:8], "big")
+
+
 def draws_of(seed: int, kind: str, view: str) -> np.random.Generator:
     """The random numbers of a view's errors of one kind."""
     digest = hashlib.sha256(f"{seed}/{kind}/{view}".encode()).digest()

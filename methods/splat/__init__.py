@@ -2,6 +2,7 @@
 """Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them."""
 
 from graycard.methods.splat._checkpoint import Checkpoint as Checkpoint
+from graycard.methods.splat._checkpoint import check_saved as check_saved
 from graycard.methods.splat._checkpoint import load_state as load_state
 from graycard.methods.splat._checkpoint import save_state as save_state
 from graycard.methods.splat._densify import DensityRules as DensityRules

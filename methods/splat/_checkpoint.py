@@ -30,7 +30,7 @@ class Checkpoint:
     every: int
     """Steps."""
     identity: str
-    """Says what the fit depends on: settings, seed, photographs. A state of another one is refused."""
+    """Says what the fit depends on: method, settings, seed, photographs. A state of another is refused."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -58,23 +58,63 @@ def load_state(checkpoint: Checkpoint) -> FitState | None:
         return None
     try:
         with safe_open(checkpoint.path, framework="pt") as file:
-            metadata = dict(file.metadata() or {})
+            facts = _facts(file.metadata())
             # Copies: kernels may round differently on memory that is aligned differently.
             tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-        facts = json.loads(metadata.pop("fit", "{}"))
-        if metadata != FORMAT:
-            raise ValueError(f"metadata {json.dumps(metadata)}")
         state = _unflat(facts["step"], tensors)
-    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as cause:
-        raise MethodError(
-            f"expected a saved fit in {checkpoint.path}, got: {cause}. Delete it to begin anew"
-        ) from cause
+    except _BROKEN as cause:
+        raise _broken(checkpoint.path, cause) from cause
     if facts["identity"] != checkpoint.identity:
-        raise MethodError(
-            f"expected {checkpoint.path} to hold a fit of these photographs with these settings and seed, "
-            "got one of others. Delete it to begin anew, or name another file"
-        )
+        raise _of_another(checkpoint.path)
     return state
+
+
+def check_saved(path: Path, begins: str) -> None:
+    """Refuse a file that no fit could go on from, without reading what it holds.
+
+    Args:
+        path: Of a checkpoint; there need not be a file.
+        begins: With what identities of such fits begin.
+
+    Raises:
+        MethodError: The file is damaged, or is of another fit.
+    """
+    if not path.exists():
+        return
+    try:
+        with safe_open(path, framework="pt") as file:
+            identity = str(_facts(file.metadata())["identity"])
+    except _BROKEN as cause:
+        raise _broken(path, cause) from cause
+    if not identity.startswith(begins):
+        raise _of_another(path)
+
+
+_BROKEN = (OSError, SafetensorError, KeyError, TypeError, ValueError)
+
+
+def _facts(metadata: Mapping[str, str] | None) -> dict[str, Any]:
+    """What the header says of the fit.
+
+    Raises:
+        ValueError: It is no header of a saved fit.
+    """
+    rest = dict(metadata or {})
+    facts = json.loads(rest.pop("fit", "{}"))
+    if rest != FORMAT:
+        raise ValueError(f"metadata {json.dumps(rest)}")
+    return facts
+
+
+def _broken(path: Path, cause: Exception) -> MethodError:
+    return MethodError(f"expected a saved fit in {path}, got: {cause}. Delete it to begin anew")
+
+
+def _of_another(path: Path) -> MethodError:
+    return MethodError(
+        f"expected {path} to hold a fit of these photographs with these settings and seed, "
+        "got one of others. Delete it to begin anew, or name another file"
+    )
 
 
 def _flat(state: FitState) -> dict[str, torch.Tensor]:

@@ -43,6 +43,8 @@ class DensityRules:
     reset_opacity: float = 0.01
     limit: int | None = None
     """No more surfels than these: those with the largest gradient come first. None: no limit."""
+    pauses: tuple[tuple[float, float], ...] = ()
+    """From and to which share of the budget surfels neither come nor go."""
 
     def __post_init__(self) -> None:
         shares = (self.start, self.until, self.least_opacity, self.reset_opacity)
@@ -59,7 +61,8 @@ class DensityRules:
     def densifies(self, step: int, budget: int) -> bool:
         """Whether surfels come and go after ``step`` steps are done."""
         within = self.start * budget < step < self.until * budget
-        return within and step % max(1, round(self.every * budget)) == 0
+        paused = any(begin * budget < step <= end * budget for begin, end in self.pauses)
+        return within and not paused and step % max(1, round(self.every * budget)) == 0
 
     def resets(self, step: int, budget: int) -> bool:
         """Whether opacities are reset after ``step`` steps are done."""

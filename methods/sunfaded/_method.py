@@ -24,7 +24,7 @@ from graycard.methods.sunfaded._scene import METHOD, SunFadedScene, load_scene
 from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
-from graycard.methods.surfels import fit_checkpoint
+from graycard.methods.surfels import check_checkpoint, fit_checkpoint
 
 
 class SunFadedMethod:
@@ -45,6 +45,7 @@ class SunFadedMethod:
                 too few sparse points, an answer of the prior is not sound, or the fit has no way on.
         """
         check_capture(capture)
+        check_checkpoint(METHOD, settings, seed)
         views = photographs(capture, settings)
         parameters = _fitted(capture, priors, views, settings, seed, progress)
         reach = _reach(parameters, views, settings)

@@ -21,7 +21,7 @@ from graycard.methods.splat import (
 )
 from graycard.methods.sunfaded._guess import Guess
 from graycard.methods.sunfaded._model import albedo_of, draw, picture_of, unlit_picture
-from graycard.methods.sunfaded._schedule import Stage, stage_at
+from graycard.methods.sunfaded._schedule import Stage, adds_surfels, stage_at
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings
 from graycard.methods.sunfaded._tiles import lens_of
 from graycard.methods.sunfaded._weight import unlit_weight
@@ -47,7 +47,8 @@ def photographs(capture: Capture, settings: SunFadedSettings) -> list[Photograph
     for view in capture.train:
         exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
         shown = encode(torch.from_numpy(exposed))
-        picture = exposed if settings.space == "linear" else shown.numpy()
+        linear = settings.space == "linear" and settings.weight == "log_minmax"
+        picture = exposed if linear else shown.numpy()
         weight = torch.from_numpy(unlit_weight(picture, settings))[..., None]
         found.append(Photograph(view.camera, shown, weight, lens_of(view.camera)))
     return found
@@ -79,7 +80,7 @@ class Objective:
             return Look(self._lit_loss(values, self._still(values, number), number))
         view = self.views[number]
         offsets = None
-        if stage in (Stage.UNLIT, Stage.JOINT):
+        if adds_surfels(stage, self.settings.schedule):
             offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
         drawn = draw(values, view.camera, self.settings, offsets)
         if stage is Stage.UNLIT and self.settings.ambient:
@@ -138,8 +139,8 @@ class Objective:
 
 
 def _asks_for_depth(stage: Stage, settings: SunFadedSettings) -> bool:
-    """In the first stage, and, once the prior has looked at the albedo, in the last ones."""
-    return stage is Stage.UNLIT or (settings.geometry_prior == "albedo" and stage >= Stage.OPACITY)
+    """In the first stage and the last ones; in the released code in the first alone."""
+    return stage is Stage.UNLIT or (settings.geometry_prior != "release" and stage >= Stage.OPACITY)
 
 
 def correlation(depth: torch.Tensor, guess: torch.Tensor, alpha: torch.Tensor) -> torch.Tensor:

@@ -69,12 +69,18 @@ def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]
 def density_rules(settings: SunFadedSettings) -> DensityRules:
     """Surfels are added in the first and third stage, and taken away in the fourth too.
 
-    What is looked at in between moves no surfel, so none is asked to be two.
+    In the second they stand still. In the fourth, of the released schedule, they are added as well; else
+    nothing is looked at that would ask for more.
     """
     return DensityRules(
         start=0.05, every=0.025, until=ENDS[settings.schedule][Stage.OPACITY], reset_every=1.0, gradient=1e-4,
-        limit=settings.surfels,
+        limit=settings.surfels, pauses=(_window(Stage.LAMP, settings),),
     )  # fmt: skip
+
+
+def adds_surfels(stage: Stage, schedule: Schedule) -> bool:
+    """Whether what surfels look like on the screen is watched, to add some."""
+    return stage in (Stage.UNLIT, Stage.JOINT) or (stage is Stage.OPACITY and schedule == "release_40k")
 
 
 def _window(stage: Stage, settings: SunFadedSettings) -> tuple[float, float]:

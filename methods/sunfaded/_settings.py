@@ -8,7 +8,7 @@ Space = Literal["linear", "srgb"]
 Weight = Literal["log_minmax", "linear_max", "none"]
 LightMap = Literal["nearest", "bilinear"]
 Schedule = Literal["short", "paper", "release_40k"]
-GeometryPrior = Literal["albedo", "lit", "none"]
+GeometryPrior = Literal["albedo", "lit", "release", "none"]
 Shading = Literal["image", "surfel"]
 
 
@@ -30,13 +30,14 @@ class SunFadedSettings:
     code; the paper says nothing. Those are lit, and where the lamp always shines they would stay."""
     weight: Weight = "log_minmax"
     """How brightly lit a pixel is, for the first stage: ``log_minmax``, the blurred logarithm from 0 at the
-    picture's darkest to 1 at its brightest place (paper); ``linear_max``, the blurred picture over its
-    largest value (released code); ``none``: all pixels count alike."""
+    picture's darkest to 1 at its brightest place (paper; of the picture in ``space``, for a power, as the
+    encoding of a display nearly is, drops out of it); ``linear_max``, the blurred picture, as displayed, over
+    its largest value (released code); ``none``: all pixels count alike."""
     beta: float = 10.0
     """How fast the weight of a pixel falls with it."""
     blur: float = 0.1
-    """Standard deviation of that blur, of the picture's width. The paper names none; 0.1 is that of the
-    released code."""
+    """Standard deviation of that blur, of the picture's width (inferred: the paper names none; the released
+    code has 100 pixels of the photograph as it was taken)."""
     unlit_weight: float = 1.0
     """Of the loss of the first stage (released code: 5)."""
     light_map: LightMap = "nearest"
@@ -56,8 +57,9 @@ class SunFadedSettings:
     step, the lamp too."""
     geometry_prior: GeometryPrior = "albedo"
     """Depth and normals that a prior tells from the photographs, then, in the third stage, anew from the
-    ``albedo`` (paper), or from the photographs to the end (``lit``; what the released code does), or
-    not at all. A fit without a source of priors goes without them."""
+    ``albedo`` (paper); or from the photographs in both (``lit``); or, of these, depth in the first stage
+    alone and normals to the end (``release``: what the released code does); or not at all (``none``). A fit
+    without a source of priors goes without them."""
     depth_weight: float = 0.001
     """Of 1 - Pearson's correlation of drawn depth and the prior's."""
     normal_weight: float = 0.01

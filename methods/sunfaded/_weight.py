@@ -14,10 +14,11 @@ def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:
     """``exp(-beta L)`` with L, in [0, 1], how much light there is around a pixel.
 
     The paper blurs the logarithm of the picture, which leaves light and takes out texture (as Retinex does),
-    and brings it to [0, 1]; the released code blurs the picture and divides by its largest value.
+    and brings it to [0, 1]; the released code blurs the picture as displayed and divides by its largest
+    value.
 
     Args:
-        picture: Shape ``(H, W, 3)``, of the space of the fit, 1 is white.
+        picture: Shape ``(H, W, 3)``, 1 is white; for ``linear_max`` as displayed, in spite of the name.
         settings: ``weight``, ``beta`` and ``blur``.
 
     Returns:

@@ -10,6 +10,7 @@ from graycard.methods.surfels._compose import composed as composed
 from graycard.methods.surfels._likeness import SweptView as SweptView
 from graycard.methods.surfels._method import OracleSurfelMethod as OracleSurfelMethod
 from graycard.methods.surfels._method import SurfelMethod as SurfelMethod
+from graycard.methods.surfels._method import check_checkpoint as check_checkpoint
 from graycard.methods.surfels._method import density_rules as density_rules
 from graycard.methods.surfels._method import fit_checkpoint as fit_checkpoint
 from graycard.methods.surfels._method import fit_surfels as fit_surfels

@@ -22,6 +22,7 @@ from graycard.methods.splat import (
     Parameters,
     Plan,
     Rate,
+    check_saved,
     initial_state,
     scene_extent,
     train,
@@ -52,6 +53,7 @@ class SurfelMethod:
             MethodError: There are too few sparse points, or the fit has no way on.
         """
         check_places(capture)
+        check_checkpoint("2dgs", settings, seed)
         rules = density_rules(settings.surfels)
         start = sparse_start(capture, settings, seed)
         parameters = fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
@@ -86,6 +88,7 @@ class OracleSurfelMethod:
             MethodError: Depth or normals were not handed in, or the fit has no way on.
         """
         check_places(capture)
+        check_checkpoint("2dgs-oracle", settings, seed)
         start = oracle_start(capture, priors, settings, seed)
         parameters = fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
         return SurfelScene("2dgs-oracle", parameters, capture.exposure)
@@ -169,8 +172,29 @@ def fit_checkpoint(
     """
     if not settings.checkpoint:
         return None
-    digest = hashlib.sha256(json.dumps([method, seed, encode(settings)]).encode())
+    digest = hashlib.sha256()
     for camera, picture in views:
         digest.update(camera.digest.encode() + picture.numpy().tobytes())
     every = max(1, settings.iterations // SAVES)
-    return Checkpoint(Path(settings.checkpoint), every, digest.hexdigest())
+    identity = f"{_chosen(method, settings, seed)} {digest.hexdigest()}"
+    return Checkpoint(Path(settings.checkpoint), every, identity)
+
+
+def check_checkpoint(method: str, settings: Any, seed: int) -> None:
+    """Refuse the file of another fit before anything is asked of a prior or looked for in photographs.
+
+    Args:
+        method: Its name, as for :func:`fit_checkpoint`.
+        settings: With ``checkpoint``, the file.
+        seed: Of the fit.
+
+    Raises:
+        MethodError: The file is damaged, or is of another method, other settings or another seed.
+    """
+    if settings.checkpoint:
+        check_saved(Path(settings.checkpoint), _chosen(method, settings, seed))
+
+
+def _chosen(method: str, settings: Any, seed: int) -> str:
+    """A hash of what a fit depends on besides what it looks at."""
+    return hashlib.sha256(json.dumps([method, seed, encode(settings)]).encode()).hexdigest()

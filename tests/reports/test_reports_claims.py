@@ -94,6 +94,19 @@ def test_effects_stand_where_their_values_are() -> None:
     assert plot.ends == ("0.00", "10.80")
 
 
+def test_a_ratio_of_nothing_has_no_place_on_the_axis() -> None:
+    plot = effect_plot(
+        replace(
+            CHECK, unit="×", neutral=1.0, mean=0.9, interval=(0.8, 1.0), scenes={"a": 0.85, "b": 0.95},
+            paper=None, accepted=(0.0, 1.0),
+        )
+    )  # fmt: skip
+    assert plot is not None
+    assert plot.ends == ("0.80", "1.00")
+    assert plot.accepted is not None
+    assert plot.accepted[0] == 0.0
+
+
 def test_an_open_end_reaches_to_the_border() -> None:
     half = effect_plot(replace(CHECK, accepted=(-math.inf, 6.0)))
     other = effect_plot(replace(CHECK, accepted=(6.0, math.inf)))

@@ -55,6 +55,14 @@ def test_errors_grow_in_place_with_severity_and_follow_the_seed(scene: Path):
     assert told(scene, PriorSpec("oracle", 5, 1000)) != told(scene, PriorSpec("oracle", 5, 1001))
 
 
+def test_each_scene_has_errors_of_its_own(make_scene: Callable[..., Path]):
+    one, other = (make_scene(scene=name) for name in ("one-0001", "other-0002"))
+    spec = PriorSpec("oracle", 3)
+    assert told(one, spec) == told(one, spec)
+    assert told(one, spec) != told(other, spec)
+    assert told(one, PriorSpec("oracle", 0)) == told(other, PriorSpec("oracle", 0))
+
+
 def test_each_error_is_alone_and_as_large_as_it_says():
     """The mean square is that of what is set; a factor's logarithm is normal."""
     cases = (LightErrors(translation=0.1), LightErrors(rotation=4.0), LightErrors(width=0.1))

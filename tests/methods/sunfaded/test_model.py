@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a picture comes about from albedo, a light that stays and a lamp."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 
 import graycard as gc
 from graycard.methods.splat import Parameters, parameters_of, surfels_on_surface
-from graycard.methods.sunfaded import SunFadedSettings, _tiles
+from graycard.methods.sunfaded import SunFadedSettings, _model, _tiles
 from graycard.methods.sunfaded._light import BANDS, POSITION, lamp_intensity, lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, albedo_of, draw, picture_of
 from graycard.methods.sunfaded._tiles import lens_of
@@ -69,12 +71,18 @@ def test_the_lamp_is_intensity_times_cosine(shading: str, side: int, error: floa
     np.testing.assert_allclose(picture.lit[solid], expected[solid], rtol=error)
 
 
-def test_light_and_albedo_trade_a_gain(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize(
+    "reading",
+    [{}, {"light_map": "bilinear", "tile": 0.2}, {"shading": "surfel"}, {"space": "srgb"}],
+    ids=str,
+)
+def test_light_and_albedo_trade_a_gain(monkeypatch: pytest.MonkeyPatch, reading: dict[str, Any]):
     """(A, E, i) and (gA, E/g, i/g), a gain for each channel, are the same picture."""
     gain = torch.tensor([0.5, 0.8, 1.6])
-    values, settings = floor().all, SunFadedSettings()
+    values, settings = floor().all, SunFadedSettings(**reading)
     before = shown(values, settings).whole
-    monkeypatch.setattr(_tiles, "lamp_intensity", lambda v, points: lamp_intensity(v, points) / gain)
+    for module in (_tiles, _model):
+        monkeypatch.setattr(module, "lamp_intensity", lambda v, points: lamp_intensity(v, points) / gain)
     changed = {**values, ALBEDO: (albedo_of(values) * gain).logit(), AMBIENT: values[AMBIENT] / gain}
     torch.testing.assert_close(shown(changed, settings).whole, before, rtol=1e-6, atol=1e-6)
 

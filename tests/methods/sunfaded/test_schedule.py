@@ -68,6 +68,20 @@ def test_surfels_are_taken_away_while_opacities_are_fitted_and_not_after():
     assert not any(rules.resets(step, 2000) for step in range(2000))
 
 
+@pytest.mark.parametrize("schedule", list(ENDS))
+@pytest.mark.parametrize("steps", [60, 80, 100, 300, 500, 1000, 2000])
+def test_surfels_stand_still_while_the_lamp_is_found(schedule: Schedule, steps: int):
+    """Not one comes or goes, whatever the number of steps: views are drawn once then."""
+    rules = density_rules(SunFadedSettings(iterations=steps, schedule=schedule))
+    for done in range(1, steps):
+        if (
+            stage_at(done / steps, schedule) is Stage.LAMP
+            and stage_at((done - 1) / steps, schedule) is Stage.LAMP
+        ):
+            assert not rules.densifies(done, steps)
+    assert any(rules.densifies(done, steps) for done in range(1, steps))
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

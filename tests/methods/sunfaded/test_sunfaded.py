@@ -16,12 +16,13 @@ from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import initial_state
 from graycard.methods.splat._optimise import leaves
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
-from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, guesses
+from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, Guess, guesses
 from graycard.methods.sunfaded._light import NETWORK, POSITION, lamp_intensity
 from graycard.methods.sunfaded._model import AMBIENT, albedo_of
 from graycard.methods.sunfaded._objective import Objective, correlation, photographs
 from graycard.methods.sunfaded._schedule import ENDS, Stage, learning_rates
 from graycard.methods.sunfaded._start import start
+from graycard.methods.sunfaded._weight import unlit_weight
 from graycard.methods.surfels import decode
 from sparse_points import with_points
 
@@ -73,16 +74,27 @@ def test_it_follows_the_contract(scene: Path):
     assert "shading" not in fitted(scene, space="srgb", iterations=5).provides
 
 
-def test_it_finds_a_lamp_and_beats_a_flat_guess(scene: Path):
-    """Where the lamp is found is chance here: by seed and length of the fit from 12 cm left to 9 cm right."""
-    found = fitted(scene, iterations=400)
-    lights = found.lights()
+def test_it_finds_the_lamp_on_its_side(make_scene: Callable[..., Path]):
+    """30 cm to the right of the lens, in camera axes.
+
+    Surfaces are told by a prior here and few: with less to go by, on this scene, what the network does not
+    explain pulls the lamp to either side.
+    """
+    scene = make_scene(train=12, test=2)
+    held = {"normal_weight": 0.3, "depth_weight": 0.1}
+    plain = {"schedule": "paper", "ssim_share": 0.0, "iterations": 800}
+    lights = fitted(scene, oracle(scene), **held, **plain).lights()
     assert lights is not None
     (lamp,) = lights
     assert isinstance(lamp, gc.PointLight)
     assert lamp.frame == "camera"
+    assert lamp.position[0] > 0.05
     assert np.linalg.norm(lamp.position) < 0.5
     assert min(lamp.intensity) > 0
+
+
+def test_it_beats_a_flat_guess(scene: Path):
+    found = fitted(scene, iterations=400)
     truth = gc.open_truth(scene / "truth", check=False)
     errors, flat = [], []
     for view in truth.views:
@@ -95,14 +107,31 @@ def test_it_finds_a_lamp_and_beats_a_flat_guess(scene: Path):
     assert np.mean(errors) < 0.25 * np.mean(flat)
 
 
+READINGS = (
+    {},
+    {"geometry_start": 0.0},
+    {"schedule": "paper", "ssim_share": 0.0},
+    {"schedule": "release_40k", "weight": "linear_max", "geometry_prior": "release"},
+    {"space": "srgb"},
+    {"light_map": "bilinear", "tile": 0.2},
+    {"shading": "surfel"},
+    {"ambient": False},
+    {"geometry_prior": "none"},
+)
+"""Ways to fit: the default first."""
+
+
 @pytest.mark.parametrize("stage", Stage)
-def test_each_number_gets_a_gradient_when_its_stage_begins(scene: Path, stage: Stage):
-    capture, chosen = with_points(scene), settings(geometry_start=0.0)
+@pytest.mark.parametrize("reading", READINGS, ids=str)
+def test_each_number_gets_a_gradient_when_its_stage_begins(
+    scene: Path, stage: Stage, reading: dict[str, object]
+):
+    capture, chosen = with_points(scene), settings(**reading)
     views = photographs(capture, chosen)
     images = [capture.photograph(view) * np.float32(capture.exposure) for view in capture.train]
     told = guesses(capture, oracle(scene), images)
     state = initial_state(start(capture, views, chosen, 0), 0)
-    share = ENDS["short"][stage - 1] if stage else 0.0
+    share = ENDS[chosen.schedule][stage - 1] if stage else 0.0
     moving = leaves(state, learning_rates(2.0, chosen), share)
     look = Objective(views, told, chosen, 0)(moving, round(share * chosen.iterations))
     asked = {name: values for name, values in moving.items() if values.requires_grad}
@@ -149,13 +178,57 @@ def test_the_prior_is_asked_again_with_the_albedo(scene: Path):
             asked.append(question.image)  # pyright: ignore[reportAttributeAccessIssue]
             return np.full(asked[-1].shape[:2], 2.0)
 
-    for prior, times in (("albedo", 2), ("lit", 1), ("none", 0)):
+    for prior, times in (("albedo", 2), ("lit", 1), ("release", 1), ("none", 0)):
         asked.clear()
         fitted(scene, methods.Priors("classical", models={"depth": Notes()}), geometry_prior=prior)
         assert len(asked) == 5 * times
         if times == 2:
             assert max(image.max() for image in asked[5:]) <= 1 + 1e-6
             assert np.abs(asked[0] - asked[5]).mean() > 0.05
+
+
+@pytest.mark.parametrize(
+    ("prior", "last"), [("albedo", True), ("lit", True), ("release", False), ("none", True)]
+)
+def test_depth_is_asked_for_in_the_first_stage_and_the_last_ones(scene: Path, prior: str, last: bool):
+    """In the released code only in the first. What a prior would say is handed in, whatever is asked."""
+    capture, chosen = with_points(scene), settings(geometry_prior=prior, geometry_start=1.0)
+    views = photographs(capture, chosen)
+    told = guesses(capture, oracle(scene), [capture.photograph(view) for view in capture.train])
+    nothing = [Guess()] * len(views)
+    values = dict(start(capture, views, chosen, 0).all)
+    for stage, counts in zip(Stage, (True, False, False, last, last), strict=True):
+        step = round(ENDS["short"][stage - 1] * chosen.iterations) if stage else 0
+        with_depth, without = (
+            float(Objective(views, g, chosen, 0)(values, step).loss.detach()) for g in (told, nothing)
+        )
+        assert (with_depth != without) is counts, stage
+
+
+@pytest.mark.parametrize("schedule", list(ENDS))
+def test_surfels_are_watched_where_they_are_added(scene: Path, schedule: str):
+    """The released code adds them while opacities are fitted too."""
+    capture, chosen = with_points(scene), settings(schedule=schedule)
+    views = photographs(capture, chosen)
+    values = dict(start(capture, views, chosen, 0).all)
+    objective = Objective(views, [Guess()] * len(views), chosen, 0)
+    for stage in Stage:
+        step = round(ENDS[chosen.schedule][stage - 1] * chosen.iterations) if stage else 0
+        watched = stage in (Stage.UNLIT, Stage.JOINT) or (
+            stage is Stage.OPACITY and schedule == "release_40k"
+        )
+        assert (objective(values, step).offsets is not None) is watched, stage
+
+
+def test_the_released_weight_is_of_what_a_display_shows(scene: Path):
+    """The paper's is of the picture in the space of the fit."""
+    capture = with_points(scene)
+    for kind, space in (("linear_max", "srgb"), ("log_minmax", "linear")):
+        chosen = settings(weight=kind)
+        for view, taken in zip(capture.train, photographs(capture, chosen), strict=True):
+            linear = capture.photograph(view) * np.float32(capture.exposure)
+            seen = taken.shown.numpy() if space == "srgb" else linear
+            np.testing.assert_allclose(taken.weight[..., 0], unlit_weight(seen, chosen), rtol=1e-5)
 
 
 def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
@@ -223,6 +296,26 @@ def test_a_checkpoint_of_another_method_is_refused_before_any_step(scene: Path, 
     other.fit(capture, methods.Priors(), chosen, 0, gc.silent)
     with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
         methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(checkpoint=file), 0, no_time)
+
+
+@pytest.mark.parametrize("change", [{"iterations": 79}, {"seed": 1}], ids=str)
+def test_a_checkpoint_of_another_fit_is_refused_before_a_prior_is_asked(
+    scene: Path, tmp_path: Path, change: dict[str, int]
+):
+    class Asked:
+        def answer(self, question: Question) -> np.ndarray:
+            raise AssertionError("the prior was asked")
+
+    capture, method = with_points(scene), methods.load_method("sunfaded")
+    file = str(tmp_path / "fit")
+    method.fit(capture, methods.Priors(), settings(checkpoint=file, iterations=10), 0, gc.silent)
+    told = methods.Priors("classical", models={"depth": Asked()})
+    chosen = settings(checkpoint=file, iterations=change.get("iterations", 10))
+    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+        method.fit(capture, told, chosen, change.get("seed", 0), no_time)
+    (tmp_path / "fit").write_bytes(b"nothing")
+    with pytest.raises(gc.MethodError, match="expected a saved fit in"):
+        method.fit(capture, told, chosen, 0, no_time)
 
 
 def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(scene: Path):
