@@ -15,6 +15,7 @@ from graycard.methods.priors._colour import ColorErrors, corrupt_base_color
 from graycard.methods.priors._depth import DepthErrors, corrupt_depth
 from graycard.methods.priors._draws import blurred, draws_of, log_light, relief, smooth_field
 from graycard.methods.priors._inpainting import InpaintingErrors, corrupt_filling
+from graycard.methods.priors._mask import LEVELS as MASK_LEVELS
 from graycard.methods.priors._mask import MaskErrors, corrupt_mask
 from graycard.methods.priors._material import (
     MetallicErrors,
@@ -70,15 +71,27 @@ def wrongness(kind: str, answer: np.ndarray, true: np.ndarray) -> float:
     return float(np.abs(answer.astype(float) - true).mean())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "mask"])
 def test_errors_grow_with_severity(kind: str, scene, questions):
     """The mean over views and seeds; draws are those of severity 1, only larger."""
     growth = []
     for severity in range(6):
-        told = [scene.priors(PriorSpec("oracle", severity, seed)) for seed in range(1000, 1040)]
+        told = [scene.priors(PriorSpec("oracle", severity, seed)) for seed in range(1000, 1012)]
         cases = [(questions[kind](p, v), truths(scene)[kind](v)) for p in told for v in scene.capture.views]
         growth.append(np.mean([wrongness(kind, *case) for case in cases]))
     assert growth[0] < 1e-5
+    assert (np.diff(growth) > 0).all(), growth
+
+
+def test_errors_of_masks_grow_with_severity():
+    """On a picture so wide that the least of them is a pixel; the tiny scene has a tenth of that."""
+    x, y = np.mgrid[:256, :256]
+    disc = (x - 120) ** 2 + (y - 130) ** 2 < 60**2
+    growth = []
+    for errors in MASK_LEVELS:
+        told = [corrupt_mask(disc, "target", errors, seed, "train_000") for seed in range(1000, 1024)]
+        growth.append(np.mean([wrongness("mask", one, disc) for one in told]))
+    assert growth[0] == 0
     assert (np.diff(growth) > 0).all(), growth
 
 
