@@ -19,7 +19,7 @@ from graycard.methods.gsid._lights import (
     lamps_from,
     sky_from,
 )
-from graycard.methods.gsid._model import Picture, picture_of, pixels_of
+from graycard.methods.gsid._model import Picture, Reach, picture_of, pixels_of
 from graycard.methods.gsid._objective import Shot
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of
@@ -45,7 +45,7 @@ class Lack:
 def aggregated(
     state: FitState,
     shots: Sequence[Shot],
-    shadows: Sequence[torch.Tensor | None],
+    reach: Sequence[Reach],
     settings: GsidSettings,
     extent: float,
 ) -> FitState:
@@ -56,14 +56,14 @@ def aggregated(
     Args:
         state: Of the second stage; used up.
         shots: Training views.
-        shadows: One a view.
+        reach: One a view.
         settings: ``lamps`` and ``least_share``.
         extent: Of the scene, metres.
     """
     if settings.lamps == 0:
         return state
     values = state.parameters.all
-    pictures = [_shaded(values, s, d, settings, extent) for s, d in zip(shots, shadows, strict=True)]
+    pictures = [_shaded(values, s, r, settings, extent) for s, r in zip(shots, reach, strict=True)]
     given = torch.stack([p.by_lamp.mean(dim=(0, 1, 3)) for p in pictures]).mean(dim=0)
     weakest = int(given.argmin())
     if given[weakest] >= settings.least_share * given.sum():
@@ -79,13 +79,13 @@ def aggregated(
 def _shaded(
     values: Mapping[str, torch.Tensor],
     shot: Shot,
-    shadows: torch.Tensor | None,
+    reach: Reach,
     settings: GsidSettings,
     extent: float,
 ) -> Picture:
     surroundings = surroundings_of(sky_from(values))
     pixels = pixels_of(values, shot.ground)
-    return picture_of(pixels, lamps_from(values), surroundings, shadows, settings.visibility, extent)
+    return picture_of(pixels, lamps_from(values), surroundings, reach, settings.visibility, extent)
 
 
 def largest_lack(shots: Sequence[Shot], pictures: Sequence[Picture], extent: float) -> Lack:

@@ -11,7 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy.optimize import nnls
+from scipy.sparse import csr_matrix
+from torch.nn.functional import normalize
 
+from graycard.methods.gsid._bounces import Bounces
 from graycard.methods.gsid._model import SOFTEN
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._visibility import lamp_visibility
@@ -21,6 +24,7 @@ from graycard.methods.shading import (
     arriving,
     lit_by_lamps,
     lit_by_surroundings,
+    look_up,
     surroundings_of,
 )
 from graycard.methods.splat import Surfels
@@ -38,6 +42,12 @@ SHAPES = (0.0, 4.0)
 seen."""
 DIM = 0.5
 """Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
+DOUBT = 0.6
+"""Of the sky: as if so many of the samples, by their weight, had been seen black under it alone. What no lamp
+explains exactly, with shadows and materials that are about known, a sky of six colours explains in part:
+without a doubt it takes a third of the lamps' light."""
+HALVINGS = 2
+"""Of the step by which places are looked for between those of the grid."""
 _AT_ONCE = 64
 """Places whose light is found at once."""
 _SEEN = 0.05
@@ -62,6 +72,33 @@ class Samples:
 
 
 @dataclass(frozen=True, eq=False)
+class ByWay:
+    """How light comes to P pixels by way of other surfaces."""
+
+    bounces: Bounces
+    shares: csr_matrix
+    """Shape ``(P, M)``: see :meth:`Sight.shares`."""
+    albedo: torch.Tensor
+    """Shape ``(M, 3)``, of what is matte, of the nodes."""
+    open: torch.Tensor
+    """Shape ``(M,)``: share of the sky's light that arrives at the nodes."""
+
+    def returned(self, direct: torch.Tensor, diffuse: torch.Tensor) -> torch.Tensor:
+        """What pixels return of it, shape ``(P, ..., 3)``.
+
+        Args:
+            direct: Shape ``(M, ...)``: irradiance of the nodes straight from each light, grey.
+            diffuse: Shape ``(P, 3)``: albedo of the pixels.
+        """
+        columns, found = direct.reshape(len(direct), -1).numpy(), []
+        for channel in range(3):
+            sent = self.bounces.sent_on(columns, self.albedo[:, channel : channel + 1].numpy())
+            arrived = torch.from_numpy(self.shares @ sent)
+            found.append(arrived * diffuse[:, channel : channel + 1] / torch.pi)
+        return torch.stack(found, dim=-1).reshape(len(diffuse), *direct.shape[1:], 3)
+
+
+@dataclass(frozen=True, eq=False)
 class FirstLights:
     """Lamps, and a sky of six colours, exposed."""
 
@@ -75,7 +112,9 @@ class FirstLights:
     """Shape ``(6, 3)``: radiance of the faces of the cubemap."""
 
 
-def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float) -> FirstLights:
+def find_lights(
+    samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float, by_way: ByWay | None = None
+) -> FirstLights:
     """The lights that explain the samples best, at most ``settings.lamps`` lamps.
 
     Args:
@@ -83,9 +122,10 @@ def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, exte
         surfels: In the way of light.
         settings: Of the fit.
         extent: Of the scene, metres.
+        by_way: How light gets from surface to surface; None: not at all.
     """
-    look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent)
-    sky, shown = _sky_columns(samples), samples.shown
+    look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent, by_way)
+    sky, shown = _sky_columns(samples, by_way), samples.shown
     places, spacing = _grid(samples)
     if settings.lamps == 0:
         places = places[:0]
@@ -96,8 +136,37 @@ def find_lights(samples: Samples, surfels: Surfels, settings: GsidSettings, exte
     )
     given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
     merged = _merged(places, given, 1.6 * spacing, settings.lamps)
-    intensities, of_sky = _explained(look.columns(merged)[0], sky, shown)
-    return FirstLights(merged, intensities, look.middle, of_sky)
+    refined = _refined(look, merged, sky, spacing / 2)
+    intensities, of_sky = _explained(look.columns(refined)[0], sky, shown)
+    return FirstLights(refined, intensities, look.middle, of_sky)
+
+
+def _refined(look: "_Look", places: torch.Tensor, sky: torch.Tensor, step: float) -> torch.Tensor:
+    """Places between those of the grid: each in turn goes a step along an axis wherever less is left then.
+
+    Args:
+        look: What lamps give.
+        places: Shape ``(k, 3)``, metres.
+        sky: Shape ``(P, 6, 3)``.
+        step: Metres, halved :data:`HALVINGS` times.
+    """
+    if not len(places):
+        return places
+    shown, sky = look.samples.shown.mean(dim=-1), sky.mean(dim=-1)
+    places, ways = places.clone(), torch.cat([torch.eye(3), -torch.eye(3)])
+    columns = look.columns(places)[0].mean(dim=-1)
+    for size in [step / 2**level for level in range(HALVINGS + 1) for _ in range(2)]:
+        tried = places[:, None] + size * ways
+        others = look.columns(tried.flatten(0, 1))[0].mean(dim=-1).unflatten(1, tried.shape[:2])
+        least = _left_over(columns, sky, shown)
+        for lamp in range(len(places)):
+            for way in range(len(ways)):
+                moved = columns.clone()
+                moved[:, lamp] = others[:, lamp, way]
+                left = _left_over(moved, sky, shown)
+                if left < least:
+                    least, columns, places[lamp] = left, moved, tried[lamp, way]
+    return places
 
 
 def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
@@ -123,6 +192,7 @@ class _Look:
     surfels: Surfels
     settings: GsidSettings
     extent: float
+    by_way: ByWay | None
 
     def columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Of lobes of 1 W/sr, ``(P, C, S, 3)``, and the share of the samples that each place sees."""
@@ -140,7 +210,15 @@ class _Look:
         even = lit_by_lamps(samples.material, samples.normal, samples.eye, arrival).whole
         shapes = SHAPES[: self.settings.lobes]
         beams = [self._lamps(places, sharpness).intensity(-arrival.toward) for sharpness in shapes]
-        return torch.stack([even * beam for beam in beams], dim=2), reached.mean(dim=0)
+        found = torch.stack([even * beam for beam in beams], dim=2)
+        if self.by_way is not None:
+            sight = self.by_way.bounces.seen_from
+            direct = sight.lit_by(self._lamps(places, 0.0), SOFTEN * self.extent)[..., 0]
+            away = normalize(sight.nodes[:, None] - places, dim=-1)
+            beams = [self._lamps(places, sharpness).intensity(away)[..., 0] for sharpness in shapes]
+            on_nodes = torch.stack([direct * beam for beam in beams], dim=2)
+            found = found + self.by_way.returned(on_nodes, samples.material.diffuse)
+        return found, reached.mean(dim=0)
 
     def _lamps(self, places: torch.Tensor, sharpness: float) -> Lamps:
         ones = torch.ones(len(places), 1, 3)
@@ -148,14 +226,19 @@ class _Look:
         return Lamps(places, axes, torch.full((len(places), 1), sharpness), ones)
 
 
-def _sky_columns(samples: Samples) -> torch.Tensor:
+def _sky_columns(samples: Samples, by_way: ByWay | None) -> torch.Tensor:
     """What each face of the cubemap gives with a radiance of 1, shape ``(P, 6, 3)``."""
     columns = []
     for face in range(6):
         sky = torch.zeros(6, 1, 1, 3)
         sky[face] = 1
-        lit = lit_by_surroundings(samples.material, samples.normal, samples.eye, surroundings_of(sky))
+        surroundings = surroundings_of(sky)
+        lit = lit_by_surroundings(samples.material, samples.normal, samples.eye, surroundings)
         columns.append(lit.whole * samples.open[:, None])
+        if by_way is not None:
+            facing = by_way.bounces.seen_from.facing
+            direct = by_way.open * look_up(surroundings.irradiance, facing)[..., 0]
+            columns[-1] = columns[-1] + by_way.returned(direct, samples.material.diffuse)
     return torch.stack(columns, dim=1)
 
 
@@ -164,16 +247,31 @@ def _explained(
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Strengths ``(C, S, channels)`` and the sky's ``(6, channels)``: non-negative least squares.
 
-    Errors count in shares of a pixel's brightness, as far as that is above a share of the mean.
+    Errors count in shares of a pixel's brightness, as far as that is above a share of the mean. The sky is
+    held down, see :data:`DOUBT`.
     """
     weights = 1 / (shown.mean(dim=-1) + DIM * shown.mean())
-    found = []
-    for channel in range(shown.shape[-1]):
-        columns = torch.cat([lamps[..., channel].flatten(1), sky[..., channel]], dim=1) * weights[:, None]
-        target = shown[:, channel] * weights
-        found.append(nnls(columns.double().numpy(), target.double().numpy())[0])
+    found = [
+        _solved(lamps[..., channel], sky[..., channel], shown[:, channel], weights)[0]
+        for channel in range(shown.shape[-1])
+    ]
     strengths = torch.from_numpy(np.stack(found, axis=-1)).float()
     return strengths[:-6].reshape(*lamps.shape[1:3], shown.shape[-1]), strengths[-6:]
+
+
+def _left_over(lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor) -> float:
+    """What grey columns do not explain at best: root of the sum of squares."""
+    return _solved(lamps, sky, shown, 1 / (shown + DIM * shown.mean()))[1]
+
+
+def _solved(
+    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, weights: torch.Tensor
+) -> tuple[np.ndarray, float]:
+    """Strengths of columns of one channel, ``(P, C, S)`` and ``(P, 6)``, and what is left."""
+    columns = torch.cat([lamps.flatten(1), sky], dim=1) * weights[:, None]
+    held = torch.diag(DOUBT * columns.norm(dim=0))[-sky.shape[1] :]
+    target = torch.cat([shown * weights, torch.zeros(len(held))])
+    return nnls(torch.cat([columns, held]).double().numpy(), target.double().numpy())
 
 
 def _merged(places: torch.Tensor, given: torch.Tensor, reach: float, most: int) -> torch.Tensor:

@@ -9,9 +9,19 @@ import torch
 
 from graycard import Capture, MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
-from graycard.methods.gsid._candidates import SAMPLES, Samples, enough_cover, find_lights
+from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
+from graycard.methods.gsid._candidates import SAMPLES, ByWay, Samples, enough_cover, find_lights
 from graycard.methods.gsid._guess import Guess
-from graycard.methods.gsid._lights import AMPLITUDES, AXES, POSITIONS, SHARPNESS, SKY, first_lights
+from graycard.methods.gsid._lights import (
+    AMPLITUDES,
+    AXES,
+    POSITIONS,
+    SHARPNESS,
+    SKY,
+    first_lights,
+    lamps_from,
+    sky_from,
+)
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import (
     BASE_COLOR,
@@ -19,14 +29,19 @@ from graycard.methods.gsid._model import (
     OPEN,
     ROUGHNESS,
     SHADOW,
+    SIDE,
+    SOFTEN,
+    Reach,
     ground_of,
+    lit_side,
+    matte_of,
     pixels_of,
-    shadows_of,
+    reach_of,
 )
 from graycard.methods.gsid._objective import Objective, Shot, shots_of
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._visibility import lamp_visibility, outward, sky_visibility
-from graycard.methods.shading import Material
+from graycard.methods.shading import Material, surroundings_of
 from graycard.methods.splat import (
     GEOMETRY,
     FitState,
@@ -50,6 +65,8 @@ class Stage:
     settings: GsidSettings
     extent: float
     seed: int
+    bounces: Bounces | None = None
+    """Between the surfels; None: light goes no further than to what it falls on."""
 
     @property
     def steps(self) -> int:
@@ -84,10 +101,13 @@ def fit_lights(
     normals = outward(surfels, eyes)
     opened = sky_visibility(surfels, normals, extent) if settings.occlusion else torch.ones(len(surfels))
     grounds = [ground_of(surfels, view.camera, opened) for view in capture.train]
-    stage = Stage(surfels, shots_of(capture, grounds, guesses), settings, extent, seed)
+    between = bounces_between(surfels, normals, extent) if settings.bounces else None
+    stage = Stage(surfels, shots_of(capture, grounds, guesses), settings, extent, seed, between)
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
-    surface |= first_materials(surfels, normals, stage.shots)
-    lights = find_lights(_samples(surface, stage, eyes), surfels, settings, extent)
+    surface |= first_materials(surfels, normals, stage.shots) | {SIDE: lit_side(surfels, normals)}
+    samples = _samples(surface, stage, eyes)
+    by_way = None if stage.bounces is None else _by_way(surface, samples, stage.bounces)
+    lights = find_lights(samples, surfels, settings, extent, by_way)
     parameters = Parameters(surface, first_lights(lights, settings))
     return _trained(initial_state(parameters, seed), stage, progress).parameters
 
@@ -98,22 +118,28 @@ def _trained(state: FitState, stage: Stage, progress: Progress) -> FitState:
     every = max(1, round(settings.aggregate_every * stage.steps))
     plan = Plan(stage.steps, learning_rates(stage.extent, settings), stage.extent)
     while state.step < stage.steps:
-        shadows = shadows_in(stage, state.parameters)
+        reach = reach_in(stage, state.parameters)
         if 0 < state.step <= settings.aggregate_until * stage.steps:
-            state = aggregated(state, stage.shots, shadows, settings, stage.extent)
-            shadows = shadows_in(stage, state.parameters)
-        objective = Objective(stage.shots, shadows, settings, stage.extent, stage.seed)
+            state = aggregated(state, stage.shots, reach, settings, stage.extent)
+            reach = reach_in(stage, state.parameters)
+        objective = Objective(stage.shots, reach, settings, stage.extent, stage.seed)
         state = train(state, replace(plan, until=state.step + every), objective, progress)
     return state
 
 
-def shadows_in(stage: Stage, parameters: Parameters) -> list[torch.Tensor | None]:
-    """What arrives of each lamp in each training view; None where vectors say it."""
-    if stage.settings.visibility != "traced":
-        return [None] * len(stage.shots)
-    lamps = parameters.shared[POSITIONS]
-    reached = lamp_visibility(stage.surfels, stage.surfels.centres, lamps, stage.extent)
-    return [shadows_of(stage.surfels, s.ground.camera, reached, s.ground) for s in stage.shots]
+def reach_in(stage: Stage, parameters: Parameters) -> list[Reach]:
+    """What arrives of the lights in each training view."""
+    reached = bounced = None
+    if stage.settings.visibility == "traced":
+        lamps = parameters.shared[POSITIONS]
+        reached = lamp_visibility(stage.surfels, stage.surfels.centres, lamps, stage.extent)
+    if stage.bounces is not None:
+        values = parameters.all
+        sky = surroundings_of(sky_from(values))
+        bounced = bounced_light(
+            stage.bounces, matte_of(values), lamps_from(values), sky, values[OPEN], SOFTEN * stage.extent
+        ).sum(dim=1, keepdim=True)
+    return [reach_of(stage.surfels, shot.ground, reached, bounced) for shot in stage.shots]
 
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
@@ -129,6 +155,12 @@ def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
         SKY: Rate(2e-2, 5e-3),
     }
     return rates | ({SHADOW: Rate(2e-2)} if settings.visibility.startswith("vector") else {})
+
+
+def _by_way(surface: dict[str, torch.Tensor], samples: Samples, bounces: Bounces) -> ByWay:
+    nodes = torch.from_numpy(bounces.nodes)
+    shares = bounces.seen_from.shares(samples.points, samples.normal)
+    return ByWay(bounces, shares, matte_of(surface)[nodes], surface[OPEN][nodes])
 
 
 @torch.no_grad()

@@ -10,7 +10,7 @@ import torch
 from graycard import Capture
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._lights import lamps_from, sky_from
-from graycard.methods.gsid._model import Ground, Pixels, picture_of, pixels_of
+from graycard.methods.gsid._model import Ground, Pixels, Reach, picture_of, pixels_of
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of
 from graycard.methods.splat import Look, view_at
@@ -43,8 +43,8 @@ class Objective:
     """The loss of one view a step."""
 
     shots: Sequence[Shot]
-    shadows: Sequence[torch.Tensor | None]
-    """One a view, see :func:`picture_of`."""
+    reach: Sequence[Reach]
+    """One a view."""
     settings: GsidSettings
     extent: float
     seed: int
@@ -55,13 +55,11 @@ class Objective:
         shot, sky = self.shots[number], sky_from(values)
         whole = pixels_of(values, shot.ground)
         rows = self._rows(shot, step)
-        shadows = self.shadows[number]
-        shadows = None if shadows is None else shadows.flatten(0, 1)[rows]
         picture = picture_of(
             whole.at(rows),
             lamps_from(values),
             surroundings_of(sky),
-            shadows,
+            self.reach[number].at(rows),
             settings.visibility,
             self.extent,
         )

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +23,21 @@ from graycard import (
 from graycard import decode as decode_json
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
+from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._lights import lamps_from, sky_from
 from graycard.methods.gsid._model import (
     BASE_COLOR,
     OPEN,
+    SOFTEN,
     Ground,
     Picture,
     Pixels,
     ground_of,
+    lit_normals,
+    matte_of,
     picture_of,
     pixels_of,
-    shadows_of,
+    reach_of,
 )
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._visibility import lamp_visibility
@@ -122,12 +127,24 @@ class GsidScene:
     def _picture(self, ground: Ground, pixels: Pixels) -> Picture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
-        shadows = None
+        surroundings, reached, bounced = surroundings_of(self._sky), None, None
         if self.settings.visibility == "traced":
             reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
-            shadows = shadows_of(surfels, ground.camera, reached, ground)
-        surroundings = surroundings_of(self._sky)
-        return picture_of(pixels, lamps, surroundings, shadows, self.settings.visibility, self.extent)
+        if self._bounces is not None:
+            values = self.parameters.all
+            bounced = bounced_light(
+                self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
+            )
+        reach = reach_of(surfels, ground, reached, bounced)
+        return picture_of(pixels, lamps, surroundings, reach, self.settings.visibility, self.extent)
+
+    @cached_property
+    def _bounces(self) -> Bounces | None:
+        """Which surfels see which."""
+        if not self.settings.bounces:
+            return None
+        values = self.parameters.all
+        return bounces_between(surfels_of(values), lit_normals(values), self.extent)
 
     def _shining_at(self, camera: Camera) -> Shining:
         """The lamps that shine, in W/sr."""
@@ -156,11 +173,13 @@ class GsidScene:
         whole = {"radiance": picture.whole.numpy()}
         if self.given is not None:
             return whole
+        lights = len(self._names) + 1
+        by_way = picture.by_way.unbind(dim=-2) or [torch.zeros_like(picture.by_sky)] * lights
         by_lamp = {
-            f"radiance.{name}": picture.by_lamp[..., number, :].numpy()
+            f"radiance.{name}": (picture.by_lamp[..., number, :] + by_way[number]).numpy()
             for number, name in enumerate(self._names)
         }
-        return whole | by_lamp | {f"radiance.{SKY_NAME}": picture.by_sky.numpy()}
+        return whole | by_lamp | {f"radiance.{SKY_NAME}": (picture.by_sky + by_way[-1]).numpy()}
 
     @torch.no_grad()
     def lights(self) -> tuple[Light, ...]:

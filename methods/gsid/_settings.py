@@ -32,6 +32,9 @@ class GsidSettings:
     surfels to the lamp (inferred). ``none``: nothing is in the way."""
     occlusion: bool = True
     """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
+    bounces: bool = True
+    """Whether light that comes by way of other surfaces is found by rays between surfels, a few times on the
+    way (inferred: the paper has none, and a room has)."""
     base_color_weight: float = 0.5
     """Of what differs from the prior's base colour, mean absolute (paper: lambda_A)."""
     roughness_weight: float = 0.1

@@ -57,7 +57,7 @@ def sky_visibility(surfels: Surfels, normals: torch.Tensor, extent: float) -> to
         extent: Of the scene, metres.
     """
     with torch.no_grad():
-        directions = _cosine_directions(normals)
+        directions = cosine_directions(normals)
         origins = surfels.centres + SLACK * extent * normals
         rays = Rays(
             origins[:, None].expand_as(directions).reshape(-1, 3).contiguous(), directions.reshape(-1, 3)
@@ -66,7 +66,7 @@ def sky_visibility(surfels: Surfels, normals: torch.Tensor, extent: float) -> to
         return met.transmittance.reshape(len(surfels), -1).mean(dim=1)
 
 
-def _cosine_directions(normals: torch.Tensor) -> torch.Tensor:
+def cosine_directions(normals: torch.Tensor) -> torch.Tensor:
     """Directions around normals, as dense as a matte surface weighs them, ``(N, SKY_DIRECTIONS, 3)``."""
     number = np.arange(SKY_DIRECTIONS) + 0.5
     radius, angle = np.sqrt(number / SKY_DIRECTIONS), number * np.pi * (3 - np.sqrt(5))

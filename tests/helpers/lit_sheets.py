@@ -14,6 +14,7 @@ from graycard.methods.gsid._model import (
     OPEN,
     ROUGHNESS,
     SHADOW,
+    Reach,
     ground_of,
     picture_of,
     pixels_of,
@@ -84,7 +85,7 @@ def photographed(surface: dict[str, torch.Tensor], cameras: list[gc.Camera], lam
         ground = ground_of(surfels, camera, surface[OPEN])
         pixels = pixels_of(surface, ground)
         shadows = shadows_of(surfels, camera, reached, ground)
-        linear = picture_of(pixels, lamps, sky, shadows, "traced", EXTENT).whole
+        linear = picture_of(pixels, lamps, sky, Reach(shadows), "traced", EXTENT).whole
         known = Guess(
             ground.normal,
             *(getattr(pixels.material, name) for name in ("base_color", "roughness", "metallic")),

@@ -11,7 +11,7 @@ import graycard as gc
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
 from graycard.methods.gsid._candidates import FirstLights, _explained, _merged, find_lights
-from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, shadows_in
+from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, reach_in
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
     DARK,
@@ -118,7 +118,7 @@ def test_everything_that_moves_has_a_gradient(world: World, visibility):
     settings = replace(QUICK, visibility=visibility)
     stage, state = stage_of(world, settings), state_of(world, TRUE)
     rates = learning_rates(EXTENT, settings)
-    objective = Objective(world.shots, shadows_in(stage, state.parameters), settings, EXTENT, 0)
+    objective = Objective(world.shots, reach_in(stage, state.parameters), settings, EXTENT, 0)
     values = {n: v.detach().requires_grad_(n in rates) for n, v in state.parameters.all.items()}
     values[SHADOW] = (values[SHADOW] + 0.3).detach().requires_grad_(SHADOW in rates)
     moving = [values[name] for name in rates]
@@ -142,14 +142,14 @@ def test_the_fit_lowers_the_error_and_repeats_to_the_bit(world: World):
 def error(world: World, values) -> float:
     stage = stage_of(world)
     shared = {name: values[name] for name in (*NAMES, "log sky")}
-    shadows = shadows_in(stage, Parameters(world.surface, shared))
-    off = [shaded(values, shot, s).whole - shot.linear for shot, s in zip(world.shots, shadows, strict=True)]
+    reach = reach_in(stage, Parameters(world.surface, shared))
+    off = [shaded(values, shot, s).whole - shot.linear for shot, s in zip(world.shots, reach, strict=True)]
     return float(torch.stack(off).abs().mean())
 
 
-def shaded(values, shot, shadows):
+def shaded(values, shot, reach):
     sky = surroundings_of(values["log sky"].exp())
-    return picture_of(pixels_of(values, shot.ground), lamps_from(values), sky, shadows, "traced", EXTENT)
+    return picture_of(pixels_of(values, shot.ground), lamps_from(values), sky, reach, "traced", EXTENT)
 
 
 def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
@@ -157,7 +157,7 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
     state, stage = state_of(world, TRUE[1:], 0.7), stage_of(world)
     state.parameters.shared[AMPLITUDES][1:] = DARK
     before = state.parameters.shared[POSITIONS].clone()
-    moved = aggregated(state, world.shots, shadows_in(stage, state.parameters), QUICK, EXTENT)
+    moved = aggregated(state, world.shots, reach_in(stage, state.parameters), QUICK, EXTENT)
     positions = moved.parameters.shared[POSITIONS]
     changed = (positions != before).any(dim=1)
     assert changed.sum() == 1
@@ -168,7 +168,7 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
     state = train_step(
         moved,
         Plan(5, learning_rates(EXTENT, QUICK), EXTENT),
-        Objective(world.shots, shadows_in(stage, moved.parameters), QUICK, EXTENT, 0),
+        Objective(world.shots, reach_in(stage, moved.parameters), QUICK, EXTENT, 0),
     )
     assert state.parameters.shared[POSITIONS].isfinite().all()
 
@@ -176,7 +176,7 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
 def test_a_lamp_that_shines_stays(world: World):
     state, stage = state_of(world, np.concatenate([TRUE, [[0.0, 0.5, 1.5]]]), 0.5), stage_of(world)
     before = state.parameters.shared[POSITIONS].clone()
-    moved = aggregated(state, world.shots, shadows_in(stage, state.parameters), QUICK, EXTENT)
+    moved = aggregated(state, world.shots, reach_in(stage, state.parameters), QUICK, EXTENT)
     assert torch.equal(moved.parameters.shared[POSITIONS], before)
 
 
@@ -186,7 +186,7 @@ def test_light_is_missing_where_the_photographs_are_brighter(world: World):
         shaded(values, shot, None if s is None else s)
         for shot, s in zip(
             world.shots,
-            shadows_in(stage_of(world), Parameters(world.surface, {n: values[n] for n in NAMES})),
+            reach_in(stage_of(world), Parameters(world.surface, {n: values[n] for n in NAMES})),
             strict=True,
         )
     ]
