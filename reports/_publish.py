@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a run is kept and shown to others: its records and its report, without scenes and predictions."""
 
+import hashlib
+import json
 from collections.abc import Collection
 from pathlib import Path
 
 import graycard as gc
 from graycard.reports._write import report_of
 
-RECORDS = ("run.json", "suite.json", gc.COMPARISON, gc.CLAIMS)
-"""Files of a run that are copied as they are. All but the first may be missing."""
+RECORDS = ("run.json", "suite.json", gc.CLAIMS)
+"""Files of a run that are kept, without the white space of their layout. All but the first may be missing.
+The comparison is none of them: it follows from the first."""
 PAGE = "index.html"
 
 
@@ -32,7 +35,11 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     """
     files = {name: Path(run) / name for name in RECORDS}
     content = {PAGE: report_of(Path(run), pictures)}
-    content |= {name: path.read_bytes() for name, path in files.items() if path.is_file()}
+    records = {name: json.loads(path.read_bytes()) for name, path in files.items() if path.is_file()}
+    content |= {name: _packed(record) for name, record in records.items()}
+    if gc.CLAIMS in records and records[gc.CLAIMS].get("run_sha256") == gc.sha256(files["run.json"]):
+        beside = hashlib.sha256(content["run.json"]).hexdigest()  # the same numbers, laid out otherwise
+        content[gc.CLAIMS] = _packed(records[gc.CLAIMS] | {"run_sha256": beside})
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
     if whole > limit_mib:
@@ -45,3 +52,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         for name, data in content.items():
             (partial / name).write_bytes(data)
     return whole
+
+
+def _packed(record: object) -> bytes:
+    return json.dumps(record, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode() + b"\n"

@@ -14,7 +14,7 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
     size = publish_run(tiny_run, tmp_path / "out", 100, ["gray"])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "run.json", "suite.json"]
     for name in ("run.json", "suite.json"):
-        assert (tmp_path / "out" / name).read_bytes() == (tiny_run / name).read_bytes()
+        assert gc.read_json(tmp_path / "out" / name) == gc.read_json(tiny_run / name)
     assert gc.read_run(tmp_path / "out") == gc.read_run(tiny_run)
     assert size == pytest.approx(sum(p.stat().st_size for p in (tmp_path / "out").iterdir()) / 2**20)
     page, whole = (path.read_text() for path in (tmp_path / "out" / "index.html", write_report(tiny_run)))
@@ -25,6 +25,20 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
     for text in (page, whole):  # the tables have all methods
         assert text.count('scope="row"') > 50
         assert "Reflectance changes in steps" in text
+
+
+def test_the_ledger_is_of_the_run_beside_it_as_it_was_of_the_run(
+    tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    for made_for, then in ((gc.sha256(tiny_run / "run.json"), True), ("ab" * 32, False)):
+        gc.write_json(tiny_run / gc.CLAIMS, {"run_sha256": made_for})
+        folder = tmp_path / made_for[:4]
+        publish_run(tiny_run, folder, 100)
+        kept = gc.read_json(folder / gc.CLAIMS)["run_sha256"]
+        assert (kept == gc.sha256(folder / "run.json")) is then
+        assert then or kept == made_for
+    (tiny_run / gc.CLAIMS).unlink()
 
 
 def test_the_whole_page_is_that_of_the_report(tiny_run: Path, tmp_path: Path):
