@@ -38,10 +38,6 @@ class KnownLamps:
     turns: tuple[torch.Tensor, ...]
     """Shape ``(3, 3)``: turns rows of world axes into those of each light, multiplied from the right."""
 
-    def __len__(self) -> int:
-        """The number of points."""
-        return len(self.positions)
-
     def intensity(self, away: torch.Tensor) -> torch.Tensor:
         """Radiant intensity in directions away from the points.
 
@@ -58,11 +54,6 @@ class KnownLamps:
             )
         ]
         return torch.cat([away[..., :0, :], *parts], dim=-2)
-
-    def by_light(self, values: torch.Tensor) -> torch.Tensor:
-        """Sums over the points of each light, shape ``(..., lights, 3)`` of ``(..., K, 3)``."""
-        sums = [part.sum(dim=-2, keepdim=True) for part in values.split(self.points, dim=-2)]
-        return torch.cat([values[..., :0, :], *sums], dim=-2)
 
 
 def known_lamps(
