@@ -243,16 +243,16 @@ def _sky_columns(samples: Samples, by_way: ByWay | None) -> torch.Tensor:
 
 
 def _explained(
-    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor
+    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, doubt: float = DOUBT
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Strengths ``(C, S, channels)`` and the sky's ``(6, channels)``: non-negative least squares.
 
     Errors count in shares of a pixel's brightness, as far as that is above a share of the mean. The sky is
-    held down, see :data:`DOUBT`.
+    held down by ``doubt``, see :data:`DOUBT`; without any the strengths of exact columns are exact.
     """
     weights = 1 / (shown.mean(dim=-1) + DIM * shown.mean())
     found = [
-        _solved(lamps[..., channel], sky[..., channel], shown[:, channel], weights)[0]
+        _solved(lamps[..., channel], sky[..., channel], shown[:, channel], weights, doubt)[0]
         for channel in range(shown.shape[-1])
     ]
     strengths = torch.from_numpy(np.stack(found, axis=-1)).float()
@@ -261,15 +261,15 @@ def _explained(
 
 def _left_over(lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor) -> float:
     """What grey columns do not explain at best: root of the sum of squares."""
-    return _solved(lamps, sky, shown, 1 / (shown + DIM * shown.mean()))[1]
+    return _solved(lamps, sky, shown, 1 / (shown + DIM * shown.mean()), DOUBT)[1]
 
 
 def _solved(
-    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, weights: torch.Tensor
+    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, weights: torch.Tensor, doubt: float
 ) -> tuple[np.ndarray, float]:
     """Strengths of columns of one channel, ``(P, C, S)`` and ``(P, 6)``, and what is left."""
     columns = torch.cat([lamps.flatten(1), sky], dim=1) * weights[:, None]
-    held = torch.diag(DOUBT * columns.norm(dim=0))[-sky.shape[1] :]
+    held = torch.diag(doubt * columns.norm(dim=0))[-sky.shape[1] :]
     target = torch.cat([shown * weights, torch.zeros(len(held))])
     return nnls(torch.cat([columns, held]).double().numpy(), target.double().numpy())
 

@@ -10,7 +10,7 @@ import torch
 import graycard as gc
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
-from graycard.methods.gsid._candidates import FirstLights, _explained, _merged, find_lights
+from graycard.methods.gsid._candidates import DOUBT, FirstLights, _explained, _merged, find_lights
 from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, reach_in
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -68,9 +68,24 @@ def test_strengths_are_found_exactly_where_places_are_known():
         0.25,
     )
     shown = (columns * true).sum(dim=(1, 2)) + (sky * of_sky).sum(dim=1)
-    found, found_sky = _explained(columns, sky, shown)
+    found, found_sky = _explained(columns, sky, shown, doubt=0)
     torch.testing.assert_close(found, true, atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(found_sky, torch.full((6, 3), of_sky), atol=1e-4, rtol=1e-4)
+
+
+def test_a_sky_is_doubted_and_a_lamp_is_not():
+    """Of two equal explanations the lamp is taken; a sky that alone explains something stays, fainter."""
+    lamp = torch.rand(300, 1, 1, 3, generator=torch.Generator().manual_seed(3))
+    sky = torch.rand(300, 6, 3, generator=torch.Generator().manual_seed(4))
+    sky[:, 0] = lamp[:, 0, 0]
+    both, of_sky = _explained(lamp, sky, 2 * lamp[:, 0, 0])
+    torch.testing.assert_close(both, torch.full((1, 1, 3), 2.0), atol=1e-4, rtol=1e-4)
+    assert of_sky.abs().max() < 1e-4
+    one = torch.zeros(300, 6, 3)
+    one[:, 2] = sky[:, 1]
+    nothing, alone = _explained(0 * lamp, one, sky[:, 1])
+    assert nothing.abs().max() < 1e-6
+    torch.testing.assert_close(alone[2], torch.full((3,), 1 / (1 + DOUBT**2)), atol=1e-4, rtol=1e-4)
 
 
 def test_places_that_are_near_are_one_lamp():
