@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from graycard.methods.gsid._visibility import SLACK, cosine_directions, lamp_visibility
 from graycard.methods.shading import Shining, Surroundings, arriving, look_up
@@ -96,7 +96,7 @@ class Sight:
                 near=SLACK * self.extent,
             )
         places = (rays.origins + met.depth[:, None] * rays.directions).numpy()
-        _, nearest = cKDTree(self.nodes.numpy()).query(places)
+        _, nearest = KDTree(self.nodes.numpy()).query(places)
         lit = (rays.directions.numpy() * self.facing.numpy()[nearest]).sum(axis=1) < 0
         brought = np.where(lit, 1 - met.transmittance.numpy(), 0) / directions.shape[1]
         rows = np.repeat(np.arange(len(points)), directions.shape[1])
