@@ -15,14 +15,14 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import KDTree
 
-from graycard.methods.gsid._visibility import SLACK, cosine_directions, lamp_visibility
+from graycard.methods.gsid._visibility import SKY_DIRECTIONS, SLACK, hemisphere, lamp_visibility
 from graycard.methods.shading import Shining, Surroundings, arriving, look_up
-from graycard.methods.splat import Rays, Surfels, build_bvh, trace
+from graycard.methods.splat import Surfels, build_bvh, trace
 
 NODES = 1500
 """Surfels that stand for all."""
 BOUNCES = 4
-"""Times that light is sent on: of a white room of albedo 0.7 what is left after four is a sixth."""
+"""Times that light is sent on: of a white room of albedo 0.7 a quarter is still on its way after four."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Bounces:
     """For other points."""
 
     def sent_on(self, direct: np.ndarray, albedo: np.ndarray) -> np.ndarray:
-        """All that nodes send, over pi: what falls on them, straight and by way of others, times albedo.
+        """All that nodes send: what falls on them, straight and by way of others, times albedo.
 
         Args:
             direct: Shape ``(M, C)``: irradiance straight from the lights; any number of columns.
@@ -83,11 +83,7 @@ class Sight:
             normals: Shape ``(P, 3)``, unit.
         """
         with torch.no_grad():
-            directions = cosine_directions(normals)
-            origins = points + SLACK * self.extent * normals
-            rays = Rays(
-                origins[:, None].expand_as(directions).reshape(-1, 3).contiguous(), directions.reshape(-1, 3)
-            )
+            rays = hemisphere(points, normals, self.extent)
             met = trace(
                 self.surfels,
                 rays,
@@ -98,8 +94,8 @@ class Sight:
         places = (rays.origins + met.depth[:, None] * rays.directions).numpy()
         _, nearest = KDTree(self.nodes.numpy()).query(places)
         lit = (rays.directions.numpy() * self.facing.numpy()[nearest]).sum(axis=1) < 0
-        brought = np.where(lit, 1 - met.transmittance.numpy(), 0) / directions.shape[1]
-        rows = np.repeat(np.arange(len(points)), directions.shape[1])
+        brought = np.where(lit, 1 - met.transmittance.numpy(), 0) / SKY_DIRECTIONS
+        rows = np.repeat(np.arange(len(points)), SKY_DIRECTIONS)
         kept = brought > 0
         shape = (len(points), len(self.nodes))
         return csr_matrix((brought[kept].astype(np.float32), (rows[kept], nearest[kept])), shape=shape)

@@ -105,7 +105,9 @@ class GsidScene:
 
     @property
     def _lamps(self) -> Lamps:
-        return lamps_from(self.parameters.all)[self._shining]
+        """The lamps that were found and are not out, in W/sr."""
+        lamps = lamps_from(self.parameters.all)[self._shining]
+        return Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
 
     @torch.no_grad()
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
@@ -150,8 +152,7 @@ class GsidScene:
         """The lamps that shine, in W/sr."""
         if self.given is not None:
             return known_lamps(self.given.local, camera, PANEL)
-        lamps = self._lamps
-        return Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
+        return self._lamps
 
     @property
     def _sky(self) -> torch.Tensor:
@@ -187,9 +188,7 @@ class GsidScene:
         sky = EnvironmentLight(SKY_NAME, SKY_FILE)
         if self.given is not None:
             return *self.given.local, sky
-        lamps = self._lamps
-        true = Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
-        return *lights_of(true, self._names), sky
+        return *lights_of(self._lamps, self._names), sky
 
     @torch.no_grad()
     def environment(self, light: EnvironmentLight) -> np.ndarray:

@@ -57,16 +57,25 @@ def sky_visibility(surfels: Surfels, normals: torch.Tensor, extent: float) -> to
         extent: Of the scene, metres.
     """
     with torch.no_grad():
-        directions = cosine_directions(normals)
-        origins = surfels.centres + SLACK * extent * normals
-        rays = Rays(
-            origins[:, None].expand_as(directions).reshape(-1, 3).contiguous(), directions.reshape(-1, 3)
-        )
+        rays = hemisphere(surfels.centres, normals, extent)
         met = trace(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), near=SLACK * extent)
         return met.transmittance.reshape(len(surfels), -1).mean(dim=1)
 
 
-def cosine_directions(normals: torch.Tensor) -> torch.Tensor:
+def hemisphere(points: torch.Tensor, normals: torch.Tensor, extent: float) -> Rays:
+    """Rays over surfaces, as dense as a matte one weighs them, :data:`SKY_DIRECTIONS` a point, one by one.
+
+    Args:
+        points: Shape ``(P, 3)``, metres.
+        normals: Shape ``(P, 3)``, unit.
+        extent: Of the scene, metres: rays begin :data:`SLACK` of it over the surface.
+    """
+    directions = _cosine_directions(normals)
+    origins = (points + SLACK * extent * normals)[:, None].expand_as(directions)
+    return Rays(origins.reshape(-1, 3).contiguous(), directions.reshape(-1, 3))
+
+
+def _cosine_directions(normals: torch.Tensor) -> torch.Tensor:
     """Directions around normals, as dense as a matte surface weighs them, ``(N, SKY_DIRECTIONS, 3)``."""
     number = np.arange(SKY_DIRECTIONS) + 0.5
     radius, angle = np.sqrt(number / SKY_DIRECTIONS), number * np.pi * (3 - np.sqrt(5))
