@@ -15,8 +15,9 @@ of 8 lognormal ones (sigma 0.5) whose mean is 0, nearly 7 % have p < 0.05.
 *Pairs.* Two methods are compared on the scenes that both have scores of, by the mean of their differences.
 A pair is decided when two tests agree: the exact Wilcoxon signed-rank test of this pair, which asks nothing
 of the scores' shape but cannot fall below 2 / 2^n, so that 6 scenes are the fewest; and the test that belongs
-to the interval, after Holm's correction over all compared pairs of the track and metric. Holm's correction of
-the rank test is given too but does not decide: with 8 scenes and 7 methods not even a method that is better
+to the interval, after Holm's correction over all compared pairs of the track and metric; pairs with a variant
+of another row, as ablations are, and pairs with a row that is handed truth are corrected apart. Holm's
+correction of the rank test is given too but does not decide: with 8 scenes and 7 methods not even a method that is better
 on every scene by far could pass it. Where a score is infinite there is no mean, and it decides alone.
 
 *Ranks.* The best method and all that cannot be told from it are group 1; they are taken away, and the best of

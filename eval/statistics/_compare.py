@@ -2,7 +2,7 @@
 """All that the score sheets of a run say about which method is better."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +19,7 @@ RULE = (
     "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
     f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and the test of their mean "
     f"difference has p < {1 - LEVEL:.2g} after Holm's correction over all pairs of the table; else they are "
-    "tied. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and all tied "
+    "tied. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and all tied "
     "with that, and so on; only methods that were handed nothing and have a score of every scene are ranked."
 )
 
@@ -68,11 +68,19 @@ def _table(run: gc.RunRecord, track: str, metric: gc.MetricRecord) -> gc.MetricC
         return None
     present = {result.job.method for result in run.results if result.job.track == track}
     rows = [_row(method, readings) for method in run.methods if method.name in present]
-    candidates = [Candidate(r.method.name, not r.method.sees, r.by_scene) for r in rows]
+    names = {method.name for method in run.methods}
+    candidates = [
+        Candidate(r.method.name, not r.method.sees, r.by_scene, _is_variant(r.method, names)) for r in rows
+    ]
     pairs = compare_pairs(candidates, metric.higher_is_better)
     ranks = _ranks(candidates, pairs, len(scenes), metric.higher_is_better)
     standings = tuple(_standing(row, len(scenes), ranks.get(row.method.name)) for row in rows)
     return gc.MetricComparison(track, metric.id, standings, pairs)
+
+
+def _is_variant(method: gc.MethodRecord, names: Collection[str]) -> bool:
+    """Whether its method stands in the table with settings of its own too."""
+    return method.entry != method.name and method.entry in names
 
 
 _Readings = Mapping[tuple[str, str], Sequence[gc.Score | None]]

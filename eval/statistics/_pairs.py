@@ -24,13 +24,16 @@ class Candidate:
     """Whether it was handed nothing beyond the capture."""
     by_scene: Mapping[str, float]
     """Mean over seeds; may be infinite."""
+    variant: bool = False
+    """Whether it is another row of the table with other settings, as an ablation is."""
 
 
 def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tuple[gc.PairDifference, ...]:
     """Every two methods that share a scene, the earlier first.
 
-    Holm's correction is over all pairs of methods that compete, and apart from them over all other pairs:
-    a row that is handed truth must not cost the others their evidence.
+    Holm's correction is over all pairs of methods that compete, apart from them over pairs in which one is a
+    variant of another row, and apart over all others: a table with many ablations, or with a row that is handed
+    truth, must not cost the methods their evidence.
 
     Args:
         candidates: One metric on one track.
@@ -38,12 +41,19 @@ def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tu
     """
     both = [(a, b) for a, b in combinations(candidates, 2) if a.by_scene.keys() & b.by_scene.keys()]
     pairs = [_difference(a, b) for a, b in both]
-    contests = [a.competes and b.competes for a, b in both]
-    for family in (True, False):
-        members = [i for i, contest in enumerate(contests) if contest is family]
+    families = [_family(a, b) for a, b in both]
+    for family in sorted(set(families)):
+        members = [i for i, own in enumerate(families) if own == family]
         for i, corrected in zip(members, _corrected([pairs[i] for i in members]), strict=True):
             pairs[i] = replace(corrected, verdict=_verdict(corrected, higher_is_better))
     return tuple(pairs)
+
+
+def _family(first: Candidate, second: Candidate) -> str:
+    """Pairs of one family are corrected together."""
+    if not (first.competes and second.competes):
+        return "handed truth"
+    return "variants" if first.variant or second.variant else "methods"
 
 
 def _difference(first: Candidate, second: Candidate) -> gc.PairDifference:
