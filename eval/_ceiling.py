@@ -57,7 +57,7 @@ CEILINGS: tuple[CeilingRule, ...] = (
         "none: a second pass through the network for each view would cost more than all other scores",
     ),
     CeilingRule(
-        ("irradiance.psnr", "light_share.psnr", "direct.*", "indirect.*"),
+        ("irradiance.psnr", "light_share.psnr", "light_off.*", "direct.*", "indirect.*"),
         False,
         "none: the truth has no variance and no halves of light by source, lobe or bounce",
     ),

@@ -8,7 +8,8 @@ from graycard.eval._environment_scores import score_environments
 from graycard.eval._gauge import Factors
 from graycard.eval._hints import Hints, with_hints
 from graycard.eval._images import score_images
-from graycard.eval._light_scores import score_lights, true_names
+from graycard.eval._light_off import LightsOff
+from graycard.eval._light_scores import local, score_lights, true_names
 from graycard.eval._relighting import Masks, score_changed
 from graycard.eval._table import VIEW_METRICS, gauge_names
 from graycard.eval._training import fit_gauges, survey_training
@@ -87,9 +88,11 @@ def scores_of(predictions: gc.Predictions, truth: gc.Truth) -> tuple[gc.Score, .
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
     views, masks, hints = ViewScores(VIEW_METRICS), Masks(), Hints()
+    off = LightsOff([light.name for light in local(truth.lights())], names)
     scores = (
-        *score_images(predictions, truth, training, names, (views, masks, hints)),
+        *score_images(predictions, truth, training, names, (views, off, masks, hints)),
         *views.scores(),
+        *off.scores(),
         *score_changed(predictions, truth, masks),
         *score_training_views(training),
         *score_lights(predictions, truth, fit_gauges(training)["light"]),

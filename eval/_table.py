@@ -5,6 +5,7 @@ import graycard as gc
 from graycard.eval._images import REQUIRED
 from graycard.eval._leakage import LEAKAGE_METRICS
 from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
+from graycard.eval._light_off import OFF_METRICS
 from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._noise_error import NOISE_METRICS
 from graycard.eval._relighting import COMPOSITION_METRICS, GAUGE, RELIGHTING_METRICS
@@ -41,9 +42,11 @@ def gauge_names() -> dict[str, str]:
 
 def metrics() -> tuple[gc.MetricRecord, ...]:
     """All metrics in the order in which they are scored and shown."""
-    image_like = *IMAGE_METRICS, *VIEW_METRICS, *RELIGHTING_METRICS, *COMPOSITION_METRICS
+    changed = *RELIGHTING_METRICS, *COMPOSITION_METRICS
     return (
-        *(m.record for m in image_like),
+        *(m.record for m in (*IMAGE_METRICS, *VIEW_METRICS)),
+        *OFF_METRICS,
+        *(m.record for m in changed),
         *TRAINING_METRICS,
         *LIGHT_METRICS,
         *ENVIRONMENT_METRICS,

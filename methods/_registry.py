@@ -34,6 +34,9 @@ BUILT_IN = {
     "darkgs": "graycard.methods.darkgs:DarkGsMethod",
     "sunfaded": "graycard.methods.sunfaded:SunFadedMethod",
     "sunfaded-oracle": "graycard.methods.sunfaded:OracleSunFadedMethod",
+    "gsid": "graycard.methods.gsid:GsidMethod",
+    "gsir": "graycard.methods.gsid:GsirMethod",
+    "r3dg": "graycard.methods.r3dg:R3dgMethod",
 }
 
 RESERVED = ("seed", "out", "save", "priors")

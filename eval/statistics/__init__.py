@@ -17,8 +17,9 @@ A pair is decided when two tests agree: the exact Wilcoxon signed-rank test of t
 of the scores' shape but cannot fall below 2 / 2^n, so that 6 scenes are the fewest; and the test that belongs
 to the interval, after Holm's correction over all compared pairs of the track and metric; pairs with a variant
 of another row, as ablations are, and pairs with a row that is handed truth are corrected apart. Holm's
-correction of the rank test is given too but does not decide: with 8 scenes and 7 methods not even a method that is better
-on every scene by far could pass it. Where a score is infinite there is no mean, and it decides alone.
+correction of the rank test is given too but does not decide: with 8 scenes and 7 methods not even a method
+that is better on every scene by far could pass it. Where a score is infinite there is no mean, and it decides
+alone.
 
 *Ranks.* The best method and all that cannot be told from it are group 1; they are taken away, and the best of
 the rest leads group 2. A method of group 1 may so be told from another of group 1, but not from the leader.

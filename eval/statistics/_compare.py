@@ -19,8 +19,9 @@ RULE = (
     "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
     f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and the test of their mean "
     f"difference has p < {1 - LEVEL:.2g} after Holm's correction over all pairs of the table; else they are "
-    "tied. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and all tied "
-    "with that, and so on; only methods that were handed nothing and have a score of every scene are ranked."
+    "tied. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean "
+    "and all methods tied with it, rank 2 the best of the rest and all tied with that, and so on; only "
+    "methods that were handed nothing and have a score of every scene are ranked."
 )
 
 

@@ -31,9 +31,9 @@ class Candidate:
 def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tuple[gc.PairDifference, ...]:
     """Every two methods that share a scene, the earlier first.
 
-    Holm's correction is over all pairs of methods that compete, apart from them over pairs in which one is a
-    variant of another row, and apart over all others: a table with many ablations, or with a row that is handed
-    truth, must not cost the methods their evidence.
+    Holm's correction is over all pairs of methods that compete; apart from them over pairs in which one is a
+    variant of another row; and apart over all others. A table with many ablations, or with a row that is
+    handed truth, must not cost the methods their evidence.
 
     Args:
         candidates: One metric on one track.

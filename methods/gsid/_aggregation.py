@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import torch
 
+from graycard.methods.gsid._draw import draw
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
     AXES,
@@ -19,7 +20,7 @@ from graycard.methods.gsid._lights import (
     lamps_from,
     sky_from,
 )
-from graycard.methods.gsid._model import Picture, Reach, picture_of, pixels_of
+from graycard.methods.gsid._model import Picture, Reach
 from graycard.methods.gsid._objective import Shot
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of
@@ -83,9 +84,8 @@ def _shaded(
     settings: GsidSettings,
     extent: float,
 ) -> Picture:
-    surroundings = surroundings_of(sky_from(values))
-    pixels = pixels_of(values, shot.ground)
-    return picture_of(pixels, lamps_from(values), surroundings, reach, settings.visibility, extent)
+    lights = lamps_from(values), surroundings_of(sky_from(values))
+    return draw(values, shot.ground, lights, reach, settings, extent)
 
 
 def largest_lack(shots: Sequence[Shot], pictures: Sequence[Picture], extent: float) -> Lack:

@@ -15,8 +15,16 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial import KDTree
 
-from graycard.methods.gsid._visibility import SKY_DIRECTIONS, SLACK, hemisphere, lamp_visibility
-from graycard.methods.shading import Shining, Surroundings, arriving, look_up
+from graycard.methods.shading import (
+    SKY_DIRECTIONS,
+    SLACK,
+    Shining,
+    Surroundings,
+    arriving,
+    hemisphere,
+    lamp_visibility,
+    look_up,
+)
 from graycard.methods.splat import Surfels, build_bvh, trace
 
 NODES = 1500

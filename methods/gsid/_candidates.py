@@ -17,11 +17,11 @@ from torch.nn.functional import normalize
 from graycard.methods.gsid._bounces import Bounces
 from graycard.methods.gsid._model import SOFTEN
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.gsid._visibility import lamp_visibility
 from graycard.methods.shading import (
     Lamps,
     Material,
     arriving,
+    lamp_visibility,
     lit_by_lamps,
     lit_by_surroundings,
     look_up,

@@ -11,6 +11,7 @@ from graycard import Capture, MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._candidates import SAMPLES, ByWay, Samples, enough_cover, find_lights
+from graycard.methods.gsid._draw import reach_in_view
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -36,12 +37,16 @@ from graycard.methods.gsid._model import (
     lit_side,
     matte_of,
     pixels_of,
-    reach_of,
 )
 from graycard.methods.gsid._objective import Objective, Shot, shots_of
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.gsid._visibility import lamp_visibility, outward, sky_visibility
-from graycard.methods.shading import Material, surroundings_of
+from graycard.methods.shading import (
+    Material,
+    lamp_visibility,
+    outward,
+    sky_visibility,
+    surroundings_of,
+)
 from graycard.methods.splat import (
     GEOMETRY,
     FitState,
@@ -139,22 +144,26 @@ def reach_in(stage: Stage, parameters: Parameters) -> list[Reach]:
         bounced = bounced_light(
             stage.bounces, matte_of(values), lamps_from(values), sky, values[OPEN], SOFTEN * stage.extent
         ).sum(dim=1, keepdim=True)
-    return [reach_of(stage.surfels, shot.ground, reached, bounced) for shot in stage.shots]
+    arrived, settings = Reach(reached, bounced), stage.settings
+    return [reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots]
 
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
     """By the names of parameters, for a scene of an extent in metres (all inferred)."""
-    rates = {
+    materials = {
         BASE_COLOR: Rate(4e-2, 1e-2),
         ROUGHNESS: Rate(2e-2, 5e-3),
         METALLIC: Rate(2e-2, 5e-3),
+    }
+    rates = {
         POSITIONS: Rate(5e-3, 1e-3).times(extent),
         AXES: Rate(2e-2, 5e-3),
         SHARPNESS: Rate(2e-2, 5e-3),
         AMPLITUDES: Rate(3e-2, 5e-3),
         SKY: Rate(2e-2, 5e-3),
     }
-    return rates | ({SHADOW: Rate(2e-2)} if settings.visibility.startswith("vector") else {})
+    rates |= {SHADOW: Rate(2e-2)} if settings.visibility.startswith("vector") else {}
+    return rates | (materials if settings.materials == "fitted" else {})
 
 
 def _by_way(surface: dict[str, torch.Tensor], samples: Samples, bounces: Bounces) -> ByWay:

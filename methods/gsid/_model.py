@@ -182,6 +182,11 @@ class Picture:
     irradiance: torch.Tensor
     """Of the lamps on surfaces that face them, blocked light left out."""
 
+    def at(self, rows: torch.Tensor) -> "Picture":
+        """Some pixels of a view, by their numbers row by row."""
+        parts = (self.by_lamp, self.by_sky, self.by_way, self.irradiance)
+        return Picture(*(part.flatten(0, 1)[rows] for part in parts))
+
     @property
     def whole(self) -> torch.Tensor:
         """What a photograph shows."""

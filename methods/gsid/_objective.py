@@ -8,11 +8,12 @@ import numpy as np
 import torch
 
 from graycard import Capture
+from graycard.methods.gsid._draw import draw
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._lights import lamps_from, sky_from
-from graycard.methods.gsid._model import Ground, Pixels, Reach, picture_of, pixels_of
+from graycard.methods.gsid._model import Ground, Picture, Pixels, Reach, picture_of, pixels_of
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.shading import surroundings_of
+from graycard.methods.shading import surroundings_of, unevenness
 from graycard.methods.splat import Look, view_at
 from graycard.methods.surfels import encode
 
@@ -55,18 +56,22 @@ class Objective:
         shot, sky = self.shots[number], sky_from(values)
         whole = pixels_of(values, shot.ground)
         rows = self._rows(shot, step)
-        picture = picture_of(
-            whole.at(rows),
-            lamps_from(values),
-            surroundings_of(sky),
-            self.reach[number].at(rows),
-            settings.visibility,
-            self.extent,
-        )
+        picture = self._picture(values, whole, rows, number)
         loss = (encode(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
         loss = loss + prior_loss(whole, shot, settings)
+        loss = loss + settings.matte_weight * (1 - whole.material.roughness + whole.material.metallic).mean()
         loss = loss + settings.lamp_weight * picture.irradiance.sum(dim=-2).mean()
-        return Look(loss + settings.sky_weight * roughness_of(sky))
+        return Look(loss + settings.sky_weight * unevenness(sky))
+
+    def _picture(
+        self, values: Mapping[str, torch.Tensor], whole: Pixels, rows: torch.Tensor, number: int
+    ) -> Picture:
+        """Some pixels of a view under the lights, row by row."""
+        lights = lamps_from(values), surroundings_of(sky_from(values))
+        reach, settings = self.reach[number], self.settings
+        if settings.shading == "deferred":
+            return picture_of(whole.at(rows), *lights, reach.at(rows), settings.visibility, self.extent)
+        return draw(values, self.shots[number].ground, lights, reach, settings, self.extent).at(rows)
 
     def _rows(self, shot: Shot, step: int) -> torch.Tensor:
         """Pixels that are shaded at a step, as the seed decides."""
@@ -88,10 +93,3 @@ def prior_loss(pixels: Pixels, shot: Shot, settings: GsidSettings) -> torch.Tens
             weighing = cover if mine.ndim == cover.ndim else cover[..., None]
             loss = loss + weight * (weighing * (mine - other).abs()).mean()
     return loss
-
-
-def roughness_of(sky: torch.Tensor) -> torch.Tensor:
-    """Mean absolute difference between neighbours in a cubemap, within its faces."""
-    if sky.shape[1] == 1:
-        return sky.sum() * 0
-    return sky.diff(dim=1).abs().mean() + sky.diff(dim=2).abs().mean()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``gsid``: surfels with materials, lamps, and surroundings."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -13,17 +13,14 @@ from graycard import (
     Camera,
     EnvironmentLight,
     Light,
-    LocalLight,
     MethodError,
     encode,
-    light_from_json,
-    light_to_json,
-    read_rgb,
 )
 from graycard import decode as decode_json
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
+from graycard.methods.gsid._draw import draw, light_evaluations, reach_in_view
 from graycard.methods.gsid._lights import lamps_from, sky_from
 from graycard.methods.gsid._model import (
     BASE_COLOR,
@@ -32,20 +29,21 @@ from graycard.methods.gsid._model import (
     Ground,
     Picture,
     Pixels,
+    Reach,
     ground_of,
     lit_normals,
     matte_of,
-    picture_of,
     pixels_of,
-    reach_of,
 )
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.gsid._visibility import lamp_visibility
 from graycard.methods.shading import (
+    Given,
     Lamps,
     Shining,
-    from_latitudes,
+    given_from_store,
+    given_lights,
     known_lamps,
+    lamp_visibility,
     lights_of,
     surroundings_of,
     to_latitudes,
@@ -54,23 +52,13 @@ from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters
 from graycard.methods.surfels import depth_layer, normal_layer
 from graycard.methods.surfels import encode as show
 
-METHOD = "gsid"
-_GIVEN_SKY = "given sky"
+GSID, GSIR = "gsid", "gsir"
 SKY_NAME, SKY_FILE = "sky", "environment.exr"
 HEIGHT = 64
 """Rows of the image of the surroundings."""
 PANEL = 4
 """Points along each side of a given light with an area."""
 _ALWAYS = frozenset({"radiance", "base_color", "roughness", "metallic", "normal", "depth"})
-
-
-@dataclass(frozen=True, eq=False)
-class Given:
-    """Lights that shine in place of those that were found, in true units."""
-
-    local: tuple[LocalLight, ...]
-    sky: torch.Tensor
-    """Cubemap ``(6, N, N, 3)``, W/m²/sr."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +71,8 @@ class GsidScene:
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
     """Of the scene, metres."""
+    method: str = GSID
+    """Whose it is: what is saved says so."""
     given: Given | None = None
     """None: the lights that were found."""
 
@@ -123,22 +113,22 @@ class GsidScene:
         values = self.parameters.all
         ground = ground_of(surfels_of(values), camera, values[OPEN])
         pixels = pixels_of(values, ground)
-        found = self._surface_layers(ground, pixels) | self._light_layers(self._picture(ground, pixels))
+        found = self._surface_layers(ground, pixels) | self._light_layers(self._picture(ground))
         return {name: found[name] for name in layers}
 
-    def _picture(self, ground: Ground, pixels: Pixels) -> Picture:
+    def _picture(self, ground: Ground) -> Picture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
         surroundings, reached, bounced = surroundings_of(self._sky), None, None
         if self.settings.visibility == "traced":
             reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
+        values = self.parameters.all
         if self._bounces is not None:
-            values = self.parameters.all
             bounced = bounced_light(
                 self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
             )
-        reach = reach_of(surfels, ground, reached, bounced)
-        return picture_of(pixels, lamps, surroundings, reach, self.settings.visibility, self.extent)
+        reach = reach_in_view(surfels, ground, Reach(reached, bounced), self.settings)
+        return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent)
 
     @cached_property
     def _bounces(self) -> Bounces | None:
@@ -210,14 +200,15 @@ class GsidScene:
         Raises:
             DatasetError: An image is missing or broken.
         """
-        size = self.settings.sky_size
-        sky = torch.zeros(6, size, size, 3)
-        for light in lights:
-            if isinstance(light, EnvironmentLight):
-                own = light == EnvironmentLight(SKY_NAME, SKY_FILE)
-                sky = sky + (self._sky if own else from_latitudes(read_rgb(Path(light.image)), size))
-        local = tuple(light for light in lights if not isinstance(light, EnvironmentLight))
-        return replace(self, given=Given(local, sky))
+        own = EnvironmentLight(SKY_NAME, SKY_FILE)
+        return replace(self, given=given_lights(lights, own, self._sky))
+
+    @torch.no_grad()
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        """How often light is found for a picture: once a pixel, or once a surfel."""
+        values = self.parameters.all
+        ground = ground_of(surfels_of(values), camera, values[OPEN])
+        return {"light evaluations": light_evaluations(values, ground, self.settings)}
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
@@ -226,27 +217,26 @@ class GsidScene:
             OutputError: The folder cannot be written to, or the disk is full.
         """
         facts = {"exposure": self.exposure, "extent": self.extent, "settings": encode(self.settings)}
-        arrays = arrays_of(self.parameters)
-        if self.given is not None:
-            facts["given"] = [light_to_json(light) for light in self.given.local]
-            arrays[_GIVEN_SKY] = self.given.sky.numpy()
-        store(folder, METHOD, facts, arrays)
+        given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
+        arrays = arrays_of(self.parameters) | given_arrays
+        store(folder, self.method, facts | given_facts, arrays)
         surfels = self.parameters.surfels
         export_ply(Path(folder) / "surfels.ply", surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
 
 
-def load_scene(folder: Path) -> GsidScene:
+def load_scene(folder: Path, method: str, settings_type: type[GsidSettings]) -> GsidScene:
     """A scene that was saved.
+
+    Args:
+        folder: Where.
+        method: Whose it has to be.
+        settings_type: Of that method.
 
     Raises:
         MethodError: It is missing, damaged, or of another method.
     """
-    facts, arrays = restore(folder, METHOD)
-    settings = decode_json(GsidSettings, facts["settings"], MethodError, "settings")
-    given = None
-    if "given" in facts:
-        local = (light_from_json(light, MethodError, "given lights") for light in facts["given"])
-        sky = torch.from_numpy(arrays.pop(_GIVEN_SKY).copy())
-        given = Given(tuple(light for light in local if not isinstance(light, EnvironmentLight)), sky)
+    facts, arrays = restore(folder, method)
+    settings = decode_json(settings_type, facts["settings"], MethodError, "settings")
+    given = given_from_store(facts, arrays)
     exposure, extent = float(facts["exposure"]), float(facts["extent"])
-    return GsidScene(parameters_from(arrays), settings, exposure, extent, given)
+    return GsidScene(parameters_from(arrays), settings, exposure, extent, method, given)

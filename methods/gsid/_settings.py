@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Visibility = Literal["traced", "vector", "vector_half", "vector_relu", "none"]
+Shading = Literal["deferred", "forward"]
+Materials = Literal["fitted", "prior"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,10 @@ class GsidSettings:
     surfels to the lamp (inferred). ``none``: nothing is in the way."""
     occlusion: bool = True
     """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
+    shading: Shading = "deferred"
+    """Light is found for pixels, as in the paper, or for surfels, which are then drawn (``forward``)."""
+    materials: Materials = "fitted"
+    """``prior``: they stay what the prior says, averaged over views; only light is fitted (ablation)."""
     bounces: bool = True
     """Whether light that comes by way of other surfaces is found by rays between surfels, a few times on the
     way (inferred: the paper has none, and a room has)."""
@@ -51,6 +57,8 @@ class GsidSettings:
     """Share of the first stage after which these begin to count."""
     cover_weight: float = 0.05
     """Of what shines through all surfels, as in ``2dgs``."""
+    matte_weight: float = 0.0
+    """Of 1 - roughness + metallic, averaged: without a prior what shines has to say why (GS-IR)."""
     lamp_weight: float = 1e-3
     """Of the mean irradiance of the lamps on what is seen: the fewer the better (inferred)."""
     sky_weight: float = 1e-2
@@ -92,7 +100,8 @@ class GsidSettings:
             )
         weights = (
             self.base_color_weight, self.roughness_weight, self.metallic_weight, self.normal_prior_weight,
-            self.normal_weight, self.distortion_weight, self.cover_weight, self.lamp_weight, self.sky_weight,
+            self.normal_weight, self.distortion_weight, self.cover_weight, self.matte_weight,
+            self.lamp_weight, self.sky_weight,
         )  # fmt: skip
         if not all(weight >= 0 for weight in weights):
             raise ValueError(f"expected weights of 0 or more, got {weights}")
@@ -101,3 +110,13 @@ class GsidSettings:
     def geometry_steps(self) -> int:
         """Steps of the first stage."""
         return min(max(1, round(self.geometry_share * self.iterations)), self.iterations - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class GsirSettings(GsidSettings):
+    """Settings of ``gsir``: no lamps, nothing bounces, no prior is asked; what is matte needs no reason."""
+
+    lamps: int = 0
+    visibility: Visibility = "none"
+    bounces: bool = False
+    matte_weight: float = 1e-3

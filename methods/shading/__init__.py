@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Light on surfaces: the material of the papers under lamps and surroundings; nothing is in the way."""
+"""Light on surfaces: the material of the papers under lamps and surroundings, and what is in its way."""
 
 from graycard.methods.shading._cubemap import from_latitudes as from_latitudes
 from graycard.methods.shading._cubemap import look_up as look_up
 from graycard.methods.shading._cubemap import solid_angles as solid_angles
 from graycard.methods.shading._cubemap import texel_directions as texel_directions
 from graycard.methods.shading._cubemap import to_latitudes as to_latitudes
+from graycard.methods.shading._cubemap import unevenness as unevenness
+from graycard.methods.shading._given import Given as Given
+from graycard.methods.shading._given import given_from_store as given_from_store
+from graycard.methods.shading._given import given_lights as given_lights
 from graycard.methods.shading._known import KnownLamps as KnownLamps
 from graycard.methods.shading._known import known_lamps as known_lamps
 from graycard.methods.shading._known import light_at as light_at
@@ -24,6 +28,12 @@ from graycard.methods.shading._material import ggx_density as ggx_density
 from graycard.methods.shading._material import scattering as scattering
 from graycard.methods.shading._material import schlick as schlick
 from graycard.methods.shading._material import smith_shadowing as smith_shadowing
+from graycard.methods.shading._rays import SKY_DIRECTIONS as SKY_DIRECTIONS
+from graycard.methods.shading._rays import SLACK as SLACK
+from graycard.methods.shading._rays import hemisphere as hemisphere
+from graycard.methods.shading._rays import lamp_visibility as lamp_visibility
+from graycard.methods.shading._rays import outward as outward
+from graycard.methods.shading._rays import sky_visibility as sky_visibility
 from graycard.methods.shading._surroundings import Surroundings as Surroundings
 from graycard.methods.shading._surroundings import even_sky as even_sky
 from graycard.methods.shading._surroundings import lit_by_surroundings as lit_by_surroundings

@@ -21,8 +21,13 @@ from graycard.methods.gsid._model import (
     shadows_of,
 )
 from graycard.methods.gsid._objective import Shot
-from graycard.methods.gsid._visibility import lamp_visibility, outward
-from graycard.methods.shading import Lamps, lamps_of, surroundings_of
+from graycard.methods.shading import (
+    Lamps,
+    lamp_visibility,
+    lamps_of,
+    outward,
+    surroundings_of,
+)
 from graycard.methods.splat import Surfels, parameters_of, surfels_from_points, surfels_of
 from graycard.methods.surfels import encode
 

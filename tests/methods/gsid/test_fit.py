@@ -24,8 +24,8 @@ from graycard.methods.gsid._lights import (
 )
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, picture_of, pixels_of
-from graycard.methods.gsid._objective import Objective, roughness_of
-from graycard.methods.shading import surroundings_of
+from graycard.methods.gsid._objective import Objective
+from graycard.methods.shading import surroundings_of, unevenness
 from graycard.methods.splat import Parameters, Plan, initial_state, train_step
 from lit_sheets import EXTENT, LAMPS, World
 
@@ -215,9 +215,9 @@ def test_light_is_missing_where_the_photographs_are_brighter(world: World):
 
 
 def test_a_cubemap_of_one_colour_is_smooth():
-    assert float(roughness_of(torch.full((6, 4, 4, 3), 0.3))) == 0
-    assert float(roughness_of(torch.full((6, 1, 1, 3), 0.3))) == 0
-    assert float(roughness_of(torch.rand(6, 4, 4, 3))) > 0.1
+    assert float(unevenness(torch.full((6, 4, 4, 3), 0.3))) == 0
+    assert float(unevenness(torch.full((6, 1, 1, 3), 0.3))) == 0
+    assert float(unevenness(torch.rand(6, 4, 4, 3))) > 0.1
 
 
 @pytest.mark.parametrize(

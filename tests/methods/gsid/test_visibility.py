@@ -5,13 +5,8 @@ import numpy as np
 import pytest
 import torch
 
-from graycard.methods.gsid._visibility import (
-    SLACK,
-    lamp_visibility,
-    outward,
-    sky_visibility,
-    vector_visibility,
-)
+from graycard.methods.gsid._visibility import vector_visibility
+from graycard.methods.shading import SLACK, lamp_visibility, outward, sky_visibility
 from lit_sheets import EXTENT, World
 
 OVERHEAD = torch.tensor([[0.1, 0.1, 1.5]])

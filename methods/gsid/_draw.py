@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A whole view under lights: pixels are shaded (deferred, as in the paper), or surfels are (forward)."""
+
+from collections.abc import Mapping
+
+import torch
+from torch.nn.functional import normalize
+
+from graycard.methods.gsid._model import (
+    BASE_COLOR,
+    METALLIC,
+    OPEN,
+    ROUGHNESS,
+    SHADOW,
+    Ground,
+    Picture,
+    Pixels,
+    Reach,
+    picture_of,
+    pixels_of,
+    reach_of,
+)
+from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.shading import Material, Shining, Surroundings, look_up
+from graycard.methods.splat import Surfels, rasterize_features, rotation_matrices, surfels_of
+
+
+def reach_in_view(surfels: Surfels, ground: Ground, arrived: Reach, settings: GsidSettings) -> Reach:
+    """What is shaded receives: pixels of a view, or the surfels themselves.
+
+    Args:
+        surfels: N of them.
+        ground: The view.
+        arrived: At the surfels.
+        settings: Which of the two is shaded.
+    """
+    if settings.shading == "forward":
+        return arrived
+    return reach_of(surfels, ground, arrived.shadows, arrived.bounced)
+
+
+def draw(
+    values: Mapping[str, torch.Tensor],
+    ground: Ground,
+    lights: tuple[Shining, Surroundings],
+    reach: Reach,
+    settings: GsidSettings,
+    extent: float,
+) -> Picture:
+    """A view of shape ``(H, W)``.
+
+    Args:
+        values: Parameters by name.
+        ground: The view.
+        lights: Lamps and surroundings, equally exposed.
+        reach: Of :func:`reach_in_view`.
+        settings: What is shaded, and how vectors are read.
+        extent: Of the scene, metres.
+    """
+    if settings.shading == "deferred":
+        return picture_of(pixels_of(values, ground), *lights, reach, settings.visibility, extent)
+    lit = picture_of(_seen_surfels(values, ground), *lights, reach, settings.visibility, extent)
+    return _drawn(lit, surfels_of(values), ground, lights[1])
+
+
+def light_evaluations(values: Mapping[str, torch.Tensor], ground: Ground, settings: GsidSettings) -> int:
+    """How often light is found for a view: once a pixel that surfels cover, or once a surfel."""
+    if settings.shading == "forward":
+        return len(values[OPEN])
+    return int((ground.drawn.alpha > 0).sum())
+
+
+def _seen_surfels(values: Mapping[str, torch.Tensor], ground: Ground) -> Pixels:
+    """All surfels as the camera sees them, each as if it filled a pixel."""
+    surfels = surfels_of(values)
+    eye = normalize(torch.tensor(ground.camera.position).float() - surfels.centres, dim=-1)
+    normal = rotation_matrices(surfels.rotations)[:, :, 2]
+    normal = torch.where((normal * eye).sum(dim=-1, keepdim=True) < 0, -normal, normal)
+    base, roughness, metallic = (values[name].sigmoid() for name in (BASE_COLOR, ROUGHNESS, METALLIC))
+    material = Material(base, roughness[:, 0], metallic[:, 0])
+    whole = torch.ones(len(normal))
+    return Pixels(material, values[SHADOW], surfels.centres, normal, eye, values[OPEN], whole)
+
+
+def _drawn(lit: Picture, surfels: Surfels, ground: Ground, surroundings: Surroundings) -> Picture:
+    """The light that surfels send, drawn, and the surroundings behind them."""
+    parts = lit.by_lamp, lit.by_sky[:, None], lit.by_way, lit.irradiance
+    sizes = [part.shape[1] for part in parts]
+    sent = torch.cat(parts, dim=1)
+    drawn = rasterize_features(surfels, ground.camera, features=sent.flatten(1))
+    by_lamp, by_sky, by_way, irradiance = drawn.features.unflatten(-1, (-1, 3)).split(sizes, dim=-2)
+    behind = look_up(surroundings.skies[0], -ground.eye)
+    by_sky = by_sky[..., 0, :] + (1 - drawn.alpha[..., None]) * behind
+    return Picture(by_lamp, by_sky, by_way, irradiance)

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The decomposition of ``r3dg``: surfels with materials, incident light of their own, and an environment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch.nn.functional import normalize
+
+from graycard import Camera, EnvironmentLight, Light, MethodError, encode
+from graycard import decode as decode_json
+from graycard.methods._contract import check_layers
+from graycard.methods._store import restore, store
+from graycard.methods.r3dg._light import (
+    BASE_COLOR,
+    ROUGHNESS,
+    SKY,
+    Directions,
+    basis_of,
+    from_sky,
+    in_view,
+    own_light,
+    returned,
+    roughness_from,
+)
+from graycard.methods.r3dg._objective import drawn_layers
+from graycard.methods.r3dg._settings import R3dgSettings
+from graycard.methods.shading import (
+    Given,
+    Material,
+    arriving,
+    given_from_store,
+    given_lights,
+    known_lamps,
+    lamp_visibility,
+    lit_by_lamps,
+    look_up,
+    to_latitudes,
+)
+from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, rasterize, surfels_of
+from graycard.methods.surfels import depth_layer, normal_layer
+from graycard.methods.surfels import encode as show
+
+METHOD = "r3dg"
+OWN_SKY = EnvironmentLight("sky", "environment.exr")
+HEIGHT = 64
+"""Rows of the image of the surroundings."""
+PANEL = 4
+"""Points along each side of a given light with an area."""
+_COVERED = 1e-3
+_DIRECTIONS = ("normals", "toward", "through")
+
+
+@dataclass(frozen=True, eq=False)
+class R3dgScene:
+    """Surfels, each with a material and incident light of its own, under an environment."""
+
+    parameters: Parameters
+    directions: Directions
+    settings: R3dgSettings
+    exposure: float
+    """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
+    extent: float
+    """Of the scene, metres."""
+    given: Given | None = None
+    """None: the light that was found."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Picture, material but for metals, and geometry."""
+        return frozenset({"radiance", "base_color", "roughness", "normal", "depth"})
+
+    @torch.no_grad()
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Layers as any camera sees them.
+
+        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
+        normal faces the camera.
+
+        Raises:
+            MethodError: A layer is not provided.
+        """
+        check_layers(layers, self.provides)
+        values = self.parameters.all
+        eye = torch.tensor(camera.position).float()
+        rows = in_view(surfels_of(values).centres, camera)
+        drawn = drawn_layers(values, self._sent(rows, eye, camera), rows, camera)
+        geometry = rasterize(surfels_of(values), camera)
+        behind = look_up(self._sky, torch.tensor(camera.rays()).float())
+        picture, base, roughness = drawn.features.split([3, 3, 1], dim=-1)
+        cover = drawn.alpha[..., None]
+        found = {
+            "radiance": (picture + (1 - cover) * behind).numpy(),
+            "base_color": (base / cover.clamp(min=_COVERED)).numpy(),
+            "roughness": (roughness / cover.clamp(min=_COVERED))[..., 0].numpy(),
+            "normal": normal_layer(geometry, camera),
+            "depth": depth_layer(geometry),
+        }
+        return {name: found[name] for name in layers}
+
+    @property
+    def _sky(self) -> torch.Tensor:
+        """The surroundings, shape ``(6, N, N, 3)``, W/m²/sr."""
+        if self.given is not None:
+            return self.given.sky
+        return self.parameters.shared[SKY].exp() / self.exposure
+
+    def _sent(self, rows: torch.Tensor, eye: torch.Tensor, camera: Camera) -> torch.Tensor:
+        """Radiance of some surfels, W/m²/sr."""
+        values = self.parameters.all
+        incident = from_sky(self._sky, self.directions, rows)
+        if self.given is None:
+            incident = incident + own_light(values, self.directions, rows) / self.exposure
+            return returned(values, self.directions, incident, rows, eye)
+        by_sky = returned(values, self.directions, incident, rows, eye)
+        return by_sky + self._by_lamps(self.given, rows, eye, camera)
+
+    def _by_lamps(self, given: Given, rows: torch.Tensor, eye: torch.Tensor, camera: Camera) -> torch.Tensor:
+        values, surfels = self.parameters.all, surfels_of(self.parameters.surfels)
+        lamps, centres = known_lamps(given.local, camera, PANEL), surfels.centres[rows]
+        reached = lamp_visibility(surfels, centres, lamps.positions, self.extent)
+        arrival = arriving(lamps, centres)
+        arrival = arrival._replace(facing=arrival.facing * reached[..., None])
+        roughness = roughness_from(values[ROUGHNESS][rows, 0])
+        material = Material(values[BASE_COLOR][rows].sigmoid(), roughness, torch.zeros_like(roughness))
+        to_eye = normalize(eye - centres, dim=-1)
+        return lit_by_lamps(material, self.directions.normals[rows], to_eye, arrival).whole.sum(dim=-2)
+
+    def lights(self) -> tuple[Light, ...]:
+        """The surroundings, and lamps where they were given: what surfels have for themselves is no light."""
+        return *(self.given.local if self.given else ()), OWN_SKY
+
+    @torch.no_grad()
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """The surroundings, shape ``(64, 128, 3)``, W/m²/sr."""
+        return to_latitudes(self._sky, HEIGHT)
+
+    @torch.no_grad()
+    def relight(self, lights: tuple[Light, ...]) -> "R3dgScene":
+        """The same surfels under other lights, their shadows traced, without the light of their own.
+
+        Args:
+            lights: All that shine then, in true units. The ``image`` of surroundings is the full path of its
+                file; without any the scene is dark around.
+
+        Raises:
+            DatasetError: An image is missing or broken.
+        """
+        return replace(self, given=given_lights(lights, OWN_SKY, self._sky))
+
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        """How often light is found for a picture: once a surfel that may be seen."""
+        return {"light evaluations": len(in_view(surfels_of(self.parameters.surfels).centres, camera))}
+
+    def save(self, folder: Path) -> None:
+        """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        facts = {"exposure": self.exposure, "extent": self.extent, "settings": encode(self.settings)}
+        given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
+        rays = {name: getattr(self.directions, name).numpy() for name in _DIRECTIONS}
+        store(folder, METHOD, facts | given_facts, arrays_of(self.parameters) | given_arrays | rays)
+        surfels = self.parameters.surfels
+        export_ply(Path(folder) / "surfels.ply", surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
+
+
+def load_scene(folder: Path) -> R3dgScene:
+    """A scene that was saved.
+
+    Raises:
+        MethodError: It is missing, damaged, or of another method.
+    """
+    facts, arrays = restore(folder, METHOD)
+    settings = decode_json(R3dgSettings, facts["settings"], MethodError, "settings")
+    given = given_from_store(facts, arrays)
+    normals, toward, through = (torch.from_numpy(arrays.pop(name).copy()) for name in _DIRECTIONS)
+    directions = Directions(normals, toward, through, basis_of(toward))
+    exposure, extent = float(facts["exposure"]), float(facts["extent"])
+    return R3dgScene(parameters_from(arrays), directions, settings, exposure, extent, given)
