@@ -11,6 +11,7 @@ import graycard as gc
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
 from graycard.methods.gsid._candidates import DOUBT, FirstLights, _explained, _merged, find_lights
+from graycard.methods.gsid._draw import draw, reach_in_view
 from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, reach_in
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -23,10 +24,11 @@ from graycard.methods.gsid._lights import (
     LAMPS as NAMES,
 )
 from graycard.methods.gsid._materials import first_materials
-from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, picture_of, pixels_of
+from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, Reach, picture_of, pixels_of
 from graycard.methods.gsid._objective import Objective
-from graycard.methods.shading import surroundings_of, unevenness
+from graycard.methods.shading import lamp_visibility, surroundings_of, unevenness
 from graycard.methods.splat import Parameters, Plan, initial_state, train_step
+from graycard.methods.surfels import encode
 from lit_sheets import EXTENT, LAMPS, World
 
 QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5, aggregate_every=0.5)
@@ -212,6 +214,31 @@ def test_light_is_missing_where_the_photographs_are_brighter(world: World):
     expected = ground.points[21, 15] + 0.25 * EXTENT * ground.normal[21, 15]
     assert torch.linalg.vector_norm(lack.position - expected) < 0.15
     assert (lack.intensity > 0).all()
+
+
+def test_materials_can_be_left_as_the_prior_has_them(world: World):
+    materials = {BASE_COLOR, ROUGHNESS, METALLIC}
+    assert materials <= learning_rates(EXTENT, QUICK).keys()
+    assert not materials & learning_rates(EXTENT, replace(QUICK, materials="prior")).keys()
+
+
+def test_shaded_surfels_look_like_shaded_pixels(world: World):
+    """Up to what is blended: albedo times light, or the light of each surfel (G12)."""
+    stage = stage_of(world)
+    lights = world.lamps, surroundings_of(torch.full((6, 4, 4, 3), 0.05))
+    reached = lamp_visibility(world.surfels, world.surfels.centres, world.lamps.positions, EXTENT)
+    for shot in world.shots:
+        forward = replace(stage.settings, shading="forward")
+        drawn = [
+            draw(
+                world.surface, shot.ground, lights,
+                reach_in_view(world.surfels, shot.ground, Reach(reached), settings), settings, EXTENT,
+            )
+            for settings in (stage.settings, forward)
+        ]  # fmt: skip
+        error = (encode(drawn[0].whole) - encode(drawn[1].whole)).square().mean()
+        assert -10 * np.log10(float(error)) > 30
+        torch.testing.assert_close(drawn[0].whole, shot.linear)
 
 
 def test_a_cubemap_of_one_colour_is_smooth():

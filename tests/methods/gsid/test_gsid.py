@@ -2,6 +2,7 @@
 """``gsid`` on a tiny scene, behind the contract."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import graycard as gc
 from graycard import methods
-from graycard.methods.gsid import GsidMethod, GsidScene, GsidSettings
+from graycard.methods.gsid import GsidMethod, GsidScene, GsidSettings, GsirMethod, GsirSettings
 from graycard.methods.gsid._guess import ASKS
 from graycard.methods.priors import PriorSpec, make_priors
 from sparse_points import with_points
@@ -93,6 +94,38 @@ def test_the_same_seed_gives_the_same_bits(scene: Path, fitted: GsidScene):
 def test_it_fits_without_a_prior(scene: Path):
     found = GsidMethod().fit(with_points(scene), methods.Priors(), QUICK, 0, gc.silent)
     assert found.render(cameras(scene)[0], ["roughness"])["roughness"].mean() == pytest.approx(0.6, abs=0.1)
+
+
+def test_an_environment_alone_is_fitted_and_saved(scene: Path, tmp_path: Path):
+    """``gsir`` is asked nothing of a prior, and has no lamps."""
+    method = GsirMethod()
+    assert methods.asks_of(method) == ()
+    chosen = GsirSettings(iterations=12, surfels=300, fill=0.0, sky_size=4)
+    found = method.fit(with_points(scene), methods.Priors(), chosen, 0, gc.silent)
+    assert [light.name for light in found.lights()] == ["sky"]
+    camera = cameras(scene)[0]
+    layers = found.render(camera, sorted(found.provides))
+    np.testing.assert_allclose(layers["radiance.sky"], layers["radiance"], atol=1e-6)
+    found.save(tmp_path / "d")
+    loaded = method.load(tmp_path / "d")
+    assert loaded.settings == chosen
+    np.testing.assert_array_equal(loaded.render(camera, ["radiance"])["radiance"], layers["radiance"])
+    with pytest.raises(gc.MethodError, match="expected a decomposition by 'gsid' .* got one by 'gsir'"):
+        GsidMethod().load(tmp_path / "d")
+
+
+def test_surfels_may_be_shaded_instead_of_pixels(scene: Path):
+    """Both are fitted; light is found as often as there are surfels, or covered pixels."""
+    camera = cameras(scene)[0]
+    for shading in ("deferred", "forward"):
+        chosen = replace(QUICK, shading=shading)
+        found = GsidMethod().fit(with_points(scene), oracle(scene), chosen, 0, gc.silent)
+        layers = found.render(camera, sorted(found.provides))
+        lights = [values for name, values in layers.items() if name.startswith("radiance.")]
+        np.testing.assert_allclose(sum(lights), layers["radiance"], atol=1e-4)
+        counted = found.counts(camera)["light evaluations"]
+        surfels = len(found.parameters)
+        assert counted == surfels if shading == "forward" else counted <= camera.width * camera.height
 
 
 def test_black_photographs_are_refused(scene: Path, tmp_path: Path, write_tiny: Callable[..., Path]):
