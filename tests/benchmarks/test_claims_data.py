@@ -149,6 +149,7 @@ def test_the_files_of_the_docs_can_be_read(tmp_path: Path) -> None:
 
 def test_claims_of_a_suite() -> None:
     assert claims_of_suite("claims-dark") == ["sunfaded"]
+    assert claims_of_suite("claims-multilight") == ["gsid"]
     assert claims_of_suite("smoke") == []
 
 
@@ -165,12 +166,14 @@ def test_files_that_come_along_name_what_there_is(name: str) -> None:
             assert {n for n in named if not n.startswith(("cost.", "count."))} <= known
 
 
-def test_every_claim_of_sunfaded_is_there() -> None:
-    assert [claim.id for claim in load_claims("sunfaded").claims] == [f"S{n}" for n in range(1, 15)]
+@pytest.mark.parametrize(("paper", "letter"), [("sunfaded", "S"), ("gsid", "G")])
+def test_every_claim_of_a_paper_is_there(paper: str, letter: str) -> None:
+    assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n}" for n in range(1, 15)]
 
 
-def test_the_rows_of_the_suite_take_their_settings() -> None:
-    for row in load_suite("claims-dark").methods:
+@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight"])
+def test_the_rows_of_the_suites_take_their_settings(suite: str) -> None:
+    for row in load_suite(suite).methods:
         settings_of(load_method(row.name), row.settings)
 
 
