@@ -21,7 +21,8 @@ RULE = (
     f"difference has p < {1 - LEVEL:.2g} after Holm's correction over all pairs of the table; else they are "
     "tied. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean "
     "and all methods tied with it, rank 2 the best of the rest and all tied with that, and so on; only "
-    "methods that were handed nothing and have a score of every scene are ranked."
+    "methods that have a score of every scene and were handed nothing beyond the capture but priors, which "
+    "their rows name, are ranked."
 )
 
 

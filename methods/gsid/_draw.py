@@ -46,6 +46,8 @@ def draw(
     reach: Reach,
     settings: GsidSettings,
     extent: float,
+    *,
+    apart: bool = True,
 ) -> Picture:
     """A view of shape ``(H, W)``.
 
@@ -56,11 +58,13 @@ def draw(
         reach: Of :func:`reach_in_view`.
         settings: What is shaded, and how vectors are read.
         extent: Of the scene, metres.
+        apart: Whether lamps are kept apart; else they are one. Surfels with light of hundreds of them would
+            take long to draw.
     """
     if settings.shading == "deferred":
         return picture_of(pixels_of(values, ground), *lights, reach, settings.visibility, extent)
     lit = picture_of(_seen_surfels(values, ground), *lights, reach, settings.visibility, extent)
-    return _drawn(lit, surfels_of(values), ground, lights[1])
+    return _drawn(lit if apart else lit.merged(), surfels_of(values), ground, lights[1])
 
 
 def light_evaluations(values: Mapping[str, torch.Tensor], ground: Ground, settings: GsidSettings) -> int:

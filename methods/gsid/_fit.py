@@ -117,6 +117,24 @@ def fit_lights(
     return _trained(initial_state(parameters, seed), stage, progress).parameters
 
 
+def check_told(guesses: Sequence[Guess], settings: GsidSettings) -> None:
+    """Refuse to keep the materials of a prior that knows none.
+
+    Raises:
+        MethodError: ``materials = "prior"``, and the prior was not asked or does not know one of them.
+    """
+    missing = [
+        kind
+        for kind in ("base_color", "roughness", "metallic")
+        if any(getattr(guess, kind) is None for guess in guesses)
+    ]
+    if settings.materials == "prior" and missing:
+        raise MethodError(
+            f"expected a prior that tells {', '.join(missing)}, as materials = 'prior' keeps them, got none. "
+            "Hand one in (--priors oracle:2), or fit materials"
+        )
+
+
 def _trained(state: FitState, stage: Stage, progress: Progress) -> FitState:
     """In chunks: before each, rays are traced to where the lamps are then."""
     settings = stage.settings
@@ -150,10 +168,11 @@ def reach_in(stage: Stage, parameters: Parameters) -> list[Reach]:
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
     """By the names of parameters, for a scene of an extent in metres (all inferred)."""
+    windows = ((settings.material_start, 1.0),)
     materials = {
-        BASE_COLOR: Rate(4e-2, 1e-2),
-        ROUGHNESS: Rate(2e-2, 5e-3),
-        METALLIC: Rate(2e-2, 5e-3),
+        BASE_COLOR: Rate(4e-2, 1e-2, windows),
+        ROUGHNESS: Rate(2e-2, 5e-3, windows),
+        METALLIC: Rate(2e-2, 5e-3, windows),
     }
     rates = {
         POSITIONS: Rate(5e-3, 1e-3).times(extent),

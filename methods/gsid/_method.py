@@ -5,7 +5,7 @@ from pathlib import Path
 
 from graycard import Capture, Progress
 from graycard.methods._contract import Ask, Priors
-from graycard.methods.gsid._fit import fit_lights
+from graycard.methods.gsid._fit import check_told, fit_lights
 from graycard.methods.gsid._geometry import fit_geometry
 from graycard.methods.gsid._guess import ASKS, guesses_of
 from graycard.methods.gsid._scene import GSID, GSIR, GsidScene, load_scene
@@ -35,6 +35,7 @@ class GsidMethod:
         check_places(capture)
         check_photographs(capture)
         guesses = guesses_of(capture, priors)
+        check_told(guesses, settings)
         geometry = fit_geometry(capture, guesses, settings, seed, progress)
         parameters = fit_lights(capture, geometry, guesses, settings, seed, progress)
         extent = scene_extent([view.camera for view in capture.train])

@@ -187,6 +187,12 @@ class Picture:
         parts = (self.by_lamp, self.by_sky, self.by_way, self.irradiance)
         return Picture(*(part.flatten(0, 1)[rows] for part in parts))
 
+    def merged(self) -> "Picture":
+        """With all lamps as one."""
+        lamps = (part.sum(dim=-2, keepdim=True) for part in (self.by_lamp, self.irradiance))
+        by_lamp, irradiance = lamps
+        return Picture(by_lamp, self.by_sky, self.by_way, irradiance)
+
     @property
     def whole(self) -> torch.Tensor:
         """What a photograph shows."""

@@ -13,7 +13,7 @@ from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._lights import lamps_from, sky_from
 from graycard.methods.gsid._model import Ground, Picture, Pixels, Reach, picture_of, pixels_of
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.shading import surroundings_of, unevenness
+from graycard.methods.shading import surroundings_of, unevenness, unevenness_but_for_edges
 from graycard.methods.splat import Look, view_at
 from graycard.methods.surfels import encode
 
@@ -59,6 +59,10 @@ class Objective:
         picture = self._picture(values, whole, rows, number)
         loss = (encode(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
         loss = loss + prior_loss(whole, shot, settings)
+        if settings.smooth_weight > 0:
+            loss = loss + settings.smooth_weight * unevenness_but_for_edges(
+                material_image(whole), shot.shown, squared=True
+            )
         loss = loss + settings.matte_weight * (1 - whole.material.roughness + whole.material.metallic).mean()
         loss = loss + settings.lamp_weight * picture.irradiance.sum(dim=-2).mean()
         return Look(loss + settings.sky_weight * unevenness(sky))
@@ -78,6 +82,14 @@ class Objective:
         count = shot.shown.shape[0] * shot.shown.shape[1]
         random = np.random.default_rng([self.seed, step])
         return torch.from_numpy(random.permutation(count)[: max(1, round(self.settings.pixels * count))])
+
+
+def material_image(pixels: Pixels) -> torch.Tensor:
+    """Base colour, roughness and metallic of a view, shape ``(H, W, 5)``."""
+    material = pixels.material
+    return torch.cat(
+        [material.base_color, material.roughness[..., None], material.metallic[..., None]], dim=-1
+    )
 
 
 def prior_loss(pixels: Pixels, shot: Shot, settings: GsidSettings) -> torch.Tensor:

@@ -120,7 +120,7 @@ class GsidScene:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
         surroundings, reached, bounced = surroundings_of(self._sky), None, None
-        if self.settings.visibility == "traced":
+        if self.settings.visibility == "traced" or self.given is not None:
             reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
         values = self.parameters.all
         if self._bounces is not None:
@@ -128,7 +128,8 @@ class GsidScene:
                 self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
             )
         reach = reach_in_view(surfels, ground, Reach(reached, bounced), self.settings)
-        return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent)
+        apart = self.given is None
+        return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
 
     @cached_property
     def _bounces(self) -> Bounces | None:

@@ -37,7 +37,8 @@ class GsidSettings:
     shading: Shading = "deferred"
     """Light is found for pixels, as in the paper, or for surfels, which are then drawn (``forward``)."""
     materials: Materials = "fitted"
-    """``prior``: they stay what the prior says, averaged over views; only light is fitted (ablation)."""
+    """``prior``: they stay what the prior says, averaged over views, and only light is fitted (ablation); it
+    has to know base colour, roughness and metallic."""
     bounces: bool = True
     """Whether light that comes by way of other surfaces is found by rays between surfels, a few times on the
     way (inferred: the paper has none, and a room has)."""
@@ -59,12 +60,17 @@ class GsidSettings:
     """Of what shines through all surfels, as in ``2dgs``."""
     matte_weight: float = 0.0
     """Of 1 - roughness + metallic, averaged: without a prior what shines has to say why (GS-IR)."""
+    smooth_weight: float = 0.0
+    """Of squared differences of neighbouring pixels in base colour, roughness and metallic, less where the
+    photograph differs too (GS-IR: 1)."""
     lamp_weight: float = 1e-3
     """Of the mean irradiance of the lamps on what is seen: the fewer the better (inferred)."""
     sky_weight: float = 1e-2
     """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
     ssim_share: float = 0.2
     """Of the photometric loss of the first stage; all else is the mean absolute difference."""
+    material_start: float = 0.0
+    """Share of the second stage after which materials begin to move: before it light alone does (inferred)."""
     pixels: float = 0.25
     """Share of a view's pixels that are shaded at a step of the second stage (inferred; the paper shades all
     of them, on a GPU)."""
@@ -87,6 +93,8 @@ class GsidSettings:
                 "expected lamps of 0 or more, lobes and sky_size of 1 or more, "
                 f"got {self.lamps}, {self.lobes} and {self.sky_size}"
             )
+        if not 0 <= self.material_start < 1:
+            raise ValueError(f"expected material_start in [0, 1), got {self.material_start}")
         if not (0 < self.geometry_share < 1 and 0 < self.aggregate_every <= 1 and 0 < self.pixels <= 1):
             raise ValueError(
                 "expected geometry_share in (0, 1), aggregate_every and pixels in (0, 1], "
@@ -101,7 +109,7 @@ class GsidSettings:
         weights = (
             self.base_color_weight, self.roughness_weight, self.metallic_weight, self.normal_prior_weight,
             self.normal_weight, self.distortion_weight, self.cover_weight, self.matte_weight,
-            self.lamp_weight, self.sky_weight,
+            self.smooth_weight, self.lamp_weight, self.sky_weight,
         )  # fmt: skip
         if not all(weight >= 0 for weight in weights):
             raise ValueError(f"expected weights of 0 or more, got {weights}")
@@ -114,9 +122,12 @@ class GsidSettings:
 
 @dataclass(frozen=True, slots=True)
 class GsirSettings(GsidSettings):
-    """Settings of ``gsir``: no lamps, nothing bounces, no prior is asked; what is matte needs no reason."""
+    """Settings of ``gsir``: by default no lamps, nothing bounces, and materials are even and matte unless
+    photographs say otherwise. No prior is asked.
+    """
 
     lamps: int = 0
     visibility: Visibility = "none"
     bounces: bool = False
     matte_weight: float = 1e-3
+    smooth_weight: float = 1.0

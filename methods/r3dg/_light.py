@@ -5,7 +5,8 @@ Of each surfel 48 directions over its surface are looked at, as dense as a matte
 each comes what the environment sends, times the share of it that gets through the other surfels (rays, traced
 once), and light of the surfel's own: a sum of harmonics, not below 0, which stands for all else that comes
 from there, be it bounced or of a lamp nearby. Returned light is the mean over the directions (Gao et al.,
-ECCV 2024, section 3.2, there with 64 directions). There are no metals: f0 is 0.04.
+ECCV 2024, section 3.2, there with 64 directions). There are no metals: f0 is 0.04. A surfel that is seen from
+behind looks as it does from its front.
 """
 
 from collections.abc import Mapping
@@ -26,7 +27,7 @@ from graycard.methods.shading import (
     schlick,
     smith_shadowing,
 )
-from graycard.methods.splat import CENTRES, Surfels, harmonics_basis, trace
+from graycard.methods.splat import CENTRES, Surfels, harmonics_basis, image_radius, trace
 
 BASE_COLOR, ROUGHNESS, OWN = "base colour", "roughness", "own incident light"
 """Names of the parameters of surfels: logits ``(N, 3)`` and ``(N, 1)``, and harmonics ``(N, 16, 3)``."""
@@ -35,9 +36,7 @@ SKY = "log sky"
 DEGREE = 3
 """Of the harmonics."""
 LEAST_ROUGHNESS, ROUGHNESS_SPAN = 0.09, 0.9
-"""Of surfels: a sharper lobe would fall between the directions (inferred)."""
-_ASIDE = 0.3
-"""Shares of the picture by which the centre of a surfel may be beside it and still be drawn."""
+"""As in the paper's code. Sharp lobes still fall between the directions: the limit of such a mean."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,17 +104,21 @@ def returned(
     diffuse = base * incident.mean(dim=1)
     alpha = roughness_from(values[ROUGHNESS][rows]).square()
     normals, toward = directions.normals[rows][:, None], directions.toward[rows]
-    to_eye = normalize(eye - values[CENTRES][rows], dim=-1)[:, None]
-    cos_v = (normals * to_eye).sum(dim=-1)
-    seen = cos_v > 0
-    cos_v, cos_l = torch.where(seen, cos_v, 1.0), (normals * toward).sum(dim=-1)
+    to_eye = facing_eye(values[CENTRES][rows], directions.normals[rows], eye)[:, None]
+    cos_v, cos_l = ((normals * other).sum(dim=-1).clamp(min=1e-3) for other in (to_eye, toward))
     middle = normalize(to_eye + toward, dim=-1)
     fresnel = schlick(torch.tensor(DIELECTRIC_F0), (to_eye * middle).sum(dim=-1).clamp(0, 1))
     facets = ggx_density(normals, middle, alpha) * smith_shadowing(cos_v, alpha)
     facets = facets * smith_shadowing(cos_l, alpha)
     # directions are as dense as cos / pi
-    weights = torch.where(seen, facets * fresnel * torch.pi / (4 * cos_v * cos_l.clamp(min=1e-3)), 0.0)
+    weights = facets * fresnel * torch.pi / (4 * cos_v * cos_l)
     return diffuse + (weights[..., None] * incident).mean(dim=1)
+
+
+def facing_eye(centres: torch.Tensor, normals: torch.Tensor, eye: torch.Tensor) -> torch.Tensor:
+    """Directions to the eye, mirrored to the front of surfels that are seen from behind, ``(R, 3)``, unit."""
+    to_eye = normalize(eye - centres, dim=-1)
+    return to_eye - 2 * (to_eye * normals).sum(dim=-1, keepdim=True).clamp(max=0) * normals
 
 
 def from_sky(sky: torch.Tensor, directions: Directions, rows: torch.Tensor) -> torch.Tensor:
@@ -123,9 +126,10 @@ def from_sky(sky: torch.Tensor, directions: Directions, rows: torch.Tensor) -> t
     return directions.through[rows][..., None] * look_up(sky, directions.toward[rows])
 
 
-def in_view(centres: torch.Tensor, camera: Camera) -> torch.Tensor:
-    """Numbers of the surfels whose centres are in a picture or not far beside it, shape ``(R,)``."""
-    places, depth = camera.project(centres.numpy())
-    column, row = places[:, 0] / camera.width - 0.5, places[:, 1] / camera.height - 0.5
-    inside = (np.abs(column) < 0.5 + _ASIDE) & (np.abs(row) < 0.5 + _ASIDE) & (depth > 0)
+def in_view(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
+    """Numbers of the surfels that reach into a picture, were they spheres, shape ``(R,)``."""
+    places, depth = camera.project(values[CENTRES].numpy())
+    reach = image_radius(values, camera).numpy() * camera.width
+    across, down = np.abs(places - np.array([camera.width, camera.height]) / 2).T
+    inside = (across < camera.width / 2 + reach) & (down < camera.height / 2 + reach) & (depth > 0)
     return torch.from_numpy(inside.nonzero()[0])

@@ -52,7 +52,7 @@ class R3dgMethod:
     ) -> R3dgScene:
         """Fit surfels, then materials and light on them, to the training photographs.
 
-        Unlike the paper's, surfels stand still in the second stage: rays between them are traced once.
+        Surfels stand still in the second stage, as in the paper's code: rays between them are traced once.
 
         Raises:
             MethodError: All views are from one place, photographs are black or not finite, there are too
@@ -70,7 +70,7 @@ class R3dgMethod:
         eyes = torch.tensor(np.array([view.camera.position for view in capture.train])).float()
         directions = directions_of(surfels, eyes, extent)
         views = photographs(capture, surface)
-        shots = [shot_of(view.camera, view.encoded, surfels.centres) for view in views]
+        shots = [shot_of(view.camera, view.encoded, geometry.surfels) for view in views]
         first = Parameters(
             {name: geometry.surfels[name] for name in GEOMETRY} | first_surfaces(len(surfels)),
             {SKY: first_sky(shots, settings)},
@@ -90,7 +90,9 @@ class R3dgMethod:
 
 
 def learning_rates() -> dict[str, Rate]:
-    """By the names of parameters (paper's code: 0.01 of materials and own light, 0.1 of the environment)."""
+    """By the names of parameters (paper's code: 0.01, and 0.1 of the environment, for 20 000 steps; the rest
+    is inferred, for some hundreds).
+    """
     return {
         BASE_COLOR: Rate(2e-2, 5e-3),
         ROUGHNESS: Rate(1e-2, 5e-3),
@@ -100,7 +102,9 @@ def learning_rates() -> dict[str, Rate]:
 
 
 def first_surfaces(count: int) -> dict[str, torch.Tensor]:
-    """Parameters of so many surfels before the second stage, none of which has light of its own yet."""
+    """Parameters of so many surfels before the second stage: a little light of their own, alike all round,
+    since light that is cut off at 0 could not grow.
+    """
     own = torch.zeros(count, coefficient_count(DEGREE), 3)
     own[:, 0] = 0.1
     half = torch.logit(torch.tensor(ALBEDO))

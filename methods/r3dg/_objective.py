@@ -19,7 +19,7 @@ from graycard.methods.r3dg._light import (
     roughness_from,
 )
 from graycard.methods.r3dg._settings import R3dgSettings
-from graycard.methods.shading import look_up, unevenness
+from graycard.methods.shading import look_up, unevenness, unevenness_but_for_edges
 from graycard.methods.splat import FeatureMaps, Look, photometric_map, rasterize_features, surfels_of, view_at
 from graycard.methods.surfels import encode
 
@@ -39,10 +39,10 @@ class Shot:
     """Numbers of the surfels that may be seen."""
 
 
-def shot_of(camera: Camera, shown: torch.Tensor, centres: torch.Tensor) -> Shot:
+def shot_of(camera: Camera, shown: torch.Tensor, values: Mapping[str, torch.Tensor]) -> Shot:
     """A view of surfels that stand still."""
     eye, rays = torch.tensor(camera.position).float(), torch.tensor(camera.rays()).float()
-    return Shot(camera, shown, eye, rays, in_view(centres, camera))
+    return Shot(camera, shown, eye, rays, in_view(values, camera))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,42 +64,34 @@ class Objective:
         own = own_light(values, self.directions, shot.rows)
         incident = from_sky(sky, self.directions, shot.rows) + own
         sent = returned(values, self.directions, incident, shot.rows, shot.eye)
-        drawn = drawn_layers(values, sent, shot.rows, shot.camera)
-        picture, base, roughness = drawn.features.split([3, 3, 1], dim=-1)
+        arrived = incident.mean(dim=1)
+        drawn = drawn_layers(values, torch.cat([sent, arrived], dim=1), shot.rows, shot.camera)
+        base, roughness, picture, light = drawn.features.split([3, 1, 3, 3], dim=-1)
         picture = picture + (1 - drawn.alpha[..., None]) * look_up(sky, shot.rays)
         loss = photometric_map(encode(picture), shot.shown, settings.ssim_share).mean()
-        smooth = smoothness(torch.cat([base, roughness], dim=-1), shot.shown)
-        white = (own - own.mean(dim=-1, keepdim=True)).abs().mean()
-        loss = loss + settings.smooth_weight * smooth + settings.white_weight * white
+        for layer, weight in (
+            (base, settings.base_color_smooth_weight),
+            (roughness, settings.roughness_smooth_weight),
+            (light, settings.light_smooth_weight),
+        ):
+            loss = loss + weight * unevenness_but_for_edges(layer, shot.shown)
+        colour = (arrived - arrived.mean(dim=-1, keepdim=True)).abs().sum() / max(1, arrived.numel())
+        loss = loss + settings.white_weight * colour
         return Look(loss + settings.sky_weight * unevenness(sky))
 
 
 def drawn_layers(
     values: Mapping[str, torch.Tensor], sent: torch.Tensor, rows: torch.Tensor, camera: Camera
 ) -> FeatureMaps:
-    """Sent light, base colour and roughness, drawn: 7 channels, weighted by what surfels cover.
+    """Base colour, roughness and light, drawn: 4 + C channels, weighted by what surfels cover.
 
     Args:
         values: Parameters by name.
-        sent: Shape ``(R, 3)``.
-        rows: Shape ``(R,)``: the surfels that send it; what others send is not seen.
+        sent: Shape ``(R, C)``.
+        rows: Shape ``(R,)``: the surfels that it is of, :func:`in_view`; others are not seen.
         camera: That looks.
     """
     base, roughness = values[BASE_COLOR].sigmoid(), roughness_from(values[ROUGHNESS])
-    all_sent = torch.zeros_like(base).index_copy(0, rows, sent)
-    features = torch.cat([all_sent, base, roughness], dim=1)
+    all_sent = sent.new_zeros(len(base), sent.shape[1]).index_copy(0, rows, sent)
+    features = torch.cat([base, roughness, all_sent], dim=1)
     return rasterize_features(surfels_of(values, features), camera)
-
-
-def smoothness(layers: torch.Tensor, guide: torch.Tensor) -> torch.Tensor:
-    """Mean difference of neighbours, less where a picture differs too: ``|d layers| exp(-|d guide|)``.
-
-    Args:
-        layers: Shape ``(H, W, C)``.
-        guide: Shape ``(H, W, 3)``.
-    """
-    total = torch.zeros(())
-    for axis in (0, 1):
-        edge = torch.exp(-guide.diff(dim=axis).abs().mean(dim=-1, keepdim=True))
-        total = total + (layers.diff(dim=axis).abs() * edge).mean()
-    return total

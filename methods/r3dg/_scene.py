@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch.nn.functional import normalize
 
 from graycard import Camera, EnvironmentLight, Light, MethodError, encode
 from graycard import decode as decode_json
@@ -19,6 +18,7 @@ from graycard.methods.r3dg._light import (
     SKY,
     Directions,
     basis_of,
+    facing_eye,
     from_sky,
     in_view,
     own_light,
@@ -85,11 +85,11 @@ class R3dgScene:
         check_layers(layers, self.provides)
         values = self.parameters.all
         eye = torch.tensor(camera.position).float()
-        rows = in_view(surfels_of(values).centres, camera)
+        rows = in_view(values, camera)
         drawn = drawn_layers(values, self._sent(rows, eye, camera), rows, camera)
         geometry = rasterize(surfels_of(values), camera)
         behind = look_up(self._sky, torch.tensor(camera.rays()).float())
-        picture, base, roughness = drawn.features.split([3, 3, 1], dim=-1)
+        base, roughness, picture = drawn.features.split([3, 1, 3], dim=-1)
         cover = drawn.alpha[..., None]
         found = {
             "radiance": (picture + (1 - cover) * behind).numpy(),
@@ -125,8 +125,9 @@ class R3dgScene:
         arrival = arrival._replace(facing=arrival.facing * reached[..., None])
         roughness = roughness_from(values[ROUGHNESS][rows, 0])
         material = Material(values[BASE_COLOR][rows].sigmoid(), roughness, torch.zeros_like(roughness))
-        to_eye = normalize(eye - centres, dim=-1)
-        return lit_by_lamps(material, self.directions.normals[rows], to_eye, arrival).whole.sum(dim=-2)
+        normals = self.directions.normals[rows]
+        to_eye = facing_eye(centres, normals, eye)
+        return lit_by_lamps(material, normals, to_eye, arrival).whole.sum(dim=-2)
 
     def lights(self) -> tuple[Light, ...]:
         """The surroundings, and lamps where they were given: what surfels have for themselves is no light."""
@@ -152,7 +153,7 @@ class R3dgScene:
 
     def counts(self, camera: Camera) -> Mapping[str, float]:
         """How often light is found for a picture: once a surfel that may be seen."""
-        return {"light evaluations": len(in_view(surfels_of(self.parameters.surfels).centres, camera))}
+        return {"light evaluations": len(in_view(self.parameters.all, camera))}
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
@@ -177,6 +178,8 @@ def load_scene(folder: Path) -> R3dgScene:
     facts, arrays = restore(folder, METHOD)
     settings = decode_json(R3dgSettings, facts["settings"], MethodError, "settings")
     given = given_from_store(facts, arrays)
+    if missing := [name for name in _DIRECTIONS if name not in arrays]:
+        raise MethodError(f"expected {', '.join(missing)} in {folder}, got none. Fit and save it again")
     normals, toward, through = (torch.from_numpy(arrays.pop(name).copy()) for name in _DIRECTIONS)
     directions = Directions(normals, toward, through, basis_of(toward))
     exposure, extent = float(facts["exposure"]), float(facts["extent"])

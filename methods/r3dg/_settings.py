@@ -8,8 +8,7 @@ from dataclasses import dataclass
 class R3dgSettings:
     """Settings of ``r3dg``; times are shares of ``iterations``, so that a budget of any size fits.
 
-    Weights are those of the paper's code for mean absolute differences in the range of a display, as far as
-    it has such a term; *inferred* says where it has another form.
+    Weights are those of the paper's code for synthetic scenes (``run_syn4.sh``).
     """
 
     iterations: int = 1500
@@ -24,10 +23,14 @@ class R3dgSettings:
     """Texels along the side of a face of the environment's cubemap."""
     ssim_share: float = 0.2
     """Of the photometric loss; all else is the mean absolute difference."""
-    smooth_weight: float = 0.01
-    """Of changes of base colour and roughness where the photograph does not change (inferred)."""
+    base_color_smooth_weight: float = 1.0
+    """Of changes of base colour where the photograph does not change."""
+    roughness_smooth_weight: float = 0.5
+    """The same of roughness."""
+    light_smooth_weight: float = 1.0
+    """The same of the light that arrives."""
     white_weight: float = 0.01
-    """Of the colour of the incident light that each surfel has for itself: such light should be grey."""
+    """Of the colour of the light that arrives: it should be grey."""
     sky_weight: float = 0.01
     """Of the mean absolute difference between neighbours in the cubemap."""
 
@@ -43,7 +46,8 @@ class R3dgSettings:
                 "expected geometry_share in (0, 1), fill and ssim_share in [0, 1], "
                 f"got {self.geometry_share}, {self.fill} and {self.ssim_share}"
             )
-        weights = (self.smooth_weight, self.white_weight, self.sky_weight)
+        smooth = self.base_color_smooth_weight, self.roughness_smooth_weight, self.light_smooth_weight
+        weights = (*smooth, self.white_weight, self.sky_weight)
         if not all(weight >= 0 for weight in weights):
             raise ValueError(f"expected weights of 0 or more, got {weights}")
 

@@ -6,7 +6,6 @@ from graycard.methods.shading._cubemap import look_up as look_up
 from graycard.methods.shading._cubemap import solid_angles as solid_angles
 from graycard.methods.shading._cubemap import texel_directions as texel_directions
 from graycard.methods.shading._cubemap import to_latitudes as to_latitudes
-from graycard.methods.shading._cubemap import unevenness as unevenness
 from graycard.methods.shading._given import Given as Given
 from graycard.methods.shading._given import given_from_store as given_from_store
 from graycard.methods.shading._given import given_lights as given_lights
@@ -34,6 +33,8 @@ from graycard.methods.shading._rays import hemisphere as hemisphere
 from graycard.methods.shading._rays import lamp_visibility as lamp_visibility
 from graycard.methods.shading._rays import outward as outward
 from graycard.methods.shading._rays import sky_visibility as sky_visibility
+from graycard.methods.shading._smoothness import unevenness as unevenness
+from graycard.methods.shading._smoothness import unevenness_but_for_edges as unevenness_but_for_edges
 from graycard.methods.shading._surroundings import Surroundings as Surroundings
 from graycard.methods.shading._surroundings import even_sky as even_sky
 from graycard.methods.shading._surroundings import lit_by_surroundings as lit_by_surroundings

@@ -77,13 +77,6 @@ def look_up(cubemap: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
     return upper * (1 - down) + lower * down
 
 
-def unevenness(cubemap: torch.Tensor) -> torch.Tensor:
-    """Mean absolute difference between neighbours in a cubemap, within its faces."""
-    if cubemap.shape[1] == 1:
-        return cubemap.sum() * 0
-    return cubemap.diff(dim=1).abs().mean() + cubemap.diff(dim=2).abs().mean()
-
-
 def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Tensor:
     """A cubemap of an environment.
 

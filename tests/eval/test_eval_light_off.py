@@ -57,11 +57,31 @@ def test_it_is_the_psnr_of_the_sum_of_the_others() -> None:
     assert found == pytest.approx(-10 * np.log10(np.mean(squares)), abs=1e-4)
 
 
+def test_to_dim_everything_is_no_knowledge_of_lights() -> None:
+    """Every light is said to be a third of the picture: better than nothing done, and worth nothing."""
+    whole = sum(PICTURES.values())
+    found = judged(layers_of({name: whole / 3 for name in PICTURES}))
+    better = found["light_off.better"]
+    assert better.breakdown["than left on"] == 100.0
+    assert better.value == 0.0
+    psnr = found["light_off.psnr"]
+    assert psnr.breakdown["dimmed"] >= (psnr.value or 99) - 0.3
+
+
+def test_surroundings_alone_leave_every_lamp_on() -> None:
+    lit = {"sky": sum(PICTURES.values())}
+    found = judged(layers_of(lit), names={"sky": "sky"})
+    assert found["light_off.better"].value == 0.0
+    assert found["light_off.psnr"].value == pytest.approx(found["light_off.psnr"].breakdown["left on"])
+
+
 def test_lights_that_are_taken_for_each_other_are_better_left_on() -> None:
     mild = PICTURES | {"left": PICTURES["left"] * 0.2}
     swapped = mild | {"left": mild["right"], "right": mild["left"]}
     found = judged(layers_of(swapped), mild)
-    assert found["light_off.better"].value == 50.0, "to take the strong one for the weak one is worse"
+    better = found["light_off.better"]
+    assert better.breakdown["than left on"] == 50.0, "to take the strong one for the weak one is worse"
+    assert better.value == 0.0, "and the weak one for the strong one is no better than dimming"
 
 
 def test_a_light_that_is_not_predicted_stays_on() -> None:

@@ -13,6 +13,7 @@ from graycard import methods
 from graycard.methods.gsid import GsidMethod, GsidScene, GsidSettings, GsirMethod, GsirSettings
 from graycard.methods.gsid._guess import ASKS
 from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.splat import rasterize, surfels_of
 from sparse_points import with_points
 
 QUICK = GsidSettings(iterations=12, surfels=300, fill=0.0, lamps=3, sky_size=4)
@@ -124,8 +125,24 @@ def test_surfels_may_be_shaded_instead_of_pixels(scene: Path):
         lights = [values for name, values in layers.items() if name.startswith("radiance.")]
         np.testing.assert_allclose(sum(lights), layers["radiance"], atol=1e-4)
         counted = found.counts(camera)["light evaluations"]
-        surfels = len(found.parameters)
-        assert counted == surfels if shading == "forward" else counted <= camera.width * camera.height
+        covered = int((rasterize(surfels_of(found.parameters.surfels), camera).alpha > 0).sum())
+        assert counted == (len(found.parameters) if shading == "forward" else covered)
+
+
+def test_surfels_may_be_shaded_under_surroundings_alone(scene: Path):
+    chosen = replace(QUICK, shading="forward", lamps=0)
+    found = GsidMethod().fit(with_points(scene), oracle(scene), chosen, 0, gc.silent)
+    assert [light.name for light in found.lights()] == ["sky"]
+    assert found.render(cameras(scene)[0], ["radiance"])["radiance"].mean() > 0
+
+
+def test_materials_of_a_prior_that_knows_none_cannot_be_kept(scene: Path):
+    def no_step(share: float, message: str) -> None:
+        raise AssertionError("a step was taken")
+
+    kept = replace(QUICK, materials="prior")
+    with pytest.raises(gc.MethodError, match="a prior that tells roughness, metallic"):
+        GsidMethod().fit(with_points(scene), oracle(scene), kept, 0, no_step)
 
 
 def test_black_photographs_are_refused(scene: Path, tmp_path: Path, write_tiny: Callable[..., Path]):

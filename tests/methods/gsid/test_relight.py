@@ -7,11 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 import graycard as gc
 from graycard import methods
 from graycard.methods.gsid import GsidMethod, GsidScene, GsidSettings
-from graycard.methods.gsid._lights import POSITIONS
+from graycard.methods.gsid._candidates import FirstLights
+from graycard.methods.gsid._lights import POSITIONS, first_lights
+from graycard.methods.gsid._settings import Shading, Visibility
+from graycard.methods.splat import Parameters
+from lit_sheets import EXTENT, World
 from sparse_points import with_points
 
 CAMERA = gc.Camera.from_fov(20, 16, 50, gc.look_at(np.array([1.5, -2.6, 1.6]), np.array([0.0, 0.0, 0.4])))
@@ -74,6 +79,24 @@ def test_a_lamp_is_moved_with_its_shadow(found: GsidScene):
     moved = found.relight((replace(lamp, position=(x + 1, y, z)),))
     close(seen(moved), seen(there, f"radiance.{lamp.name}"))
     assert np.abs(seen(moved) - seen(found, f"radiance.{lamp.name}")).max() > 0.01 * seen(moved).max()
+
+
+@pytest.mark.parametrize("visibility", ["none", "vector"])
+@pytest.mark.parametrize("shading", ["deferred", "forward"])
+def test_given_lamps_cast_shadows_whatever_was_known_of_the_old_ones(
+    world: World, visibility: Visibility, shading: Shading
+):
+    """Here a board stands in the way, and a panel is sixteen points."""
+    panel = gc.RectangleLight("p", (0.1, 0.1, 1.5), (0.2, 0, 0), (0, -0.2, 0), (3.0, 2.0, 1.0))
+    pictures = []
+    for form in (visibility, "traced"):
+        chosen = GsidSettings(visibility=form, shading=shading, bounces=False, sky_size=4)
+        dark = FirstLights(torch.zeros(0, 3), torch.zeros(0, 2, 3), torch.zeros(3), torch.zeros(6, 3))
+        parameters = Parameters(world.surface, first_lights(dark, chosen))
+        relit = GsidScene(parameters, chosen, 1.0, EXTENT).relight((panel,))
+        pictures.append(relit.render(world.shots[0].ground.camera, ["radiance"])["radiance"])
+    np.testing.assert_array_equal(*pictures)
+    assert pictures[0].max() > 0
 
 
 def test_other_surroundings_come_from_their_file(found: GsidScene, tmp_path: Path):
