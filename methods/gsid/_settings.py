@@ -70,7 +70,7 @@ class GsidSettings:
     ssim_share: float = 0.2
     """Of the photometric loss of the first stage; all else is the mean absolute difference."""
     material_start: float = 0.0
-    """Share of the second stage after which materials begin to move: before it light alone does (inferred)."""
+    """Share of the second stage after which materials begin to move; before, light alone does (inferred)."""
     pixels: float = 0.25
     """Share of a view's pixels that are shaded at a step of the second stage (inferred; the paper shades all
     of them, on a GPU)."""
