@@ -93,19 +93,34 @@ def record_before(run: Path, suite: Suite) -> RunRecord | None:
     return before
 
 
-def joined(record: RunRecord, before: RunRecord) -> RunRecord:
-    """A record with those results of an earlier one that this one has not, on scenes that are the same."""
+def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
+    """A record with those results of an earlier one that this one has not, on scenes that are the same.
+
+    Args:
+        record: Of a part of a suite.
+        before: What the folder had.
+        suite: The whole: methods and results come in its order, whatever was run when.
+    """
     truths = {(s.track, s.scene): s.truth_sha256 for s in record.scenes}
     kept = [s for s in before.scenes if truths.get((s.track, s.scene), s.truth_sha256) == s.truth_sha256]
-    places = {(s.track, s.scene) for s in kept}
+    same = {(s.track, s.scene) for s in kept}
     keys = {_key(r.job) for r in record.results}
-    old = [r for r in before.results if _key(r.job) not in keys and (r.job.track, r.job.scene) in places]
+    old = [r for r in before.results if _key(r.job) not in keys and (r.job.track, r.job.scene) in same]
     names = {m.name for m in record.methods}
+    scenes = record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths)
+    methods = record.methods + tuple(m for m in before.methods if m.name not in names)
+    rows = {name: place for place, name in enumerate(method.row for method in suite.methods)}
+    places = [(s.track, s.scene) for s in scenes]
+
+    def place_of(job: Job) -> tuple[int, int, int]:
+        return places.index((job.track, job.scene)), rows.get(job.method, len(rows)), job.seed
+
     return replace(
         record,
-        scenes=record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths),
-        methods=record.methods + tuple(m for m in before.methods if m.name not in names),
-        results=record.results + tuple(old),
+        started=min(record.started, before.started),
+        scenes=scenes,
+        methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
+        results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
 
 

@@ -118,7 +118,7 @@ def run_bench(
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
     if whole is not None and before is not None:
-        record = joined(record, before)
+        record = joined(record, before, whole)
     write_json(run / "run.json", record)
     write_json(run / COMPARISON, compare_run(record))
     if claims := claims_of_suite(record.suite):

@@ -121,6 +121,8 @@ def _gradients(look: Look, values: Mapping[str, torch.Tensor]) -> dict[str, torc
     if look.offsets is not None:
         asked[_OFFSETS] = look.offsets
     inputs = list(asked.values())
+    if not inputs:  # a step in which nothing moves, as a schedule may have
+        return {}
     found = torch.autograd.grad(look.loss, inputs, allow_unused=True, materialize_grads=True)
     return dict(zip(asked, found, strict=True))
 

@@ -50,9 +50,9 @@ class SunFadedSettings:
     ambient: bool = True
     """Whether there is light that does not move with the camera."""
     schedule: Schedule = "short"
-    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 15, 10,
-    55, 10 and 10 %, for a budget of two thousand, in which surfels have to find their places while the lamp
-    is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second stage,
+    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 5, 10,
+    65, 10 and 10 %, for a budget of a thousand or two, in which surfels have to find their places while the
+    lamp is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second stage,
     surfels are still added while opacities are fitted, and in the last stage everything moves at every other
     step, the lamp too."""
     geometry_prior: GeometryPrior = "albedo"

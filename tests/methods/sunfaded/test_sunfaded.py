@@ -141,6 +141,14 @@ def test_each_number_gets_a_gradient_when_its_stage_begins(
         assert gradient.abs().max() > 0, name
 
 
+@pytest.mark.parametrize("schedule", ["short", "paper", "release_40k"])
+def test_every_schedule_goes_to_its_end(scene: Path, schedule: str):
+    """In the last stage of the released one nothing at all moves at every other step."""
+    found = fitted(scene, schedule=schedule, iterations=24)
+    camera = gc.open_capture(scene / "capture", check=False).test[0].camera
+    assert np.isfinite(found.render(camera, ["radiance"])["radiance"]).all()
+
+
 def test_a_fit_is_a_function_of_its_seed(scene: Path):
     first, again, other = (fitted(scene, seed=seed) for seed in (1, 1, 2))
     for name, values in first.parameters.all.items():
