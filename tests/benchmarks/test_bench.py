@@ -160,7 +160,10 @@ def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, s
     assert main([*command, "--tracks", "dark", "--methods", "truth", "gray"]) == 0
     assert main([*command, "--tracks", "dark", "tabletop", "--methods", "input"]) == 0
     assert set(sheets(run)) == {("dark", "truth"), ("dark", "gray"), ("dark", "input"), ("tabletop", "input")}
-    assert [s.track for s in gc.read_run(run).scenes] == ["dark", "tabletop"]
+    record = gc.read_run(run)
+    assert [s.track for s in record.scenes] == ["dark", "tabletop"]
+    assert [m.name for m in record.methods] == ["truth", "gray", "input"], "the suite's order"
+    assert [r.job.method for r in record.results] == ["truth", "gray", "input", "input"]
     assert (run / "report" / "index.html").is_file()
 
 
@@ -190,6 +193,7 @@ def test_variants_of_a_method_have_rows_of_their_own(
         str(tiny_run / "dataset"),
         "--methods",
         "gray",
+        "gray-light",
     ]
     assert main(command) == 0
     values = {
