@@ -52,9 +52,9 @@ class SunFadedSettings:
     schedule: Schedule = "short"
     """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 5, 10,
     65, 10 and 10 %, for a budget of a thousand or two, in which surfels have to find their places while the
-    lamp is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second stage,
-    surfels are still added while opacities are fitted, and in the last stage everything moves at every other
-    step, the lamp too."""
+    lamp is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second
+    stage, surfels are still added while opacities are fitted, and in the last stage everything moves at every
+    other step, the lamp too."""
     geometry_prior: GeometryPrior = "albedo"
     """Depth and normals that a prior tells from the photographs, then, in the third stage, anew from the
     ``albedo`` (paper); or from the photographs in both (``lit``); or, of these, depth in the first stage
