@@ -27,10 +27,11 @@ ALBEDO = ("albedo.", "light.intensity.channel", *RECEIVED)
 """What albedo is multiplied by, light is divided by."""
 GAINED = ("albedo.psnr.raw", "light.intensity.channel", *RECEIVED)
 """What one factor on albedo reaches; all else has a gauge."""
-VIEWS = ("novel_view.", "training_view.")
+VIEWS = ("novel_view.", "training_view.", "light_off.")
+"""What the radiance of a view is in."""
 PIXELS = (
     *VIEWS, "albedo.", "normal.", "depth.", "roughness.", "metallic.", "counterfactual.", *RECEIVED,
-    "light_share.psnr",
+    "light_share.psnr", "light_off.",
 )  # fmt: skip
 """All that is made of what is handed in as pictures; lights stay where they are."""
 
@@ -133,7 +134,8 @@ FAULTS = (
     Fault("metal for glass", of("metallic", lambda v, _: 1 - v), ("metallic.",)),
     Fault("shading doubled", of("shading", lambda v, _: 2 * v), ("shading.psnr",)),
     Fault("irradiance of one light doubled", of("irradiance.desk", lambda v, _: 2 * v), ("irradiance.psnr",)),
-    Fault("half the share of one light", of("radiance.lamp", lambda v, _: v / 2), ("light_share.psnr",)),
+    Fault("half the share of one light", of("radiance.lamp", lambda v, _: v / 2),
+          ("light_share.psnr", "light_off.")),
     Fault("half a pixel", of("radiance", lambda v, _: half_right(v)), VIEWS,
           "novel_view.psnr", "pictures look moved by 0 pixels down and 0.5 right"),
     Fault("one pixel", of("radiance", lambda v, _: np.roll(v, -1, axis=0)), VIEWS,
@@ -146,7 +148,8 @@ FAULTS = (
           "novel_view.psnr", "radiance looks multiplied by the exposure"),
     Fault("clipped at 1", of("radiance", lambda v, _: np.minimum(v, 1)), VIEWS,
           "novel_view.psnr", "radiance looks clipped at 1"),
-    Fault("lights in the wrong frame", nothing, ("light.", "irradiance.psnr", "light_share.psnr"),
+    Fault("lights in the wrong frame", nothing,
+          ("light.", "irradiance.psnr", "light_share.psnr", "light_off."),
           "light.position", 'positions look like the camera\'s axes: set "frame": "camera"',
           lights=(replace(LAMP, frame="world"),)),
     Fault("lights exchanged", nothing, ("light.intensity", "light.chromaticity"),
