@@ -96,6 +96,8 @@ def record_before(run: Path, suite: Suite) -> RunRecord | None:
 def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     """A record with those results of an earlier one that this one has not, on scenes that are the same.
 
+    Its time is that of both, for both were spent on the folder; unless the later one measured nothing.
+
     Args:
         record: Of a part of a suite.
         before: What the folder had.
@@ -118,10 +120,21 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     return replace(
         record,
         started=min(record.started, before.started),
+        wall_s=round(record.wall_s + (before.wall_s if record.started != before.started else 0.0), 2),
         scenes=scenes,
         methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
         results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
+
+
+def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
+    """Whether each job of a record is in the earlier one by its hash: made by the same code from the same.
+
+    That its results lay in the folder is not enough: a bench that was killed leaves results there which
+    no record tells of, and the environment of the record before is not theirs.
+    """
+    known = {(_key(result.job), result.job_hash) for result in before.results}
+    return all((_key(result.job), result.job_hash) in known for result in record.results)
 
 
 def _key(job: Job) -> tuple[str, str, str, int]:

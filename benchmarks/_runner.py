@@ -43,6 +43,7 @@ from graycard.benchmarks._jobs import (
 from graycard.benchmarks._run_record import (
     RunError,
     joined,
+    measures_nothing_new,
     method_record,
     record_before,
     renderers,
@@ -114,7 +115,8 @@ def run_bench(
         wall_s=round(time.perf_counter() - clock, 2),
         suite_sha256=_keep(whole or suite, run),
     )
-    if before is not None and all(outcome.reused for outcome in (*fitted, *scored)):
+    reused = all(outcome.reused for outcome in (*fitted, *scored))
+    if before is not None and reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
     if whole is not None and before is not None:

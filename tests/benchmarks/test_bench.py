@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole pipeline on real scenes: what it says, what it reuses, what it survives."""
 
+import json
 import os
 import signal
 import subprocess
@@ -158,13 +159,38 @@ def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, s
     run = tmp_path / "run"
     command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
     assert main([*command, "--tracks", "dark", "--methods", "truth", "gray"]) == 0
+    first = gc.read_run(run).wall_s
     assert main([*command, "--tracks", "dark", "tabletop", "--methods", "input"]) == 0
+    assert gc.read_run(run).wall_s > first, "the time of both parts"
     assert set(sheets(run)) == {("dark", "truth"), ("dark", "gray"), ("dark", "input"), ("tabletop", "input")}
     record = gc.read_run(run)
     assert [s.track for s in record.scenes] == ["dark", "tabletop"]
     assert [m.name for m in record.methods] == ["truth", "gray", "input"], "the suite's order"
     assert [r.job.method for r in record.results] == ["truth", "gray", "input", "input"]
     assert (run / "report" / "index.html").is_file()
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_an_environment_is_kept_for_what_its_record_tells(
+    tiny_run: Path, tmp_path: Path, suite_of: Callable[..., Path], told: bool
+):
+    """A bench that was killed leaves results that no record tells of: the record before is not theirs."""
+    run = tmp_path / "run"
+    command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
+    command += ["--tracks", "dark", "--methods", "gray", "input"]
+    assert main(command) == 0
+    record = json.loads((run / "run.json").read_text())
+    record["environment"]["git_commit"] = "before"
+    record["wall_s"] = 1000.0
+    if not told:
+        record["results"][0]["job_hash"] = "of other code"
+    (run / "run.json").write_text(json.dumps(record))
+    made = stamps(run)
+    assert main(command) == 0
+    assert stamps(run) == made, "nothing is made again"
+    after = gc.read_run(run)
+    assert (after.environment["git_commit"] == "before") is told
+    assert after.wall_s == 1000.0 if told else after.wall_s > 1000.0
 
 
 def test_a_run_of_another_suite_is_left_alone(

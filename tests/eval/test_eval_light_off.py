@@ -52,14 +52,14 @@ def test_it_is_the_psnr_of_the_sum_of_the_others() -> None:
     squares = []
     for off, kept in (("left", ("right", "sky")), ("right", ("left", "sky"))):
         del off
-        p, t = (gc.srgb_encode(sum(x[n] for n in kept) * EXPOSURE)[1:] for x in (wrong, PICTURES))
+        p, t = (gc.srgb_encode((x[kept[0]] + x[kept[1]]) * EXPOSURE)[1:] for x in (wrong, PICTURES))
         squares.append(10 ** (-peak_signal_noise_ratio(t, p, data_range=1) / 10))
     assert found == pytest.approx(-10 * np.log10(np.mean(squares)), abs=1e-4)
 
 
 def test_to_dim_everything_is_no_knowledge_of_lights() -> None:
     """Every light is said to be a third of the picture: better than nothing done, and worth nothing."""
-    whole = sum(PICTURES.values())
+    whole = np.sum(list(PICTURES.values()), axis=0)
     found = judged(layers_of({name: whole / 3 for name in PICTURES}))
     better = found["light_off.better"]
     assert better.breakdown["than left on"] == 100.0
@@ -69,7 +69,7 @@ def test_to_dim_everything_is_no_knowledge_of_lights() -> None:
 
 
 def test_surroundings_alone_leave_every_lamp_on() -> None:
-    lit = {"sky": sum(PICTURES.values())}
+    lit = {"sky": np.sum(list(PICTURES.values()), axis=0)}
     found = judged(layers_of(lit), names={"sky": "sky"})
     assert found["light_off.better"].value == 0.0
     assert found["light_off.psnr"].value == pytest.approx(found["light_off.psnr"].breakdown["left on"])
