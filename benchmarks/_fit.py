@@ -15,6 +15,7 @@ import numpy as np
 from graycard import (
     Access,
     Capture,
+    Composition,
     Cost,
     DatasetError,
     EnvironmentLight,
@@ -36,6 +37,7 @@ from graycard.methods import (
     RELIGHTING,
     Counting,
     Decomposition,
+    Guest,
     Method,
     Priors,
     asks_of,
@@ -45,6 +47,7 @@ from graycard.methods import (
     write_predictions,
 )
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
+from graycard.synth import donor_scene, scene_name
 
 ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
 """Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
@@ -65,6 +68,9 @@ class FitSpec:
     """Name in tables; that of the method if empty."""
     priors: PriorSpec = field(default_factory=PriorSpec)
     """What answers the method's asks."""
+    donor: Path | None = None
+    """The scene, ``DATASET/<track>/<scene>``, whose object the truth shows in this one: it is fitted too, and
+    its object put in. None: that is left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +91,8 @@ def fit_scene(
     own: Path | None = None,
 ) -> Fitted:
     """Fit a method and write its predictions folder; truth is closed while the method's code runs.
+
+    What is recorded is of the scene alone: a fit of the donor's costs no time there.
 
     Args:
         spec: What to fit.
@@ -112,16 +120,51 @@ def fit_scene(
         start = time.perf_counter()
         with closed(guard), blame(spec.method):
             decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+        elapsed = time.perf_counter() - start
         changes = changes_for(decomposition, capture, spec.scene)
+        if spec.donor is not None and COMPOSITION not in method.needs:
+            changes = replace(changes, guest=_guest(spec, spec.donor, method, changes.composition, progress))
+        start = time.perf_counter()
         with closed(guard):
             name = spec.label or spec.method
             write_predictions(decomposition, capture, name, predictions, progress, changes)
-            elapsed, peak = time.perf_counter() - start, peak_memory_mib()
+            elapsed, peak = elapsed + time.perf_counter() - start, peak_memory_mib()
             with blame(spec.method):
                 cost = Cost(elapsed, peak, _counts(decomposition, capture))
             if save is not None:
                 decomposition.save(save)
         return Fitted(cost, _access(guard, capture, priors))
+
+
+def _guest(
+    spec: FitSpec, donor: Path, method: Method, composition: Composition | None, progress: Progress
+) -> Guest:
+    """The object that is to be put in, fitted where it comes from.
+
+    Raises:
+        MethodError: The method puts no objects into scenes, or cannot fit this one.
+        DatasetError: The donor is missing, damaged, or not the one that the truth names.
+    """
+    if composition is None:
+        raise MethodError(
+            f"expected of {spec.method!r} a decomposition with compose(), and a truth with a composition at "
+            f"{spec.scene}, got not both. Leave the donor out"
+        )
+    wanted = scene_name(donor_scene(composition.donor))
+    with copied_capture(donor / "capture") as capture:
+        if (capture.track, capture.scene) != (composition.donor.track, wanted):
+            raise DatasetError(
+                f"expected {composition.donor.track}/{wanted}, whose object is put into {spec.scene}, got "
+                f"{capture.track}/{capture.scene} at {donor}"
+            )
+        priors = handed_priors(method, spec.priors, capture, donor)
+        seed_everything(spec.seed)
+        with closed(closed_to_fits(donor)), blame(spec.method):
+            settings = settings_of(method, spec.settings)
+            decomposition = method.fit(capture, priors, settings, spec.seed, progress)
+        truth, wanted_id = open_truth(donor / "truth"), composition.donor.object_id
+        masks = {v.name: truth.layers(truth.view(v.name))["object_id"] == wanted_id for v in capture.train}
+        return Guest(decomposition, {view.name: view.camera for view in capture.train}, masks)
 
 
 def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:

@@ -82,6 +82,8 @@ class FitJob:
     threads: int
     jobs: Path | None = None
     """Folder of all jobs of the run, whose predictions are none of this method's business."""
+    donor: Path | None = None
+    """The scene whose object is put in; None: none is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +122,7 @@ def run_fit(job: FitJob) -> Outcome:
             (job.folder / DONE).unlink(missing_ok=True)
             made = job.job
             priors = decode(PriorSpec, made.priors)
-            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method, priors)
+            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method, priors, job.donor)
             with _threads(job.threads):
                 fitted = fit_scene(spec, job.folder / "predictions", silent, jobs=job.jobs, own=job.folder)
             write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))

@@ -12,7 +12,7 @@ same scores as one that was not.
 import hashlib
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +25,7 @@ from graycard import (
     RunRecord,
     dumps,
     encode,
+    open_truth,
     sha256,
     writable_folder,
     write_json,
@@ -57,7 +58,7 @@ from graycard.benchmarks.claims import claims_of_suite, judge_claims
 from graycard.eval import metrics
 from graycard.eval.statistics import compare_run
 from graycard.methods.priors import truth_of, weights_of
-from graycard.synth import SceneSpec, scene_name
+from graycard.synth import SceneSpec, donor_scene, scene_name
 
 
 def run_bench(
@@ -95,8 +96,9 @@ def run_bench(
     run = writable_folder(run)
     before = record_before(run, suite)
     origins = environment()
-    scenes = _render(suite, dataset, progress)
-    fits = _plan(suite, known, scenes, run, threads=max(1, usable_cores() // jobs))
+    scenes = _render(suite, suite.scenes, dataset, progress)
+    donors = _donors(suite, scenes, dataset, progress)
+    fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
@@ -140,9 +142,11 @@ def _keep(suite: Suite, run: Path) -> str:
     return sha256(run / KEPT)
 
 
-def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[SceneSpec, Path]]:
-    """Render all scenes one after the other: Mitsuba itself takes all cores."""
-    jobs = [RenderJob(spec, suite.render_of(spec), dataset, usable_cores()) for spec in suite.scenes]
+def _render(
+    suite: Suite, specs: Sequence[SceneSpec], dataset: Path, progress: Progress
+) -> list[tuple[SceneSpec, Path]]:
+    """Render scenes one after the other: Mitsuba itself takes all cores."""
+    jobs = [RenderJob(spec, suite.render_of(spec), dataset, usable_cores()) for spec in specs]
     outcomes = run_all(run_render, jobs, 1, _part(progress, 0, "rendering"), scene_at_hand)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
@@ -150,23 +154,37 @@ def _render(suite: Suite, dataset: Path, progress: Progress) -> list[tuple[Scene
     return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
 
 
+def _donors(
+    suite: Suite, scenes: list[tuple[SceneSpec, Path]], dataset: Path, progress: Progress
+) -> dict[Path, Path]:
+    """Folders of the scenes that objects come from, rendered, by those of the scenes that they are put in."""
+    if not any(method.composes for method in suite.methods):
+        return {}
+    truths = {folder: open_truth(folder / "truth", check=False).composition() for _, folder in scenes}
+    specs = {folder: donor_scene(known.donor) for folder, known in truths.items() if known is not None}
+    rendered = _render(suite, list(specs.values()), dataset, progress)
+    return {folder: donor for folder, (_, donor) in zip(specs, rendered, strict=True)}
+
+
 def _plan(
     suite: Suite,
     introductions: Sequence[Introduction],
     scenes: list[tuple[SceneSpec, Path]],
+    donors: Mapping[Path, Path],
     run: Path,
     threads: int,
 ) -> list[FitJob]:
     plan = []
     for spec, folder in scenes:
         for method, known in zip(suite.methods, introductions, strict=True):
-            sees = _seen(method, known, folder)
+            donor = donors.get(folder) if method.composes else None
+            sees = [*_seen(method, known, folder), *_both(donor)]
             priors = encode(method.priors) if known.asks else {}
             for seed in suite.seeds:
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
                 name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
-                plan.append(FitJob(job, name, folder, where, threads, run / "jobs"))
+                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor))
     return plan
 
 
@@ -176,6 +194,11 @@ def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:
     told = bool(known.needs) or bool(truth_of(method.priors, asks))
     parts = ("capture", "truth")[: 1 + told]
     return [*(sha256(scene / part / "manifest.json") for part in parts), *weights_of(method.priors, asks)]
+
+
+def _both(donor: Path | None) -> list[str]:
+    """Hashes of the scene that an object comes from: what is fitted, and what says which object it is."""
+    return [] if donor is None else [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
 
 
 def _part(progress: Progress, stage: int, doing: str) -> Progress:

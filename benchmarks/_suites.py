@@ -29,6 +29,9 @@ class SuiteMethod:
     """The row of a table; the name if empty. Variants of one method need labels of their own."""
     priors: PriorSpec = field(default_factory=PriorSpec)
     """What answers the method's asks."""
+    composes: bool = False
+    """Whether objects of other scenes are put in where the truth has a picture of it: each is fitted in the
+    scene that it comes from, by a fit of its own beside that of the job."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline: a fit of many steps ends elsewhere on another processor."""
 

@@ -10,6 +10,7 @@ from graycard.methods._contract import Asking as Asking
 from graycard.methods._contract import Composable as Composable
 from graycard.methods._contract import Counting as Counting
 from graycard.methods._contract import Decomposition as Decomposition
+from graycard.methods._contract import Guest as Guest
 from graycard.methods._contract import Method as Method
 from graycard.methods._contract import NoSettings as NoSettings
 from graycard.methods._contract import Relightable as Relightable

@@ -100,15 +100,29 @@ class Relightable(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Guest:
+    """An object of another scene, as the same method has taken that scene apart."""
+
+    decomposition: Decomposition
+    """Of that whole scene, in its world."""
+    cameras: Mapping[str, Camera]
+    """Of its training views, by their names."""
+    masks: Mapping[str, np.ndarray]
+    """Where they see the object, shape ``(H, W)``, bool: they say which one is meant, as the mask of a target
+    does."""
+
+
 @runtime_checkable
 class Composable(Protocol):
     """A decomposition into which an object of another scene can be put."""
 
-    def compose(self, composition: Composition) -> Decomposition | None:
+    def compose(self, composition: Composition, guest: Guest | None = None) -> Decomposition | None:
         """The same scene with an object of another one in it, lit by the lights of this one.
 
         Args:
             composition: Which object of which scene, and where it is put.
+            guest: The object; None where its scene was not fitted.
 
         Returns:
             What renders ``radiance`` with it, under the lights that the method found. None for an object that

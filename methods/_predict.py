@@ -26,7 +26,7 @@ from graycard import (
     write_view,
 )
 from graycard.methods._blame import blame
-from graycard.methods._contract import Composable, Decomposition, Relightable, Removable, Surrounded
+from graycard.methods._contract import Composable, Decomposition, Guest, Relightable, Removable, Surrounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,8 @@ class Changes:
     """The lights that shine after each change of them, by the name of the change."""
     composition: Composition | None = None
     """The object that is put in."""
+    guest: Guest | None = None
+    """That object as the method has fitted it where it comes from; None where it has not."""
 
 
 def write_predictions(
@@ -100,7 +102,7 @@ def _write_changed(
             _write_held_out(relit, capture, method, partial(write_relit, folder, edit))
     if isinstance(decomposition, Composable) and changes.composition is not None:
         with blame(method):
-            composed = decomposition.compose(changes.composition)
+            composed = decomposition.compose(changes.composition, changes.guest)
         _write_held_out(composed, capture, method, partial(write_composed, folder))
 
 

@@ -23,7 +23,7 @@ from graycard import (
     light_to_json,
     sha256,
 )
-from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, NoSettings, Priors
+from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Guest, NoSettings, Priors
 from graycard.methods._lookup import Lookup, pack, unpack
 from graycard.methods._store import restore, store
 
@@ -84,8 +84,9 @@ class Oracle:
         """The scene as it was rendered under other lights; None for lights it was not rendered under."""
         return self._after(_digest_of_lights(lights))
 
-    def compose(self, composition: Composition) -> Lookup | None:
+    def compose(self, composition: Composition, guest: Guest | None = None) -> Lookup | None:
         """The scene as it was rendered with an object put in; None for another object or place."""
+        del guest  # what the scene looks like with it is known
         return self._after(_digest(encode(composition)))
 
     def _after(self, change: str) -> Lookup | None:

@@ -4,6 +4,7 @@
 Importing this package does not import Mitsuba; :func:`render_scene` does when there is something to render.
 """
 
+from graycard.synth._composition import donor_scene as donor_scene
 from graycard.synth._render import find_scene as find_scene
 from graycard.synth._render import render_scene as render_scene
 from graycard.synth._scene import Ball as Ball

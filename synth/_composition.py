@@ -44,6 +44,11 @@ def donor_of(seed: int) -> SceneSpec:
     return SceneSpec("multilight", "objects", seed)
 
 
+def donor_scene(donor: gc.Donor) -> SceneSpec:
+    """The scene that gives an object, to be rendered or found."""
+    return SceneSpec(donor.track, donor.family, donor.seed, donor.knobs)
+
+
 def composition(scene: Scene, seed: int, settings: RenderSettings) -> Composed | None:
     """An object put into a scene; None where the scene is not for it or has no room.
 

@@ -7,7 +7,7 @@ import torch
 
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW
 from graycard.methods.gsid._objective import Shot
-from graycard.methods.splat import Surfels, rasterize_features
+from graycard.methods.splat import Surfels, gather
 
 NEUTRAL = {BASE_COLOR: 0.4, ROUGHNESS: 0.6, METALLIC: 0.1}
 """Where no prior says anything (inferred)."""
@@ -42,17 +42,12 @@ def first_materials(
 def _means(
     surfels: Surfels, images: Sequence[tuple[Shot, torch.Tensor]], channels: int, otherwise: float
 ) -> torch.Tensor:
-    """Of the pixels in which each surfel is drawn, weighted as it is drawn, shape ``(N, channels)``.
-
-    The gradient of what is drawn times an image is that image gathered by surfels.
-    """
+    """Of the pixels in which each surfel is drawn, weighted as it is drawn, shape ``(N, channels)``."""
     total = torch.full((len(surfels), channels + 1), 1e-3)
     total[:, :channels] *= otherwise
     for shot, image in images:
-        features = torch.zeros(len(surfels), channels + 1, requires_grad=True)
-        drawn = rasterize_features(surfels, shot.ground.camera, features=features).features
-        weights = torch.cat(
-            [image.reshape(*drawn.shape[:2], channels), torch.ones(*drawn.shape[:2], 1)], dim=-1
-        )
-        total += torch.autograd.grad((drawn * weights).sum(), features)[0]
+        camera = shot.ground.camera
+        size = camera.height, camera.width
+        known = torch.cat([image.reshape(*size, channels), torch.ones(*size, 1)], dim=-1)
+        total += gather(surfels, camera, known)
     return total[:, :channels] / total[:, channels:]

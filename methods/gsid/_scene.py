@@ -11,16 +11,18 @@ import torch
 
 from graycard import (
     Camera,
+    Composition,
     EnvironmentLight,
     Light,
     MethodError,
     encode,
 )
 from graycard import decode as decode_json
-from graycard.methods._contract import check_layers
+from graycard.methods._contract import Guest, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._draw import draw, light_evaluations, reach_in_view
+from graycard.methods.gsid._guest import with_guest
 from graycard.methods.gsid._lights import lamps_from, sky_from
 from graycard.methods.gsid._model import (
     BASE_COLOR,
@@ -203,6 +205,22 @@ class GsidScene:
         """
         own = EnvironmentLight(SKY_NAME, SKY_FILE)
         return replace(self, given=given_lights(lights, own, self._sky))
+
+    @torch.no_grad()
+    def compose(self, composition: Composition, guest: Guest | None = None) -> "GsidScene | None":
+        """The same scene with an object that the same method has found in another one.
+
+        It is lit by the lights of this scene, throws shadows and sends light on; its own lights stay at home.
+
+        Args:
+            composition: Where it is put.
+            guest: The object; without it, and of another method, nothing is provided.
+        """
+        if guest is None or not isinstance(guest.decomposition, GsidScene):
+            return None
+        donor, motion = guest.decomposition.parameters, composition.donor_to_host
+        extent = self.extent if self.settings.occlusion else None
+        return replace(self, parameters=with_guest(self.parameters, donor, guest, motion, extent))
 
     @torch.no_grad()
     def counts(self, camera: Camera) -> Mapping[str, float]:

@@ -12,6 +12,10 @@ from graycard.methods.splat._densify import prune as prune
 from graycard.methods.splat._densify import reset_opacity as reset_opacity
 from graycard.methods.splat._depth_normal import depth_normal_map as depth_normal_map
 from graycard.methods.splat._depth_normal import depth_to_normals as depth_to_normals
+from graycard.methods.splat._edit import joined_surfels as joined_surfels
+from graycard.methods.splat._edit import moved_surfels as moved_surfels
+from graycard.methods.splat._gather import gather as gather
+from graycard.methods.splat._gather import share_inside as share_inside
 from graycard.methods.splat._geometry import CameraSurfels as CameraSurfels
 from graycard.methods.splat._geometry import rotation_matrices as rotation_matrices
 from graycard.methods.splat._geometry import see as see

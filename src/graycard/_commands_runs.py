@@ -76,6 +76,8 @@ class Fit:
     priors: str = "none"
     """What answers what the method asks: none, oracle:SEVERITY, classical, pretrained:FOLDER, or a path to
     priors that ends in .toml."""
+    donor: Annotated[Path | None, tyro.conf.arg(metavar="SCENE")] = None
+    """The scene whose object the truth shows put into this one: it is fitted too, and the object put in."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Fit, then render every view."""
@@ -86,7 +88,7 @@ class Fit:
         method = load_for(self.method, self.scene)
         settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
         priors = parse_priors(self.priors)
-        spec = FitSpec(self.method, encode(settings), self.seed, self.scene, priors=priors)
+        spec = FitSpec(self.method, encode(settings), self.seed, self.scene, priors=priors, donor=self.donor)
         with screen.progress() as progress:
             cost = fit_scene(spec, self.out, progress, self.save).cost
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Objects of other scenes: these are rendered, fitted too, and their objects handed on."""
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import graycard as gc
+from changed_scene import DONOR, enrich
+from graycard.__main__ import main
+from graycard.benchmarks import FitSpec, check_result, fit_scene
+from graycard.methods import Guest, NoSettings
+
+MODULE = "guest_methods"
+
+
+@dataclass
+class Flat:
+    """One colour everywhere: with a guest, how much of the pictures of its scene it fills."""
+
+    scene: str
+    colour: float = 0.5
+    provides = frozenset({"radiance"})
+
+    def render(self, camera: gc.Camera, layers: list[str]) -> dict[str, np.ndarray]:
+        return {name: np.full((camera.height, camera.width, 3), self.colour) for name in layers}
+
+    def lights(self) -> None:
+        return None
+
+    def save(self, folder: Path) -> None:
+        raise NotImplementedError
+
+    def compose(self, composition: gc.Composition, guest: Guest | None = None) -> "Flat | None":
+        if guest is None:
+            return None
+        assert guest.masks.keys() == guest.cameras.keys()
+        assert guest.decomposition.scene == f"objects-{composition.donor.seed:04d}"  # pyright: ignore
+        assert guest.decomposition.scene != self.scene  # pyright: ignore
+        return Flat(self.scene, float(np.mean(list(guest.masks.values()))))
+
+
+class Hosting:
+    """A method that puts objects into scenes."""
+
+    summary, needs, settings_type = "It hosts", (), NoSettings
+
+    def fit(self, capture: gc.Capture, *_: object) -> Flat:
+        return Flat(capture.scene)
+
+    def load(self, folder: Path) -> Flat:
+        raise NotImplementedError
+
+
+@pytest.fixture
+def hosting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    (tmp_path / f"{MODULE}.py").write_text(Path(__file__).read_text())
+    monkeypatch.syspath_prepend(tmp_path)
+    helpers = [path for path in sys.path if path.endswith("helpers")]
+    for path in (*helpers, str(tmp_path)):
+        monkeypatch.setenv("PYTHONPATH", path, prepend=":")
+    yield f"{MODULE}:Hosting"
+    sys.modules.pop(MODULE, None)
+
+
+def composed_colours(predictions: Path) -> list[float]:
+    files = sorted((predictions / "composition" / "views").glob("*.exr"))
+    return [float(gc.read_layers(path)["radiance"].mean()) for path in files]
+
+
+@pytest.fixture
+def host(make_scene: Callable[..., Path]) -> Path:
+    return enrich(make_scene(track="multilight"))
+
+
+def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:04d}") -> Path:
+    """Its object of that id is put over a part of its pictures."""
+    folder = make_scene(track="multilight", scene=name)
+    truth = gc.open_truth(folder / "truth")
+    for view in truth.views:
+        layers = truth.layers(view)
+        layers["object_id"][:6] = DONOR.object_id
+        layers["object_id"][6:] = 1
+        gc.write_layers(folder / f"truth/views/{view.name}.exr", layers)
+    gc.seal(folder / "truth", gc.manifest_of(truth))
+    return folder
+
+
+def test_a_guest_is_handed_with_its_masks(
+    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    donor = donor_of(make_scene)
+    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
+    assert composed_colours(tmp_path / "p") == pytest.approx([6 / 24] * 2)
+
+
+def test_without_a_donor_nothing_is_composed(hosting: str, host: Path, tmp_path: Path) -> None:
+    fit_scene(FitSpec(hosting, {}, 0, host), tmp_path / "p", gc.silent)
+    assert composed_colours(tmp_path / "p") == []
+
+
+def test_the_truth_needs_no_donor(host: Path, make_scene: Callable[..., Path], tmp_path: Path) -> None:
+    fit_scene(FitSpec("truth", {}, 0, host, donor=donor_of(make_scene)), tmp_path / "p", gc.silent)
+    assert len(composed_colours(tmp_path / "p")) == 2
+
+
+def test_another_donor_is_refused(
+    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    other = donor_of(make_scene, "objects-0004")
+    with pytest.raises(gc.DatasetError, match="expected multilight/objects-0003, whose object is put into"):
+        fit_scene(FitSpec(hosting, {}, 0, host, donor=other), tmp_path / "p", gc.silent)
+
+
+def test_a_donor_for_what_puts_nothing_in_is_refused(
+    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    donor, plain = donor_of(make_scene), make_scene(track="multilight", scene="tiny-0001")
+    for spec in (FitSpec("gray", {}, 0, host, donor=donor), FitSpec(hosting, {}, 0, plain, donor=donor)):
+        with pytest.raises(gc.MethodError, match=r"expected of .* a decomposition with compose\(\)"):
+            fit_scene(spec, tmp_path / "p", gc.silent)
+
+
+def test_a_bench_renders_the_donors_of_rows_that_compose(
+    hosting: str, suite_of: Callable[..., Path], tmp_path: Path
+) -> None:
+    suite, run = suite_of(tracks=("multilight",)), tmp_path / "run"
+    rows = "".join(
+        f'[[methods]]\nname = "{hosting}"\nlabel = "{label}"\ncomposes = {composes}\n'
+        for label, composes in (("hosts", "true"), ("alone", "false"))
+    )
+    suite.write_text(suite.read_text() + rows)
+    command = ["bench", str(suite), "--out", str(run)]
+    assert main([*command, "--methods", "alone", "hosts"]) == 0
+    assert {path.name for path in (run / "dataset/multilight").iterdir()} == {"studio-1000", "objects-1000"}
+    record = gc.read_run(run)
+    assert [scene.scene for scene in record.scenes] == ["studio-1000"], "the donor is no scene of the suite"
+    status = {r.job.method: r.sheet.score("composition.psnr").status for r in record.results if r.sheet}
+    assert status == {"alone": "not provided", "hosts": "scored"}
+    whole = [breach for breach in check_result(run).breaches if breach.rule in ("truth", "finite")]
+    assert not whole
