@@ -6,6 +6,8 @@ from torch.nn.functional import normalize
 
 from graycard.methods.gsid._settings import Visibility
 
+VECTOR_FORMS: tuple[Visibility, ...] = ("vector", "vector_half", "vector_relu")
+"""The ways to read it."""
 _POWER = 8
 """Of the paper's vector in the reading that fits shadows of many lamps best."""
 

@@ -13,7 +13,7 @@ from typing import Any
 from graycard._commands_checks import CheckResult, Compare
 from graycard._commands_claims import Claims
 from graycard._commands_runs import Bench, Fit, Gate, Methods, Publish, Report
-from graycard._commands_scenes import Export, Import, Look, Render, Scenes, Verify
+from graycard._commands_scenes import Bounds, Export, Import, Look, Render, Scenes, Verify
 from graycard._commands_scores import ScoreCommand
 from graycard._commands_speed import Speed
 from graycard._screen import OK, Json, Screen, new_table, write_optional_json
@@ -56,6 +56,7 @@ COMMANDS: dict[str, type[Any]] = {
     "check-result": CheckResult,
     "report": Report,
     "publish": Publish,
+    "bounds": Bounds,
     "look": Look,
     "export": Export,
     "import": Import,

@@ -161,6 +161,32 @@ class Verify:
 
 
 @dataclass(frozen=True)
+class Bounds:
+    """Say how well one vector a point can tell which lights reach it, however GS-ID's is read."""
+
+    scenes: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """DATASET/<track>/<scene>, one or more, with local lights and truth."""
+    json: Json = None
+    """Also write the errors to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Look for the best vectors."""
+        from graycard.benchmarks.bounds import vector_bound
+
+        if not self.scenes:
+            raise GraycardError("expected DATASET/<track>/<scene>, one or more, got none")
+        found = [vector_bound(scene) for scene in self.scenes]
+        forms = list(found[0].errors)
+        table = new_table("scene", "lights", *forms)
+        for row in found:
+            table.add_row(row.scene, str(row.lights), *(f"{row.errors[form]:.3f}" for form in forms))
+        screen.out.print(table)
+        write_optional_json(self.json, found)
+        screen.out.print(f"bounds: {len(found)} scenes, the error of the share of light at the best vectors")
+        return OK
+
+
+@dataclass(frozen=True)
 class Look:
     """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
 

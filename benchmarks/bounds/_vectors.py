@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well one vector a point can tell which lights reach it, as GS-ID has it (Du et al., ICCV 2025).
+
+A reading turns the cosine between the vector and the direction to a light into the share of that light which
+arrives. The vector that a fit could find at best is looked for, point by point, among directions that cover
+the sphere evenly; what is left is the error of the reading itself.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from graycard import DatasetError, EnvironmentLight, Truth, View, open_truth, world_position
+from graycard.methods.gsid import VECTOR_FORMS, vector_visibility
+
+POINTS = 2000
+"""That are looked at in a scene."""
+VECTORS = 1500
+"""That are tried at each: 3° apart."""
+_AT_A_TIME = 100
+"""Points, for memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class VectorBound:
+    """What remains at best in one scene."""
+
+    scene: str
+    lights: int
+    """Local ones."""
+    points: int
+    """With a light that they face."""
+    errors: Mapping[str, float]
+    """Root mean squared error of the share of light that arrives, by reading, over points and the lights that
+    they face; ``none``: everything arrives."""
+
+
+def vector_bound(scene: Path, seed: int = 0) -> VectorBound:
+    """The error of each reading in a scene, its best vector at each point.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>``, with truth.
+        seed: Of the choice of points.
+
+    Raises:
+        DatasetError: The truth is missing or damaged, or knows of no light what is in its way.
+    """
+    truth = open_truth(scene / "truth")
+    names = [light.name for light in truth.lights() if not isinstance(light, EnvironmentLight)]
+    parts = [part for view in truth.views if (part := _seen(truth, view, names)) is not None]
+    if not parts:
+        raise DatasetError(
+            f"expected local lights and layers visibility.<light> in the truth of {scene}, got none. Render "
+            "the scene with LLVM (`graycard doctor`)"
+        )
+    toward, arrives, facing = (np.concatenate(part) for part in zip(*parts, strict=True))
+    count = min(POINTS, len(toward))
+    chosen = np.random.default_rng(seed).choice(len(toward), count, replace=False)
+    errors = best_vector_errors(toward[chosen], arrives[chosen], facing[chosen])
+    return VectorBound(f"{truth.track}/{truth.scene}", len(names), count, errors)
+
+
+def best_vector_errors(toward: np.ndarray, arrives: np.ndarray, facing: np.ndarray) -> dict[str, float]:
+    """Root mean squared errors of what arrives, by reading.
+
+    Args:
+        toward: Shape ``(P, K, 3)``, unit, from points to lights.
+        arrives: Shape ``(P, K)``, 0 to 1.
+        facing: Shape ``(P, K)``, bool: which of them count.
+    """
+    vectors = _sphere(VECTORS)
+    squares = dict.fromkeys(VECTOR_FORMS, 0.0)
+    for start in range(0, len(toward), _AT_A_TIME):
+        part = slice(start, start + _AT_A_TIME)
+        ways = torch.from_numpy(toward[part]).float()[:, None]
+        known, counts = torch.from_numpy(arrives[part]).float(), torch.from_numpy(facing[part])
+        for form in VECTOR_FORMS:
+            told = vector_visibility(form, vectors, ways)
+            wrong = ((told - known[:, None]) ** 2 * counts[:, None]).sum(dim=-1)
+            squares[form] += float(wrong.amin(dim=1).sum())
+    squares["none"] = float(((1 - arrives) ** 2 * facing).sum())
+    total = max(int(facing.sum()), 1)
+    return {form: float(np.sqrt(square / total)) for form, square in squares.items()}
+
+
+def _seen(truth: Truth, view: View, names: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Of points that a view sees and that face a light: ways to the lights, what arrives, which they face."""
+    layers, camera = truth.layers(view), view.camera
+    if not names or any(f"visibility.{name}" not in layers for name in names):
+        return None
+    rays = camera.rays()
+    seen = np.isfinite(layers["depth"])
+    along = rays / (rays @ camera.forward)[..., None]
+    points = camera.position + along * np.where(seen, layers["depth"], 1.0)[..., None]
+    lights = {light.name: light for light in truth.lights() if not isinstance(light, EnvironmentLight)}
+    places = np.array([world_position(lights[name], camera) for name in names])
+    ways = places - points[..., None, :]
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    facing = (ways * layers["normal"][..., None, :]).sum(axis=-1) > 0
+    arrives = np.stack([layers[f"visibility.{name}"] for name in names], axis=-1)
+    kept = seen & facing.any(axis=-1)
+    return ways[kept], arrives[kept], facing[kept]
+
+
+def _sphere(count: int) -> torch.Tensor:
+    """Directions that cover the sphere evenly (a Fibonacci lattice), shape ``(count, 3)``."""
+    number = np.arange(count) + 0.5
+    height, angle = 1 - 2 * number / count, number * np.pi * (3 - np.sqrt(5))
+    radius = np.sqrt(1 - height**2)
+    places = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=-1)
+    return torch.from_numpy(places).float()
