@@ -39,7 +39,7 @@ BUILT_IN = {
     "r3dg": "graycard.methods.r3dg:R3dgMethod",
 }
 
-RESERVED = ("seed", "out", "save", "priors")
+RESERVED = ("seed", "out", "save", "priors", "donor")
 """Options of ``graycard fit`` itself; a setting of such a name could not be reached."""
 
 _MEMBERS = ("summary", "needs", "settings_type", "fit", "load")
