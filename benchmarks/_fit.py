@@ -6,6 +6,7 @@ import resource
 import sys
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,6 @@ import numpy as np
 from graycard import (
     Access,
     Capture,
-    Composition,
     Cost,
     DatasetError,
     EnvironmentLight,
@@ -31,10 +31,12 @@ from graycard import (
 )
 from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
+from graycard.benchmarks._guest import composition_of, guest_of
 from graycard.methods import (
     COMPOSITION,
     LIGHTS,
     RELIGHTING,
+    Changes,
     Counting,
     Decomposition,
     Guest,
@@ -47,7 +49,6 @@ from graycard.methods import (
     write_predictions,
 )
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
-from graycard.synth import donor_scene, scene_name
 
 ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
 """Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
@@ -92,7 +93,7 @@ def fit_scene(
 ) -> Fitted:
     """Fit a method and write its predictions folder; truth is closed while the method's code runs.
 
-    What is recorded is of the scene alone: a fit of the donor's costs no time there.
+    What is recorded is of the scene alone: a fit of the donor costs neither time nor memory there.
 
     Args:
         spec: What to fit.
@@ -104,67 +105,75 @@ def fit_scene(
 
     Raises:
         MethodError: The method, its settings or the capture do not go together, or it reached for truth.
-        DatasetError: The scene is missing or damaged.
+        DatasetError: The scene is missing or damaged, or the donor is not where its object comes from.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    guard = closed_to_fits(spec.scene, own, jobs)
+    guard = closed_to_fits(spec.scene, own, jobs, spec.donor)
     with closed(guard):  # a module's own code runs when it is imported
         method = load_method(spec.method)
-        settings = settings_of(method, spec.settings)
-    with copied_capture(spec.scene / "capture") as capture:
+        settings_of(method, spec.settings)
+    donor = None if COMPOSITION in method.needs else spec.donor
+    composition = None if donor is None else composition_of(spec.scene, donor)
+    with ExitStack() as copies:
+        capture = copies.enter_context(copied_capture(spec.scene / "capture"))
         priors = handed_priors(method, spec.priors, capture, spec.scene)
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
-        seed_everything(spec.seed)
         start = time.perf_counter()
-        with closed(guard), blame(spec.method):
-            decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-        elapsed = time.perf_counter() - start
+        decomposition = _fitted(spec, guard, capture, priors, progress)
+        elapsed, peak = time.perf_counter() - start, peak_memory_mib()
         changes = changes_for(decomposition, capture, spec.scene)
-        if spec.donor is not None and COMPOSITION not in method.needs:
-            changes = replace(changes, guest=_guest(spec, spec.donor, method, changes.composition, progress))
+        if donor is not None and composition is not None:
+            changes = replace(changes, guest=_guest(spec, donor, guard, copies, changes, progress))
+        seed_everything(spec.seed)  # pictures are the same whatever was fitted besides
         start = time.perf_counter()
         with closed(guard):
             name = spec.label or spec.method
             write_predictions(decomposition, capture, name, predictions, progress, changes)
-            elapsed, peak = elapsed + time.perf_counter() - start, peak_memory_mib()
+            elapsed += time.perf_counter() - start
+            peak = peak if donor is not None else peak_memory_mib()
             with blame(spec.method):
                 cost = Cost(elapsed, peak, _counts(decomposition, capture))
             if save is not None:
                 decomposition.save(save)
-        return Fitted(cost, _access(guard, capture, priors))
+        return Fitted(cost, _access(guard, capture, priors, donor))
+
+
+def _fitted(
+    spec: FitSpec, guard: Guard, capture: Capture, priors: Priors, progress: Progress
+) -> Decomposition:
+    """Fit a new instance of the method: what one keeps of a fit is not there in another.
+
+    Raises:
+        MethodError: It cannot fit the capture, or reaches for truth.
+    """
+    seed_everything(spec.seed)
+    with closed(guard), blame(spec.method):
+        method = load_method(spec.method)
+        return method.fit(capture, priors, settings_of(method, spec.settings), spec.seed, progress)
 
 
 def _guest(
-    spec: FitSpec, donor: Path, method: Method, composition: Composition | None, progress: Progress
-) -> Guest:
-    """The object that is to be put in, fitted where it comes from.
+    spec: FitSpec, donor: Path, guard: Guard, copies: ExitStack, changes: Changes, progress: Progress
+) -> Guest | None:
+    """The object that is to be put in; the copy of its capture lives as long as that of the scene.
 
     Raises:
         MethodError: The method puts no objects into scenes, or cannot fit this one.
-        DatasetError: The donor is missing, damaged, or not the one that the truth names.
     """
-    if composition is None:
+    if changes.composition is None:
         raise MethodError(
-            f"expected of {spec.method!r} a decomposition with compose(), and a truth with a composition at "
-            f"{spec.scene}, got not both. Leave the donor out"
+            f"expected {spec.method!r} to give a decomposition with compose(), got one without. Leave out "
+            "--donor, or `composes` in the suite"
         )
-    wanted = scene_name(donor_scene(composition.donor))
-    with copied_capture(donor / "capture") as capture:
-        if (capture.track, capture.scene) != (composition.donor.track, wanted):
-            raise DatasetError(
-                f"expected {composition.donor.track}/{wanted}, whose object is put into {spec.scene}, got "
-                f"{capture.track}/{capture.scene} at {donor}"
-            )
-        priors = handed_priors(method, spec.priors, capture, donor)
-        seed_everything(spec.seed)
-        with closed(closed_to_fits(donor)), blame(spec.method):
-            settings = settings_of(method, spec.settings)
-            decomposition = method.fit(capture, priors, settings, spec.seed, progress)
-        truth, wanted_id = open_truth(donor / "truth"), composition.donor.object_id
-        masks = {v.name: truth.layers(truth.view(v.name))["object_id"] == wanted_id for v in capture.train}
-        return Guest(decomposition, {view.name: view.camera for view in capture.train}, masks)
+    capture = copies.enter_context(copied_capture(donor / "capture"))
+
+    def fit(known: Capture) -> Decomposition:
+        method = load_for(spec.method, donor)
+        return _fitted(spec, guard, known, handed_priors(method, spec.priors, known, donor), progress)
+
+    return guest_of(donor, capture, changes.composition, fit)
 
 
 def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
@@ -181,7 +190,7 @@ def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
     return {name: float(sum(counts[name] for counts in found)) / len(found) for name in found[0]}
 
 
-def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
+def _access(guard: Guard, capture: Capture, priors: Priors, donor: Path | None) -> Access:
     """What a fit could see, for the record."""
     layers = {name for found in priors.layers.values() for name in found}
     beside = {
@@ -191,7 +200,8 @@ def _access(guard: Guard, capture: Capture, priors: Priors) -> Access:
     }
     handed = layers | {name for name, there in beside.items() if there}
     manifest = sha256(Path(capture.root or "") / "manifest.json")
-    return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused))
+    of_donor = "" if donor is None else sha256(donor / "capture" / "manifest.json")
+    return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused), of_donor)
 
 
 def load_for(name: str, scene: Path) -> Method:

@@ -32,15 +32,19 @@ _SEPARATORS = re.compile(r"[\s'\"=:;,|&<>()\[\]{}]+")
 class Guard:
     """What is closed, and what was tried."""
 
-    def __init__(self, dataset: Path, jobs: Path | None = None, own: Path | None = None) -> None:
+    def __init__(
+        self, dataset: Path, jobs: Path | None = None, own: Path | None = None, *, other: Path | None = None
+    ) -> None:
         """Close every ``truth/`` of a dataset, and the jobs of a run but one.
 
         Args:
             dataset: ``DATASET``; its scenes are ``DATASET/<track>/<scene>``.
             jobs: Where predictions of other methods lie, one of which may be the truth itself.
             own: The folder in ``jobs`` that stays open.
+            other: Another dataset, which a guest comes from.
         """
-        self._dataset = os.path.realpath(dataset)
+        datasets = [dataset] if other is None else [dataset, other]
+        self._datasets = [os.path.realpath(place) for place in datasets]
         self._jobs = os.path.realpath(jobs) if jobs is not None else None
         self._own = os.path.realpath(own) if own is not None else None
         self.refused: list[str] = []
@@ -49,17 +53,19 @@ class Guard:
     def closes(self, path: str) -> bool:
         """Whether a path, links in it followed, leads to what is closed."""
         real = os.path.realpath(path)
-        if _inside(real, self._dataset):
-            parts = os.path.relpath(real, self._dataset).split(os.sep)
-            return len(parts) > 2 and parts[2] == "truth"
+        for dataset in self._datasets:
+            if _inside(real, dataset):
+                parts = os.path.relpath(real, dataset).split(os.sep)
+                return len(parts) > 2 and parts[2] == "truth"
         return _inside(real, self._jobs) and not _inside(real, self._own)
 
     def moves(self, path: str) -> bool:
         """Whether renaming a path takes truth out of what is closed: a scene's folder, or one around it."""
         real = os.path.realpath(path)
-        if _inside(real, self._dataset):
-            return len(os.path.relpath(real, self._dataset).split(os.sep)) <= 2
-        return _inside(self._dataset, real)
+        for dataset in self._datasets:
+            if _inside(real, dataset):
+                return len(os.path.relpath(real, dataset).split(os.sep)) <= 2
+        return any(_inside(dataset, real) for dataset in self._datasets)
 
     def names(self, command: tuple[Any, ...]) -> bool:
         """Whether a command names the dataset or other jobs: another program has no hook.
@@ -69,7 +75,7 @@ class Guard:
                 which it starts. Relative paths and links are followed from there and from here.
         """
         words = repr(command)
-        closed = [place for place in (self._dataset, self._jobs) if place]
+        closed = [place for place in (*self._datasets, self._jobs) if place]
         if any(place in words for place in closed):
             return True
         starts = [os.getcwd(), *(text for text in map(_text, command) if text and os.path.isdir(text))]
@@ -151,9 +157,12 @@ def copied_capture(folder: Path) -> Iterator[Capture]:
         yield open_capture(copy)
 
 
-def closed_to_fits(scene: Path, own: Path | None = None, jobs: Path | None = None) -> Guard:
-    """The guard of a fit on ``DATASET/<track>/<scene>``."""
-    return Guard(Path(scene).absolute().parents[1], jobs, own)
+def closed_to_fits(
+    scene: Path, own: Path | None = None, jobs: Path | None = None, donor: Path | None = None
+) -> Guard:
+    """The guard of a fit on ``DATASET/<track>/<scene>``, and on the scene that a guest comes from."""
+    other = None if donor is None else Path(donor).absolute().parents[1]
+    return Guard(Path(scene).absolute().parents[1], jobs, own, other=other)
 
 
 def _inside(path: str, folder: str | None) -> bool:

@@ -162,8 +162,9 @@ def _donors(
         return {}
     truths = {folder: open_truth(folder / "truth", check=False).composition() for _, folder in scenes}
     specs = {folder: donor_scene(known.donor) for folder, known in truths.items() if known is not None}
-    rendered = _render(suite, list(specs.values()), dataset, progress)
-    return {folder: donor for folder, (_, donor) in zip(specs, rendered, strict=True)}
+    once = {scene_name(spec): spec for spec in specs.values()}  # a donor may give to several scenes
+    rendered = dict(zip(once, _render(suite, list(once.values()), dataset, progress), strict=True))
+    return {folder: rendered[scene_name(spec)][1] for folder, spec in specs.items()}
 
 
 def _plan(
@@ -178,7 +179,7 @@ def _plan(
     for spec, folder in scenes:
         for method, known in zip(suite.methods, introductions, strict=True):
             donor = donors.get(folder) if method.composes else None
-            sees = [*_seen(method, known, folder), *_both(donor)]
+            sees = [*_seen(method, known, folder), *_of_guest(folder, donor)]
             priors = encode(method.priors) if known.asks else {}
             for seed in suite.seeds:
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
@@ -196,9 +197,12 @@ def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:
     return [*(sha256(scene / part / "manifest.json") for part in parts), *weights_of(method.priors, asks)]
 
 
-def _both(donor: Path | None) -> list[str]:
-    """Hashes of the scene that an object comes from: what is fitted, and what says which object it is."""
-    return [] if donor is None else [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
+def _of_guest(scene: Path, donor: Path | None) -> list[str]:
+    """Hashes of where an object comes from, which it is, and where it is put; none without a donor."""
+    if donor is None:
+        return []
+    of_donor = [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
+    return [*of_donor, sha256(scene / "truth" / "composition" / "composition.json")]
 
 
 def _part(progress: Progress, stage: int, doing: str) -> Progress:

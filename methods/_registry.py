@@ -37,6 +37,10 @@ BUILT_IN = {
     "gsid": "graycard.methods.gsid:GsidMethod",
     "gsir": "graycard.methods.gsid:GsirMethod",
     "r3dg": "graycard.methods.r3dg:R3dgMethod",
+    "do-nothing": "graycard.methods.removal:KeepMethod",
+    "removal": "graycard.methods.removal:RemovalMethod",
+    "removal-per-view": "graycard.methods.removal:PerViewMethod",
+    "removal-one-reference": "graycard.methods.removal:OneReferenceMethod",
 }
 
 RESERVED = ("seed", "out", "save", "priors", "donor")

@@ -24,7 +24,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         run: The run folder, with its scenes and predictions, of which the report shows pictures.
         folder: A new or an empty one.
         limit_mib: MiB that it may have.
-        pictures: Methods whose pictures the report has; None for all.
+        pictures: Methods whose pictures and single views the report has; None for all.
 
     Returns:
         Its size in MiB.

@@ -72,6 +72,8 @@ class SceneSection:
     """Titles of the metrics that no method provides."""
     spreads: tuple[Spread, ...]
     """Of base colour over published protocols; empty where none was asked for."""
+    viewed: tuple[MethodHead, ...]
+    """Those of whose single views all values are told: those with pictures."""
     view_rows: tuple[ViewRow, ...]
     warnings: tuple[Trouble, ...]
 
@@ -95,7 +97,7 @@ def scene_section(
         methods: All of them.
         metrics: All of them.
         anchor: Of the section.
-        shown: Names of the methods whose pictures are embedded; None for all.
+        shown: Names of the methods whose pictures and single views are shown; None for all.
     """
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
@@ -114,7 +116,8 @@ def scene_section(
         rows=rows,
         silent=silent,
         spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
-        view_rows=view_rows(results, here, metrics),
+        viewed=drawn,
+        view_rows=view_rows(results, drawn, metrics),
         warnings=warnings([r for r in results if r.job.method in competing]),
     )
 

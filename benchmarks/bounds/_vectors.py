@@ -6,20 +6,20 @@ arrives. The vector that a fit could find at best is looked for, point by point,
 the sphere evenly; what is left is the error of the reading itself.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from graycard import DatasetError, EnvironmentLight, Truth, View, open_truth, world_position
+from graycard import DatasetError, EnvironmentLight, LocalLight, Truth, View, open_truth, world_position
 from graycard.methods.gsid import VECTOR_FORMS, vector_visibility
 
 POINTS = 2000
 """That are looked at in a scene."""
 VECTORS = 1500
-"""That are tried at each: 3° apart."""
+"""That are tried at each: any other lies within 3.5° of one."""
 _AT_A_TIME = 100
 """Points, for memory."""
 
@@ -46,21 +46,21 @@ def vector_bound(scene: Path, seed: int = 0) -> VectorBound:
         seed: Of the choice of points.
 
     Raises:
-        DatasetError: The truth is missing or damaged, or knows of no light what is in its way.
+        DatasetError: The truth is missing or damaged, there is no local light, nothing faces one, or a view
+            does not tell what is in the way of one.
     """
     truth = open_truth(scene / "truth")
-    names = [light.name for light in truth.lights() if not isinstance(light, EnvironmentLight)]
-    parts = [part for view in truth.views if (part := _seen(truth, view, names)) is not None]
-    if not parts:
-        raise DatasetError(
-            f"expected local lights and layers visibility.<light> in the truth of {scene}, got none. Render "
-            "the scene with LLVM (`graycard doctor`)"
-        )
+    lights = [light for light in truth.lights() if not isinstance(light, EnvironmentLight)]
+    if not lights:
+        raise DatasetError(f"expected local lights in {scene}, got none. Take a scene with lamps")
+    parts = [_seen(truth, view, lights) for view in truth.views]
     toward, arrives, facing = (np.concatenate(part) for part in zip(*parts, strict=True))
     count = min(POINTS, len(toward))
+    if not count:
+        raise DatasetError(f"expected a view of {scene} that sees something which faces a lamp, got none")
     chosen = np.random.default_rng(seed).choice(len(toward), count, replace=False)
     errors = best_vector_errors(toward[chosen], arrives[chosen], facing[chosen])
-    return VectorBound(f"{truth.track}/{truth.scene}", len(names), count, errors)
+    return VectorBound(f"{truth.track}/{truth.scene}", len(lights), count, errors)
 
 
 def best_vector_errors(toward: np.ndarray, arrives: np.ndarray, facing: np.ndarray) -> dict[str, float]:
@@ -86,21 +86,29 @@ def best_vector_errors(toward: np.ndarray, arrives: np.ndarray, facing: np.ndarr
     return {form: float(np.sqrt(square / total)) for form, square in squares.items()}
 
 
-def _seen(truth: Truth, view: View, names: list[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Of points that a view sees and that face a light: ways to the lights, what arrives, which they face."""
+def _seen(
+    truth: Truth, view: View, lights: Sequence[LocalLight]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of points that a view sees and that face a light: ways to the lights, what arrives, which they face.
+
+    Raises:
+        DatasetError: It is not known what is in the way of a light.
+    """
     layers, camera = truth.layers(view), view.camera
-    if not names or any(f"visibility.{name}" not in layers for name in names):
-        return None
+    unknown = [light.name for light in lights if f"visibility.{light.name}" not in layers]
+    if unknown:
+        raise DatasetError(
+            f"expected layers visibility.<light> in view {view.name} of {truth.track}/{truth.scene}, got "
+            f"none of {', '.join(unknown)}. Render the scene with LLVM (`graycard doctor`)"
+        )
     rays = camera.rays()
     seen = np.isfinite(layers["depth"])
     along = rays / (rays @ camera.forward)[..., None]
     points = camera.position + along * np.where(seen, layers["depth"], 1.0)[..., None]
-    lights = {light.name: light for light in truth.lights() if not isinstance(light, EnvironmentLight)}
-    places = np.array([world_position(lights[name], camera) for name in names])
-    ways = places - points[..., None, :]
+    ways = np.array([world_position(light, camera) for light in lights]) - points[..., None, :]
     ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
     facing = (ways * layers["normal"][..., None, :]).sum(axis=-1) > 0
-    arrives = np.stack([layers[f"visibility.{name}"] for name in names], axis=-1)
+    arrives = np.stack([layers[f"visibility.{light.name}"] for light in lights], axis=-1)
     kept = seen & facing.any(axis=-1)
     return ways[kept], arrives[kept], facing[kept]
 

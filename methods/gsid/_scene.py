@@ -210,17 +210,21 @@ class GsidScene:
     def compose(self, composition: Composition, guest: Guest | None = None) -> "GsidScene | None":
         """The same scene with an object that the same method has found in another one.
 
-        It is lit by the lights of this scene, throws shadows and sends light on; its own lights stay at home.
+        It is lit by the lights of this scene, its own lights stay at home; it throws shadows where rays are
+        traced to lamps, and sends light on where bounces are. Nothing is provided where a vector of each
+        surfel tells what is in the way of lamps: those of the guest know the lamps at home only.
 
         Args:
             composition: Where it is put.
             guest: The object; without it, and of another method, nothing is provided.
         """
-        if guest is None or not isinstance(guest.decomposition, GsidScene):
+        donor = None if guest is None else guest.decomposition
+        by_vectors = self.settings.visibility.startswith("vector")
+        if guest is None or not isinstance(donor, GsidScene) or donor.method != self.method or by_vectors:
             return None
-        donor, motion = guest.decomposition.parameters, composition.donor_to_host
         extent = self.extent if self.settings.occlusion else None
-        return replace(self, parameters=with_guest(self.parameters, donor, guest, motion, extent))
+        motion = composition.donor_to_host
+        return replace(self, parameters=with_guest(self.parameters, donor.parameters, guest, motion, extent))
 
     @torch.no_grad()
     def counts(self, camera: Camera) -> Mapping[str, float]:

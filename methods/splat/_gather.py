@@ -10,8 +10,8 @@ from graycard import Camera
 from graycard.methods.splat._rasterize import rasterize_features
 from graycard.methods.splat._surfels import Surfels
 
-_UNSEEN = 0.1
-"""Pixels: a surfel that fills less of all views together is not seen. What lies behind an object shines
+_UNSEEN = 0.025
+"""Pixels of a view: a surfel that fills less in the mean is not seen. What lies behind an object shines
 through it a little, and would else be inside of its masks."""
 
 
@@ -30,7 +30,7 @@ def gather(surfels: Surfels, camera: Camera, image: torch.Tensor) -> torch.Tenso
         Shape ``(N, C)``, without gradient.
     """
     with torch.enable_grad():
-        channels = torch.zeros(len(surfels), image.shape[-1], requires_grad=True)
+        channels = torch.zeros(len(surfels), image.shape[-1], dtype=surfels.centres.dtype, requires_grad=True)
         drawn = rasterize_features(surfels, camera, features=channels).features
         counted = (drawn * image).sum()
     return torch.autograd.grad(counted, channels)[0]
@@ -52,11 +52,12 @@ def share_inside(surfels: Surfels, cameras: Sequence[Camera], masks: Sequence[np
     """
     if len(cameras) != len(masks):
         raise ValueError(f"expected one mask a camera, got {len(masks)} of {len(cameras)}")
-    filled = torch.zeros(len(surfels), 2)
+    filled = torch.zeros(len(surfels), 2, dtype=surfels.centres.dtype)
     for camera, mask in zip(cameras, masks, strict=True):
         if mask.shape != (camera.height, camera.width):
             raise ValueError(f"expected a mask of shape {(camera.height, camera.width)}, got {mask.shape}")
-        inside = torch.from_numpy(np.asarray(mask, np.float32))
+        inside = torch.from_numpy(np.asarray(mask, np.float64)).to(filled.dtype)
         filled += gather(surfels, camera, torch.stack([inside, torch.ones_like(inside)], dim=-1))
     inside, everywhere = filled.unbind(dim=1)
-    return torch.where(everywhere > _UNSEEN, inside / everywhere.clamp(min=_UNSEEN), 0.0)
+    least = _UNSEEN * max(len(cameras), 1)
+    return torch.where(everywhere > least, inside / everywhere.clamp(min=least), 0.0)

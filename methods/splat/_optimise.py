@@ -168,8 +168,8 @@ def watch_screen(
 
 
 def _dense(values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """The same in C order: the fused Adam of torch reads memory as it lies, whatever the strides say."""
-    return {name: v.contiguous() for name, v in values.items()}
+    """Copies, which steps may change, in C order: the fused Adam of torch reads memory as it lies."""
+    return {name: v.clone(memory_format=torch.contiguous_format) for name, v in values.items()}
 
 
 def _no_moments(values: torch.Tensor) -> Moments:

@@ -53,7 +53,7 @@ class Parameters:
         return {**self.surfels, **self.shared}
 
     def take(self, index: torch.Tensor) -> "Parameters":
-        """Only some surfels, by index or mask; copies."""
+        """Only some surfels, by index or mask, copied; what is shared is the same."""
         return replace(self, surfels={name: values[index] for name, values in self.surfels.items()})
 
 

@@ -55,6 +55,8 @@ class Photograph:
     """Shape ``(H, W, 3)``: exposed and encoded."""
     sky: torch.Tensor
     """Shape ``(H, W, K)``: harmonics of the direction of each pixel."""
+    weight: torch.Tensor | None = None
+    """Shape ``(H, W)``: how much each pixel counts; None: all alike."""
 
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[Photograph]:
@@ -104,7 +106,10 @@ class Objective:
             drawn = rasterize(surfels, view.camera, offsets=offsets)
             extra = disagreement(drawn, view.camera, weighs)
         picture = composed(drawn, view.sky, values)
-        loss = photometric_map(picture, view.encoded, settings.ssim_share).mean() + extra
+        difference = photometric_map(picture, view.encoded, settings.ssim_share)
+        if view.weight is not None:
+            difference = difference * view.weight[..., None]
+        loss = difference.mean() + extra
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
         size = view.camera.width, view.camera.height
         return Look(loss, offsets, image_radius(values, view.camera), size)

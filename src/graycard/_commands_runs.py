@@ -201,7 +201,7 @@ class Publish:
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Where to; new or empty."""
     pictures: tuple[str, ...] = ()
-    """Embed pictures of these rows only; of all by default."""
+    """Embed pictures and values of single views of these rows only; of all by default."""
     limit_mib: float = 20.0
     """Fail if the folder would be larger."""
 

@@ -125,6 +125,8 @@ class Access:
     capture alone."""
     refused: tuple[str, ...] = ()
     """Paths of truth that the method tried to open, in order, each once; it was refused them."""
+    donor_sha256: str = ""
+    """Hash of the manifest of the capture that an object of a composition comes from; empty without one."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,7 +81,7 @@ def test_truth_that_a_scene_has_not_is_met_before_the_fit(
 def planned(scene: Path, *rows: SuiteMethod) -> list:
     spec = SceneSpec("dark", "corridor", 1000)
     suite = Suite("s", 1, "S", RenderSettings(), (spec,), tuple(rows))
-    return _plan(suite, [introduction_of(row) for row in rows], [(spec, scene)], scene / "run", 1)
+    return _plan(suite, [introduction_of(row) for row in rows], [(spec, scene)], {}, scene / "run", 1)
 
 
 def test_a_job_is_addressed_by_its_priors_too(asker: str, tiny_scenes: dict[str, Path], tmp_path: Path):

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Objects of other scenes: these are rendered, fitted too, and their objects handed on."""
 
+import json
+import shutil
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +15,9 @@ import pytest
 import graycard as gc
 from changed_scene import DONOR, enrich
 from graycard.__main__ import main
-from graycard.benchmarks import FitSpec, check_result, fit_scene
+from graycard.benchmarks import FitSpec, check_result, fit_scene, load_suite
+from graycard.benchmarks._introduction import introduce
+from graycard.benchmarks._runner import _plan
 from graycard.methods import Guest, NoSettings
 
 MODULE = "guest_methods"
@@ -56,6 +61,26 @@ class Hosting:
         raise NotImplementedError
 
 
+@dataclass(frozen=True)
+class Place:
+    """Settings of ``Peeping``."""
+
+    path: str = ""
+
+
+class Peeping(Hosting):
+    """It tries to read a file in the second of its fits only, and says nothing when it is refused."""
+
+    settings_type = Place
+
+    def fit(self, capture: gc.Capture, *others: object) -> Flat:
+        settings = others[1]
+        if capture.scene.startswith("objects"):
+            with suppress(gc.GraycardError):
+                Path(settings.path).read_text()  # pyright: ignore[reportAttributeAccessIssue]
+        return Flat(capture.scene)
+
+
 @pytest.fixture
 def hosting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     (tmp_path / f"{MODULE}.py").write_text(Path(__file__).read_text())
@@ -77,14 +102,14 @@ def host(make_scene: Callable[..., Path]) -> Path:
     return enrich(make_scene(track="multilight"))
 
 
-def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:04d}") -> Path:
-    """Its object of that id is put over a part of its pictures."""
+def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:04d}", row: int = 6) -> Path:
+    """Its object of that id is put over the upper rows of its pictures."""
     folder = make_scene(track="multilight", scene=name)
     truth = gc.open_truth(folder / "truth")
     for view in truth.views:
         layers = truth.layers(view)
-        layers["object_id"][:6] = DONOR.object_id
-        layers["object_id"][6:] = 1
+        layers["object_id"][:row] = DONOR.object_id
+        layers["object_id"][row:] = 1
         gc.write_layers(folder / f"truth/views/{view.name}.exr", layers)
     gc.seal(folder / "truth", gc.manifest_of(truth))
     return folder
@@ -120,9 +145,36 @@ def test_a_donor_for_what_puts_nothing_in_is_refused(
     hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor, plain = donor_of(make_scene), make_scene(track="multilight", scene="tiny-0001")
-    for spec in (FitSpec("gray", {}, 0, host, donor=donor), FitSpec(hosting, {}, 0, plain, donor=donor)):
-        with pytest.raises(gc.MethodError, match=r"expected of .* a decomposition with compose\(\)"):
-            fit_scene(spec, tmp_path / "p", gc.silent)
+    with pytest.raises(gc.MethodError, match=r"expected 'gray' to give a decomposition with compose\(\)"):
+        fit_scene(FitSpec("gray", {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
+    with pytest.raises(gc.DatasetError, match="to show an object of another scene put in, got none"):
+        fit_scene(FitSpec(hosting, {}, 0, plain, donor=donor), tmp_path / "p", gc.silent)
+
+
+def test_an_object_that_no_photograph_shows_is_not_composed(
+    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+) -> None:
+    donor = donor_of(make_scene, row=0)
+    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
+    assert composed_colours(tmp_path / "p") == []
+
+
+@pytest.mark.parametrize("reach", ["host", "job"])
+def test_truth_is_closed_while_the_donor_is_fitted_too(
+    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path, reach: str
+) -> None:
+    """Even for a method that keeps the refusal to itself, and wherever the donor lies."""
+    donor = donor_of(make_scene)
+    elsewhere = tmp_path / "elsewhere" / "multilight" / donor.name
+    shutil.copytree(donor, elsewhere)
+    other = tmp_path / "jobs" / "other" / "scores.json"
+    other.parent.mkdir(parents=True)
+    other.write_text("{}")
+    wanted = {"host": host / "truth" / "truth.json", "job": other}[reach]
+    spec = FitSpec(f"{MODULE}:Peeping", {"path": str(wanted)}, 0, host, donor=elsewhere)
+    fitted = fit_scene(spec, tmp_path / "p", gc.silent, jobs=tmp_path / "jobs", own=tmp_path / "jobs" / "own")
+    assert fitted.access.refused == (str(wanted),)
+    assert fitted.access.donor_sha256 == gc.sha256(donor / "capture" / "manifest.json")
 
 
 def test_a_bench_renders_the_donors_of_rows_that_compose(
@@ -141,5 +193,18 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     assert [scene.scene for scene in record.scenes] == ["studio-1000"], "the donor is no scene of the suite"
     status = {r.job.method: r.sheet.score("composition.psnr").status for r in record.results if r.sheet}
     assert status == {"alone": "not provided", "hosts": "scored"}
-    whole = [breach for breach in check_result(run).breaches if breach.rule in ("truth", "finite")]
-    assert not whole
+    assert not [breach for breach in check_result(run).breaches if breach.rule in ("truth", "finite")]
+    assert main([*command, "--methods", "alone", "hosts"]) == 0
+    hashes = [{r.job.method: r.job_hash for r in found.results} for found in (record, gc.read_run(run))]
+    assert hashes[0] == hashes[1]
+    place = run / "dataset/multilight/studio-1000/truth/composition/composition.json"
+    composition = json.loads(place.read_text())
+    composition["donor_to_host"][0][3] += 0.01
+    place.write_text(json.dumps(composition))
+    plan, scene = load_suite(str(suite)), place.parents[2]
+    known = introduce(plan.methods, run / "dataset", run / "jobs", 1)
+    donors = {scene: run / "dataset/multilight/objects-1000"}
+    fits = _plan(plan, known, [(plan.scenes[0], scene)], donors, run, 1)
+    again = {fit.job.method: fit.job_hash for fit in fits}
+    assert again["alone"] == hashes[0]["alone"]
+    assert again["hosts"] != hashes[0]["hosts"], "it is put elsewhere"

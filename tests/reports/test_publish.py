@@ -22,6 +22,11 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
     assert "methods are embedded" not in whole
     assert page.count("<h5>") == 3
     assert whole.count("<h5>") == 3 * 4
+    assert page.count("Of methods whose pictures are here; run.json has those of all.") == 3
+    assert "Of methods whose pictures are here" not in whole
+    views = page.split("Values of single test views")[1].split("</table>")[0]
+    assert views.count('class="method"') == 1
+    assert views.count('scope="row"') > 3
     for text in (page, whole):  # the tables have all methods
         assert text.count('scope="row"') > 50
         assert "Reflectance changes in steps" in text

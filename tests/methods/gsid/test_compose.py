@@ -74,7 +74,6 @@ def test_a_board_that_is_put_over_its_floor_again_is_the_whole_scene(world: Worl
     before = np.abs(picture(floor, world) - picture(whole, world))
     assert error.mean() < 0.05 * before.mean()
     assert len(composed.parameters) - int((~board).sum()) == pytest.approx(int(board.sum()), rel=0.1)
-    assert composed.lights() == floor.lights()
 
 
 def test_what_stands_over_a_floor_hides_the_sky_from_it(world: World):
@@ -102,8 +101,13 @@ def test_masks_of_nothing_leave_the_scene_as_it_is(world: World):
     np.testing.assert_array_equal(picture(composed, world), picture(host, world))
 
 
-def test_without_a_guest_nothing_is_provided(world: World):
-    surface, _ = parted(world)
-    host = scene_of(surface, ALIKE, 2.0)
+def test_without_a_guest_of_its_own_method_nothing_is_provided(world: World):
+    surface, board = parted(world)
+    host, guest = scene_of(surface, ALIKE, 2.0), guest_of(surface, board, world)
     assert isinstance(host, methods.Composable)
     assert host.compose(composition()) is None
+    assert isinstance(guest.decomposition, GsidScene)
+    other = replace(guest, decomposition=replace(guest.decomposition, method="gsir"))
+    assert host.compose(composition(), other) is None
+    by_vectors = replace(host, settings=replace(ALIKE, visibility="vector"))
+    assert by_vectors.compose(composition(), guest) is None, "the guest's vectors know other lamps"

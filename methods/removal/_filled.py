@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Holes filled in by a prior, and what filled views say of the space behind the object."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_dilation, label
+from skimage.restoration import inpaint_biharmonic
+
+from graycard import Camera
+from graycard.methods._contract import Priors
+from graycard.methods.removal._behind import Behind
+from graycard.methods.splat import depth_to_normals
+
+
+@dataclass(frozen=True, eq=False)
+class Wall:
+    """Points behind the object, as the filled views show them."""
+
+    points: np.ndarray
+    """Shape ``(M, 3)``, world, metres."""
+    normals: np.ndarray
+    """Shape ``(M, 3)``, world, unit, to the view that shows them."""
+    colours: np.ndarray
+    """Shape ``(M, 3)``, linear, display range."""
+    distances: np.ndarray
+    """Shape ``(M,)``, metres, from that view."""
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What a training view is to show when the object is gone."""
+
+    behind: Behind
+    picture: np.ndarray
+    """Shape ``(H, W, 3)``, linear, display range."""
+    known: np.ndarray
+    """Shape ``(H, W)``, bool: in the hole, where ``picture`` says what is there."""
+
+
+def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tuple[list[Target], Wall]:
+    """What views are to show, and the points that their holes show.
+
+    Args:
+        behind: The training views.
+        priors: Fill in radiance.
+        references: Views that are filled in and tell the others, those with the largest holes; 0: all views
+            are, and none tells another.
+
+    Raises:
+        MethodError: The prior does not inpaint, or its answer is not sound.
+    """
+    order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
+    with_hole = [k for k in order if behind[k].hole.any()]
+    chosen = with_hole[:references] if references else with_hole
+    pictures = {
+        k: np.maximum(priors.inpainting(behind[k].picture, behind[k].view, behind[k].hole), 0) for k in chosen
+    }
+    wall = _joined([_wall(behind[k], pictures[k]) for k in chosen])
+    targets = []
+    for k, one in enumerate(behind):
+        if k in pictures:
+            targets.append(Target(one, pictures[k], one.hole))
+        else:
+            targets.append(_told(one, wall) if references else Target(one, one.picture, one.hole))
+    return targets, wall
+
+
+def _wall(behind: Behind, picture: np.ndarray) -> Wall:
+    """The points in the hole of a filled view, on depths that go on from around it."""
+    camera, hole = behind.view.camera, behind.hole
+    depth = filled_depth(behind.depth, hole)
+    rays = camera.rays()
+    distance = depth / (rays @ camera.forward)
+    normals = depth_to_normals(torch.from_numpy(depth), camera).numpy()
+    lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = np.where(lengths > 0, normals / np.maximum(lengths, 1e-12), -rays)  # the border has none
+    shown = hole & np.isfinite(depth)
+    points = camera.position + distance[shown][:, None] * rays[shown]
+    return Wall(points, normals[shown], picture[shown], distance[shown])
+
+
+def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
+    """Depth whose hole is filled by the smoothest surface that goes on from its rim.
+
+    The inverse of depth is filled in, for it is linear on the image of a plane (biharmonic equation, solved
+    by scikit-image).
+
+    Args:
+        depth: Shape ``(H, W)``, z-depth, metres; +inf where there is nothing.
+        hole: Shape ``(H, W)``, bool.
+
+    Returns:
+        Shape ``(H, W)``, metres; +inf where there is nothing, and in parts of the hole that no surface rims.
+    """
+    seen = np.isfinite(depth) & ~hole
+    parts, count = label(hole)
+    rims = [part for part in range(1, count + 1) if (seen & binary_dilation(parts == part)).any()]
+    told = np.isin(parts, rims)
+    if not told.any():
+        return np.where(hole, np.inf, depth)
+    inverse = np.where(seen, 1 / np.where(seen, depth, 1.0), 0.0)
+    filled = inpaint_biharmonic(inverse, ~seen)  # within the range of what is seen: above 0
+    return np.where(told, 1 / np.where(told, filled, 1.0), np.where(hole, np.inf, depth))
+
+
+def _told(behind: Behind, wall: Wall) -> Target:
+    """A view as the wall tells it: its nearest points, each in the pixel that it falls into."""
+    camera = behind.view.camera
+    picture, known = behind.picture.copy(), np.zeros_like(behind.hole)
+    rows, columns, nearest = seen_points(camera, wall.points)
+    inside = behind.hole[rows, columns]
+    rows, columns, nearest = rows[inside], columns[inside], nearest[inside]
+    picture[rows, columns], known[rows, columns] = wall.colours[nearest], True
+    return Target(behind, picture, known)
+
+
+def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows and columns of the pixels that points fall into, and the number of the nearest point in each.
+
+    Args:
+        camera: Of the view.
+        points: Shape ``(M, 3)``, world, metres.
+    """
+    places, z = camera.project(points)
+    column, row = np.floor(np.where(z[:, None] > 0, places, -1)).astype(int).T
+    inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    numbers = np.flatnonzero(inside)
+    numbers = numbers[np.argsort(z[numbers], kind="stable")]
+    pixels, first = np.unique(row[numbers] * camera.width + column[numbers], return_index=True)
+    return pixels // camera.width, pixels % camera.width, numbers[first]
+
+
+def _joined(walls: Sequence[Wall]) -> Wall:
+    """All points; none of no walls."""
+    if not walls:
+        nothing = np.zeros((0, 3))
+        return Wall(nothing, nothing, nothing, np.zeros(0))
+    names = ("points", "normals", "colours", "distances")
+    return Wall(*(np.concatenate([getattr(wall, name) for wall in walls]) for name in names))
