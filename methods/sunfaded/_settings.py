@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of ``sunfaded``. Where the paper and its released code differ, the paper's text is the default."""
+"""Settings of ``sunfaded``: where paper and code differ the paper's, but for schedule, space and SSIM."""
 
 from dataclasses import dataclass
 from typing import Literal
