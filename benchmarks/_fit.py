@@ -31,7 +31,7 @@ from graycard import (
 )
 from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
-from graycard.benchmarks._guest import composition_of, guest_of
+from graycard.benchmarks._guest import check_donor, guest_of
 from graycard.methods import (
     COMPOSITION,
     LIGHTS,
@@ -113,7 +113,8 @@ def fit_scene(
         method = load_method(spec.method)
         settings_of(method, spec.settings)
     donor = None if COMPOSITION in method.needs else spec.donor
-    composition = None if donor is None else composition_of(spec.scene, donor)
+    if donor is not None:
+        check_donor(spec.scene, donor)
     with ExitStack() as copies:
         capture = copies.enter_context(copied_capture(spec.scene / "capture"))
         priors = handed_priors(method, spec.priors, capture, spec.scene)
@@ -124,7 +125,7 @@ def fit_scene(
         decomposition = _fitted(spec, guard, capture, priors, progress)
         elapsed, peak = time.perf_counter() - start, peak_memory_mib()
         changes = changes_for(decomposition, capture, spec.scene)
-        if donor is not None and composition is not None:
+        if donor is not None:
             changes = replace(changes, guest=_guest(spec, donor, guard, copies, changes, progress))
         seed_everything(spec.seed)  # pictures are the same whatever was fitted besides
         start = time.perf_counter()

@@ -12,8 +12,8 @@ Fit = Callable[[Capture], Decomposition]
 _ADVICE = "Leave out --donor, or `composes` in the suite"
 
 
-def composition_of(scene: Path, donor: Path) -> Composition:
-    """What the truth of a scene shows put in; the donor has to be where it comes from.
+def check_donor(scene: Path, donor: Path) -> None:
+    """Refuse a donor that is not where the object comes from which the truth of a scene shows put in.
 
     Args:
         scene: ``DATASET/<track>/<scene>``.
@@ -41,7 +41,6 @@ def composition_of(scene: Path, donor: Path) -> Composition:
             f"expected layer object_id in the truth of {donor}, got none: it says which object is meant. "
             "Render it anew"
         )
-    return composition
 
 
 def guest_of(donor: Path, capture: Capture, composition: Composition, fit: Fit) -> Guest | None:

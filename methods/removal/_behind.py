@@ -80,15 +80,28 @@ def seen_elsewhere(
     points = camera.position + depth[asked][:, None] * rays / (rays @ camera.forward)[:, None]
     seen = np.zeros(len(points), bool)
     for other, its_depth, its_doubt in others:
-        places, z = other.project(points)
-        column, row = np.floor(np.where(z[:, None] > 0, places, -1)).astype(int).T
-        inside = (z > 0) & (column >= 0) & (column < other.width) & (row >= 0) & (row < other.height)
-        row, column = np.where(inside, row, 0), np.where(inside, column, 0)
-        alike = np.abs(z / its_depth[row, column] - 1) <= NEAR  # where it sees nothing, never
-        seen |= inside & alike & ~its_doubt[row, column]
+        numbers, rows, columns, z = points_in_picture(other, points)
+        alike = np.abs(z / its_depth[rows, columns] - 1) <= NEAR  # where it sees nothing, never
+        seen[numbers] |= alike & ~its_doubt[rows, columns]
     found = np.zeros_like(where)
     found[asked] = seen
     return found
+
+
+def points_in_picture(
+    camera: Camera, points: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Numbers of the points that fall into a picture, their rows and columns there, and z-depths in metres.
+
+    Args:
+        camera: Of the view.
+        points: Shape ``(M, 3)``, world, metres.
+    """
+    places, z = camera.project(points)
+    column, row = np.floor(np.where(z[:, None] > 0, places, -1)).astype(int).T
+    inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+    numbers = np.flatnonzero(inside)
+    return numbers, row[numbers], column[numbers], z[numbers]
 
 
 @torch.no_grad()

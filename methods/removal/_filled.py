@@ -11,7 +11,7 @@ from skimage.restoration import inpaint_biharmonic
 
 from graycard import Camera
 from graycard.methods._contract import Priors
-from graycard.methods.removal._behind import Behind
+from graycard.methods.removal._behind import Behind, points_in_picture
 from graycard.methods.splat import depth_to_normals
 
 
@@ -124,13 +124,10 @@ def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndar
         camera: Of the view.
         points: Shape ``(M, 3)``, world, metres.
     """
-    places, z = camera.project(points)
-    column, row = np.floor(np.where(z[:, None] > 0, places, -1)).astype(int).T
-    inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    numbers = np.flatnonzero(inside)
-    numbers = numbers[np.argsort(z[numbers], kind="stable")]
-    pixels, first = np.unique(row[numbers] * camera.width + column[numbers], return_index=True)
-    return pixels // camera.width, pixels % camera.width, numbers[first]
+    numbers, rows, columns, z = points_in_picture(camera, points)
+    order = np.argsort(z, kind="stable")
+    pixels, first = np.unique((rows * camera.width + columns)[order], return_index=True)
+    return pixels // camera.width, pixels % camera.width, numbers[order][first]
 
 
 def _joined(walls: Sequence[Wall]) -> Wall:
