@@ -90,6 +90,9 @@ class Check:
     interval has to lie in."""
     along: Along | None = None
     scenes: Scenes = field(default_factory=Scenes)
+    negligible: float = 0.0
+    """An effect no further from none than this is called none, however certain; in the unit of the quantity,
+    or, of a ratio, as a part of 1. Not for ``within``, which has bounds."""
     decides: bool = True
     """Whether it counts for the verdict of the claim; else it is only told."""
 
@@ -97,6 +100,11 @@ class Check:
         for found in (_rows_fault(self), _size_fault(self)):
             if found:
                 raise ValueError(f"expected {found} of check {self.id!r}")
+
+    @property
+    def neutral(self) -> float:
+        """The effect that is none."""
+        return 1.0 if self.scale == "ratio" else 0.0
 
     @property
     def range(self) -> Span | None:
@@ -256,7 +264,9 @@ def _rows_fault(check: Check) -> str:
 
 def _size_fault(check: Check) -> str:
     """What is wrong with the sizes, as the end of ``expected ...``; empty if nothing."""
-    neutral = 1.0 if check.scale == "ratio" else 0.0
+    neutral = check.neutral
+    if check.negligible < 0 or (check.negligible and check.rule == "within"):
+        return f"negligible of 0 or more, and none for within, got {check.negligible}"
     if check.accepted is not None and not check.accepted[0] < check.accepted[1]:
         return f"accepted from low to high, got {list(check.accepted)}"
     if check.scale == "ratio" and len(check.rows) == 1 and check.against <= 0:

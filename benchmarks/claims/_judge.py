@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The claims of papers against a run: a verdict for each, from nothing but the record of the run."""
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,10 +19,18 @@ from graycard import (
     sha256,
 )
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
-from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity, claims_path, load_claims
+from graycard.benchmarks.claims._claim import (
+    Check,
+    Claim,
+    Paper,
+    Quantity,
+    claims_names,
+    claims_path,
+    load_claims,
+)
 from graycard.benchmarks.claims._effects import effect_of
-from graycard.benchmarks.claims._readings import Readings
-from graycard.benchmarks.claims._rules import RULES, combined, neutral_of, verdict_of
+from graycard.benchmarks.claims._readings import Reading, Readings
+from graycard.benchmarks.claims._rules import RULES, combined, verdict_of
 from graycard.benchmarks.claims._words import (
     beside_words,
     claim_words,
@@ -55,6 +64,17 @@ def judge_claims(record: RunRecord, run: Path, names: Sequence[str]) -> Ledger:
         {method.name: method.summary for method in record.methods},
         papers,
     )
+
+
+def judge_tables() -> Ledger:
+    """The papers' own tables against themselves, which needs no run; those of all files that have any."""
+    papers = [(load_claims(name), sha256(claims_path(name))) for name in claims_names()]
+    judged = tuple(
+        PaperResult(p.name, p.version, p.title, digest, tuple(map(judge_arithmetic, p.arithmetic)))
+        for p, digest in papers
+        if p.arithmetic
+    )
+    return Ledger("", 0, "", LEVEL, RULES, {}, judged)
 
 
 def judge_paper(paper: Paper, record: RunRecord) -> tuple[ClaimResult, ...]:
@@ -132,7 +152,7 @@ def _told(check: Check, readings: Readings) -> CheckResult:
         "not checkable",
         "cannot be checked here",
         check.decides,
-        neutral=neutral_of(check),
+        neutral=check.neutral,
         paper=check.paper,
         accepted=check.range,
     )
@@ -157,4 +177,14 @@ def _mean(row: str, check: Check, scenes: Iterable[SceneRecord], readings: Readi
     if lacking:
         return RowMean(row, None, lacking[0])
     values = [reading.value for reading in found if reading.value is not None]
+    if any(math.isinf(value) for value in values):
+        return _limit_of_noise(row, found)
     return RowMean(row, sum(values) / len(values))
+
+
+def _limit_of_noise(row: str, found: Sequence[Reading]) -> RowMean:
+    """Of a row without error: how far the noise of the truth lets a score tell anything."""
+    ceilings = [reading.ceiling for reading in found if reading.ceiling is not None]
+    if len(ceilings) < len(found):
+        return RowMean(row, None, "none: it has no error")
+    return RowMean(row, sum(ceilings) / len(ceilings), "the noise of the pictures, as it has no error")

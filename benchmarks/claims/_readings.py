@@ -33,6 +33,8 @@ class Reading:
     """Why."""
     absent: bool = False
     """Whether the scene has no such quantity, rather than the row having failed to give it."""
+    ceiling: float | None = None
+    """What no error at all comes to where the truth is noisy; None where that is not known."""
 
 
 class Readings:
@@ -94,7 +96,10 @@ class Readings:
         lacking = [reading for reading in readings if reading.value is None]
         if lacking:
             return lacking[0]
-        return Reading(math.fsum(r.value for r in readings if r.value is not None) / len(readings))
+        mean = math.fsum(r.value for r in readings if r.value is not None) / len(readings)
+        return Reading(
+            mean, ceiling=readings[0].ceiling
+        )  # of the scene's noise, whatever the seed of the fit
 
     def missing_rows(self, rows: Iterable[str]) -> list[str]:
         """Rows that the run does not have."""
@@ -122,7 +127,11 @@ def _read(result: JobResult, quantity: Quantity) -> Reading:
     if first.value is None or not quantity.less:
         return first
     second = _score(result, quantity.less, "", published=False)
-    return second if second.value is None else Reading(first.value - second.value)
+    if second.value is None:
+        return second
+    if math.isinf(first.value) or math.isinf(second.value):
+        return Reading(None, "none: without error there is no difference")
+    return Reading(first.value - second.value)
 
 
 def _score(result: JobResult, name: str, part: str, published: bool) -> Reading:
@@ -135,7 +144,7 @@ def _score(result: JobResult, name: str, part: str, published: bool) -> Reading:
         why = f" ({score.reason})" if score.reason else ""
         return Reading(None, f"{name} {score.status} on {result.job.scene}{why}")
     if not part:
-        return Reading(score.value)
+        return Reading(score.value, ceiling=score.noise_ceiling)
     return _part(score.breakdown, name, part, result.job.scene)
 
 

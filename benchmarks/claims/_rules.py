@@ -4,16 +4,23 @@
 import math
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Final
 
 from graycard import ClaimVerdict
 from graycard.benchmarks.claims._claim import Check
 from graycard.benchmarks.claims._effects import Effect
+from graycard.eval.statistics import LEVEL, least_scenes
+
+_LEAST: Final = least_scenes(LEVEL)
 
 RULES = {
-    "better": "reproduced: the sign is as claimed, the 95 % interval over scenes excludes no effect, and the "
-    "mean has the claimed size (half to twice the paper's unless said otherwise; any, where the paper names "
-    "none). Direction only: all but the size. Not supported: the interval includes no effect. Contradicted: "
-    "it excludes it on the other side",
+    "better": "reproduced: the sign is as claimed and certain, and the mean has the claimed size (half to "
+    "twice the paper's unless said otherwise; any, where the paper names none). Direction only: all but the "
+    "size. Not supported: the sign is not certain, or the effect is negligible. Contradicted: the opposite "
+    "is certain",
+    "certain": "the 95 % interval over scenes excludes no effect, and so does the exact signed-rank test at "
+    f"5 % (from {_LEAST} scenes, below which it cannot): a mean that one scene makes is not enough",
+    "negligible": "the whole interval is nearer to no effect than the check says that anyone would care for",
     "within": "reproduced: the whole 95 % interval over scenes lies within the bounds. Contradicted: it lies "
     "outside of them. Not supported: it crosses one, so scenes leave open whether the effect is that small",
     "monotone": "each scene's effect is its change from the first level to the last along the straight line "
@@ -41,8 +48,8 @@ def verdict_of(check: Check, effect: Effect) -> ClaimVerdict:
     low, high = effect.interval
     if check.rule == "within":
         return _within(check, low, high)
-    neutral = neutral_of(check)
-    if low <= neutral <= high:
+    neutral = check.neutral
+    if low <= neutral <= high or is_negligible(check, effect) or not _signs_agree(effect):
         return "not supported"
     if high < neutral:
         return "contradicted"
@@ -52,9 +59,18 @@ def verdict_of(check: Check, effect: Effect) -> ClaimVerdict:
     return "reproduced" if sized and rising else "direction only"
 
 
-def neutral_of(check: Check) -> float:
-    """The effect that is none."""
-    return 1.0 if check.scale == "ratio" else 0.0
+def is_negligible(check: Check, effect: Effect) -> bool:
+    """Whether the whole interval is so near to no effect that the check calls it none."""
+    low, high = effect.interval
+    neutral = check.neutral
+    return max(abs(low - neutral), abs(high - neutral)) <= check.negligible
+
+
+def _signs_agree(effect: Effect) -> bool:
+    """Whether the scenes have one sign more often than chance, as far as so many can tell."""
+    if effect.p_rank is None or len(effect.scenes) < _LEAST:
+        return True
+    return effect.p_rank < 1 - LEVEL
 
 
 def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:

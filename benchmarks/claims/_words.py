@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from graycard import CheckResult, ClaimVerdict, MetricRecord, RowMean
 from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect
+from graycard.benchmarks.claims._rules import is_negligible
 
 _TELLS: dict[ClaimVerdict, str] = {
     "reproduced": "as claimed",
     "direction only": "the sign is as claimed, the size is not",
-    "not supported": "scenes leave it open",
+    "not supported": "not shown by these scenes",
     "contradicted": "the opposite of the claim",
     "not checkable": "cannot be checked here",
 }
@@ -41,7 +42,9 @@ def rule_words(check: Check, unit: str) -> str:
     if check.rule == "within":
         assert check.accepted is not None, "the file was refused without"
         return f"the whole interval {span_words(check.accepted, unit)}"
-    words = "the interval excludes no effect"
+    words = "the sign is certain"
+    if check.negligible:
+        words += f" and the effect above {number(check.negligible)}{of_unit(unit)}"
     if check.rule == "monotone":
         words += ", every step goes the claimed way"
     if check.range is None:
@@ -56,6 +59,8 @@ def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str,
         f"{_TELLS[verdict]}: {quantity}, {effect_words(check)} = {number(effect.mean)}{of_unit(unit)} "
         f"({number(low)} to {number(high)}, {len(effect.scenes)} scenes)"
     )
+    if check.negligible and is_negligible(check, effect):
+        found += f"; negligible: up to {number(check.negligible)}{of_unit(unit)} counts as no difference"
     if check.paper is not None:
         found += f"; the paper: {number(check.paper)}{of_unit(unit)}"
     return found
@@ -68,7 +73,10 @@ def limits_words(record: MetricRecord, bound: RowMean, trivial: RowMean) -> str:
 
 
 def _value_words(row: RowMean, record: MetricRecord) -> str:
-    return row.reason if row.value is None else f"{number(row.value)}{of_unit(record.unit)}"
+    if row.value is None:
+        return row.reason
+    words = f"{number(row.value)}{of_unit(record.unit)}"
+    return f"{words} ({row.reason})" if row.reason else words
 
 
 def beside_words(

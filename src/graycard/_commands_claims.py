@@ -11,8 +11,9 @@ from typing import Annotated, get_args
 import tyro
 from rich.table import Table
 
+from graycard._errors import GraycardError
 from graycard._json import write_json
-from graycard._ledger import CLAIMS, CheckResult, ClaimVerdict, PaperResult, RowMean
+from graycard._ledger import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean
 from graycard._records import read_run
 from graycard._screen import OK, Json, Screen, new_table, write_optional_json
 
@@ -21,11 +22,12 @@ from graycard._screen import OK, Json, Screen, new_table, write_optional_json
 class Claims:
     """Say which claims of papers a run bears out, and write them into it and its report."""
 
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder; its claims.json is written anew from run.json."""
+    run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
+    """The run folder; its claims.json is written anew from run.json. Without one, only papers' own tables are
+    held against themselves."""
     claims: tuple[str, ...] = ()
-    """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
-    default, all where there are none."""
+    """Only these, of a run: names, or paths to claims of your own that end in .toml; those made for its suite
+    by default, all where there are none."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
     json: Json = None
@@ -33,20 +35,31 @@ class Claims:
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Judge them; a contradicted claim is a finding, no failure."""
-        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims
-        from graycard.reports import write_report
+        from graycard.benchmarks.claims import judge_tables
 
-        record = read_run(self.run_folder)
-        names = self.claims or claims_of_suite(record.suite) or claims_names()
-        found = judge_claims(record, self.run_folder, names)
+        if self.run_folder is None:
+            if self.claims:
+                raise GraycardError("expected the run folder that --claims are to be judged by, got none")
+            found, report = judge_tables(), ""
+        else:
+            found, report = self._judged(self.run_folder)
         for paper in found.papers:
             self._show(screen, paper)
-        write_json(self.run_folder / CLAIMS, found)
         write_optional_json(self.json, found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
         words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
-        screen.out.print(f"claims: {words}; report: {write_report(self.run_folder).resolve()}")
+        screen.out.print(f"claims: {words}{report}")
         return OK
+
+    def _judged(self, run: Path) -> tuple[Ledger, str]:
+        """The ledger of a run, written into it, and where its report is."""
+        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims
+        from graycard.reports import write_report
+
+        record = read_run(run)
+        found = judge_claims(record, run, self.claims or claims_of_suite(record.suite) or claims_names())
+        write_json(run / CLAIMS, found)
+        return found, f"; report: {write_report(run).resolve()}"
 
     def _show(self, screen: Screen, paper: PaperResult) -> None:
         screen.out.print(f"\n{paper.title}, claims version {paper.version}")

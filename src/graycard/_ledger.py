@@ -24,9 +24,9 @@ class RowMean:
 
     row: str
     value: float | None
-    """Mean over the scenes of the check; None where the row lacks one. May be infinite."""
+    """Mean over the scenes of the check; None where the row lacks one."""
     reason: str = ""
-    """Why there is none."""
+    """Why there is none, or what stands in its place."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +110,10 @@ class Ledger:
     """What a run says of the claims of papers: ``claims.json``."""
 
     suite: str
+    """Empty where no run was judged but papers' tables against themselves."""
     suite_version: int
     run_sha256: str
-    """Hash of ``run.json``."""
+    """Hash of ``run.json``; empty without a run."""
     level: float
     """Of all intervals, as in 0.95."""
     rules: Mapping[str, str]

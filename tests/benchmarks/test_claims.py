@@ -77,6 +77,73 @@ def test_better(lead: float, paper: float | None, expected: str) -> None:
     assert verdict(against(lead), check_of(paper=paper)) == expected
 
 
+def led_by(effects: Sequence[float]) -> gc.RunRecord:
+    """``mine`` is ahead of ``theirs`` by so much on each scene."""
+    return against(0.0, np.array(effects))
+
+
+def test_a_mean_that_few_scenes_make_is_not_certain() -> None:
+    """The interval leaves out 0, the ranks do not: three of eight scenes have the other sign."""
+    skewed = [2.68, 1.76, 2.32, -0.25, -0.23, 0.6, 1.22, -0.25]
+    found = judged(led_by(skewed), check_of()).checks[0]
+    assert found.interval is not None
+    assert found.p_rank is not None
+    assert found.interval[0] > 0
+    assert found.p_rank > 0.05
+    assert found.verdict == "not supported"
+    assert verdict(led_by([-e for e in skewed]), check_of()) == "not supported"
+
+
+def test_where_ranks_cannot_tell_the_interval_does() -> None:
+    """Of five scenes of one sign p is 0.06 at best."""
+    run = run_of({"mine": {"psnr": [1.0, 1.1, 1.2, 0.9, 0.8]}, "theirs": {"psnr": [0.0] * 5}})
+    found = judged(run, check_of()).checks[0]
+    assert (found.verdict, found.p_rank) == ("reproduced", 0.0625)
+
+
+@pytest.mark.parametrize(
+    ("lead", "negligible", "expected"),
+    [
+        (1.0, 1.5, "not supported"),
+        (-1.0, 1.5, "not supported"),
+        (1.0, 1.2, "reproduced"),  # part of the interval is beyond
+        (-1.0, 1.2, "contradicted"),
+    ],
+)
+def test_what_nobody_would_care_for_is_no_difference(lead: float, negligible: float, expected: str) -> None:
+    found = judged(against(lead), check_of(negligible=negligible))
+    assert found.verdict == expected
+    assert f"the sign is certain and the effect above {negligible:g} dB" in found.checks[0].rule
+    said = f"negligible: up to {negligible:g} dB counts as no difference"
+    assert (said in found.text) == (expected == "not supported")
+
+
+def test_the_limit_of_a_row_without_error_is_the_noise() -> None:
+    rows = {"mine": {"psnr": values(5)}, "theirs": {"psnr": values(0)}, "bound": {"psnr": [math.inf] * 8}}
+    run = run_of(rows)
+    found = judged(run, check_of())
+    assert found.checks[0].bound == gc.RowMean("bound", None, "none: it has no error")
+    assert "upper bound bound none: it has no error" in found.text
+    noisy = judged(replace(run, results=tuple(map(with_ceiling, run.results))), check_of())
+    assert noisy.checks[0].bound == gc.RowMean("bound", 51.0, "the noise of the pictures, as it has no error")
+    assert "upper bound bound 51 dB (the noise of the pictures, as it has no error)" in noisy.text
+
+
+def with_ceiling(result: gc.JobResult) -> gc.JobResult:
+    assert result.sheet is not None
+    scores = tuple(replace(score, noise_ceiling=51.0) for score in result.sheet.scores)
+    return replace(result, sheet=replace(result.sheet, scores=scores))
+
+
+def test_a_gap_of_a_row_without_error_is_none() -> None:
+    rows = {"mine": 1.0, "theirs": 3.0, "bound": math.inf}
+    run = run_of(
+        {row: {"psnr": [v + ahead for v in values(0)], "train": values(ahead)} for row, ahead in rows.items()}
+    )
+    found = judged(run, check_of(expects="lower", quantity=Quantity("train", less="psnr"))).checks[0]
+    assert found.bound == gc.RowMean("bound", None, "none: without error there is no difference")
+
+
 @pytest.mark.parametrize(
     ("loss", "expected"), [(-1.0, "reproduced"), (0.1, "not supported"), (1.0, "contradicted")]
 )
@@ -369,18 +436,18 @@ def test_parts_and_protocols_of_a_score() -> None:
 @pytest.mark.parametrize(
     ("check", "rule"),
     [
-        (check_of(), "the interval excludes no effect; the paper names no size"),
-        (check_of(paper=5.4), "the interval excludes no effect, and the mean lies in 2.7 to 10.8 dB"),
+        (check_of(), "the sign is certain; the paper names no size"),
+        (check_of(paper=5.4), "the sign is certain, and the mean lies in 2.7 to 10.8 dB"),
         (
             check_of(accepted=(4.0, math.inf)),
-            "the interval excludes no effect, and the mean is at least 4 dB",
+            "the sign is certain, and the mean is at least 4 dB",
         ),
         (check_of("within", accepted=(-math.inf, 0.5)), "the whole interval is at most 0.5 dB"),
         (check_of("within", accepted=(-0.2, 0.2)), "the whole interval lies in -0.2 to 0.2 dB"),
-        (check_of(scale="ratio", paper=2.0), "the interval excludes no effect, and the mean lies in 1 to 4×"),
+        (check_of(scale="ratio", paper=2.0), "the sign is certain, and the mean lies in 1 to 4×"),
         (
             check_of("monotone", ("mine", "theirs", "gray")),
-            "the interval excludes no effect, every step goes the claimed way; the paper names no size",
+            "the sign is certain, every step goes the claimed way; the paper names no size",
         ),
     ],
 )

@@ -10,6 +10,8 @@ import graycard as gc
 from graycard.__main__ import main
 from runs_by_hand import run_of
 
+ROOT = Path(__file__).parents[2]
+
 CLAIMS = """
 name = "mine"
 version = 3
@@ -102,9 +104,9 @@ def test_a_run_of_another_suite_is_held_against_all(run: Path, capsys: pytest.Ca
     assert main(["claims", str(run)]) == 0
     ledger = gc.read_ledger(run)
     assert ledger is not None
-    assert [paper.name for paper in ledger.papers] == ["gsid", "sunfaded"]
+    assert [paper.name for paper in ledger.papers] == ["goris", "gsid", "sunfaded"]
     assert gc.find_claim(ledger, "GA1").verdict == "contradicted"
-    assert all(claim.verdict == "not checkable" for claim in ledger.papers[1].claims)
+    assert all(claim.verdict == "not checkable" for claim in ledger.papers[2].claims)
     assert "the run has no row sunfaded, appearance" in capsys.readouterr().out
 
 
@@ -114,6 +116,28 @@ def test_claims_made_for_the_suite_come_first(run: Path) -> None:
     ledger = gc.read_ledger(run)
     assert ledger is not None
     assert [paper.name for paper in ledger.papers] == ["sunfaded"]
+
+
+def test_tables_of_papers_need_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And what is published of them is what the command writes."""
+    copy = tmp_path / "tables.json"
+    assert main(["claims", "--json", str(copy)]) == 0
+    assert (
+        "claims: 1 reproduced, 0 direction only, 0 not supported, 5 contradicted" in capsys.readouterr().out
+    )
+    ledger = gc.decode(gc.Ledger, gc.read_json(copy))
+    assert [c.id for paper in ledger.papers for c in paper.claims] == [
+        "RA1",
+        "GA1",
+        "GA2",
+        "GA3",
+        "GA4",
+        "GA5",
+    ]
+    assert ledger.run_sha256 == ""
+    assert copy.read_bytes() == (ROOT / "reports" / "published" / "tables.json").read_bytes()
+    assert main(["claims", "--claims", "gsid"]) == 2
+    assert "expected the run folder that --claims are to be judged by" in capsys.readouterr().err
 
 
 def test_what_is_wrong_is_said(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
