@@ -30,6 +30,16 @@ class Scene:
         """Centres, rotations, scales, opacities, features."""
         return [getattr(self.surfels, one.name) for one in fields(self.surfels)]
 
+    def on(self, device: str) -> "Scene":
+        """The same on another device."""
+        tensors = [leaf.detach().to(device).requires_grad_() for leaf in self.leaves]
+        return Scene(Surfels(*tensors), self.camera, self.to_features.to(device), self.to_alpha.to(device))
+
+    def finish(self) -> None:
+        """Wait for the device: a GPU returns before it is done."""
+        if self.surfels.centres.is_cuda:
+            torch.cuda.synchronize()
+
 
 Draw = Callable[[Surfels, gc.Camera], FeatureMaps]
 
@@ -48,13 +58,18 @@ def scene_of(workload: Workload, channels: int, dtype: torch.dtype = torch.float
 def call_forward(scene: Scene, draw: Draw = rasterize_features) -> FeatureMaps:
     """The image, without a gradient."""
     with torch.no_grad():
-        return draw(scene.surfels, scene.camera)
+        maps = draw(scene.surfels, scene.camera)
+    scene.finish()
+    return maps
 
 
 def call_both(scene: Scene, draw: Draw = rasterize_features) -> tuple[torch.Tensor, ...]:
     """The image, and the gradients of all tensors of the surfels."""
     maps = draw(scene.surfels, scene.camera)
-    return torch.autograd.grad([maps.features, maps.alpha], scene.leaves, [scene.to_features, scene.to_alpha])
+    wanted = [scene.to_features, scene.to_alpha]
+    gradients = torch.autograd.grad([maps.features, maps.alpha], scene.leaves, wanted)
+    scene.finish()
+    return gradients
 
 
 def time_both(scene: Scene, patience: Patience, draw: Draw = rasterize_features) -> tuple[Timing, Timing]:
@@ -64,5 +79,10 @@ def time_both(scene: Scene, patience: Patience, draw: Draw = rasterize_features)
 
 
 def memory_of(scene: Scene, draw: Draw = rasterize_features) -> float:
-    """By how much the process grows at the peak of forward and backward, MiB."""
+    """By how much the process, or what it has of the GPU, grows at the peak of forward and backward, MiB."""
+    if scene.surfels.centres.is_cuda:
+        before = torch.cuda.memory_allocated()
+        torch.cuda.reset_peak_memory_stats()
+        call_both(scene, draw)
+        return (torch.cuda.max_memory_allocated() - before) / 2**20
     return peak_memory_mib(lambda: call_both(scene, draw))

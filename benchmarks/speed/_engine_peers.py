@@ -21,6 +21,8 @@ from graycard.benchmarks.speed._engine_scenes import Workload
 from graycard.benchmarks.speed._machine import Patience
 from graycard.methods.splat import FeatureMaps, Surfels, rasterize_features
 
+TORCH_SPLATTING_MIB = 4096
+"""Memory that torch-splatting may take."""
 REFERENCE_MIB = 512
 """Memory that the reference may take: it holds some arrays of all surfels by all pixels."""
 REFERENCE_ARRAYS = 40
@@ -35,6 +37,8 @@ class Peer:
     draw: Draw
     note: str = ""
     """What its time does not hold."""
+    scene: Scene | None = None
+    """The same scene where it draws it, if that is another device."""
 
 
 def measure_peers(
@@ -44,23 +48,25 @@ def measure_peers(
     progress: gc.Progress = gc.silent,
 ) -> tuple[list[PeerCost], list[str]]:
     """Time peers and engine on each workload; figures, and what had to be left out and why."""
-    costs, left_out = [], []
-    makers: list[Callable[[Scene], Peer | str]] = [_reference, _gsplat]
+    costs: list[PeerCost] = []
+    left_out: dict[str, list[str]] = {}
+    makers: list[Callable[[Scene], Peer | str]] = [_reference, _gsplat, _torch_splatting, _cuda]
     cases = [(w, c, make) for w in workloads for c in channels for make in makers]
     for number, (workload, count, make) in enumerate(cases):
         progress(number / len(cases), f"peers on {workload.name}, {count} channels")
         scene = scene_of(workload, count)
         peer = make(scene)
         if isinstance(peer, str):
-            left_out.append(f"{workload.name}, {count} channels: {peer}")
+            left_out.setdefault(peer, []).append(f"{workload.name}, {count} channels")
         else:
             costs.append(_beside(peer, scene, workload, patience))
-    return costs, left_out
+    return costs, [f"{'; '.join(cases)}: {reason}" for reason, cases in left_out.items()]
 
 
 def _beside(peer: Peer, scene: Scene, workload: Workload, patience: Patience) -> PeerCost:
     """Ours is timed right after the peer."""
-    theirs, ours = (time_both(scene, patience, draw) for draw in (peer.draw, rasterize_features))
+    where = peer.scene or scene
+    theirs, ours = time_both(where, patience, peer.draw), time_both(scene, patience, rasterize_features)
     return PeerCost(
         peer=peer.name,
         workload=workload.name,
@@ -69,7 +75,7 @@ def _beside(peer: Peer, scene: Scene, workload: Workload, patience: Patience) ->
         theirs_both=theirs[1],
         ours_forward=ours[0],
         ours_both=ours[1],
-        theirs_mib=memory_of(scene, peer.draw),
+        theirs_mib=memory_of(where, peer.draw),
         ours_mib=memory_of(scene, rasterize_features),
         note=peer.note,
     )
@@ -101,3 +107,25 @@ def _gsplat(scene: Scene) -> Peer | str:
         return FeatureMaps(image, alpha)
 
     return Peer("gsplat (PyTorch)", draw, "its lists of contributing pairs are given")
+
+
+def _torch_splatting(scene: Scene) -> Peer | str:
+    """3D Gaussian Splatting in plain PyTorch, if the user has it."""
+    from graycard.benchmarks.speed import _torch_splatting as peer
+
+    if find_spec(peer.PACKAGE) is None:
+        return "torch-splatting is not on PYTHONPATH: clone github.com/hbb1/torch-splatting"
+    if scene.surfels.features.shape[1] != peer.CHANNELS:
+        return f"torch-splatting draws {peer.CHANNELS} channels only"
+    needs = peer.memory_needed(scene.surfels, scene.camera)
+    if needs > TORCH_SPLATTING_MIB:
+        return f"torch-splatting would need {needs / 1024:.0f} GiB"
+    return Peer("torch-splatting", peer.draw, "3D Gaussians without thickness, not discs")
+
+
+def _cuda(scene: Scene) -> Peer | str:
+    """Our other back end, on the GPU, where there is one."""
+    if not torch.cuda.is_available() or find_spec("gsplat") is None:
+        return "the back end cuda needs a CUDA GPU and gsplat"
+    note = f"on {torch.cuda.get_device_name()}; memory is the GPU's"
+    return Peer("cuda", partial(rasterize_features, backend="cuda"), note, scene.on("cuda"))

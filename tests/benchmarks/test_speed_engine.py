@@ -3,6 +3,7 @@
 
 import json
 import math
+import sys
 from dataclasses import fields, replace
 from pathlib import Path
 from xml.etree import ElementTree as Xml
@@ -16,7 +17,7 @@ from graycard.__main__ import main
 from graycard.benchmarks import speed
 from graycard.benchmarks.speed import _engine_peers as peers
 from graycard.benchmarks.speed._engine import TINY
-from graycard.benchmarks.speed._engine_calls import call_forward, scene_of
+from graycard.benchmarks.speed._engine_calls import call_both, call_forward, scene_of
 from graycard.benchmarks.speed._engine_losses import torch_depth_normal, torch_photometric
 from graycard.benchmarks.speed._engine_pairs import count_pairs
 from graycard.benchmarks.speed._engine_records import flops_backward, flops_forward
@@ -210,6 +211,71 @@ def test_peers_draw_the_same_picture():
         assert (theirs.alpha - ours.alpha).abs().max() < 5e-3, peer.name
 
 
+STAND_IN = """
+import torch
+
+class GaussRenderer:
+    def __init__(self, white_bkgd):
+        assert not white_bkgd
+
+    def render(self, camera, means2D, cov2d, color, opacity, depths):
+        rows, columns = torch.meshgrid(
+            torch.arange(camera.image_height), torch.arange(camera.image_width), indexing="ij")
+        pixels = torch.stack([columns, rows], dim=-1).to("cuda")
+        away = pixels[..., None, :] - means2D
+        order = depths.argsort()
+        power = torch.einsum("hwni,nij,hwnj->hwn", away, cov2d.inverse(), away)
+        alpha = (torch.exp(-0.5 * power) * opacity[:, 0]).clip(max=0.99)[..., order]
+        before = torch.cat([torch.ones_like(alpha[..., :1]), 1 - alpha[..., :-1]], dim=-1).cumprod(dim=-1)
+        weights = alpha * before
+        return {"render": weights @ color[order], "alpha": weights.sum(dim=-1, keepdim=True)}
+"""
+"""Draws as torch-splatting does, by its names, without tiles."""
+
+
+@pytest.fixture
+def torch_splatting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "gaussian_splatting").mkdir()
+    (tmp_path / "gaussian_splatting" / "__init__.py").touch()
+    (tmp_path / "gaussian_splatting" / "gauss_render.py").write_text(STAND_IN)
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("gaussian_splatting", "gaussian_splatting.gauss_render"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
+@pytest.mark.usefixtures("torch_splatting")
+def test_torch_splatting_draws_nearly_the_same_picture():
+    """Discs that are large to a pixel, seen from the front, are what its Gaussians are."""
+    workload = Workload("", 12, 96, 0.25)
+    scene = scene_of(workload, 3)
+    surfels = replace(scene.surfels, rotations=torch.tensor([[1.0, 0, 0, 0]]).repeat(12, 1).requires_grad_())
+    scene = replace(scene, surfels=surfels)
+    peer = peers._torch_splatting(scene)
+    assert isinstance(peer, peers.Peer)
+    ours, theirs = call_forward(scene), call_forward(scene, peer.draw)
+    assert ours.alpha.mean() > 0.2
+    assert (theirs.features - ours.features).abs().mean() < 0.004
+    assert (theirs.alpha - ours.alpha).abs().mean() < 0.004
+    assert all(bool(torch.isfinite(one).all()) for one in call_both(scene, peer.draw))
+
+
+@pytest.mark.usefixtures("torch_splatting")
+def test_what_torch_splatting_cannot_do_is_said(monkeypatch: pytest.MonkeyPatch):
+    assert peers._torch_splatting(scene_of(TINY, 4)) == "torch-splatting draws 3 channels only"
+    monkeypatch.setattr(peers, "TORCH_SPLATTING_MIB", 1)
+    assert "torch-splatting would need" in str(peers._torch_splatting(scene_of(WORKLOADS[0], 3)))
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
+def test_cuda_is_timed_where_it_is():
+    scene = scene_of(TINY, 3)
+    peer = peers._cuda(scene)
+    assert isinstance(peer, peers.Peer), peer
+    assert peer.scene is not None
+    ours, theirs = call_forward(scene), call_forward(peer.scene, peer.draw)
+    assert (theirs.features.cpu() - ours.features).abs().max() < 5e-3
+
+
 def test_peers_that_cannot_run_are_named(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(peers, "find_spec", lambda name: None)
     monkeypatch.setattr(peers, "REFERENCE_MIB", 0)
@@ -217,6 +283,8 @@ def test_peers_that_cannot_run_are_named(monkeypatch: pytest.MonkeyPatch):
     assert costs == []
     assert left_out[0].startswith("tiny, 3 channels: the reference would need")
     assert "gsplat is not installed: pip install" in left_out[1]
+    assert "torch-splatting is not on PYTHONPATH" in left_out[2]
+    assert "the back end cuda needs a CUDA GPU and gsplat" in left_out[3]
 
 
 def test_the_losses_in_torch_are_the_same_losses():
