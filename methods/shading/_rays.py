@@ -10,6 +10,8 @@ from graycard.methods.splat import Rays, Surfels, build_bvh, rotation_matrices, 
 SLACK = 0.04
 """Shares of the scene's extent: surfels are no exact surfaces, so that what is met this close to a point is
 the point itself."""
+SHORT = 1.5 * SLACK
+"""The same along a ray to a point, which may meet its surface at a slant."""
 SKY_DIRECTIONS = 48
 _HERE = 1e-6
 """Metres: a lamp this close to a point is there."""
@@ -18,9 +20,7 @@ _HERE = 1e-6
 def lamp_visibility(
     surfels: Surfels, points: torch.Tensor, lamps: torch.Tensor, extent: float
 ) -> torch.Tensor:
-    """Share of each lamp's light that reaches each point, by one ray from the lamp.
-
-    A ray tells how far it comes. It ends at the point, or at what is in the way.
+    """Share of each lamp's light that reaches each point: what passes along one ray, almost to the point.
 
     Args:
         surfels: In the way.
@@ -37,12 +37,11 @@ def lamp_visibility(
         away = points[None] - lamps[:, None]
         distance = away.norm(dim=-1)
         away = torch.where(distance[..., None] > _HERE, away, torch.eye(3)[2])  # to itself: any direction
-        origins = lamps[:, None].expand_as(away)
-        rays = Rays(origins.reshape(-1, 3).contiguous(), normalize(away, dim=-1).reshape(-1, 3))
+        origins = lamps[:, None].expand_as(away).reshape(-1, 3).contiguous()
+        almost = (distance - SHORT * extent).clamp(min=0).flatten()
+        rays = Rays(origins, normalize(away, dim=-1).reshape(-1, 3), far=almost)
         met = trace(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), bvh=build_bvh(surfels))
-        short = (distance.reshape(-1) - met.depth) / (SLACK * extent)
-        reached = (2 - short).clamp(0, 1)
-        return (met.transmittance + (1 - met.transmittance) * reached).reshape(distance.shape).T.contiguous()
+        return met.transmittance.reshape(distance.shape).T.contiguous()
 
 
 def sky_visibility(surfels: Surfels, normals: torch.Tensor, extent: float) -> torch.Tensor:

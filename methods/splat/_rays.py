@@ -26,6 +26,9 @@ class Rays:
     width: int | None = None
     """Where the rays are an image, row by row: pixels in a row. Neighbours are then traced together, which is
     faster; what comes back is the same."""
+    far: torch.Tensor | None = None
+    """Where the rays end: shape ``(R,)``, in the dtype of the origins, metres, zero or more, may be infinite.
+    What they meet farther away does not count; no gradient passes. None: they go on for ever."""
 
     def __post_init__(self) -> None:
         for name, value in (("origins", self.origins), ("directions", self.directions)):
@@ -40,11 +43,21 @@ class Rays:
             _check_rays(name, value, torch.isfinite(value).all(dim=1), "finite")
         lengths = self.directions.detach().norm(dim=1)
         _check_rays("directions", self.directions, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length")
+        if self.far is not None:
+            self._check_far(self.far)
         if self.width is not None and (self.width < 1 or len(self) % self.width):
             raise ValueError(f"expected a width that divides the {len(self)} rays, got {self.width}")
 
     def __len__(self) -> int:
         return self.origins.shape[0]
+
+    def _check_far(self, far: torch.Tensor) -> None:
+        wanted = (self.origins.dtype, (len(self),))
+        if (far.dtype, tuple(far.shape)) != wanted:
+            raise ValueError(
+                f"expected far of shape ({len(self)},) in {wanted[0]}, got {tuple(far.shape)} in {far.dtype}"
+            )
+        _check_rays("far", far, far >= 0, "zero metres or more")
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def trace(
 
     A disc counts where its plane is met farther than ``near`` and its alpha,
     ``min(0.99, opacity * exp(-(u^2 + v^2) / 2))`` with u, v in standard deviations, is at least 1/255 before
-    the clamp. A ray ends behind the disc after which no more than 1e-4 passes.
+    the clamp. A ray ends behind the disc after which no more than 1e-4 passes, or where it is told to.
 
     Args:
         surfels: N surfels on the CPU.

@@ -16,6 +16,7 @@ from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat._simd import LANES
 from graycard.methods.splat._trace_forward import (
     CAPACITY,
+    RAY,
     STRIP,
     gather_all,
     packets_of,
@@ -194,12 +195,12 @@ def write_rays(members, to_rays, to_origins, to_directions):
 
 @njit(cache=True)
 def backward_strip(
-    first, past, tree, origins, directions, width, near, features, kept, to_out, to_transmittance,
+    first, past, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
     to_depth, stride, sums, to_origins, to_directions,
 ):  # fmt: skip
     """Gradients of the packets from ``first`` to before ``past``."""
     channels, hits = to_out.shape[1], new_hits(CAPACITY)
-    rays, members = np.empty(6 * LANES, np.float32), np.empty(LANES, np.int64)
+    rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     search = new_search(tree.levels[1])
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
     gradients = np.zeros(max(channels, INNER) * LANES, np.float32)
@@ -208,7 +209,7 @@ def backward_strip(
     pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
     for packet in range(first, past):
         rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, members, rays)
+        read_rays(origins, directions, far, members, rays)
         if kept.rows[packet] >= 0:
             rows = recall(tree, rays, near, kept, packet, hits)
             put_in_order(hits, rows, tree.order)
@@ -216,7 +217,7 @@ def backward_strip(
             rows, hits = gather_all(tree, rays, near, search, hits)
         if hits.alpha.size > pull.size:
             pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
-        weigh(hits, rows, passing)
+        weigh(hits, rows, rays, passing)
         sum_moments(hits, rows, moments)
         read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments)
         pulls(hits, rows, tree.order, features, channels, gradients, to_moments, pull)
@@ -228,7 +229,7 @@ def backward_strip(
 
 @njit(parallel=True, cache=True)
 def backward(
-    tree, origins, directions, width, near, features, kept, to_out, to_transmittance, to_depth, stride,
+    tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance, to_depth, stride,
     sums, to_origins, to_directions,
 ):  # fmt: skip
     """Gradients of all rays; the first arguments are those of ``forward``.
@@ -237,6 +238,7 @@ def backward(
         tree: as above.
         origins: as above.
         directions: as above.
+        far: as above.
         width: as above.
         near: as above.
         features: as above.
@@ -256,6 +258,6 @@ def backward(
         for strip in range(part, strips, parts):
             first = strip * STRIP
             backward_strip(
-                first, min(first + STRIP, packets), tree, origins, directions, width, near, features, kept,
-                to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
+                first, min(first + STRIP, packets), tree, origins, directions, far, width, near, features,
+                kept, to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
             )  # fmt: skip

@@ -56,7 +56,8 @@ def trace_cpu(surfels: Surfels, rays: Rays, features: torch.Tensor, bvh: Bvh | N
     beyond = np.nextafter(
         np.float32(near), np.float32(np.inf)
     )  # the kernels take it for the first that counts
-    results = _Trace.apply(*tensors, _Plan(bvh, beyond, rays.width or 0, KEPT if returns else 0))
+    far = np.full(len(rays), np.inf, np.float32) if rays.far is None else _float32(rays.far)
+    results = _Trace.apply(*tensors, _Plan(bvh, beyond, far, rays.width or 0, KEPT if returns else 0))
     return Traced(*cast(tuple[torch.Tensor, ...], results))
 
 
@@ -65,6 +66,8 @@ class _Plan(NamedTuple):
 
     bvh: Bvh
     near: np.float32
+    far: np.ndarray
+    """Shape ``(R,)``, float32."""
     width: int
     kept: int
     """Rows a packet of which the backward pass is told."""
@@ -85,7 +88,7 @@ class _Trace(torch.autograd.Function):
             np.empty(packets, np.int32),
         )
         scene = (
-            plan.bvh.tree, _float32(origins), _float32(directions), plan.width, plan.near,
+            plan.bvh.tree, _float32(origins), _float32(directions), plan.far, plan.width, plan.near,
             _float32(features).ravel(), kept,
         )  # fmt: skip
         out = [np.empty(shape, np.float32) for shape in ((count, channels), (count,), (count,))]

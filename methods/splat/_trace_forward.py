@@ -13,6 +13,10 @@ STRIP = 16
 """Packets that one thread traces with the same memory."""
 BLOCK = 4
 """Pixels on the side of the block that is a packet where rays are an image."""
+RAY = 7
+"""Numbers of a ray in a packet: origin, direction, and where it ends."""
+FAR = (RAY - 1) * LANES
+"""Where the last of them begins."""
 CAPACITY = 256
 """Rows for which there is room at first; it is doubled as often as a packet needs."""
 
@@ -40,13 +44,14 @@ def rays_of(packet, count, width, members):
 
 
 @njit(cache=True)
-def read_rays(origins, directions, members, rays):
-    """Bring a packet's rays into vectors; its first stands for those that are not there."""
+def read_rays(origins, directions, far, members, rays):
+    """Bring a packet's rays and their ends into vectors; its first stands for those that are not there."""
     for lane in range(LANES):
         ray = members[lane] if members[lane] >= 0 else members[0]
         for k in range(3):
             rays[k * LANES + lane] = origins[ray, k]
             rays[(3 + k) * LANES + lane] = directions[ray, k]
+        rays[FAR + lane] = far[ray]
 
 
 @njit(cache=True)
@@ -61,15 +66,17 @@ def gather_all(tree, rays, near, search, hits):
 
 
 @njit(cache=True)
-def weigh(hits, rows, transmittance):
+def weigh(hits, rows, rays, transmittance):
     """Walk each ray's sequence: what passes before each disc, and after the last that counts."""
-    places, _, _, alpha, before, sequence, counts = hits
+    places, _, distance, alpha, before, sequence, counts = hits
     for at in range(rows * LANES):
         before[at] = 0
     for lane in range(LANES):
         passing, first = np.float32(1), lane * places.size
         for step in range(first, first + counts[lane]):
             at = sequence[step] * LANES + lane
+            if distance[at] > rays[FAR + lane]:
+                break
             before[at] = passing
             passing -= passing * alpha[at]
             if passing <= TRANSMITTANCE_MIN:
@@ -118,19 +125,19 @@ def write_features(hits, rows, order, features, members, out, vector):
 
 @njit(cache=True)
 def forward_strip(
-    first, past, tree, origins, directions, width, near, features, kept, out, transmittance, depth
+    first, past, tree, origins, directions, far, width, near, features, kept, out, transmittance, depth
 ):
     """Trace the packets from ``first`` to before ``past``."""
     search, hits = new_search(tree.levels[1]), new_hits(CAPACITY)
-    rays, members = np.empty(6 * LANES, np.float32), np.empty(LANES, np.int64)
+    rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
     vector = np.empty(LANES, np.float32)
     for packet in range(first, past):
         rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, members, rays)
+        read_rays(origins, directions, far, members, rays)
         rows, hits = gather_all(tree, rays, near, search, hits)
         keep(hits, rows, kept, packet)
-        weigh(hits, rows, passing)
+        weigh(hits, rows, rays, passing)
         write_features(hits, rows, tree.order, features, members, out, vector)
         sum_moments(hits, rows, moments)
         for lane in range(LANES):
@@ -141,13 +148,14 @@ def forward_strip(
 
 
 @njit(parallel=True, cache=True)
-def forward(tree, origins, directions, width, near, features, kept, out, transmittance, depth):
+def forward(tree, origins, directions, far, width, near, features, kept, out, transmittance, depth):
     """Trace all rays.
 
     Args:
         tree: a ``Tree``.
         origins: float32 ``(R, 3)``.
         directions: float32 ``(R, 3)``.
+        far: float32 ``(R,)``: the last distance that counts; may be infinite.
         width: rays in a row of the image that they are, zero where they are none.
         near: float32.
         features: float32, flat, as many channels a surfel as ``out`` has.
@@ -162,5 +170,17 @@ def forward(tree, origins, directions, width, near, features, kept, out, transmi
         first = strip * STRIP
         past = min(first + STRIP, packets)
         forward_strip(
-            first, past, tree, origins, directions, width, near, features, kept, out, transmittance, depth
+            first,
+            past,
+            tree,
+            origins,
+            directions,
+            far,
+            width,
+            near,
+            features,
+            kept,
+            out,
+            transmittance,
+            depth,
         )

@@ -54,6 +54,8 @@ def intersect(surfels: Surfels, rays: Rays, near: float) -> tuple[torch.Tensor, 
     parallel = slope == 0
     distance = -height / torch.where(parallel, 1.0, slope)
     meets = ~parallel & (distance > near)
+    if rays.far is not None:
+        meets = meets & (distance <= rays.far[:, None])
     distance = torch.where(meets, distance, 0.0)
     point = offset + distance[:, :, None] * rays.directions[:, None]
     uv = torch.einsum("rnk,nka->rna", point, rotation[:, :, :2]) / surfels.scales

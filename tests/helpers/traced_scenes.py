@@ -107,11 +107,20 @@ def joined(parts: list[splat.Rays]) -> tuple[torch.Tensor, torch.Tensor]:
     return torch.cat([part.origins for part in parts]), torch.cat([part.directions for part in parts])
 
 
+def cut_short(rays: splat.Rays) -> splat.Rays:
+    """The same with ends, some of which are at once or never."""
+    far = torch.rand(len(rays), generator=generator(3), dtype=torch.float64) * 4
+    far[::7], far[1::7] = 0, torch.inf
+    return replace(rays, far=far)
+
+
 RAYS: dict[str, Callable[[], splat.Rays]] = {
     "all ways": lambda: all_ways(150),
     "side by side": lambda: side_by_side(100),
     "image": lambda: grid(13, 9),
     "mixed": mixed,
+    "cut short": lambda: cut_short(all_ways(150)),
+    "image, cut short": lambda: cut_short(grid(13, 9)),
     "none": lambda: all_ways(0),
 }
 
@@ -143,7 +152,12 @@ def by_hand(surfels: splat.Surfels, rays: splat.Rays, near: float = 1e-4) -> Ans
         systems[~meets] = np.eye(3)
         u, v, t = np.linalg.solve(systems, (o[i] - c)[:, :, None])[:, :, 0].T
         alpha = opacity * np.exp(-(u * u + v * v) / 2)
-        counts = meets & (t > near) & (alpha >= 1 / 255)
+        counts = (
+            meets
+            & (t > near)
+            & (t <= (np.inf if rays.far is None else float(rays.far[i])))
+            & (alpha >= 1 / 255)
+        )
         met = [(t[n], n, min(alpha[n], 0.99)) for n in np.flatnonzero(counts)]
         _along(sorted(met), f, answer, i)
     return answer
@@ -168,7 +182,7 @@ def gradients(surfels: splat.Surfels, rays: splat.Rays, backend: splat.Backend) 
     given = {f.name: getattr(surfels, f.name) for f in fields(surfels)}
     given |= {"origins": rays.origins, "directions": rays.directions}
     leaves = {name: value.detach().clone().requires_grad_() for name, value in given.items()}
-    rays = splat.Rays(leaves.pop("origins"), leaves.pop("directions"), rays.width)
+    rays = splat.Rays(leaves.pop("origins"), leaves.pop("directions"), rays.width, rays.far)
     found = splat.trace(splat.Surfels(**leaves), rays, backend=backend)
     random, loss = generator(1), torch.zeros(())
     for field in fields(found):

@@ -92,6 +92,16 @@ def test_what_is_too_near_is_not_met(near: float, backend: splat.Backend):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+def test_what_lies_behind_the_end_is_not_met(backend: splat.Backend):
+    surfels = facing([1.0, 2.0, 3.0])
+    rays = rays_of(np.zeros((4, 3)), np.tile([0.0, 0, 1], (4, 1)))
+    rays = replace(rays, far=torch.tensor([0.0, 1.5, 2.5, torch.inf], dtype=torch.float64))
+    found = given_by(backend, surfels, rays)
+    np.testing.assert_allclose(found.transmittance, [1, 0.5, 0.25, 0.125], rtol=1e-6)
+    np.testing.assert_allclose(found.depth, [0, 1, 4 / 3, 11 / 7], rtol=1e-6)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_equal_distances_are_taken_by_index(backend: splat.Backend):
     one_hot = replace(facing([1.0] * 4), features=torch.eye(4, dtype=torch.float64))
     rays = rays_of(np.zeros((3, 3)), np.array([[0.0, 0, 1], [0, 0, 1], [0, 0, -1]]))

@@ -28,6 +28,10 @@ def test_bad_rays_are_named():
         splat.Rays(good.origins.long(), good.directions)
     with pytest.raises(ValueError, match="width that divides the 3 rays, got 2"):
         splat.Rays(good.origins, good.directions, 2)
+    with pytest.raises(ValueError, match=r"far of shape \(3,\) in torch.float64, got \(2,\)"):
+        splat.Rays(good.origins, good.directions, far=torch.ones(2).double())
+    with pytest.raises(ValueError, match="far to be zero metres or more, got nan at ray 2"):
+        splat.Rays(good.origins, good.directions, far=torch.tensor([1, 2, torch.nan]).double())
     with pytest.raises(ValueError, match="origins to be a torch.Tensor, got list"):
         splat.Rays([[0.0, 0, 0]], good.directions)  # type: ignore[arg-type]  # on purpose
 

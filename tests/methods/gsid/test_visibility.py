@@ -7,9 +7,14 @@ import torch
 
 from graycard.methods.gsid._visibility import vector_visibility
 from graycard.methods.shading import SLACK, lamp_visibility, outward, sky_visibility
+from graycard.methods.splat import Surfels
 from lit_sheets import EXTENT, World
 
 OVERHEAD = torch.tensor([[0.1, 0.1, 1.5]])
+
+
+def _tensors(surfels: Surfels) -> list[torch.Tensor]:
+    return [surfels.centres, surfels.rotations, surfels.scales, surfels.opacities, surfels.features[:, :0]]
 
 
 def points(*places: tuple[float, float, float]) -> torch.Tensor:
@@ -34,6 +39,19 @@ def test_what_is_behind_the_lamp_is_in_nobodys_way(world: World):
     """The lamp hangs under the board, over the floor."""
     found = lamp_visibility(world.surfels, points((0.1, 0.1, 0.0)), points((0.1, 0.1, 0.2)), EXTENT)
     assert float(found) > 0.95
+
+
+def test_a_veil_takes_its_share_and_no_more(world: World):
+    """A disc of opacity 0.1 right under the lamp: the mean distance that a ray comes is short by a tenth."""
+    veil = Surfels(
+        torch.tensor([[0.1, 0.1, 1.3]]), torch.tensor([[1.0, 0, 0, 0]]), torch.full((1, 2), 5.0),
+        torch.tensor([0.1]), torch.zeros(1, 3),
+    )  # fmt: skip
+    parts = zip(_tensors(veil), _tensors(world.surfels), strict=True)
+    under = Surfels(*(torch.cat(pair) for pair in parts))
+    found = lamp_visibility(under, points((1.0, -1.0, 0.0)), OVERHEAD, EXTENT)
+    bare = lamp_visibility(world.surfels, points((1.0, -1.0, 0.0)), OVERHEAD, EXTENT)
+    assert float(found) == pytest.approx(0.9 * float(bare), rel=0.01)
 
 
 def test_a_lamp_in_a_surface_lights_it(world: World):
