@@ -156,11 +156,15 @@ def _limits(check: gc.CheckResult) -> tuple[tuple[str, str], ...]:
 
 
 def _mean(row: gc.RowMean, check: gc.CheckResult) -> str:
-    if row.value is None:
-        return row.reason
+    return ", ".join(filter(None, (_mean_alone(row.value, check), row.reason)))
+
+
+def _mean_alone(value: float | None, check: gc.CheckResult) -> str:
+    if value is None:
+        return ""
     if check.unit == "×":  # of which the rows themselves have another unit
-        return f"{row.value:.0f}" if abs(row.value) >= 100 else format_number(row.value)
-    return format_value(row.value, check.unit)
+        return f"{value:.0f}" if abs(value) >= 100 else format_number(value)
+    return format_value(value, check.unit)
 
 
 def _with_unit(value: float, unit: str) -> str:

@@ -265,7 +265,7 @@ def _rows_fault(check: Check) -> str:
 def _size_fault(check: Check) -> str:
     """What is wrong with the sizes, as the end of ``expected ...``; empty if nothing."""
     neutral = check.neutral
-    if check.negligible < 0 or (check.negligible and check.rule == "within"):
+    if not 0 <= check.negligible < math.inf or (check.negligible and check.rule == "within"):
         return f"negligible of 0 or more, and none for within, got {check.negligible}"
     if check.accepted is not None and not check.accepted[0] < check.accepted[1]:
         return f"accepted from low to high, got {list(check.accepted)}"

@@ -66,9 +66,18 @@ def judge_claims(record: RunRecord, run: Path, names: Sequence[str]) -> Ledger:
     )
 
 
-def judge_tables() -> Ledger:
-    """The papers' own tables against themselves, which needs no run; those of all files that have any."""
-    papers = [(load_claims(name), sha256(claims_path(name))) for name in claims_names()]
+def judge_tables(names: Sequence[str] = ()) -> Ledger:
+    """The papers' own tables against themselves, which needs no run.
+
+    Args:
+        names: Of files of claims, or paths to them; all that come along if empty. Those without tables are
+            left out.
+
+    Raises:
+        UnknownNameError: There are no such claims.
+        RecordError: A file of claims is broken.
+    """
+    papers = [(load_claims(name), sha256(claims_path(name))) for name in names or claims_names()]
     judged = tuple(
         PaperResult(p.name, p.version, p.title, digest, tuple(map(judge_arithmetic, p.arithmetic)))
         for p, digest in papers
@@ -176,15 +185,15 @@ def _mean(row: str, check: Check, scenes: Iterable[SceneRecord], readings: Readi
     lacking = [reading.reason for reading in found if reading.value is None]
     if lacking:
         return RowMean(row, None, lacking[0])
-    values = [reading.value for reading in found if reading.value is not None]
-    if any(math.isinf(value) for value in values):
-        return _limit_of_noise(row, found)
-    return RowMean(row, sum(values) / len(values))
+    values = [_limit(reading) for reading in found]
+    if None in values:
+        return RowMean(row, None, "has no error")
+    told = "the noise of the pictures where it has no error" if values != [r.value for r in found] else ""
+    return RowMean(row, sum(value for value in values if value is not None) / len(values), told)
 
 
-def _limit_of_noise(row: str, found: Sequence[Reading]) -> RowMean:
-    """Of a row without error: how far the noise of the truth lets a score tell anything."""
-    ceilings = [reading.ceiling for reading in found if reading.ceiling is not None]
-    if len(ceilings) < len(found):
-        return RowMean(row, None, "none: it has no error")
-    return RowMean(row, sum(ceilings) / len(ceilings), "the noise of the pictures, as it has no error")
+def _limit(reading: Reading) -> float | None:
+    """A value; of one without error how far the noise of the truth lets it tell anything."""
+    if reading.value is None or not math.isinf(reading.value):
+        return reading.value
+    return reading.ceiling

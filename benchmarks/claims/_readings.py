@@ -129,8 +129,8 @@ def _read(result: JobResult, quantity: Quantity) -> Reading:
     second = _score(result, quantity.less, "", published=False)
     if second.value is None:
         return second
-    if math.isinf(first.value) or math.isinf(second.value):
-        return Reading(None, "none: without error there is no difference")
+    if math.isinf(first.value) and math.isinf(second.value):
+        return Reading(None, "has no error, and so no difference")
     return Reading(first.value - second.value)
 
 

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
+import numpy as np
+from scipy.stats import rankdata
+
 from graycard import ClaimVerdict
 from graycard.benchmarks.claims._claim import Check
 from graycard.benchmarks.claims._effects import Effect
@@ -19,7 +22,7 @@ RULES = {
     "size. Not supported: the sign is not certain, or the effect is negligible. Contradicted: the opposite "
     "is certain",
     "certain": "the 95 % interval over scenes excludes no effect, and so does the exact signed-rank test at "
-    f"5 % (from {_LEAST} scenes, below which it cannot): a mean that one scene makes is not enough",
+    f"5 % (from {_LEAST} scenes that have any, below which it cannot): a mean that few scenes make is not it",
     "negligible": "the whole interval is nearer to no effect than the check says that anyone would care for",
     "within": "reproduced: the whole 95 % interval over scenes lies within the bounds. Contradicted: it lies "
     "outside of them. Not supported: it crosses one, so scenes leave open whether the effect is that small",
@@ -27,7 +30,7 @@ RULES = {
     "through all levels. Reproduced: as by `better`, and the means over scenes rise or fall with each level "
     "as claimed. Direction only: the change is as claimed and certain, but some step or the size is not",
     "along a knob": "the effect is its change between two values of a knob, by the straight line through the "
-    "scenes, with Student's interval; judged by the check's own rule",
+    "scenes, with Student's interval and no ranks; judged by the check's own rule",
     "all": "a claim is as good as its worst check that decides",
     "any": "a claim is as good as its best check that decides",
     "not checkable": "rows, scenes or scores are missing in this run, an effect has fewer than 3 scenes, or "
@@ -49,7 +52,7 @@ def verdict_of(check: Check, effect: Effect) -> ClaimVerdict:
     if check.rule == "within":
         return _within(check, low, high)
     neutral = check.neutral
-    if low <= neutral <= high or is_negligible(check, effect) or not _signs_agree(effect):
+    if low <= neutral <= high or is_negligible(check, effect) or not signs_agree(check, effect):
         return "not supported"
     if high < neutral:
         return "contradicted"
@@ -66,11 +69,14 @@ def is_negligible(check: Check, effect: Effect) -> bool:
     return max(abs(low - neutral), abs(high - neutral)) <= check.negligible
 
 
-def _signs_agree(effect: Effect) -> bool:
-    """Whether the scenes have one sign more often than chance, as far as so many can tell."""
-    if effect.p_rank is None or len(effect.scenes) < _LEAST:
+def signs_agree(check: Check, effect: Effect) -> bool:
+    """Whether scenes have the sign of the mean more often than by chance, as far as so many can tell."""
+    scale = np.log if check.scale == "ratio" else np.asarray
+    values = scale(list(effect.scenes.values()))
+    if effect.p_rank is None or np.count_nonzero(values) < _LEAST:
         return True
-    return effect.p_rank < 1 - LEVEL
+    ranks = float((rankdata(np.abs(values)) * np.sign(values)).sum())
+    return effect.p_rank < 1 - LEVEL and (ranks > 0) is (effect.mean > check.neutral)
 
 
 def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from graycard import CheckResult, ClaimVerdict, MetricRecord, RowMean
 from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect
-from graycard.benchmarks.claims._rules import is_negligible
+from graycard.benchmarks.claims._rules import is_negligible, signs_agree
 
 _TELLS: dict[ClaimVerdict, str] = {
     "reproduced": "as claimed",
@@ -44,7 +44,7 @@ def rule_words(check: Check, unit: str) -> str:
         return f"the whole interval {span_words(check.accepted, unit)}"
     words = "the sign is certain"
     if check.negligible:
-        words += f" and the effect above {number(check.negligible)}{of_unit(unit)}"
+        words += f", some of the interval is outside of {_negligible_words(check, unit)}"
     if check.rule == "monotone":
         words += ", every step goes the claimed way"
     if check.range is None:
@@ -60,10 +60,18 @@ def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str,
         f"({number(low)} to {number(high)}, {len(effect.scenes)} scenes)"
     )
     if check.negligible and is_negligible(check, effect):
-        found += f"; negligible: up to {number(check.negligible)}{of_unit(unit)} counts as no difference"
+        found += f"; negligible: {_negligible_words(check, unit)} counts as no difference"
+    elif verdict == "not supported" and not signs_agree(check, effect):
+        found += f"; by ranks p = {number(effect.p_rank)}"
     if check.paper is not None:
         found += f"; the paper: {number(check.paper)}{of_unit(unit)}"
     return found
+
+
+def _negligible_words(check: Check, unit: str) -> str:
+    """Effects that count as none, as in ``-0.1 to 0.1 dB``."""
+    ends = check.neutral - check.negligible, check.neutral + check.negligible
+    return " to ".join(map(number, ends)) + of_unit(unit)
 
 
 def limits_words(record: MetricRecord, bound: RowMean, trivial: RowMean) -> str:
@@ -93,7 +101,7 @@ def beside_words(
     if (check.expects == "higher") is record.higher_is_better:
         found += _trivial(record, rows, trivial)
     mine = rows[0].value
-    if mine is not None and bound.value is not None and bound.value != mine:
+    if mine is not None and bound.value is not None and bound.value != mine and not bound.reason:
         above = f"{rows[0].row} is above the upper bound {bound.row}, which should not be possible"
         found += [above] if _beats(record, mine, bound.value) else []
     return "; ".join(found)

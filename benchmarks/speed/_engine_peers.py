@@ -113,8 +113,12 @@ def _torch_splatting(scene: Scene) -> Peer | str:
     """3D Gaussian Splatting in plain PyTorch, if the user has it."""
     from graycard.benchmarks.speed import _torch_splatting as peer
 
-    if find_spec(peer.PACKAGE) is None:
-        return "torch-splatting is not on PYTHONPATH: clone github.com/hbb1/torch-splatting"
+    if find_spec(peer.PACKAGE) is None or find_spec("einops") is None:
+        return (
+            "torch-splatting is not on PYTHONPATH, or einops missing: clone github.com/hbb1/torch-splatting"
+        )
+    if scene.camera.width % peer.TILE or scene.camera.height % peer.TILE:
+        return f"torch-splatting draws images of whole tiles of {peer.TILE} pixels only"
     if scene.surfels.features.shape[1] != peer.CHANNELS:
         return f"torch-splatting draws {peer.CHANNELS} channels only"
     needs = peer.memory_needed(scene.surfels, scene.camera)
@@ -125,7 +129,11 @@ def _torch_splatting(scene: Scene) -> Peer | str:
 
 def _cuda(scene: Scene) -> Peer | str:
     """Our other back end, on the GPU, where there is one."""
-    if not torch.cuda.is_available() or find_spec("gsplat") is None:
-        return "the back end cuda needs a CUDA GPU and gsplat"
+    from graycard.methods.splat._cuda import gsplat_kernels
+
+    try:
+        gsplat_kernels()
+    except gc.MethodError as cause:
+        return f"the back end cuda cannot run: {cause}"
     note = f"on {torch.cuda.get_device_name()}; memory is the GPU's"
     return Peer("cuda", partial(rasterize_features, backend="cuda"), note, scene.on("cuda"))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import torch
 
+from graycard.methods.gsid._candidates import CLEAR
 from graycard.methods.gsid._draw import draw
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -52,7 +53,8 @@ def aggregated(
 ) -> FitState:
     """A state in which the weakest lamp, if it is next to out, shines where light is missing.
 
-    One at a time: a lamp that is put somewhere changes where light is missing.
+    One at a time: a lamp that is put somewhere changes where light is missing. Where there is a lamp already
+    it stays as it is.
 
     Args:
         state: Of the second stage; used up.
@@ -70,6 +72,9 @@ def aggregated(
     if given[weakest] >= settings.least_share * given.sum():
         return state
     lack = largest_lack(shots, pictures, extent)
+    others = values[POSITIONS][given > given[weakest]]
+    if len(others) and float((others - lack.position).norm(dim=-1).min()) < CLEAR * extent:
+        return state  # there is a lamp already, and it does not help
     _put(values, weakest, lack, settings)
     for name in (POSITIONS, AXES, SHARPNESS, AMPLITUDES):
         state.moments[name].first[weakest] = 0

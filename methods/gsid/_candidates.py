@@ -52,6 +52,11 @@ _AT_ONCE = 64
 """Places whose light is found at once."""
 _SEEN = 0.05
 """Share of the samples that a place must see."""
+CLEAR = 0.25
+"""Shares of the extent: a lamp hangs at least this far from what is seen. One that is nearer lights next to
+nothing and would explain whatever is wrong there."""
+_AROUND = 20
+"""Samples that may be nearer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +132,7 @@ def find_lights(
     look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent, by_way)
     sky, shown = _sky_columns(samples, by_way), samples.shown
     places, spacing = _grid(samples)
+    places = places[_distance(places, samples) > CLEAR * extent]
     if settings.lamps == 0:
         places = places[:0]
     columns, seen = look.columns(places)
@@ -181,6 +187,12 @@ def _grid(samples: Samples) -> tuple[torch.Tensor, float]:
         m + (torch.arange(int(n)) - (int(n) - 1) / 2) * spacing for m, n in zip(middle, counts, strict=True)
     ]
     return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3), spacing
+
+
+def _distance(places: torch.Tensor, samples: Samples) -> torch.Tensor:
+    """How far places are from what is seen, but for a few samples, shape ``(C,)``, metres."""
+    count = min(_AROUND, len(samples.points))
+    return torch.cdist(places, samples.points).kthvalue(count, dim=1).values
 
 
 @dataclass(frozen=True, eq=False)

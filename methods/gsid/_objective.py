@@ -64,7 +64,7 @@ class Objective:
                 material_image(whole), shot.shown, squared=True
             )
         loss = loss + settings.matte_weight * (1 - whole.material.roughness + whole.material.metallic).mean()
-        loss = loss + settings.lamp_weight * picture.irradiance.sum(dim=-2).mean()
+        loss = loss + settings.lamp_weight * few(picture.irradiance)
         return Look(loss + settings.sky_weight * unevenness(sky))
 
     def _picture(
@@ -82,6 +82,12 @@ class Objective:
         count = shot.shown.shape[0] * shot.shown.shape[1]
         random = np.random.default_rng([self.seed, step])
         return torch.from_numpy(random.permutation(count)[: max(1, round(self.settings.pixels * count))])
+
+
+def few(irradiance: torch.Tensor) -> torch.Tensor:
+    """Sum of the square roots of what lamps give, ``(..., K, 3)``: less, where fewer lamps give the same."""
+    given = irradiance.flatten(0, -3).mean(dim=(0, 2))
+    return (given + 1e-6).sqrt().sum()
 
 
 def material_image(pixels: Pixels) -> torch.Tensor:

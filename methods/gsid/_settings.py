@@ -19,13 +19,14 @@ class GsidSettings:
     """No more than these."""
     fill: float = 0.75
     """Share of ``surfels`` that begin where stereo finds depth (inferred; the paper begins as 3DGS does)."""
-    geometry_share: float = 2 / 3
-    """Of the budget: the first stage, surfels with view-dependent colours (paper: 20 000 of 30 000)."""
+    geometry_share: float = 0.45
+    """Of the budget: the first stage, surfels with view-dependent colours (paper: 20 000 of 30 000; lights
+    need more of a short budget, inferred)."""
     lamps: int = 8
     """Local lamps at most (paper: 33 in all tables)."""
     lobes: int = 2
     """Spherical Gaussians a lamp (inferred; the paper says "N_SG")."""
-    sky_size: int = 16
+    sky_size: int = 8
     """Texels along the side of a face of the environment's cubemap (GS-IR: 256)."""
     visibility: Visibility = "traced"
     """What is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to the lamp:
@@ -64,7 +65,8 @@ class GsidSettings:
     """Of squared differences of neighbouring pixels in base colour, roughness and metallic, less where the
     photograph differs too (GS-IR: 1)."""
     lamp_weight: float = 1e-3
-    """Of the mean irradiance of the lamps on what is seen: the fewer the better (inferred)."""
+    """Of the sum of the square roots of what each lamp gives to what is seen, mean irradiance: the fewer the
+    better (inferred)."""
     sky_weight: float = 1e-2
     """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
     ssim_share: float = 0.2
@@ -79,7 +81,7 @@ class GsidSettings:
     and rays are traced anew (inferred)."""
     aggregate_until: float = 0.7
     """Share of the second stage after which no lamp is moved so (inferred)."""
-    least_share: float = 1e-2
+    least_share: float = 2e-2
     """Of all local light: what a lamp must give to stay (inferred)."""
 
     def __post_init__(self) -> None:

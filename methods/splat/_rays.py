@@ -53,6 +53,8 @@ class Rays:
 
     def _check_far(self, far: torch.Tensor) -> None:
         wanted = (self.origins.dtype, (len(self),))
+        if not isinstance(far, torch.Tensor):
+            raise ValueError(f"expected far to be a torch.Tensor, got {type(far).__name__}")
         if (far.dtype, tuple(far.shape)) != wanted:
             raise ValueError(
                 f"expected far of shape ({len(self)},) in {wanted[0]}, got {tuple(far.shape)} in {far.dtype}"

@@ -141,7 +141,7 @@ def gather(tree, rays, near, search, hits):
 
     Args:
         tree: a ``Tree``.
-        rays: float32 ``(96,)``: vectors of the origins' x, y, z and the directions'.
+        rays: float32: vectors of the origins' x, y, z and the directions', and others behind them.
         near: the first distance at which a disc counts.
         search: its memory.
         hits: the first four are to be written.

@@ -11,7 +11,6 @@ from typing import Annotated, get_args
 import tyro
 from rich.table import Table
 
-from graycard._errors import GraycardError
 from graycard._json import write_json
 from graycard._ledger import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean
 from graycard._records import read_run
@@ -26,8 +25,8 @@ class Claims:
     """The run folder; its claims.json is written anew from run.json. Without one, only papers' own tables are
     held against themselves."""
     claims: tuple[str, ...] = ()
-    """Only these, of a run: names, or paths to claims of your own that end in .toml; those made for its suite
-    by default, all where there are none."""
+    """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
+    default, all where there are none."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
     json: Json = None
@@ -38,9 +37,7 @@ class Claims:
         from graycard.benchmarks.claims import judge_tables
 
         if self.run_folder is None:
-            if self.claims:
-                raise GraycardError("expected the run folder that --claims are to be judged by, got none")
-            found, report = judge_tables(), ""
+            found, report = judge_tables(self.claims), ""
         else:
             found, report = self._judged(self.run_folder)
         for paper in found.papers:
@@ -97,7 +94,7 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
 def _row(row: RowMean | None) -> str:
     if row is None:
         return ""
-    return f"{row.row}: {row.reason if row.value is None else _number(row.value)}"
+    return f"{row.row}: {', '.join(filter(None, (_number(row.value), row.reason)))}"
 
 
 def _number(value: float | None, unit: str = "1") -> str:

@@ -15,7 +15,7 @@ CLAIMS_VERSION = 1
 
 ClaimVerdict = Literal["reproduced", "direction only", "not supported", "contradicted", "not checkable"]
 """``direction only``: the sign is as claimed and certain, the size is not. ``not supported``: scenes leave
-the sign open, or whether a difference is as small as claimed."""
+the sign open, or whether a difference is as small as claimed, or the difference is negligible."""
 
 
 @dataclass(frozen=True, slots=True)

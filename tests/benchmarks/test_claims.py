@@ -91,7 +91,10 @@ def test_a_mean_that_few_scenes_make_is_not_certain() -> None:
     assert found.interval[0] > 0
     assert found.p_rank > 0.05
     assert found.verdict == "not supported"
+    assert "; by ranks p = 0.102" in found.reason
     assert verdict(led_by([-e for e in skewed]), check_of()) == "not supported"
+    few = {"mine": {"psnr": [1.0, 1.1, 1.2, 0.9, 0.8, 0, 0, 0]}, "theirs": {"psnr": [0.0] * 8}}
+    assert verdict(run_of(few), check_of()) == "reproduced"  # five scenes have a sign, and all the same
 
 
 def test_where_ranks_cannot_tell_the_interval_does() -> None:
@@ -113,8 +116,9 @@ def test_where_ranks_cannot_tell_the_interval_does() -> None:
 def test_what_nobody_would_care_for_is_no_difference(lead: float, negligible: float, expected: str) -> None:
     found = judged(against(lead), check_of(negligible=negligible))
     assert found.verdict == expected
-    assert f"the sign is certain and the effect above {negligible:g} dB" in found.checks[0].rule
-    said = f"negligible: up to {negligible:g} dB counts as no difference"
+    span = f"-{negligible:g} to {negligible:g} dB"
+    assert f"the sign is certain, some of the interval is outside of {span}" in found.checks[0].rule
+    said = f"negligible: {span} counts as no difference"
     assert (said in found.text) == (expected == "not supported")
 
 
@@ -122,11 +126,47 @@ def test_the_limit_of_a_row_without_error_is_the_noise() -> None:
     rows = {"mine": {"psnr": values(5)}, "theirs": {"psnr": values(0)}, "bound": {"psnr": [math.inf] * 8}}
     run = run_of(rows)
     found = judged(run, check_of())
-    assert found.checks[0].bound == gc.RowMean("bound", None, "none: it has no error")
-    assert "upper bound bound none: it has no error" in found.text
-    noisy = judged(replace(run, results=tuple(map(with_ceiling, run.results))), check_of())
-    assert noisy.checks[0].bound == gc.RowMean("bound", 51.0, "the noise of the pictures, as it has no error")
-    assert "upper bound bound 51 dB (the noise of the pictures, as it has no error)" in noisy.text
+    assert found.checks[0].bound == gc.RowMean("bound", None, "has no error")
+    assert "upper bound bound has no error" in found.text
+    noisy = judged(_noisy(run), check_of())
+    told = "the noise of the pictures where it has no error"
+    assert noisy.checks[0].bound == gc.RowMean("bound", 51.0, told)
+    assert f"upper bound bound 51 dB ({told})" in noisy.text
+    some = {"bound": {"psnr": [math.inf] * 4 + [31.0] * 4}}
+    mixed = judged(_noisy(run_of(rows | some)), check_of()).checks[0]
+    assert mixed.bound == gc.RowMean("bound", 41.0, told)
+
+
+def test_noise_accuses_nobody() -> None:
+    """A row may be above the ceiling of a row without error by chance."""
+    rows = {"mine": {"psnr": values(30)}, "theirs": {"psnr": values(0)}, "bound": {"psnr": [math.inf] * 8}}
+    found = judged(_noisy(run_of(rows)), check_of())
+    assert found.checks[0].rows[0].value == pytest.approx(63.5)
+    assert "above the upper bound" not in found.text
+
+
+def test_ranks_that_are_sure_of_the_opposite_are_no_support() -> None:
+    lead = [-0.01 - 1e-4 * i for i in range(44)] + [10.0 + i for i in range(6)]
+    rows = {"mine": {"psnr": lead}, "theirs": {"psnr": [0.0] * 50}}
+    found = judged(run_of(rows), check_of()).checks[0]
+    assert found.interval is not None
+    assert found.p_rank is not None
+    assert found.interval[0] > 0
+    assert found.p_rank < 0.05
+    assert found.verdict == "not supported"
+
+
+def test_a_ratio_may_be_negligible() -> None:
+    rows = {"mine": {"psnr": [1.01 + 0.001 * i for i in range(8)]}, "theirs": {"psnr": [1.0] * 8}}
+    check = check_of(scale="ratio", negligible=0.1)
+    found = judged(run_of(rows), check)
+    assert found.verdict == "not supported"
+    assert "negligible: 0.9 to 1.1× counts as no difference" in found.text
+    assert judged(run_of(rows), replace(check, negligible=0.01)).verdict == "reproduced"
+
+
+def _noisy(run: gc.RunRecord) -> gc.RunRecord:
+    return replace(run, results=tuple(map(with_ceiling, run.results)))
 
 
 def with_ceiling(result: gc.JobResult) -> gc.JobResult:
@@ -141,7 +181,7 @@ def test_a_gap_of_a_row_without_error_is_none() -> None:
         {row: {"psnr": [v + ahead for v in values(0)], "train": values(ahead)} for row, ahead in rows.items()}
     )
     found = judged(run, check_of(expects="lower", quantity=Quantity("train", less="psnr"))).checks[0]
-    assert found.bound == gc.RowMean("bound", None, "none: without error there is no difference")
+    assert found.bound == gc.RowMean("bound", None, "has no error, and so no difference")
 
 
 @pytest.mark.parametrize(

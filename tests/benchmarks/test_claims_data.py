@@ -71,6 +71,8 @@ def test_a_file_is_read_as_it_is_written(tmp_path: Path) -> None:
         ("", "paper = -5.0", "the paper's effect above 0, as it is in the claimed sense, got -5.0"),
         ("", "paper = 0.5\nscale = 'ratio'", "the paper's effect above 1"),
         ("", "accepted = [2, 1]", "accepted from low to high"),
+        ("", "negligible = -1", "negligible of 0 or more, and none for within, got -1"),
+        ("", "negligible = nan", "negligible of 0 or more"),
         ("", "accepted = [1, 2, 3]", "accepted"),
         ("", "levels = [1, 2]", "one or two rows, without levels"),
         ("", "along = { knob = 'gloss', low = 1, high = 0 }", "low below high along gloss"),

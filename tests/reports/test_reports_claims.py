@@ -13,7 +13,7 @@ from graycard.reports._claims import claims_section, effect_plot
 from runs_by_hand import run_of
 
 CHECK = gc.CheckResult(
-    "psnr", "PSNR is <higher>", "Novel view PSNR", "dB", "mine − theirs", "the interval excludes no effect",
+    "psnr", "PSNR is <higher>", "Novel view PSNR", "dB", "mine − theirs", "the sign is certain",
     "reproduced", "as claimed: mine − theirs = 5 dB", True,
     scenes={"s0": 4.0, "s1": 6.0}, mean=5.0, interval=(3.0, 7.0), p_mean=0.01, p_rank=0.0312, paper=5.4,
     accepted=(2.7, 10.8), rows=(gc.RowMean("mine", 35.0), gc.RowMean("theirs", 30.0)),

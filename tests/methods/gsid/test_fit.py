@@ -10,7 +10,15 @@ import torch
 import graycard as gc
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
-from graycard.methods.gsid._candidates import DOUBT, FirstLights, _explained, _merged, find_lights
+from graycard.methods.gsid._candidates import (
+    CLEAR,
+    DOUBT,
+    FirstLights,
+    _distance,
+    _explained,
+    _merged,
+    find_lights,
+)
 from graycard.methods.gsid._draw import draw, reach_in_view
 from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, reach_in
 from graycard.methods.gsid._lights import (
@@ -25,7 +33,7 @@ from graycard.methods.gsid._lights import (
 )
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, Reach, picture_of, pixels_of
-from graycard.methods.gsid._objective import Objective
+from graycard.methods.gsid._objective import Objective, few
 from graycard.methods.shading import lamp_visibility, surroundings_of, unevenness
 from graycard.methods.splat import Parameters, Plan, initial_state, train_step
 from graycard.methods.surfels import encode
@@ -188,6 +196,45 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
         Objective(world.shots, reach_in(stage, moved.parameters), QUICK, EXTENT, 0),
     )
     assert state.parameters.shared[POSITIONS].isfinite().all()
+
+
+def test_no_lamp_is_put_beside_another(world: World):
+    """What a lamp there does not mend, a second one will not."""
+    state, stage = state_of(world, np.concatenate([TRUE[1:], TRUE[1:]]), 0.7), stage_of(world)
+    state.parameters.shared[AMPLITUDES][1:] = DARK
+    reach = reach_in(stage, state.parameters)
+    place = aggregated(state, world.shots, reach, QUICK, EXTENT).parameters.shared[POSITIONS]
+    again = state_of(world, np.concatenate([TRUE[1:], TRUE[1:]]), 0.7)
+    shared = again.parameters.shared
+    moved = int((place != shared[POSITIONS]).any(dim=1).nonzero()[0, 0])
+    beside = 3 - moved  # of lamps 1 and 2 the other
+    shared[POSITIONS][beside] = place[moved]
+    shared[AMPLITUDES][moved], shared[AMPLITUDES][beside] = DARK, DARK + 5
+    before = shared[POSITIONS].clone()
+    after = aggregated(again, world.shots, reach_in(stage, again.parameters), QUICK, EXTENT)
+    assert torch.equal(after.parameters.shared[POSITIONS], before)
+
+
+def test_the_same_light_of_fewer_lamps_costs_less():
+    light = torch.rand(50, 1, 3, generator=torch.Generator().manual_seed(0))
+    halves = torch.cat([light / 2, light / 2], dim=1)
+    assert float(few(halves)) == pytest.approx(2**0.5 * float(few(light)), rel=1e-3)
+    dark = torch.zeros(50, 2, 3, requires_grad=True)
+    few(dark).backward()
+    assert dark.grad is not None
+    assert bool(dark.grad.isfinite().all())
+
+
+def test_lamps_begin_away_from_what_is_seen(world: World):
+    samples = _samples(world.surface, stage_of(world), eyes_of(world))
+    points = samples.points[:40]
+    near = _distance(
+        torch.cat([points.mean(dim=0)[None] + torch.tensor([0.0, 0.0, 9.0]), points[:1]]), samples
+    )
+    assert near[0] > 8
+    assert near[1] < CLEAR * EXTENT
+    found = find_lights(samples, world.surfels, replace(QUICK, lamps=8), EXTENT)
+    assert _distance(found.positions, samples).min() > CLEAR * EXTENT / 2  # places are moved afterwards
 
 
 def test_a_lamp_that_shines_stays(world: World):
