@@ -188,7 +188,7 @@ def _mean(row: str, check: Check, scenes: Iterable[SceneRecord], readings: Readi
     values = [_limit(reading) for reading in found]
     if None in values:
         return RowMean(row, None, "has no error")
-    told = "the noise of the pictures where it has no error" if values != [r.value for r in found] else ""
+    told = "noise ceiling" if values != [r.value for r in found] else ""
     return RowMean(row, sum(value for value in values if value is not None) / len(values), told)
 
 

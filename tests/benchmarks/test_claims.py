@@ -129,7 +129,7 @@ def test_the_limit_of_a_row_without_error_is_the_noise() -> None:
     assert found.checks[0].bound == gc.RowMean("bound", None, "has no error")
     assert "upper bound bound has no error" in found.text
     noisy = judged(_noisy(run), check_of())
-    told = "the noise of the pictures where it has no error"
+    told = "noise ceiling"
     assert noisy.checks[0].bound == gc.RowMean("bound", 51.0, told)
     assert f"upper bound bound 51 dB ({told})" in noisy.text
     some = {"bound": {"psnr": [math.inf] * 4 + [31.0] * 4}}
