@@ -17,6 +17,8 @@ import graycard.eval
 
 PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
 PACKAGES += ("colour-science", "flip-evaluator")
+RECORDED = (*PACKAGES, "opencv-python-headless")
+"""What a run records; only the former are asked of one, for records of before have no more."""
 
 
 @cache
@@ -29,7 +31,7 @@ def scoring_fingerprint() -> str:
 def environment() -> dict[str, Any]:
     """Versions, commit and hardware, for the run record."""
     return {
-        "packages": {name: package_version(name) for name in PACKAGES},
+        "packages": {name: package_version(name) for name in RECORDED},
         "python": platform.python_version(),
         "platform": platform.platform(),
         "git_commit": git_commit(),

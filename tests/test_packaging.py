@@ -56,7 +56,7 @@ def test_dependencies_point_one_way(pattern: str):
         assert not bad, f"{path.relative_to(ROOT)} imports {bad}"
 
 
-@pytest.mark.parametrize("heavy", ["torch", "mitsuba", "skimage", "colour"])
+@pytest.mark.parametrize("heavy", ["torch", "mitsuba", "skimage", "cv2", "colour"])
 def test_the_command_line_starts_without(heavy: str):
     code = f"import sys, graycard.__main__; sys.exit({heavy!r} in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -120,7 +120,7 @@ def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> P
     if spec.source == "classical":
         from graycard.methods.priors._classical import Classical
 
-        return Classical(capture)
+        return Classical(capture, spec.algorithm)
     from graycard.methods.priors._pretrained import load_pretrained
 
     return load_pretrained(kind, _weights(spec))

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import torch
-from skimage.restoration import inpaint_biharmonic
 
-from graycard import Capture, MethodError, View, luminance, srgb_encode
+from graycard import Capture, View, luminance, srgb_encode
 from graycard.methods._priors import Question
 from graycard.methods._retinex import RetinexSettings, split
+from graycard.methods.priors._filling import filled
 from graycard.methods.priors._slopes import normals_of
 from graycard.methods.surfels import SweptView, sweep_depth
 
@@ -29,10 +29,12 @@ class Classical:
     Depth is that of a plane sweep against the photographs; where the light is on the camera, it is that of a
     flash whose light falls off with the square of the distance, which is wrong wherever paint is not even or
     a surface is tilted. Normals are those of that depth. Base colour is by Retinex. Roughness is 0.5, and
-    metals are not known. Holes are filled in by a biharmonic function.
+    metals are not known. Holes are filled in by a biharmonic function, or by Telea's fast marching.
     """
 
     capture: Capture
+    algorithm: str = ""
+    """How holes are filled in, where it answers about them."""
     _shown: dict[str, torch.Tensor] = field(default_factory=dict, repr=False)
     """Encoded luminance of training photographs, by view: read once."""
 
@@ -51,7 +53,7 @@ class Classical:
             case "metallic":
                 return np.full(image.shape[:2], METALLIC)
             case _:
-                return _filled(image, question)
+                return filled(image, question.hole, self.algorithm)
 
     def _depth(self, image: np.ndarray, view: View) -> np.ndarray:
         near, far = self._range(view)
@@ -87,15 +89,3 @@ def _depth_from_flash(image: np.ndarray, middle: float) -> np.ndarray:
     y = luminance(image)
     falloff = 1 / np.sqrt(np.maximum(y, DARKEST * max(float(y.max()), 1e-30)))
     return middle * falloff / np.median(falloff)
-
-
-def _filled(image: np.ndarray, question: Question) -> np.ndarray:
-    """The hole filled in by the function that bends least (Damelin and Hoang 2018)."""
-    hole = question.hole
-    if hole is None or not hole.any():
-        return image
-    if hole.all():
-        raise MethodError("expected a hole with something around it, got one that is the whole image")
-    colours = image.ndim == 3
-    known = np.where(hole[..., None] if colours else hole, 0.0, image)
-    return inpaint_biharmonic(known, hole, channel_axis=-1 if colours else None)

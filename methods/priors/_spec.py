@@ -10,7 +10,7 @@ from typing import Any
 
 from graycard import RecordError, UnknownNameError, decode, dumps
 from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
-from graycard.methods.priors import _colour, _depth, _inpainting, _light, _mask, _material, _normal
+from graycard.methods.priors import _colour, _depth, _filling, _inpainting, _light, _mask, _material, _normal
 
 WORST = 5
 LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
@@ -24,6 +24,8 @@ LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "light": _light.LEVELS,
 }
 """How wrong the oracle is, by kind and severity."""
+ALGORITHMS: Mapping[PriorKind, tuple[str, ...]] = {"inpainting": _filling.ALGORITHMS}
+"""Between which the classical source has a choice, by kind; the first is the default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,8 @@ class Override:
     """Where the weights are."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Single parameters of the oracle's errors, in place of those of the severity."""
+    algorithm: str | None = None
+    """Of the classical source, for a kind that has a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +50,8 @@ class PriorSpec:
     need no weights; ``pretrained`` with networks on disk.
 
     Raises:
-        ValueError: A severity, a seed, a parameter or a path that cannot be.
-        UnknownNameError: A source, a kind or a parameter that does not exist.
+        ValueError: A severity, a seed, a parameter, a path or an algorithm that cannot be.
+        UnknownNameError: A source, a kind, a parameter or an algorithm that does not exist.
     """
 
     source: PriorSource = "none"
@@ -77,7 +81,9 @@ class PriorSpec:
         parts = [_words(self.source, self.severity)]
         for kind in sorted(self.overrides):
             found = of_kind(self, kind)
-            more = [f"{name} {value:g}" for name, value in self.overrides[kind].errors.items()]
+            override = self.overrides[kind]
+            more = [] if override.algorithm is None else [override.algorithm]
+            more += [f"{name} {value:g}" for name, value in override.errors.items()]
             parts.append(f"{kind}: {', '.join([_words(found.source, found.severity), *more])}")
         return "; ".join(parts)
 
@@ -94,6 +100,8 @@ class KindSpec:
     """Of a pretrained source: the folder or file; None for others, and where no path is given."""
     errors: Any
     """Of the oracle: the dataclass of its kind."""
+    algorithm: str
+    """Of the classical source; empty for others, and for kinds that have no choice."""
 
 
 def parse_priors(text: str) -> PriorSpec:
@@ -130,8 +138,8 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
     """What a spec says of one kind.
 
     Raises:
-        ValueError: A severity or a parameter that cannot be.
-        UnknownNameError: A source or a parameter that does not exist.
+        ValueError: A severity, a parameter or an algorithm that cannot be.
+        UnknownNameError: A source, a parameter or an algorithm that does not exist.
     """
     override = spec.overrides.get(kind, Override())
     source = spec.source if override.source is None else override.source
@@ -141,7 +149,9 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
         raise ValueError(f"expected errors of {kind} with source oracle only, got them with {source}")
     name: PriorKind = KINDS[KINDS.index(kind)]  # pyright: ignore[reportArgumentType]
     weights = _weights(spec, override, name) if source == "pretrained" else None
-    return KindSpec(name, source, severity, spec.seed, weights, _errors(name, severity, override.errors))
+    algorithm = _algorithm(name, source, override.algorithm)
+    errors = _errors(name, severity, override.errors)
+    return KindSpec(name, source, severity, spec.seed, weights, errors, algorithm)
 
 
 def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | None:
@@ -151,6 +161,20 @@ def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | Non
         return None
     folder = Path(spec.path) / kind
     return folder if folder.is_dir() else folder.with_suffix(".pt")
+
+
+def _algorithm(kind: PriorKind, source: str, wanted: str | None) -> str:
+    known = ALGORITHMS.get(kind, ()) if source == "classical" else ()
+    if wanted is None:
+        return next(iter(known), "")
+    if not known:
+        raise ValueError(
+            f"expected an algorithm of {', '.join(ALGORITHMS)} with source classical only, got {wanted!r} of "
+            f"{kind} with {source}"
+        )
+    if wanted not in known:
+        raise UnknownNameError(f"algorithm of {kind}", wanted, known)
+    return wanted
 
 
 def _errors(kind: PriorKind, severity: int, changes: Mapping[str, float]) -> Any:

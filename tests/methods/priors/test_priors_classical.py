@@ -10,7 +10,8 @@ import pytest
 import graycard as gc
 from graycard import methods
 from graycard.methods._retinex import RetinexSettings, split
-from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.priors import Override, PriorSpec, make_priors
+from graycard.methods.priors._filling import filled
 from graycard.methods.priors._slopes import normals_of
 
 SIZE = 48
@@ -113,6 +114,18 @@ def test_a_biharmonic_filling_goes_on_with_a_slope(channels: int, scene):
     assert np.array_equal(told.inpainting(image, view, ~(hole | True)), image)
     with pytest.raises(gc.MethodError, match="expected a hole with something around it"):
         told.inpainting(image, view, hole | True)
+
+
+@pytest.mark.parametrize("algorithm", ["biharmonic", "telea"])
+def test_the_algorithm_that_a_spec_names_fills_in(algorithm: str, scene):
+    spec = PriorSpec("classical", overrides={"inpainting": Override(algorithm=algorithm)})
+    told, image = make_priors(spec, ASKS, scene.capture, {}), np.asarray(scene.photograph)
+    hole = scene.known["object_id"] == scene.capture.target
+    found = told.inpainting(image, scene.view, hole)
+    assert np.array_equal(found, filled(image, hole, algorithm))
+    assert np.array_equal(found[~hole], image[~hole])
+    other = {"biharmonic": "telea", "telea": "biharmonic"}[algorithm]
+    assert not np.allclose(found[hole], filled(image, hole, other)[hole])
 
 
 def test_normals_of_a_depth_are_those_of_its_plane_everywhere():

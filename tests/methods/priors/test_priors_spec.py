@@ -36,6 +36,30 @@ def test_a_spec_reads_and_writes_as_data():
     )
 
 
+def test_the_classical_source_has_a_choice_of_inpainting():
+    text = 'source = "oracle"\n[overrides.inpainting]\nsource = "classical"\nalgorithm = "telea"'
+    spec = gc.decode(PriorSpec, tomllib.loads(text))
+    assert spec == PriorSpec("oracle", overrides={"inpainting": Override("classical", algorithm="telea")})
+    assert gc.decode(PriorSpec, gc.encode(spec)) == spec
+    assert of_kind(spec, "inpainting").algorithm == "telea"
+    assert str(spec) == "oracle, severity 0; inpainting: classical, telea"
+    alone = PriorSpec("classical", overrides={"inpainting": Override(algorithm="telea")})
+    assert of_kind(alone, "inpainting").algorithm == "telea"
+    assert hash(alone) != hash(PriorSpec("classical"))
+    assert of_kind(PriorSpec("classical"), "inpainting").algorithm == "biharmonic"
+    assert of_kind(PriorSpec("classical"), "depth").algorithm == ""
+    assert of_kind(PriorSpec("oracle"), "inpainting").algorithm == ""
+
+
+def test_specs_of_before_there_was_a_choice_mean_what_they_meant():
+    assert gc.encode(PriorSpec("oracle", 2)) == {
+        "source": "oracle", "severity": 2, "seed": 0, "path": "", "overrides": {}
+    }  # fmt: skip
+    old = {"source": None, "severity": 4, "path": None, "errors": {"kappa": 0.3}}
+    spec = gc.decode(PriorSpec, {"source": "oracle", "overrides": {"depth": old}})
+    assert spec.overrides == {"depth": Override(severity=4, errors={"kappa": 0.3})}
+
+
 def test_equal_specs_hash_alike_and_others_do_not():
     spec = PriorSpec("oracle", 2, overrides={"depth": Override(errors={"kappa": 0.3})})
     again = PriorSpec("oracle", 2, overrides={"depth": Override(errors={"kappa": 0.3})})
@@ -87,6 +111,21 @@ def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
             {"source": "classical", "overrides": {"depth": Override(errors={"kappa": 1.0})}},
             ValueError,
             "expected errors of depth with source oracle only, got them with classical",
+        ),
+        (
+            {"overrides": {"inpainting": Override("classical", algorithm="tela")}},
+            gc.UnknownNameError,
+            "algorithm of inpainting that exists, got 'tela'.*did you mean 'telea'",
+        ),
+        (
+            {"overrides": {"inpainting": Override(algorithm="telea")}},
+            ValueError,
+            "an algorithm of inpainting with source classical only, got 'telea' of inpainting with oracle",
+        ),
+        (
+            {"overrides": {"depth": Override("classical", algorithm="telea")}},
+            ValueError,
+            "an algorithm of inpainting with source classical only, got 'telea' of depth with classical",
         ),
     ],
 )
