@@ -46,8 +46,9 @@ class Ask:
     kind: PriorKind
     of: tuple[str, ...] = (PHOTOGRAPH,)
     """The images it will hand in: ``photograph``, or names of layers that it finds itself. For ``mask`` the
-    subjects (``glossy``, ``target``); for ``inpainting`` the layers whose holes are to be filled. For
-    ``light`` it says nothing: one calibration is for the whole capture."""
+    subjects (``glossy``, ``target``); for ``inpainting`` the layers whose holes are to be filled: an oracle
+    knows the truth of radiance, and of no other. For ``light`` it says nothing: one calibration is for the
+    whole capture."""
     optional: bool = False
     """Whether the method also works without: then it looks into :attr:`Priors.kinds`."""
 
@@ -175,6 +176,8 @@ class Priors:
 
     def inpainting(self, image: np.ndarray, view: View, hole: np.ndarray, of: str = "radiance") -> np.ndarray:
         """An image whose hole is filled in; outside it is as it was.
+
+        Channels may be filled in each by itself: whoever hands in normals makes them of unit length again.
 
         Args:
             image: shape ``(H, W, 3)`` or ``(H, W)``; radiance in display range, other layers in their unit.

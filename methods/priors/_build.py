@@ -49,8 +49,6 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
                 f"expected a source of priors that gives {ask.kind}, got {found.source!r}. One of "
                 f"{', '.join(source for source, kinds in GIVES.items() if ask.kind in kinds)} does"
             )
-        if found.source == "oracle":
-            truth_for(ask)
         if _has_weights(found):
             _weights(found)
 
@@ -59,9 +57,6 @@ def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
     """Names of the true layers that the oracle of a spec is handed, and ``lights`` for the true lights.
 
     Empty where none is asked.
-
-    Raises:
-        MethodError: The truth does not tell what is asked.
     """
     oracles = [truth_for(ask) for ask in asks if of_kind(spec, ask.kind).source == "oracle"]
     return frozenset().union(*oracles)

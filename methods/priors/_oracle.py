@@ -8,10 +8,11 @@ import numpy as np
 
 from graycard import MethodError
 from graycard.methods._contract import LIGHTS
-from graycard.methods._priors import Ask, PriorKind, Question
+from graycard.methods._priors import PHOTOGRAPH, Ask, PriorKind, Question
 from graycard.methods.priors._colour import corrupt_base_color
 from graycard.methods.priors._depth import corrupt_depth
 from graycard.methods.priors._draws import log_light
+from graycard.methods.priors._filling import ALGORITHMS, filled
 from graycard.methods.priors._inpainting import corrupt_filling
 from graycard.methods.priors._mask import corrupt_mask
 from graycard.methods.priors._material import corrupt_metallic, corrupt_roughness
@@ -19,6 +20,8 @@ from graycard.methods.priors._normal import corrupt_normal
 from graycard.methods.priors._spec import KindSpec
 
 WITHOUT_TARGET = "counterfactual.radiance"
+SEEN = (PHOTOGRAPH, "radiance")
+"""What is known without the target; of no other layer is there a truth to fill holes with."""
 GLOSSY = 0.5
 """Roughness below which reflections of things are seen in a surface."""
 _TRUTH: Mapping[PriorKind, tuple[str, ...]] = {
@@ -34,24 +37,21 @@ _TRUTH_OF_MASKS = {"glossy": ("roughness", "object_id"), "target": ("object_id",
 
 
 def truth_for(ask: Ask) -> frozenset[str]:
-    """Names of the true layers from which the oracle answers; ``lights`` for the true lights.
-
-    Raises:
-        MethodError: The truth does not tell it.
-    """
+    """Names of the true layers from which the oracle answers; ``lights`` for the true lights."""
     if ask.kind == "mask":
         return frozenset(name for subject in ask.of for name in _TRUTH_OF_MASKS[subject])
-    if ask.kind == "inpainting" and set(ask.of) - {"photograph", "radiance"}:
-        raise MethodError(
-            f"expected an oracle to inpaint radiance, got {', '.join(ask.of)}: the scene without its target "
-            "is known in radiance only. Take the classical or a pretrained source for the others"
-        )
+    if ask.kind == "inpainting" and not set(ask.of) & set(SEEN):
+        return frozenset()
     return frozenset(_TRUTH[ask.kind])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oracle:
-    """Answers about one kind from the truth."""
+    """Answers about one kind from the truth.
+
+    The scene without its target is known in radiance only. Holes in other layers, which a method has found
+    itself, are filled in from around them, as the classical source does by default; errors do not touch them.
+    """
 
     spec: KindSpec
     truth: Mapping[str, Mapping[str, np.ndarray]]
@@ -67,6 +67,8 @@ class Oracle:
         Raises:
             MethodError: It is not known.
         """
+        if question.kind == "inpainting" and question.of not in SEEN:
+            return filled(question.image, question.hole, ALGORITHMS[0])
         known = self.truth.get(question.view.name)
         if known is None:
             raise MethodError(f"expected a view of the scene, got {question.view.name!r}")
@@ -90,8 +92,13 @@ class Oracle:
                 return self._filled(known, question)
 
     def _filled(self, known: Mapping[str, np.ndarray], question: Question) -> np.ndarray:
-        if question.of != "radiance" or np.ndim(question.image) != 3:
-            raise MethodError(f"expected an oracle to inpaint radiance, got {question.of} to fill in")
+        if WITHOUT_TARGET not in known:
+            raise MethodError(
+                f"expected a method that says it inpaints radiance, got {question.of} to fill in and none "
+                "declared. Name it in the method's asks"
+            )
+        if np.ndim(question.image) != 3:
+            raise MethodError(f"expected {question.of} with three channels to fill in, got one")
         without = known[WITHOUT_TARGET].astype(np.float64) * self.exposure
         return corrupt_filling(without, self.spec.errors, self.spec.seed, question.view.name)
 

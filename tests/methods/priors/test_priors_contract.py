@@ -135,11 +135,6 @@ def test_nothing_answers_where_there_is_no_source(scene, asks):
             (Ask("depth"),),
             r"expected overrides of what the method asks for \(depth\), got normal",
         ),
-        (
-            PriorSpec("oracle"),
-            (Ask("inpainting", ("radiance", "depth")),),
-            "expected an oracle to inpaint radiance, got radiance, depth",
-        ),
         (PriorSpec("pretrained"), (Ask("depth"),), "expected weights for depth priors at a path, got none"),
         (
             PriorSpec("pretrained", path="/nowhere"),
@@ -175,6 +170,9 @@ def test_only_the_truth_that_answers_is_told(asks):
     assert truth_of(PriorSpec("oracle"), (Ask("roughness"),)) == {"roughness"}
     mixed = PriorSpec("classical", overrides={"metallic": Override(source="oracle")})
     assert truth_of(mixed, asks[:5]) == {"metallic", "object_id"}
+    oracle, without = PriorSpec("oracle"), {"counterfactual.radiance"}
+    assert truth_of(oracle, (Ask("inpainting", ("radiance", "depth")),)) == without
+    assert truth_of(oracle, (Ask("inpainting", ("depth", "normal")),)) == frozenset()
 
 
 def test_the_truth_cannot_be_changed_through_an_answer(scene, questions):
@@ -185,13 +183,20 @@ def test_the_truth_cannot_be_changed_through_an_answer(scene, questions):
         assert question(told, scene.view).any(), kind
 
 
-def test_an_oracle_knows_its_own_views_and_radiance_only(scene):
+def test_an_oracle_knows_its_own_views_and_what_was_declared(scene):
     told = scene.priors(PriorSpec("oracle"))
     stranger = gc.View("train_900", "train", scene.view.camera)
     with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
         told.depth(scene.photograph, stranger)
-    with pytest.raises(gc.MethodError, match="expected an oracle to inpaint radiance, got depth"):
-        told.inpainting(np.ones(SIZE), scene.view, np.zeros(SIZE, bool), of="depth")
+    hole = np.zeros(SIZE, bool)
+    with pytest.raises(gc.MethodError, match="expected radiance with three channels to fill in, got one"):
+        told.inpainting(np.ones(SIZE), scene.view, hole)
+    with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
+        told.inpainting(scene.photograph, stranger, hole)
+    known = {view: {"depth": layers["depth"]} for view, layers in scene.truth.items()}
+    narrow = make_priors(PriorSpec("oracle"), (Ask("inpainting", ("depth",)),), scene.capture, known)
+    with pytest.raises(gc.MethodError, match="expected a method that says it inpaints radiance"):
+        narrow.inpainting(scene.photograph, scene.view, hole)
 
 
 def test_weights_are_hashed_again_when_they_change(tmp_path: Path):

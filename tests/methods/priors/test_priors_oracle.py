@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 import graycard as gc
 from graycard import methods
-from graycard.methods.priors import Override, PriorSpec
+from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.priors._colour import ColorErrors, corrupt_base_color
 from graycard.methods.priors._depth import DepthErrors, corrupt_depth
 from graycard.methods.priors._draws import blurred, draws_of, log_light, relief, smooth_field
@@ -320,6 +320,35 @@ def test_fillings_are_displaced_by_as_much_as_they_say():
     tinted = corrupt_filling(ramp, InpaintingErrors(gain=0.1), 1000, "v")[:, 1:] / ramp[:, 1:]
     assert np.ptp(tinted, axis=(0, 1)).max() < 1e-12
     assert len(np.unique(tinted[0, 0])) == 3
+
+
+@pytest.mark.parametrize("severity", [0, 5])
+def test_layers_without_a_truth_are_filled_as_the_classical_source_fills_them(severity: int, scene):
+    """A method's own picture of a layer: it may be wrong, and its errors are its own."""
+    view, known = scene.view, scene.known
+    hole = known["object_id"] == scene.capture.target
+    asks = (methods.Ask("inpainting", ("radiance", "normal", "roughness", "f0")),)
+    oracle = scene.priors(PriorSpec("oracle", severity, seed=1000), asks)
+    classical = scene.priors(PriorSpec("classical"), asks)
+    for of, image in (
+        ("normal", -known["normal"]),
+        ("roughness", 0.3 + 0.5 * known["roughness"]),
+        ("f0", known["base_color"] ** 2),
+    ):
+        found = oracle.inpainting(image, view, hole, of)
+        assert np.array_equal(found, classical.inpainting(image, view, hole, of))
+        assert np.array_equal(found[~hole], image[~hole])
+    picture = np.array(scene.photograph)
+    seen, guessed = (told.inpainting(picture, view, hole) for told in (oracle, classical))
+    assert not np.allclose(seen[hole], guessed[hole])
+
+
+def test_layers_alone_are_filled_without_any_truth(scene):
+    asks = (methods.Ask("inpainting", ("roughness",)),)
+    told = make_priors(PriorSpec("oracle"), asks, scene.capture, {})
+    hole = scene.known["object_id"] == scene.capture.target
+    even = np.where(hole, np.nan, 0.4)
+    np.testing.assert_allclose(told.inpainting(even, scene.view, hole, "roughness"), 0.4)
 
 
 def test_one_kind_may_be_worse_than_the_others(scene):
