@@ -1,2 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parts of ``goris``: an object is taken out together with its mirror image (GOR-IS, CVPR 2026)."""
+"""``goris``: an object is taken out together with its mirror image (GOR-IS, CVPR 2026)."""
+
+from graycard.methods.goris._method import GorisMethod as GorisMethod
+from graycard.methods.goris._scene import GlossyScene as GlossyScene
+from graycard.methods.goris._scene import GorisScene as GorisScene
+from graycard.methods.goris._settings import GorisSettings as GorisSettings

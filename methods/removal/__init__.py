@@ -1,11 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """An object is taken out of pictures, as rivals of GOR-IS do it: colours alone, no light and no material."""
 
+from graycard.methods.removal._behind import Shown as Shown
+from graycard.methods.removal._behind import views_behind as views_behind
+from graycard.methods.removal._filled import Target as Target
+from graycard.methods.removal._filled import Wall as Wall
+from graycard.methods.removal._filled import targets_of as targets_of
+from graycard.methods.removal._method import NEW_OPACITY as NEW_OPACITY
 from graycard.methods.removal._method import KeepMethod as KeepMethod
 from graycard.methods.removal._method import OneReferenceMethod as OneReferenceMethod
 from graycard.methods.removal._method import PerViewMethod as PerViewMethod
 from graycard.methods.removal._method import RemovalMethod as RemovalMethod
+from graycard.methods.removal._method import checked as checked
 from graycard.methods.removal._scene import RemovalScene as RemovalScene
 from graycard.methods.removal._settings import OneReferenceSettings as OneReferenceSettings
 from graycard.methods.removal._settings import PerViewSettings as PerViewSettings
 from graycard.methods.removal._settings import RemovalSettings as RemovalSettings
+from graycard.methods.removal._target import labelled_surfels as labelled_surfels

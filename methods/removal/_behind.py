@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is behind an object: what other views saw of it, and what none has ever seen."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -28,34 +28,66 @@ class Behind:
     """Shape ``(H, W, 3)``, linear, display range: the photograph, and in doubt what surfels show."""
     depth: np.ndarray
     """Shape ``(H, W)``, z-depth of the surfels, metres; +inf where they cover less than half of a pixel."""
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What surfels show besides, by name, each ``(H, W)`` or ``(H, W, C)``: to be filled in too."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a camera sees of surfels, as :class:`Behind` has it."""
+
+    picture: np.ndarray
+    depth: np.ndarray
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 def views_behind(
     capture: Capture,
-    values: Mapping[str, torch.Tensor],
+    draw: Callable[[Camera], Shown],
     masks: Sequence[np.ndarray],
     grow: float,
+    effects: Sequence[np.ndarray] | None = None,
 ) -> list[Behind]:
     """The training views without the object.
 
     Args:
         capture: The photographs.
-        values: Parameters of surfels and sky by name, the object's taken out.
+        draw: What a camera sees without the object.
         masks: Of the object, one a view, shape ``(H, W)``, bool.
         grow: By which they are widened, a share of the width.
+        effects: Where views show the object by way of other surfaces, as ``masks``; None: nowhere. There
+            photographs are in doubt too, but what is there is seen.
     """
-    doubts = [widened(mask, grow) for mask in masks]
-    drawn = [_drawn(values, view.camera) for view in capture.train]
+    hidden = [widened(mask, grow) for mask in masks]
+    doubts = hidden
+    if effects is not None:
+        doubts = [one | widened(effect, grow) for one, effect in zip(hidden, effects, strict=True)]
+    drawn = [draw(view.camera) for view in capture.train]
     cameras = [view.camera for view in capture.train]
-    depths = [depth for _, depth in drawn]
     found = []
     for number, view in enumerate(capture.train):
-        doubt, (shown, depth) = doubts[number], drawn[number]
-        others = [(cameras[k], depths[k], doubts[k]) for k in range(len(cameras)) if k != number]
-        hole = doubt & ~seen_elsewhere(cameras[number], depth, doubt, others)
+        shown = drawn[number]
+        others = [(cameras[k], drawn[k].depth, hidden[k]) for k in range(len(cameras)) if k != number]
+        hole = hidden[number] & ~seen_elsewhere(cameras[number], shown.depth, hidden[number], others)
         photograph = np.asarray(capture.photograph(view), np.float64) * capture.exposure
-        found.append(Behind(view, doubt, hole, np.where(doubt[..., None], shown, photograph), depth))
+        picture = np.where(doubts[number][..., None], shown.picture, photograph)
+        found.append(Behind(view, doubts[number], hole, picture, shown.depth, shown.layers))
     return found
+
+
+def drawn_colours(values: Mapping[str, torch.Tensor]) -> Callable[[Camera], Shown]:
+    """What cameras see of coloured surfels: the picture, linear and in display range, over their sky.
+
+    Args:
+        values: Parameters of surfels and sky by name.
+    """
+
+    @torch.no_grad()
+    def draw(camera: Camera) -> Shown:
+        layers = coloured_layers(values, all_colours(values, camera), camera, exposure=1.0)
+        return Shown(layers["radiance"].astype(np.float64), layers["depth"].astype(np.float64))
+
+    return draw
 
 
 def seen_elsewhere(
@@ -102,10 +134,3 @@ def points_in_picture(
     inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
     numbers = np.flatnonzero(inside)
     return numbers, row[numbers], column[numbers], z[numbers]
-
-
-@torch.no_grad()
-def _drawn(values: Mapping[str, torch.Tensor], camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Picture, linear and in display range, and z-depth of surfels over their sky."""
-    layers = coloured_layers(values, all_colours(values, camera), camera, exposure=1.0)
-    return layers["radiance"].astype(np.float64), layers["depth"].astype(np.float64)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Holes filled in by a prior, and what filled views say of the space behind the object."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -27,6 +27,8 @@ class Wall:
     """Shape ``(M, 3)``, linear, display range."""
     distances: np.ndarray
     """Shape ``(M,)``, metres, from that view."""
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What it shows besides, by name, each ``(M,)`` or ``(M, C)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +40,8 @@ class Target:
     """Shape ``(H, W, 3)``, linear, display range."""
     known: np.ndarray
     """Shape ``(H, W)``, bool: in the hole, where ``picture`` says what is there."""
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What it is to show besides, by name, each ``(H, W)`` or ``(H, W, C)``."""
 
 
 def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tuple[list[Target], Wall]:
@@ -55,21 +59,30 @@ def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tup
     order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
     with_hole = [k for k in order if behind[k].hole.any()]
     chosen = with_hole[:references] if references else with_hole
-    pictures = {
-        k: np.maximum(priors.inpainting(behind[k].picture, behind[k].view, behind[k].hole), 0) for k in chosen
-    }
-    wall = _joined([_wall(behind[k], pictures[k]) for k in chosen])
+    filled = {k: _filled(behind[k], priors) for k in chosen}
+    wall = _joined([_wall(target) for target in filled.values()])
     targets = []
     for k, one in enumerate(behind):
-        if k in pictures:
-            targets.append(Target(one, pictures[k], one.hole))
+        if k in filled:
+            targets.append(filled[k])
         else:
-            targets.append(_told(one, wall) if references else Target(one, one.picture, one.hole))
+            targets.append(_told(one, wall) if references else Target(one, one.picture, one.hole, one.layers))
     return targets, wall
 
 
-def _wall(behind: Behind, picture: np.ndarray) -> Wall:
+def _filled(behind: Behind, priors: Priors) -> Target:
+    """A view whose hole a prior has filled in."""
+    picture = np.maximum(priors.inpainting(behind.picture, behind.view, behind.hole), 0)
+    layers = {
+        name: priors.inpainting(layer, behind.view, behind.hole, name)
+        for name, layer in behind.layers.items()
+    }
+    return Target(behind, picture, behind.hole, layers)
+
+
+def _wall(filled: Target) -> Wall:
     """The points in the hole of a filled view, on depths that go on from around it."""
+    behind = filled.behind
     camera, hole = behind.view.camera, behind.hole
     depth = filled_depth(behind.depth, hole)
     rays = camera.rays()
@@ -79,7 +92,8 @@ def _wall(behind: Behind, picture: np.ndarray) -> Wall:
     normals = np.where(lengths > 0, normals / np.maximum(lengths, 1e-12), -rays)  # the border has none
     shown = hole & np.isfinite(depth)
     points = camera.position + distance[shown][:, None] * rays[shown]
-    return Wall(points, normals[shown], picture[shown], distance[shown])
+    layers = {name: layer[shown] for name, layer in filled.layers.items()}
+    return Wall(points, normals[shown], filled.picture[shown], distance[shown], layers)
 
 
 def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
@@ -109,12 +123,19 @@ def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
 def _told(behind: Behind, wall: Wall) -> Target:
     """A view as the wall tells it: its nearest points, each in the pixel that it falls into."""
     camera = behind.view.camera
-    picture, known = behind.picture.copy(), np.zeros_like(behind.hole)
     rows, columns, nearest = seen_points(camera, wall.points)
     inside = behind.hole[rows, columns]
     rows, columns, nearest = rows[inside], columns[inside], nearest[inside]
-    picture[rows, columns], known[rows, columns] = wall.colours[nearest], True
-    return Target(behind, picture, known)
+    known = np.zeros_like(behind.hole)
+    known[rows, columns] = True
+
+    def told(image: np.ndarray, points: np.ndarray) -> np.ndarray:
+        image = image.copy()
+        image[rows, columns] = points[nearest]
+        return image
+
+    layers = {name: told(behind.layers[name], points) for name, points in wall.layers.items()}
+    return Target(behind, told(behind.picture, wall.colours), known, behind.layers | layers)
 
 
 def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,4 +157,5 @@ def _joined(walls: Sequence[Wall]) -> Wall:
         nothing = np.zeros((0, 3))
         return Wall(nothing, nothing, nothing, np.zeros(0))
     names = ("points", "normals", "colours", "distances")
-    return Wall(*(np.concatenate([getattr(wall, name) for wall in walls]) for name in names))
+    layers = {name: np.concatenate([wall.layers[name] for wall in walls]) for name in walls[0].layers}
+    return Wall(*(np.concatenate([getattr(wall, name) for wall in walls]) for name in names), layers)

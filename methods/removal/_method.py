@@ -10,7 +10,7 @@ import torch
 
 from graycard import Capture, Progress, srgb_encode
 from graycard.methods._contract import Ask, Priors
-from graycard.methods.removal._behind import views_behind
+from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import Target, Wall, targets_of
 from graycard.methods.removal._scene import RemovalScene, load_scene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
@@ -74,7 +74,7 @@ class RemovalMethod:
         cameras = [view.camera for view in capture.train]
         theirs = target_surfels(surfels_of(before.surfels), cameras, masks, settings.least_inside)
         left = before.take(~theirs)
-        behind = views_behind(capture, left.all, masks, settings.grow)
+        behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
         targets, wall = targets_of(behind, priors, settings.references)
         start = with_wall(left, int(theirs.sum()), wall, settings, seed)
         after = _second(start, targets, settings, seed, progress)

@@ -78,13 +78,33 @@ def target_surfels(
     Raises:
         MethodError: None is the object's, or all are.
     """
-    shown = share_inside(surfels, cameras, masks) >= least
-    theirs = shown | torch.from_numpy(_inside_hull(surfels.centres.detach().numpy(), shown.numpy()))
+    return labelled_surfels(
+        surfels,
+        share_inside(surfels, cameras, masks) >= least,
+        f"with a share of {least:g} or more in the masks of the object",
+    )
+
+
+def labelled_surfels(surfels: Surfels, labelled: torch.Tensor, how: str) -> torch.Tensor:
+    """Which surfels are the object's: those that are labelled so, and those inside of their hull.
+
+    Args:
+        surfels: N of them.
+        labelled: Shape ``(N,)``, bool.
+        how: For a message: what a label says.
+
+    Returns:
+        Shape ``(N,)``, bool.
+
+    Raises:
+        MethodError: None is the object's, or all are.
+    """
+    inside = _inside_hull(surfels.centres.detach().numpy(), labelled.numpy())
+    theirs = labelled | torch.from_numpy(inside)
     if not theirs.any() or theirs.all():
         raise MethodError(
-            f"expected some of {len(surfels)} surfels in the masks of the object, got "
-            f"{'all' if theirs.any() else 'none'} with a share of {least:g} or more there. Look at the "
-            "masks, change least_inside, or give the fit more iterations"
+            f"expected some of {len(surfels)} surfels {how}, got {'all' if theirs.any() else 'none'}. Look "
+            "at the masks, change least_inside, or give the fit more iterations"
         )
     return theirs
 

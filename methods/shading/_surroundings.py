@@ -63,11 +63,35 @@ def lit_by_surroundings(
     """
     cosine = (normal * eye).sum(dim=-1)
     mirrored = 2 * cosine[..., None] * normal - eye
-    sky = _between_skies(surroundings.skies, mirrored, material.roughness)
+    sky = mirrored_sky(surroundings, mirrored, material.roughness)
     scale, offset = even_sky(material.roughness, cosine).unbind(dim=-1)
     returned = material.f0 * scale[..., None] + offset[..., None]
     diffuse = material.diffuse / torch.pi * look_up(surroundings.irradiance, normal)
     return Lobes(diffuse, returned * sky)
+
+
+def mirrored_sky(
+    surroundings: Surroundings, directions: torch.Tensor, roughness: torch.Tensor
+) -> torch.Tensor:
+    """What surfaces of a roughness mirror: linear between the two filtered skies that are nearest to it.
+
+    Args:
+        surroundings: Light.
+        directions: Shape ``(..., 3)``, world, unit: of mirrored rays.
+        roughness: Shape ``(...)``, 0 to 1.
+
+    Returns:
+        Shape ``(..., 3)``, of the unit of the sky; differentiable in all three.
+    """
+    skies = surroundings.skies
+    level = roughness.expand(directions.shape[:-1]).reshape(-1) * (len(skies) - 1)
+    level, toward = level.clamp(0, len(skies) - 1), directions.reshape(-1, 3)
+    total = torch.zeros_like(toward)
+    for number, sky in enumerate(skies):
+        share = 1 - (level - number).abs()
+        (near,) = (share > 0).nonzero(as_tuple=True)
+        total = total.index_add(0, near, share[near, None] * look_up(sky, toward[near]))
+    return total.reshape(directions.shape)
 
 
 def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
@@ -92,20 +116,6 @@ def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
     upper = table[i, j] * (1 - across) + table[i, j + 1] * across
     lower = table[i + 1, j] * (1 - across) + table[i + 1, j + 1] * across
     return upper * (1 - down) + lower * down
-
-
-def _between_skies(
-    skies: tuple[torch.Tensor, ...], directions: torch.Tensor, roughness: torch.Tensor
-) -> torch.Tensor:
-    """What is seen in a sky filtered for a roughness: linear between the two that are nearest to it."""
-    level = roughness.expand(directions.shape[:-1]).reshape(-1) * (len(skies) - 1)
-    level, toward = level.clamp(0, len(skies) - 1), directions.reshape(-1, 3)
-    total = torch.zeros_like(toward)
-    for number, sky in enumerate(skies):
-        share = 1 - (level - number).abs()
-        (near,) = (share > 0).nonzero(as_tuple=True)
-        total = total.index_add(0, near, share[near, None] * look_up(sky, toward[near]))
-    return total.reshape(directions.shape)
 
 
 def _cubemap(texels: torch.Tensor) -> torch.Tensor:

@@ -31,6 +31,9 @@ from graycard.methods.surfels._scene import export_colours as export_colours
 from graycard.methods.surfels._scene import normal_layer as normal_layer
 from graycard.methods.surfels._settings import OracleSurfelSettings as OracleSurfelSettings
 from graycard.methods.surfels._settings import SurfelSettings as SurfelSettings
+from graycard.methods.surfels._start import COEFFICIENTS as COEFFICIENTS
+from graycard.methods.surfels._start import DETAIL as DETAIL
+from graycard.methods.surfels._start import SKY as SKY
 from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import sparse_start as sparse_start
 from graycard.methods.surfels._start import with_colours as with_colours

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The first stage: surfels of everything, the object included, and how glossy surfaces send light on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from graycard import Capture, Progress
+from graycard.methods.goris._filter import translation_parameters
+from graycard.methods.goris._model import (
+    BRIGHTEST,
+    DIFFUSE,
+    FRESNEL,
+    LABEL,
+    REGION,
+    ROUGHNESS,
+    SURROUNDINGS,
+)
+from graycard.methods.goris._objective import LightObjective, RadianceObjective
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shots import Shot
+from graycard.methods.splat import (
+    LOGITS,
+    Parameters,
+    Plan,
+    Rate,
+    initial_state,
+    scene_extent,
+    share_inside,
+    surfels_of,
+    train,
+)
+from graycard.methods.surfels import (
+    COEFFICIENTS,
+    SKY,
+    decode,
+    density_rules,
+    fit_checkpoint,
+    learning_rates,
+    sparse_start,
+)
+
+METHOD = "goris"
+FIRST_FRESNEL, FIRST_ROUGHNESS, FIRST_DIFFUSE = 0.3, 0.3, 0.5
+"""Of all surfels before light is sent on (paper: 0.5 for all); the last a share of the colour."""
+FIRST_REGION = 0.9
+"""The same of the region where no prior tells glossy surfaces (paper)."""
+_SURE = 0.05
+"""What priors and masks say is believed but for this."""
+
+
+def fit_colours(
+    capture: Capture, shots: Sequence[Shot], settings: GorisSettings, seed: int, progress: Progress
+) -> Parameters:
+    """Coloured surfels that show the training photographs.
+
+    Raises:
+        MethodError: There are too few sparse points, or the fit has no way on.
+    """
+    extent = scene_extent([shot.photograph.camera for shot in shots])
+    pictures = [(shot.photograph.camera, shot.photograph.encoded) for shot in shots]
+    plan = Plan(
+        settings.radiance_steps,
+        learning_rates(extent, settings),
+        extent,
+        density_rules(settings.surfels),
+        fit_checkpoint(METHOD, settings, seed, pictures),
+    )
+    state = initial_state(sparse_start(capture, settings, seed), seed)
+    return train(state, plan, RadianceObjective(shots, settings, seed), progress).parameters
+
+
+def fit_light(
+    coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int, progress: Progress
+) -> Parameters:
+    """How coloured surfels send light on; they move on as well.
+
+    Raises:
+        MethodError: The fit has no way on.
+    """
+    extent = scene_extent([shot.photograph.camera for shot in shots])
+    start = with_light(coloured, shots, settings, seed)
+    if settings.light_steps == 0:
+        return start
+    plan = Plan(settings.light_steps, light_rates(extent, settings), extent)
+    objective = LightObjective(shots, settings, extent, seed)
+    return train(initial_state(start, seed), plan, objective, progress).parameters
+
+
+def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int) -> Parameters:
+    """Coloured surfels with what light needs, as it is before the first step (inferred but for the region).
+
+    Diffuse radiance is the colour from everywhere; regions and labels are the share of what each surfel gives
+    to photographs that lies in masks.
+    """
+    surfels = surfels_of(coloured.surfels)
+    cameras = [shot.photograph.camera for shot in shots]
+
+    def inside(masks: Sequence[torch.Tensor]) -> torch.Tensor:
+        return share_inside(surfels, cameras, [np.asarray(mask, bool) for mask in masks])[:, None]
+
+    base = coloured.surfels[COEFFICIENTS][:, 0] * (0.5 / np.sqrt(np.pi)) + 0.5
+    even = torch.ones(len(coloured), 1)
+    told = all(shot.told for shot in shots)
+    rough = 1 - inside([shot.glossy for shot in shots]) if told else FIRST_REGION * even
+    own = {
+        DIFFUSE: torch.logit(FIRST_DIFFUSE * base / BRIGHTEST, eps=_SURE),
+        FRESNEL: torch.logit(FIRST_FRESNEL * even).repeat(1, 3),
+        ROUGHNESS: torch.logit(FIRST_ROUGHNESS * even),
+        REGION: torch.logit(rough, eps=_SURE),
+        LABEL: torch.logit(inside([shot.target for shot in shots]), eps=_SURE),
+    }
+    size = settings.sky_size
+    sky = decode(coloured.shared[SKY][0] * (0.5 / np.sqrt(np.pi)) + 0.5).clamp(min=_SURE)
+    shared = {SURROUNDINGS: sky.log().expand(6, size, size, 3).contiguous()}
+    if settings.filter != "none":
+        shared |= translation_parameters(settings.filter, seed)
+    return Parameters({**coloured.surfels, **own}, {**coloured.shared, **shared})
+
+
+def light_rates(extent: float, settings: GorisSettings) -> dict[str, Rate]:
+    """Learning rates by the names of parameters, for a scene of an extent in metres (inferred).
+
+    Geometry goes on as slowly as it ended; what is new is as fast as a short fit needs.
+    """
+    rates = learning_rates(extent, settings)
+    rates = {name: Rate(rate.end or rate.start) for name, rate in rates.items()}
+    rates[LOGITS] = Rate(1e-2)
+    rates |= {
+        DIFFUSE: Rate(2e-2, 5e-3),
+        FRESNEL: Rate(2e-2, 5e-3),
+        ROUGHNESS: Rate(2e-2, 5e-3),
+        REGION: Rate(2e-2),
+        LABEL: Rate(2e-2),
+        SURROUNDINGS: Rate(2e-2, 5e-3),
+    }
+    if settings.filter != "none":
+        names = translation_parameters(settings.filter, 0)
+        rates |= {name: Rate(1e-3) for name in names}
+    return rates

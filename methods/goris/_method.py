@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``goris`` (GOR-IS, CVPR 2026): an object is taken out together with its mirror image."""
+
+from pathlib import Path
+
+from graycard import Capture, Progress
+from graycard.methods._contract import Priors
+from graycard.methods.goris._distil import distilled
+from graycard.methods.goris._fit import fit_colours, fit_light
+from graycard.methods.goris._remove import without_object
+from graycard.methods.goris._scene import METHOD, GlossyScene, GorisScene, load_scene
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shots import ASKS, shots_of
+from graycard.methods.removal import checked
+from graycard.methods.splat import Parameters, scene_extent
+from graycard.methods.surfels import SurfelScene
+
+
+class GorisMethod:
+    """Surfels, some of them glossy: what these show is traced, so it goes when the object goes."""
+
+    summary = "surfels whose glossy ones show what mirrored rays meet; the object goes with its mirror image"
+    needs: tuple[str, ...] = ()
+    asks = ASKS
+    settings_type = GorisSettings
+
+    def fit(
+        self, capture: Capture, priors: Priors, settings: GorisSettings, seed: int, progress: Progress
+    ) -> GorisScene:
+        """Fit surfels and how they send light on, take the object's out, and fit what is left.
+
+        Raises:
+            MethodError: The capture names no object or its masks are not sound, there are too few sparse
+                points, photographs are black or not finite, an answer of the prior is not sound, or the fit
+                has no way on.
+        """
+        masks = checked(capture, settings, seed, METHOD, settings.grow)
+        shots = shots_of(capture, priors, masks, settings)
+        coloured = fit_colours(capture, shots, settings, seed, progress)
+        before = fit_light(coloured, shots, settings, seed, progress)
+        after = without_object(
+            capture, before, shots, priors, settings=settings, seed=seed, progress=progress
+        )
+        cameras = [view.camera for view in capture.train]
+        extent = scene_extent(cameras)
+
+        def scene(parameters: Parameters) -> GlossyScene:
+            return GlossyScene(parameters, settings, capture.exposure, extent)
+
+        colours = None
+        if settings.distilled:
+            fitted = distilled(after, cameras, settings, seed, progress)
+            colours = SurfelScene(METHOD, fitted, capture.exposure)
+        assert capture.target is not None, "it was checked"
+        return GorisScene(scene(before), scene(after), capture.target, colours)
+
+    def load(self, folder: Path) -> GorisScene:
+        """A saved decomposition.
+
+        Raises:
+            MethodError: It is missing, damaged, or of another method.
+        """
+        return load_scene(folder)

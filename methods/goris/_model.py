@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a picture comes about: surfels are drawn as layers, and glossy pixels show what mirrored rays meet."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch.nn.functional import normalize
+
+from graycard import Camera
+from graycard.methods.goris._filter import filtered, pyramid, translated
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.shading import mirrored_sky, surroundings_of
+from graycard.methods.splat import (
+    GEOMETRY,
+    FeatureMaps,
+    Maps,
+    Rays,
+    Surfels,
+    harmonics_basis,
+    rasterize,
+    rasterize_features,
+    surfels_of,
+    trace,
+)
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, colours, composed, decode, encode
+
+DIFFUSE, FRESNEL, ROUGHNESS, REGION, LABEL = "diffuse", "f0", "roughness", "region", "label"
+"""Names of the parameters of surfels, all logits: of diffuse radiance over :data:`BRIGHTEST`, encoded,
+``(N, 3)``; of reflectance at normal incidence ``(N, 3)``; of roughness ``(N, 1)``; of the region ``(N, 1)``,
+1 where a surface is rough and 0 where it is glossy; and of how much a surfel is the object's ``(N, 1)``."""
+SURROUNDINGS = "surroundings"
+"""Name of a parameter that is no surfel's: logarithm of exposed radiance, cubemap ``(6, N, N, 3)``."""
+BRIGHTEST = 1.5
+"""Diffuse radiance of a surfel, encoded, at most: photographs divided by this fill [0, 1] in the paper."""
+LEAST_COVER = 1e-3
+"""Of a pixel, by surfels: with less its layers are no longer divided by it."""
+LEAST_GLOSS = 0.02
+"""Share of a pixel that has to be glossy for a ray to be traced."""
+NEAR = 0.02
+"""Shares of the extent: mirrored rays do not meet what is nearer to where they begin (paper: they begin 0.1
+units away)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Buffers:
+    """What a camera sees of surfels, before light is sent on; H x W pixels."""
+
+    camera: Camera
+    drawn: Maps
+    """Of geometry; of its features the first three are encoded colours, the others diffuse radiance."""
+    rough: torch.Tensor
+    """Shape ``(H, W, 3)``, encoded: the picture were everything rough, over the sky."""
+    diffuse: torch.Tensor
+    """Shape ``(H, W, 3)``, linear, exposed: what surfaces scatter, whatever the direction of view."""
+    f0: torch.Tensor
+    """Shape ``(H, W, 3)``."""
+    roughness: torch.Tensor
+    """Shape ``(H, W)``."""
+    glossy: torch.Tensor
+    """Shape ``(H, W)``: share of the pixel that is glossy; what surfels do not cover is not."""
+    label: torch.Tensor
+    """Shape ``(H, W)``: share of the pixel that the object covers."""
+    normal: torch.Tensor
+    """Shape ``(H, W, 3)``, world, unit."""
+    points: torch.Tensor
+    """Shape ``(H, W, 3)``, world, metres."""
+
+
+def drawn_buffers(
+    values: Mapping[str, torch.Tensor],
+    camera: Camera,
+    sky: torch.Tensor,
+    settings: GorisSettings,
+    offsets: torch.Tensor | None = None,
+) -> Buffers:
+    """Draw surfels.
+
+    Colours and diffuse radiance move geometry, the other attributes do not (the paper lets the Fresnel term
+    move it too).
+
+    Args:
+        values: Parameters by name.
+        camera: Any.
+        sky: Shape ``(H, W, K)``: harmonics of the direction of each pixel.
+        settings: Of the method.
+        offsets: See :func:`graycard.methods.splat.rasterize`.
+    """
+    seen, matte = colours(values, camera.position, settings.degree), BRIGHTEST * values[DIFFUSE].sigmoid()
+    if settings.composite == "paper":
+        region = values[REGION].sigmoid()
+        seen = region * seen + (1 - region) * matte
+    drawn = rasterize(surfels_of(values, torch.cat([seen, matte], dim=1)), camera, offsets=offsets)
+    still = {name: values[name].detach() for name in GEOMETRY}
+    gloss = 1 - values[REGION].sigmoid()
+    others = [values[FRESNEL].sigmoid(), values[ROUGHNESS].sigmoid(), gloss, values[LABEL].sigmoid()]
+    soft = rasterize_features(surfels_of(still, torch.cat(others, dim=1)), camera)
+    cover = soft.alpha[..., None].clamp(min=LEAST_COVER)
+    f0, roughness, glossy, label = soft.features.split([3, 1, 1, 1], dim=-1)
+    encoded = drawn.features[..., 3:] / drawn.alpha[..., None].clamp(min=LEAST_COVER)
+    return Buffers(
+        camera,
+        drawn,
+        composed(FeatureMaps(drawn.features[..., :3], drawn.alpha), sky, values),
+        decode(encoded),
+        f0 / cover,
+        (roughness / cover)[..., 0],
+        glossy[..., 0] if settings.transport else torch.zeros_like(drawn.alpha),
+        label[..., 0],
+        _unit_normals(drawn, camera),
+        _points(drawn, camera),
+    )
+
+
+def _unit_normals(drawn: Maps, camera: Camera) -> torch.Tensor:
+    """Those that face the camera where no surfel is."""
+    eye = -torch.tensor(camera.rays(), dtype=torch.float32)
+    return normalize(torch.where(drawn.alpha[..., None] > LEAST_COVER, drawn.normal, eye), dim=-1)
+
+
+def _points(drawn: Maps, camera: Camera) -> torch.Tensor:
+    rays = torch.tensor(camera.rays())
+    along = (rays / (rays @ torch.tensor(camera.forward))[..., None]).float()
+    depth = torch.where(drawn.alpha > 0, drawn.depth, 1.0)
+    return torch.tensor(camera.position, dtype=torch.float32) + along * depth[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrored:
+    """What the mirrored rays of R pixels meet."""
+
+    rows: torch.Tensor
+    """Shape ``(R,)``: numbers of the pixels, row by row."""
+    directions: torch.Tensor
+    """Shape ``(R, 3)``, world, unit, away from the surface."""
+    radiance: torch.Tensor
+    """Shape ``(R, C)``: of surfels, as much as they cover of the ray; linear and exposed, or any feature."""
+    passed: torch.Tensor
+    """Shape ``(R, 1)``: what passes all surfels."""
+    depth: torch.Tensor
+    """Shape ``(R, 1)``: how far rays go, metres; 0 where they meet nothing."""
+
+
+def mirrored_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
+    """Numbers of the glossy pixels, and the rays that a mirror would send on from there.
+
+    ``w - 2 (w . n) n`` with the view ray w; differentiable in points and normals.
+    """
+    (rows,) = (buffers.glossy.detach().flatten() > LEAST_GLOSS).nonzero(as_tuple=True)
+    view = torch.tensor(buffers.camera.rays(), dtype=torch.float32).reshape(-1, 3)[rows]
+    normal = buffers.normal.reshape(-1, 3)[rows]
+    away = view - 2 * (view * normal).sum(dim=-1, keepdim=True) * normal
+    return rows, Rays(buffers.points.reshape(-1, 3)[rows], normalize(away, dim=-1))
+
+
+def mirrored_colours(
+    values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
+) -> Mirrored:
+    """Radiance along mirrored rays.
+
+    Harmonics are sums: their coefficients are blended along the ray, and seen in its direction afterwards.
+
+    Args:
+        values: Parameters by name.
+        buffers: Of a view.
+        settings: Of the method.
+        extent: Of the scene, metres.
+    """
+    count = (settings.traced_degree + 1) ** 2
+    coefficients = torch.cat([values[COEFFICIENTS], values[DETAIL]], dim=1)[:, :count]
+    rows, rays = mirrored_rays(buffers)
+    met = trace(surfels_of(values), rays, coefficients.flatten(1), near=NEAR * extent)
+    basis = harmonics_basis(rays.directions.detach().numpy(), settings.traced_degree)
+    blended = met.features.unflatten(-1, (count, 3))
+    encoded = (blended * torch.from_numpy(basis).float()[..., None]).sum(dim=1)
+    cover = (1 - met.transmittance)[:, None]
+    mean = encoded / cover.clamp(min=LEAST_COVER) + 0.5
+    radiance = cover * decode(mean).clamp(min=0)
+    return Mirrored(rows, rays.directions, radiance, met.transmittance[:, None], met.depth[:, None])
+
+
+def mirrored_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, extent: float) -> Mirrored:
+    """Features ``(N, C)`` of surfels along mirrored rays; see :func:`mirrored_colours`."""
+    rows, rays = mirrored_rays(buffers)
+    met = trace(surfels, rays, features, near=NEAR * extent)
+    return Mirrored(rows, rays.directions, met.features, met.transmittance[:, None], met.depth[:, None])
+
+
+def fresnel(buffers: Buffers, mirrored: Mirrored) -> torch.Tensor:
+    """Schlick's Fresnel term of the glossy pixels, shape ``(R, 3)``; the cosine gets no gradient."""
+    normal = buffers.normal.detach().reshape(-1, 3)[mirrored.rows]
+    cosine = (normal * mirrored.directions.detach()).sum(dim=-1, keepdim=True).clamp(0, 1)
+    f0 = buffers.f0.reshape(-1, 3)[mirrored.rows]
+    return f0 + (1 - f0) * (1 - cosine) ** 5
+
+
+def blurred(
+    values: Mapping[str, torch.Tensor],
+    buffers: Buffers,
+    mirrored: Mirrored,
+    settings: GorisSettings,
+    extent: float,
+) -> torch.Tensor:
+    """Radiance and what passes, as blurred as roughness asks for, shape ``(R, C + 1)``.
+
+    Pixels without a ray do not count: blurred images are divided by the blurred share of pixels with one.
+    """
+    sharp = torch.cat([mirrored.radiance, mirrored.passed], dim=-1)
+    if settings.filter == "none" or len(mirrored.rows) == 0:
+        return sharp
+    height, width = buffers.roughness.shape
+    counted = torch.cat([sharp, sharp.new_ones(len(sharp), 1)], dim=-1)
+    levels = pyramid(_image(counted, mirrored.rows, height, width), settings.filter, buffers.normal)
+    blur = translated(values, buffers.roughness, _distances(buffers, mirrored, settings, extent))
+    soft = filtered(levels, blur).flatten(0, 1)[mirrored.rows]
+    return soft[:, :-1] / soft[:, -1:].clamp(min=LEAST_COVER)
+
+
+def _image(pixels: torch.Tensor, rows: torch.Tensor, height: int, width: int) -> torch.Tensor:
+    """Pixels ``(R, C)`` in their places, zero elsewhere, shape ``(H, W, C)``."""
+    nothing = pixels.new_zeros(height * width, pixels.shape[1])
+    return nothing.index_put((rows,), pixels).reshape(height, width, -1)
+
+
+@torch.no_grad()
+def _distances(buffers: Buffers, mirrored: Mirrored, settings: GorisSettings, extent: float) -> torch.Tensor:
+    """What the network is told beside roughness, see :data:`Reading`; in extents of the scene."""
+    drawn = buffers.drawn
+    depth = torch.where(drawn.alpha > 0, drawn.depth, extent)[..., None] / extent
+    if settings.filter == "paper":
+        return depth
+    return torch.cat([_image(mirrored.depth / extent, mirrored.rows, *drawn.alpha.shape), 1 / depth], dim=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a photograph shows, and what it is made of."""
+
+    buffers: Buffers
+    encoded: torch.Tensor
+    """Shape ``(H, W, 3)``."""
+    reflected: torch.Tensor
+    """Shape ``(H, W, 3)``, linear, exposed: the glossy term; 0 where nothing is glossy."""
+
+
+def picture_of(
+    values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
+) -> Picture:
+    """Send light on, and mix pixels of what is rough and what is glossy.
+
+    Args:
+        values: Parameters by name.
+        buffers: Of a view.
+        settings: Of the method.
+        extent: Of the scene, metres.
+    """
+    reflected = _reflected(values, buffers, settings, extent)
+    share = buffers.glossy[..., None]
+    rough = decode(buffers.rough)
+    if settings.composite == "paper":
+        linear = rough + share * reflected
+    else:
+        linear = (1 - share) * rough + share * (buffers.diffuse + reflected)
+    return Picture(buffers, encode(linear), reflected)
+
+
+def _reflected(
+    values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
+) -> torch.Tensor:
+    if not settings.transport:
+        return torch.zeros_like(buffers.diffuse)
+    mirrored = mirrored_colours(values, buffers, settings, extent)
+    light, passed = blurred(values, buffers, mirrored, settings, extent).split([3, 1], dim=-1)
+    roughness = buffers.roughness.flatten()[mirrored.rows]
+    sky = mirrored_sky(surroundings_of(values[SURROUNDINGS].exp()), mirrored.directions, roughness)
+    reflected = fresnel(buffers, mirrored) * (light + passed * sky)
+    return _image(reflected, mirrored.rows, *buffers.roughness.shape)
+
+
+@torch.no_grad()
+def effect_of(
+    values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
+) -> torch.Tensor:
+    """Share of an even light that pixels return by way of the object, shape ``(H, W)``, 0 to 1.
+
+    The transport of colours with labels in their place (the paper's lighting-aware mask).
+    """
+    labels = values[LABEL].sigmoid()
+    mirrored = mirrored_features(surfels_of(values), labels, buffers, extent)
+    soft = blurred(values, buffers, mirrored, settings, extent)[:, :1]
+    returned = (fresnel(buffers, mirrored) * soft).mean(dim=-1, keepdim=True)
+    return _image(returned, mirrored.rows, *buffers.roughness.shape)[..., 0] * buffers.glossy

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What steps of the first stage lower: first of colours alone, then of light that is sent on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch.nn.functional import binary_cross_entropy, normalize
+
+from graycard.methods.goris._model import Buffers, drawn_buffers, picture_of
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shots import Shot
+from graycard.methods.splat import (
+    CENTRES,
+    Look,
+    Maps,
+    depth_to_normals,
+    image_radius,
+    photometric_map,
+    rasterize,
+    surfels_of,
+    view_at,
+)
+from graycard.methods.surfels import colours, composed, disagreement
+
+DEGREE_EVERY = 1 / 10
+"""Share of the steps in colours alone after which the next degree of the harmonics is fitted too."""
+_INSIDE = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class RadianceObjective:
+    """Of colours that change with the view, as ``2dgs``, and of a prior's normals on glossy surfaces.
+
+    Without these, what is seen in a mirror becomes a room behind it, and no later step fills that in again.
+    """
+
+    shots: Sequence[Shot]
+    settings: GorisSettings
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step."""
+        settings = self.settings
+        shot, share = self.shots[view_at(step, len(self.shots), self.seed)], step / settings.radiance_steps
+        view = shot.photograph
+        seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
+        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        drawn = rasterize(surfels_of(values, seen), view.camera, offsets=offsets)
+        picture = composed(drawn, view.sky, values)
+        loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()
+        if share >= settings.normal_start:
+            loss = loss + disagreement(
+                drawn, view.camera, (settings.normal_weight, settings.distortion_weight)
+            )
+        normals = normalize(drawn.normal, dim=-1, eps=_INSIDE)
+        loss = loss + settings.weights * settings.normal_prior_weight * normal_difference(normals, shot)
+        return _look(loss + cover_loss(drawn, settings), shot, offsets, values)
+
+
+@dataclass(frozen=True, eq=False)
+class LightObjective:
+    """Of pictures in which glossy surfaces show what mirrored rays meet."""
+
+    shots: Sequence[Shot]
+    settings: GorisSettings
+    extent: float
+    """Of the scene, metres."""
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step, counted from the first with light."""
+        settings = self.settings
+        shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
+        view = shot.photograph
+        offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
+        buffers = drawn_buffers(values, view.camera, view.sky, settings, offsets)
+        picture = picture_of(values, buffers, settings, self.extent)
+        loss = photometric_map(picture.encoded, view.encoded, settings.ssim_share).mean()
+        loss = loss + surface_loss(buffers, shot, settings, step)
+        loss = loss + settings.weights * settings.smooth_weight * unevenness(buffers, shot)
+        loss = loss + settings.label_weight * label_loss(buffers, shot)
+        return _look(loss, shot, offsets, values)
+
+
+def surface_loss(
+    buffers: Buffers, shot: Shot, settings: GorisSettings, step: int, kept: torch.Tensor | float = 1.0
+) -> torch.Tensor:
+    """What holds surfaces and the region of glossy ones in every stage.
+
+    Args:
+        buffers: Of the view.
+        shot: It.
+        settings: Of the method.
+        step: Counted from the first with light.
+        kept: Shape ``(H, W)``: which pixels of the photograph are believed.
+    """
+    drawn = buffers.drawn
+    weights = settings.normal_weight, settings.distortion_weight
+    loss = cover_loss(drawn, settings) + disagreement(drawn, buffers.camera, weights)
+    held = settings.weights * normal_prior_weight(settings, step)
+    loss = loss + held * normal_difference(buffers.normal, shot, kept)
+    if not shot.told:
+        return loss
+    differs = (drawn.alpha.detach() * shot.glossy - buffers.glossy).abs()
+    return loss + settings.region_weight * (differs * kept).mean()
+
+
+def cover_loss(drawn: Maps, settings: GorisSettings) -> torch.Tensor:
+    """What shines through all surfels."""
+    return settings.cover_weight * (1 - drawn.alpha.mean())
+
+
+def normal_prior_weight(settings: GorisSettings, step: int) -> float:
+    """Of the prior's normals after so many steps with light."""
+    first, last = settings.normal_prior_weight, settings.least_normal_prior_weight
+    share = min(1.0, step / (settings.decay_share * settings.iterations))
+    if first <= last:
+        return first
+    if settings.decay == "linear":
+        return first + share * (last - first)
+    return first * (last / first) ** share
+
+
+def normal_difference(normal: torch.Tensor, shot: Shot, kept: torch.Tensor | float = 1.0) -> torch.Tensor:
+    """Mean absolute difference from the prior's normals where surfaces are glossy, summed over axes.
+
+    Args:
+        normal: Shape ``(H, W, 3)``, world, unit.
+        shot: Of a view.
+        kept: Shape ``(H, W)``: how much pixels count.
+    """
+    if shot.normal is None:
+        return torch.zeros(())
+    known = (shot.normal.square().sum(dim=-1) > 0.5) * shot.glossy * kept
+    return ((normal - shot.normal).abs().sum(dim=-1) * known).mean()
+
+
+def label_loss(buffers: Buffers, shot: Shot) -> torch.Tensor:
+    """Mean cross entropy between drawn labels and the mask of the object."""
+    return binary_cross_entropy(buffers.label.clamp(_INSIDE, 1 - _INSIDE), shot.target)
+
+
+def unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
+    """Mean steps of f0, roughness, normals and those of depth between glossy neighbours but for edges.
+
+    ``|d x| exp(-|d i|)``, of the means over channels, as the released code has it.
+    """
+    drawn = buffers.drawn
+    depth_normal = depth_to_normals(drawn.depth, buffers.camera)
+    layers = torch.stack(
+        [
+            buffers.f0.mean(dim=-1),
+            buffers.roughness,
+            buffers.normal.mean(dim=-1),
+            depth_normal.mean(dim=-1),
+        ],
+        dim=-1,
+    )
+    guide, total = shot.photograph.encoded.mean(dim=-1), torch.zeros(())
+    for axis in (0, 1):
+        length = shot.glossy.shape[axis] - 1
+        glossy = shot.glossy.narrow(axis, 0, length) * shot.glossy.narrow(axis, 1, length)
+        edge = glossy * torch.exp(-guide.diff(dim=axis).abs())
+        total = total + (layers.diff(dim=axis).abs() * edge[..., None]).sum(dim=-1).mean()
+    return total
+
+
+def _look(loss: torch.Tensor, shot: Shot, offsets: torch.Tensor, values: Mapping[str, torch.Tensor]) -> Look:
+    camera = shot.photograph.camera
+    return Look(loss, offsets, image_radius(values, camera), (camera.width, camera.height))

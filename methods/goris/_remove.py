@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The second stage: the object is taken out, what was behind it is painted, and the rest stays."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from graycard import Camera, Capture, Progress, srgb_encode
+from graycard.methods._contract import Priors
+from graycard.methods.goris._fit import light_rates
+from graycard.methods.goris._model import (
+    BRIGHTEST,
+    DIFFUSE,
+    FRESNEL,
+    LABEL,
+    REGION,
+    ROUGHNESS,
+    SURROUNDINGS,
+    Picture,
+    drawn_buffers,
+    effect_of,
+    picture_of,
+)
+from graycard.methods.goris._objective import surface_loss
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shots import LAYERS, Shot
+from graycard.methods.removal import (
+    NEW_OPACITY,
+    Shown,
+    Target,
+    Wall,
+    labelled_surfels,
+    targets_of,
+    views_behind,
+)
+from graycard.methods.splat import (
+    Look,
+    Parameters,
+    Plan,
+    image_radius,
+    initial_state,
+    joined_surfels,
+    photometric_map,
+    scene_extent,
+    surfels_of,
+    surfels_on_surface,
+    train,
+    view_at,
+)
+from graycard.methods.surfels import decode, depth_layer, encode, sky_basis, with_colours
+
+_SURE = 1e-3
+"""Of painted shares of 0 and 1, whose logits are infinite."""
+_GLOSSY = 0.5
+"""Share of a painted pixel from which on it is filled in as a material."""
+_FEWEST = 2
+"""Points of which surfels are made."""
+
+
+def without_object(
+    capture: Capture,
+    fitted: Parameters,
+    shots: Sequence[Shot],
+    priors: Priors,
+    *,
+    settings: GorisSettings,
+    seed: int,
+    progress: Progress,
+) -> Parameters:
+    """Take the object out of what the first stage has fitted.
+
+    Args:
+        capture: The photographs.
+        fitted: Of the first stage.
+        shots: The training views.
+        priors: Fill in radiance and the layers of materials.
+        settings: Of the method.
+        seed: Of the order of views, and of new surfels.
+        progress: Called now and then.
+
+    Raises:
+        MethodError: No surfel is the object's or all are, the prior's answer is not sound, or the fit has no
+            way on.
+    """
+    extent = scene_extent([shot.photograph.camera for shot in shots])
+    labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
+    how = f"with a label of {settings.least_inside:g} or more"
+    theirs = labelled_surfels(surfels_of(fitted.surfels), labelled, how)
+    left = fitted.take(~theirs)
+    behind = views_behind(
+        capture,
+        _drawn(left.all, settings, extent),
+        [shot.target.numpy() > 0 for shot in shots],
+        settings.grow,
+        _effects(fitted.all, shots, settings, extent) if settings.effect_mask else None,
+    )
+    targets, wall = targets_of(behind, priors, settings.references)
+    start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
+    rates = light_rates(extent, settings)
+    for name in (LABEL, SURROUNDINGS):
+        rates.pop(name)
+    objective = RemovalObjective(shots, [_aim(target) for target in targets], settings, extent, seed)
+    plan = Plan(settings.second_steps, rates, extent)
+    return train(initial_state(start, seed), plan, objective, progress).parameters
+
+
+def _effects(
+    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
+) -> list[np.ndarray]:
+    """Where views show the object by reflection, shape ``(H, W)``, bool."""
+    found = []
+    with torch.no_grad():
+        for shot in shots:
+            view = shot.photograph
+            buffers = drawn_buffers(values, view.camera, view.sky, settings)
+            effect = effect_of(values, buffers, settings, extent)
+            found.append((effect > settings.least_effect).numpy())
+    return found
+
+
+def _drawn(
+    values: Mapping[str, torch.Tensor], settings: GorisSettings, extent: float
+) -> Callable[[Camera], Shown]:
+    """What cameras see: the picture, and the layers that materials are painted in."""
+
+    @torch.no_grad()
+    def draw(camera: Camera) -> Shown:
+        buffers = drawn_buffers(values, camera, sky_basis(camera, settings.sky_degree), settings)
+        picture = picture_of(values, buffers, settings, extent)
+        radiance = decode(picture.encoded).clamp(min=0).numpy().astype(np.float64)
+        layers = {name: layer.numpy() for name, layer in material_layers(picture).items()}
+        if not (settings.material_inpainting and settings.transport):
+            layers = {}
+        return Shown(radiance, depth_layer(buffers.drawn).astype(np.float64), layers)
+
+    return draw
+
+
+def material_layers(picture: Picture) -> dict[str, torch.Tensor]:
+    """The layers of :data:`LAYERS`: diffuse radiance in display range, the others in their unit."""
+    buffers = picture.buffers
+    parts = (buffers.diffuse, buffers.f0, buffers.roughness, buffers.glossy, buffers.normal)
+    return dict(zip(LAYERS, parts, strict=True))
+
+
+def with_painted_wall(
+    left: Parameters, taken: int, wall: Wall, settings: GorisSettings, seed: int
+) -> Parameters:
+    """What is left, with new surfels on the wall behind the object, as it was painted.
+
+    Args:
+        left: Surfels of everything else.
+        taken: How many surfels the object had: as many may be new.
+        wall: Points behind the object.
+        settings: Of the method.
+        seed: Of which points become surfels.
+    """
+    room = max(settings.surfels - len(left), taken)
+    if min(room, len(wall.points)) < _FEWEST:
+        return left
+    discs = surfels_on_surface(
+        wall.points, wall.normals, _painted(wall), room, seed, opacity=NEW_OPACITY, sizes=wall.distances
+    )
+    colours, diffuse, f0, roughness, glossy = discs.features.split([3, 3, 3, 1, 1], dim=1)
+    coloured = with_colours(replace(discs, features=colours), settings).surfels
+    own = {
+        DIFFUSE: diffuse / BRIGHTEST,
+        FRESNEL: f0,
+        ROUGHNESS: roughness,
+        REGION: 1 - glossy,
+        LABEL: torch.zeros_like(glossy),
+    }
+    return joined_surfels(left, {**coloured, **{k: torch.logit(v, eps=_SURE) for k, v in own.items()}})
+
+
+def _painted(wall: Wall) -> np.ndarray:
+    """Encoded colours, encoded diffuse radiance, f0, roughness and gloss of points, shape ``(M, 11)``.
+
+    Where only colours were painted what is new is rough.
+    """
+    count, colours = len(wall.points), np.asarray(srgb_encode(wall.colours))
+    if not wall.layers:
+        return np.concatenate([colours, colours, np.full((count, 5), (0.1, 0.1, 0.1, 0.3, 0.0))], axis=1)
+    diffuse = np.asarray(srgb_encode(np.maximum(wall.layers["diffuse"], 0)))
+    shares = [wall.layers["f0"], wall.layers["roughness"][:, None], wall.layers["glossy"][:, None]]
+    return np.concatenate([colours, diffuse, *(np.clip(share, 0, 1) for share in shares)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Aim:
+    """What a training view is to show when the object is gone; H x W pixels, float32."""
+
+    kept: torch.Tensor
+    """Shape ``(H, W)``: 1 where the photograph is believed."""
+    rough: torch.Tensor
+    """Shape ``(H, W)``: 1 in the hole where the painted picture is believed."""
+    glossy: torch.Tensor
+    """Shape ``(H, W)``: 1 in the hole where painted materials are."""
+    encoded: torch.Tensor
+    """Shape ``(H, W, 3)``: the painted picture."""
+    layers: Mapping[str, torch.Tensor]
+    """Painted materials; diffuse radiance is encoded."""
+
+
+def _aim(target: Target) -> Aim:
+    known = target.known
+    layers = {name: _float(layer) for name, layer in target.layers.items()}
+    glossy = np.zeros_like(known)
+    if layers:
+        glossy = known & (target.layers["glossy"] > _GLOSSY)
+        layers["diffuse"] = encode(layers["diffuse"])
+        layers["normal"] = torch.nn.functional.normalize(layers["normal"], dim=-1)
+    masks = (_float(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
+    return Aim(*masks, encode(_float(target.picture)), layers)
+
+
+def _float(values: np.ndarray) -> torch.Tensor:
+    return torch.from_numpy(values.astype(np.float32))
+
+
+@dataclass(frozen=True, eq=False)
+class RemovalObjective:
+    """Of photographs where they are believed, and of what was painted where the object was."""
+
+    shots: Sequence[Shot]
+    aims: Sequence[Aim]
+    """One a view."""
+    settings: GorisSettings
+    extent: float
+    """Of the scene, metres."""
+    seed: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+        """What is to be lowered at a step, counted from the first without the object."""
+        settings = self.settings
+        number = view_at(step, len(self.shots), self.seed)
+        shot, aim = self.shots[number], self.aims[number]
+        view = shot.photograph
+        buffers = drawn_buffers(values, view.camera, view.sky, settings)
+        picture = picture_of(values, buffers, settings, self.extent)
+        seen = photometric_map(picture.encoded, view.encoded, settings.ssim_share)
+        loss = (seen * aim.kept[..., None]).mean() + settings.hole_weight * painted_loss(
+            picture, aim, settings
+        )
+        loss = loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept)
+        camera = view.camera
+        return Look(loss, None, image_radius(values, camera), (camera.width, camera.height))
+
+
+def painted_loss(picture: Picture, aim: Aim, settings: GorisSettings) -> torch.Tensor:
+    """How far holes are from what was painted: colours where they are rough, else materials.
+
+    The paper compares colours by LPIPS, whose weights do not come with it; here as photographs are compared.
+    """
+    loss = torch.zeros(())
+    for drawn in (picture.encoded, picture.buffers.rough):
+        differs = photometric_map(drawn, aim.encoded, settings.ssim_share)
+        loss = loss + (differs * aim.rough[..., None]).mean()
+    if not aim.layers:
+        return loss
+    layers = material_layers(picture) | {"diffuse": encode(picture.buffers.diffuse)}
+    for name, layer in layers.items():
+        differs = (layer - aim.layers[name]).abs().reshape(*aim.glossy.shape, -1).mean(dim=-1)
+        loss = loss + (differs * aim.glossy).mean()
+    return loss

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The decomposition of ``goris``: surfels whose glossy ones show what mirrored rays meet, with and without
+the object.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from graycard import Camera, Light, MethodError, encode
+from graycard import decode as decode_json
+from graycard.methods._contract import Decomposition, check_layers
+from graycard.methods._store import restore, store
+from graycard.methods.goris._model import Picture, drawn_buffers, picture_of
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.splat import Parameters, arrays_of, parameters_from
+from graycard.methods.surfels import SurfelScene, decode, depth_layer, export_colours, normal_layer, sky_basis
+
+METHOD = "goris"
+LAYERS = frozenset({"radiance", "diffuse", "specular", "f0", "roughness", "glossy", "normal", "depth"})
+"""What it provides."""
+_BEFORE, _AFTER, _DISTILLED = "before/", "after/", "distilled/"
+
+
+@dataclass(frozen=True, eq=False)
+class GlossyScene:
+    """Surfels of which some are glossy."""
+
+    parameters: Parameters
+    settings: GorisSettings
+    exposure: float
+    """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
+    extent: float
+    """Of the scene, metres."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """The picture, what it is made of, materials and geometry."""
+        return LAYERS
+
+    @torch.no_grad()
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Layers as any camera sees them.
+
+        What is rough is all diffuse: ``specular`` is 0 there, ``roughness`` 1 and ``f0`` 0, in proportion.
+        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
+        normal faces the camera.
+
+        Raises:
+            MethodError: A layer is not provided.
+        """
+        check_layers(layers, self.provides)
+        values, sky = self.parameters.all, sky_basis(camera, self.settings.sky_degree)
+        buffers = drawn_buffers(values, camera, sky, self.settings)
+        found = self._layers(picture_of(values, buffers, self.settings, self.extent))
+        found |= {"normal": normal_layer(buffers.drawn, camera), "depth": depth_layer(buffers.drawn)}
+        return {name: found[name] for name in layers}
+
+    def _layers(self, picture: Picture) -> dict[str, np.ndarray]:
+        """But for geometry."""
+        buffers, share = picture.buffers, picture.buffers.glossy[..., None]
+        rough = decode(buffers.rough)
+        specular = share * picture.reflected
+        diffuse = (
+            rough if self.settings.composite == "paper" else share * buffers.diffuse + (1 - share) * rough
+        )
+        radiant = {"radiance": decode(picture.encoded), "diffuse": diffuse, "specular": specular}
+        found = {name: (image.clamp(min=0) / self.exposure) for name, image in radiant.items()}
+        found |= {
+            "f0": share * buffers.f0,
+            "roughness": 1 - buffers.glossy * (1 - buffers.roughness),
+            "glossy": buffers.glossy.clamp(0, 1),
+        }
+        return {name: image.numpy() for name, image in found.items()}
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """None: it looks for none."""
+        return None
+
+    def save(self, folder: Path) -> None:
+        """Write as safetensors and JSON.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        store(folder, METHOD, self._facts, arrays_of(self.parameters))
+
+    @property
+    def _facts(self) -> dict[str, object]:
+        return {"settings": encode(self.settings), "exposure": self.exposure, "extent": self.extent}
+
+
+@dataclass(frozen=True, eq=False)
+class GorisScene:
+    """The scene as it was photographed, and as it is without the object that its capture names."""
+
+    before: GlossyScene
+    after: GlossyScene
+    target: int
+    """Id of the object."""
+    distilled: SurfelScene | None = None
+    """``after`` as colours that change with the view; None: rays are traced."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """The layers with the object."""
+        return self.before.provides
+
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Layers with the object as any camera sees them.
+
+        Raises:
+            MethodError: A layer is not provided.
+        """
+        return self.before.render(camera, layers)
+
+    def remove(self, object_id: int) -> Decomposition:
+        """The scene without the object, and without its mirror image.
+
+        Raises:
+            MethodError: It is another object than the one that the capture names.
+        """
+        if object_id != self.target:
+            raise MethodError(f"expected the object that was fitted ({self.target}), got {object_id}")
+        return self.after if self.distilled is None else self.distilled
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """None: it looks for none."""
+        return None
+
+    def save(self, folder: Path) -> None:
+        """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
+
+        The PLY has colours alone: viewers trace no rays.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        parts = {_BEFORE: self.before.parameters, _AFTER: self.after.parameters}
+        if self.distilled is not None:
+            parts[_DISTILLED] = self.distilled.parameters
+        arrays = {part + name: a for part, p in parts.items() for name, a in arrays_of(p).items()}
+        store(folder, METHOD, {**self.before._facts, "target": self.target}, arrays)
+        export_colours(folder, parts[_DISTILLED] if self.distilled is not None else self.after.parameters)
+
+
+def load_scene(folder: Path) -> GorisScene:
+    """A scene that was saved.
+
+    Raises:
+        MethodError: It is missing, damaged, or of another method.
+    """
+    facts, arrays = restore(folder, METHOD)
+    settings = decode_json(GorisSettings, facts["settings"], MethodError, "settings")
+    exposure, extent = float(facts["exposure"]), float(facts["extent"])
+
+    def parameters(part: str) -> Parameters:
+        return parameters_from({k.removeprefix(part): a for k, a in arrays.items() if k.startswith(part)})
+
+    before, after = (GlossyScene(parameters(part), settings, exposure, extent) for part in (_BEFORE, _AFTER))
+    colours = SurfelScene(METHOD, parameters(_DISTILLED), exposure) if settings.distilled else None
+    return GorisScene(before, after, int(facts["target"]), colours)

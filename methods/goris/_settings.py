@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Settings of ``goris``."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from graycard.methods.goris._filter import Reading
+from graycard.methods.removal import RemovalSettings
+
+Filter = Literal[Reading, "none"]
+Decay = Literal["exponential", "linear"]
+
+
+@dataclass(frozen=True, slots=True)
+class GorisSettings(RemovalSettings):
+    """Settings of ``goris``: those of ``removal``, and of the light that glossy surfaces send on.
+
+    ``least_inside`` is of the label that is learnt here, in place of shares of pictures. Where the paper and
+    its released code differ both can be had; the defaults are what the paper says, but for ``composite``.
+    """
+
+    radiance_share: float = 0.4
+    """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
+    fit needs surfaces first)."""
+    transport: bool = True
+    """Whether glossy surfaces show what a mirrored ray meets; False: all surfaces are rough."""
+    composite: Reading = "release"
+    """``paper``: the diffuse term has harmonics where a surfel is rough, and the glossy one is added to it;
+    ``release``: pixels are mixed of what is coloured and what reflects. What the paper adds to rough surfaces
+    is drawn to nothing only by the region; the release is the default (measured)."""
+    filter: Filter = "paper"
+    """How mirror images of rough surfaces are blurred on the screen; ``none``: not at all."""
+    decay: Decay = "exponential"
+    """Of the weight of the prior's normals; ``linear`` in the released code."""
+    decay_share: float = 0.2
+    """Of ``iterations``, over which that weight decays when light is sent on."""
+    traced_degree: int = 1
+    """Of the harmonics that are followed along mirrored rays, 0 to 3: what a mirrored ray meets is seen in
+    its own direction."""
+    sky_size: int = 16
+    """Texels along the side of a face of the surroundings, of which mirrored rays that meet nothing tell
+    (paper: 256; photographs here are small)."""
+    normal_prior_weight: float = 0.5
+    """Of the difference from the prior's normals on glossy surfaces, until it decays."""
+    least_normal_prior_weight: float = 1e-3
+    smooth_weight: float = 0.05
+    """Of the unevenness of Fresnel term, roughness and normals on glossy surfaces but for edges of the
+    photograph."""
+    region_weight: float = 1.0
+    """Of the difference of drawn regions from those of the prior, rough ones too (paper: of what is rough
+    where the prior says glossy; in a short fit what is rough then becomes glossy); 0: the prior is not asked
+    for glossy surfaces, and all may be."""
+    label_weight: float = 1.0
+    """Of the cross entropy between drawn labels and the masks of the object."""
+    weights: float = 1.0
+    """Factor on ``normal_prior_weight`` and ``smooth_weight``, the losses that hold glossy surfaces."""
+    effect_mask: bool = True
+    """Whether photographs are not believed either where they show the object by reflection."""
+    least_effect: float = 0.1
+    """A pixel shows the object by reflection if so much of what it returns of an even light comes by way of
+    the object (paper: 0.1)."""
+    material_inpainting: bool = True
+    """Whether holes in glossy surfaces are filled in as materials; False: in colours, as anywhere else."""
+    distilled: bool = False
+    """Whether colours that change with the view are fitted to what is left, so that no ray has to be traced
+    any more."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        RemovalSettings.__post_init__(self)
+        for name in ("radiance_share", "decay_share", "least_effect"):
+            if not 0 < getattr(self, name) < 1:
+                raise ValueError(f"expected {name} in (0, 1), got {getattr(self, name)}")
+        if not (0 <= self.traced_degree <= min(3, self.degree)) or self.sky_size < 1:
+            raise ValueError(
+                f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size of 1 or "
+                f"more, got {self.traced_degree} and {self.sky_size}"
+            )
+        if not self.least_normal_prior_weight > 0:
+            raise ValueError(
+                f"expected least_normal_prior_weight above 0, got {self.least_normal_prior_weight}"
+            )
+        weights = {
+            name: getattr(self, name)
+            for name in ("normal_prior_weight", "smooth_weight", "region_weight", "label_weight", "weights")
+        }
+        if min(weights.values()) < 0:
+            raise ValueError(f"expected weights of 0 or more, got {weights}")
+
+    @property
+    def radiance_steps(self) -> int:
+        """Steps in which colours alone are fitted."""
+        return max(1, round(self.radiance_share * self.iterations))
+
+    @property
+    def light_steps(self) -> int:
+        """Steps of the first stage in which light is sent on."""
+        return self.iterations - self.radiance_steps

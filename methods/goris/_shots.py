@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The training views as a fit looks at them, and what priors say of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from graycard import Capture
+from graycard.methods._contract import Ask, Priors
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.surfels import Photograph, photographs
+
+LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
+"""What is filled in where a surface is glossy, besides radiance."""
+ASKS = (
+    Ask("inpainting", ("radiance", *LAYERS)),
+    Ask("mask", ("glossy",), optional=True),
+    Ask("normal", optional=True),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A training view; H x W pixels, float32."""
+
+    photograph: Photograph
+    glossy: torch.Tensor
+    """Shape ``(H, W)``: 1 where a prior says that reflections are seen; everywhere if none is asked."""
+    told: bool
+    """Whether a prior was asked for ``glossy``."""
+    target: torch.Tensor
+    """Shape ``(H, W)``: 1 where the object is seen."""
+    normal: torch.Tensor | None = None
+    """Shape ``(H, W, 3)``, world, unit, or zero where a prior knows nothing; None without one."""
+
+
+def shots_of(
+    capture: Capture, priors: Priors, masks: Sequence[np.ndarray], settings: GorisSettings
+) -> list[Shot]:
+    """The training views, exposed and encoded.
+
+    Args:
+        capture: The photographs.
+        priors: Asked for what they know.
+        masks: Of the object, one a view, shape ``(H, W)``, bool.
+        settings: Of the method.
+
+    Raises:
+        MethodError: An answer of the prior is not sound.
+    """
+    seen = photographs(capture, settings)
+    return [
+        _shot(capture, priors, number, photograph, masks[number], settings)
+        for number, photograph in enumerate(seen)
+    ]
+
+
+def _shot(
+    capture: Capture,
+    priors: Priors,
+    number: int,
+    photograph: Photograph,
+    mask: np.ndarray,
+    settings: GorisSettings,
+) -> Shot:
+    view = capture.train[number]
+    image = np.asarray(capture.photograph(view), np.float64) * capture.exposure
+    told, normal = settings.region_weight > 0 and "mask" in priors.kinds, None
+    glossy = priors.mask(image, view, "glossy") if told else np.ones_like(mask)
+    if settings.normal_prior_weight > 0 and "normal" in priors.kinds:
+        normal = torch.from_numpy(priors.normal(image, view).astype(np.float32))
+    glossy, target = (torch.from_numpy(one.astype(np.float32)) for one in (glossy, mask))
+    return Shot(photograph, glossy, told, target, normal)
