@@ -26,7 +26,7 @@ from graycard import (
     lights_of,
     open_truth,
     sha256,
-    with_sums,
+    with_derived,
     writable_folder,
 )
 from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
@@ -287,7 +287,7 @@ def peak_memory_mib() -> float:
 
 def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:
     """The wanted layers that a view has; ``<layer>.<light>`` stands for those of all lights."""
-    layers = with_sums(truth.layers(truth.view(view)))
+    layers = with_derived(truth.layers(truth.view(view)))
     stems = [name.removesuffix(".<light>") for name in wanted if name.endswith(".<light>")]
     each = {f"{stem}.{light}" for stem in stems for light in lights_of(stem, layers)}
     return {name: a for name, a in layers.items() if name in wanted | each}

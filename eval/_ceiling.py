@@ -57,7 +57,8 @@ CEILINGS: tuple[CeilingRule, ...] = (
         "none: a second pass through the network for each view would cost more than all other scores",
     ),
     CeilingRule(
-        ("irradiance.psnr", "light_share.psnr", "light_off.*", "direct.*", "indirect.*"),
+        ("irradiance.psnr", "light_share.psnr", "light_off.*", "diffuse.psnr", "specular.psnr",
+         "direct.*", "indirect.*"),
         False,
         "none: the truth has no variance and no halves of light by source, lobe or bounce",
     ),
@@ -74,8 +75,8 @@ CEILINGS: tuple[CeilingRule, ...] = (
     ),
     CeilingRule(
         ("albedo.psnr.*", "albedo.ssim", "albedo.flip", "albedo.ciede2000", "albedo.lmse",
-         "albedo.chart", "diffuse_reflectance.*", "hemispherical_albedo.*", "roughness.*", "metallic.*",
-         "normal.*", "depth.*"),
+         "albedo.chart", "diffuse_reflectance.*", "hemispherical_albedo.*", "f0.*", "roughness.*",
+         "metallic.*", "glossy.*", "normal.*", "depth.*"),
         False,
         "needs none: no light path is drawn for this truth",
     ),

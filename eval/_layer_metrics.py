@@ -2,6 +2,7 @@
 """The table of metrics of geometry, material and light that a surface receives and returns."""
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -125,10 +126,18 @@ def _returned(layer: str, title: str, of: str = "") -> ImageMetric:
     return ImageMetric(record, layer, display, _MEAN_SQUARE, psnr)
 
 
+def _lobe(layer: str, title: str) -> ImageMetric:
+    """What one lobe returns, direct and indirect light together."""
+    whole = _returned(layer, title)
+    where = f"{whole.record.formula}, of views in which something has a specular lobe (f0 > 0)"
+    return replace(whole, record=replace(whole.record, formula=where))
+
+
 def _mean_of_squares(errors: np.ndarray) -> np.floating:
     return np.mean(errors**2)
 
 
+_WITH_LOBE = "over the mask without lights where the truth has a specular lobe (f0 > 0)"
 _LIGHTS = " and over the true lights (one that the prediction has not is dark in it)"
 CHART_METRICS: tuple[ImageMetric, ...] = (_chart(),)
 NORMAL_SHARES: tuple[ImageMetric, ...] = tuple(_normal_share(limit) for limit in (11.25, 22.5, 30.0))
@@ -136,15 +145,16 @@ GEOMETRY_METRICS: tuple[ImageMetric, ...] = _depth_metrics()
 MATERIAL_METRICS: tuple[ImageMetric, ...] = (
     *_reflectance_metrics("diffuse_reflectance", "diffuse_reflectance", "Diffuse reflectance"),
     *_reflectance_metrics("albedo", "hemispherical_albedo", "Hemispherical albedo"),
-    *_material_metrics(
-        "roughness", "over the mask without lights where the truth has a specular lobe (f0 > 0)"
-    ),
+    *_material_metrics("f0", _WITH_LOBE),
+    *_material_metrics("roughness", _WITH_LOBE),
     *_material_metrics("metallic", "over the mask without lights"),
 )
 TRANSPORT_METRICS: tuple[ImageMetric, ...] = (
     _received("shading", "shading", "Shading", "", CARD),
     _received("irradiance.<light>", "irradiance", "Irradiance of each light", _LIGHTS, CARD / math.pi),
     _returned("radiance.<light>", "Share of each light", _LIGHTS),
+    _lobe("diffuse", "Diffuse light"),
+    _lobe("specular", "Specular light"),
     _returned("direct.diffuse", "Direct diffuse light"),
     _returned("direct.specular", "Direct specular light"),
     _returned("indirect.diffuse", "Bounced light, diffuse"),

@@ -54,9 +54,9 @@ def square_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> 
 
 
 def absolute_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Distances of a layer of one channel, shape ``(N,)``, in its unit."""
+    """Mean over channels, if there are any, of the distance, shape ``(N,)``, in the unit of the layer."""
     p, t = judged_pixels(predicted, true, mask)
-    return np.abs(p - t)
+    return np.abs(p - t).reshape(len(p), -1).mean(axis=1)
 
 
 def angle_errors(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> np.ndarray:

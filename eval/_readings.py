@@ -15,6 +15,8 @@ T = TypeVar("T")
 
 WITH_LIGHTS = frozenset({"radiance", "counterfactual.radiance", "normal", "depth"})
 """Layers that are judged on the surfaces of lights, too."""
+OF_GLOSS = frozenset({"roughness", "f0", *gc.LOBES})
+"""Layers that tell something only where there is a specular lobe."""
 _EACH = ".<light>"
 
 
@@ -92,7 +94,8 @@ class TrueView:
     def mask(self, layer: str, chart: bool = False) -> np.ndarray:
         """The judged pixels of a layer, shape ``(H, W)``, bool.
 
-        Depth is judged where it is finite, and roughness where there is a specular lobe that it can widen.
+        Depth is judged where it is finite, and roughness and f0 where there is a specular lobe. The light of
+        either lobe is judged in views that see a specular one at all: without, nothing is to be taken apart.
 
         Args:
             layer: Which.
@@ -113,8 +116,9 @@ class TrueView:
             mask = mask & np.isin(ids, sorted(self.charts)) & (mask if pure is None else pure)
         if layer == "depth":
             mask = mask & np.isfinite(self.take(layer))
-        if layer == "roughness" and "f0" in self.layers:
-            mask = mask & (self.take("f0") > 0).any(axis=-1)
+        if layer in OF_GLOSS and "f0" in self.layers:
+            glossy = mask & (self.take("f0") > 0).any(axis=-1)
+            return glossy if layer in ("roughness", "f0") else mask & glossy.any()
         return mask
 
     def pure(self) -> np.ndarray | None:
@@ -180,7 +184,7 @@ def read_truth(truth: gc.Truth, view: gc.View) -> TrueView:
         DatasetError: The file is missing or broken.
     """
     charts = frozenset(o.id for o in truth.objects if o.name == CHART)
-    return TrueView(view, gc.with_sums(truth.layers(view)), truth.emitter_ids(), charts)
+    return TrueView(view, gc.with_derived(truth.layers(view)), truth.emitter_ids(), charts)
 
 
 def _renamed(

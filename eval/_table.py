@@ -2,6 +2,7 @@
 """All metrics, in the order in which they are scored and shown."""
 
 import graycard as gc
+from graycard.eval._glossy import GLOSSY_METRICS
 from graycard.eval._images import REQUIRED
 from graycard.eval._leakage import LEAKAGE_METRICS
 from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
@@ -18,6 +19,7 @@ VIEW_METRICS: tuple[ViewMetric, ...] = (
     *NOISE_METRICS,
     *SHADOW_METRICS,
     *REMOVAL_METRICS,
+    *GLOSSY_METRICS,
     *LEAKAGE_METRICS,
 )
 

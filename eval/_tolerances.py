@@ -38,6 +38,7 @@ REFERENCES: tuple[Reference, ...] = (
     Reference("share of normals", "cosines above that of the limit, counted", 1e-9, "%"),
     Reference("depth and materials", "scipy.spatial.distance, city block and Euclid with weights", 1e-9, "1"),
     Reference("depth within a ratio", "|log p - log t| < log 1.25, counted", 1e-9, "%"),
+    Reference("overlap of glossy regions", "scipy.spatial.distance, Jaccard", 1e-9, "1"),
     Reference("sums of parts", "numpy.einsum over lights, parts and pixels", 1e-6, "W/m²/sr"),
     Reference("gauged intensity", "stops of the exposures that bring both to one level", 1e-9, "stops"),
     Reference("direction and colour of light", "scipy.spatial.distance, cosine", 1e-6, "°"),

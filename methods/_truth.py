@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from graycard import (
+    LOBES,
     PARTS,
     Camera,
     Capture,
@@ -28,8 +29,10 @@ from graycard.methods._lookup import Lookup, pack, unpack
 from graycard.methods._store import restore, store
 
 WITHOUT_TARGET = "counterfactual.radiance"
-_SURFACE = ("base_color", "diffuse_reflectance", "albedo", "roughness", "metallic", "normal", "depth")
-_LIGHT = ("radiance", "shading", "irradiance.<light>", "radiance.<light>", *PARTS)
+_SURFACE = (
+    "base_color", "diffuse_reflectance", "albedo", "f0", "roughness", "metallic", "glossy", "normal", "depth",
+)  # fmt: skip
+_LIGHT = ("radiance", "shading", "irradiance.<light>", "radiance.<light>", *LOBES, *PARTS)
 _CHANGED = "changed"
 """Prefix of the arrays of :attr:`Oracle.changed` on disk."""
 

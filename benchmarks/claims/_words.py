@@ -109,7 +109,8 @@ def beside_words(
 
 def _trivial(record: MetricRecord, rows: Sequence[RowMean], trivial: RowMean) -> list[str]:
     """The rows of a lead that the trivial one is no worse than."""
-    lower = [row for row in rows if row.value is not None and _beats(record, trivial.value, row.value)]
+    others = [row for row in rows if row.row != trivial.row]
+    lower = [row for row in others if row.value is not None and _beats(record, trivial.value, row.value)]
     if not lower:
         return []
     whom = "all rows compared" if len(lower) == len(rows) else ", ".join(row.row for row in lower)

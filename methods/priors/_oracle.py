@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard import MethodError
+from graycard import GLOSSY_ROUGHNESS, MethodError
 from graycard.methods._contract import LIGHTS
 from graycard.methods._priors import PHOTOGRAPH, Ask, PriorKind, Question
 from graycard.methods.priors._colour import corrupt_base_color
@@ -22,8 +22,6 @@ from graycard.methods.priors._spec import KindSpec
 WITHOUT_TARGET = "counterfactual.radiance"
 SEEN = (PHOTOGRAPH, "radiance")
 """What is known without the target; of no other layer is there a truth to fill holes with."""
-GLOSSY = 0.5
-"""Roughness below which reflections of things are seen in a surface."""
 _TRUTH: Mapping[PriorKind, tuple[str, ...]] = {
     "depth": ("depth", "base_color"),
     "normal": ("normal", "base_color"),
@@ -106,4 +104,4 @@ class Oracle:
         ids = known["object_id"]
         if of == "target":
             return ids == self.target
-        return (ids > 0) & (known["roughness"] < GLOSSY)
+        return (ids > 0) & (known["roughness"] < GLOSSY_ROUGHNESS)

@@ -31,6 +31,9 @@ from graycard._dataset import manifest_of as manifest_of
 from graycard._dataset import open_capture as open_capture
 from graycard._dataset import open_truth as open_truth
 from graycard._dataset import write_index as write_index
+from graycard._derived import GLOSSY_ROUGHNESS as GLOSSY_ROUGHNESS
+from graycard._derived import glossy_mask as glossy_mask
+from graycard._derived import with_derived as with_derived
 from graycard._edits import Composition as Composition
 from graycard._edits import Donor as Donor
 from graycard._edits import EditKind as EditKind
@@ -131,6 +134,7 @@ from graycard._records import Status as Status
 from graycard._records import read_run as read_run
 from graycard._records import read_score_sheet as read_score_sheet
 from graycard._sensor import Sensor as Sensor
+from graycard._shares import LOBES as LOBES
 from graycard._shares import PARTS as PARTS
 from graycard._shares import lights_of as lights_of
 from graycard._shares import with_sums as with_sums

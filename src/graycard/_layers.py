@@ -53,6 +53,7 @@ _TABLE = (
     Layer("roughness", ("Y",), "1", "square root of the GGX alpha; 1 for a matte surface"),
     Layer("alpha", ("Y",), "1", "GGX alpha, the square of roughness"),
     Layer("metallic", ("Y",), "1", "0 dielectric, 1 metal"),
+    _mask("glossy", "reflections of things are seen in the surface"),
     Layer("normal", XYZ, "1, unit length", "surface normal in the world, outward"),
     Layer(
         "depth", ("Z",), "m", "distance along the optical axis; +inf where there is nothing", "float32", True
@@ -76,6 +77,10 @@ _TABLE = (
     _rgb("direct.specular", RADIANCE, "one bounce, specular lobe"),
     _rgb("indirect.diffuse", RADIANCE, "more bounces, diffuse lobe at the camera's hit"),
     _rgb("indirect.specular", RADIANCE, "more bounces, specular lobe at the camera's hit"),
+    _rgb("diffuse", RADIANCE, "all light of the diffuse lobe at the camera's hit, however often it bounced"),
+    _rgb(
+        "specular", RADIANCE, "all light of the specular lobe at the camera's hit, however often it bounced"
+    ),
     _rgb("emitted", RADIANCE, "light of sources that the camera sees itself, averaged over the pixel"),
     _rgb("direct.diffuse.<light>", RADIANCE, "share of one source in direct.diffuse"),
     _rgb("direct.specular.<light>", RADIANCE, "share of one source in direct.specular"),

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of the light that follow from other parts by addition."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of each source is divided into; ``<part>.<light>``."""
+LOBES = ("diffuse", "specular")
+"""What a surface returns light by; each is the sum of its direct and its indirect part."""
 _NO_LIGHT = frozenset({"var", "half_a", "half_b"})
 """Last parts of a name that say how well a layer is known."""
 
@@ -14,9 +16,10 @@ _NO_LIGHT = frozenset({"var", "half_a", "half_b"})
 def with_sums(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Layers, and those that follow from the parts of each light.
 
-    ``direct.diffuse`` (and each other part) is the sum of ``direct.diffuse.<light>`` over the lights, and
-    ``radiance.<light>`` the sum of the four parts of a light: light adds up. What is there already stays,
-    and parts of unequal size are not added.
+    ``direct.diffuse`` (and each other part) is the sum of ``direct.diffuse.<light>`` over the lights,
+    ``radiance.<light>`` the sum of the four parts of a light, and ``diffuse`` (and ``specular``) that of
+    ``direct.diffuse`` and ``indirect.diffuse``: light adds up. What is there already stays, and parts of
+    unequal size are not added.
 
     Args:
         layers: By name, each ``(H, W)`` or ``(H, W, 3)``.
@@ -30,10 +33,18 @@ def with_sums(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     sums = {part: [f"{part}.{light}" for light in lights] for part, lights in names.items()}
     whole = set.intersection(*(set(lights) for lights in names.values()))
     sums |= {f"radiance.{light}": [f"{part}.{light}" for part in PARTS] for light in sorted(whole)}
+    lobes = {lobe: [f"direct.{lobe}", f"indirect.{lobe}"] for lobe in LOBES}
+    return _added(_added(layers, sums), lobes)
+
+
+def _added(layers: Mapping[str, np.ndarray], sums: Mapping[str, Sequence[str]]) -> dict[str, np.ndarray]:
+    """Layers, and the sums of those that are all there, of one size and not themselves there."""
     found = dict(layers)
     for name, shares in sums.items():
-        if shares and name not in layers and len({layers[share].shape for share in shares}) == 1:
-            found[name] = sum((layers[share] for share in shares[1:]), start=layers[shares[0]])
+        there = [layers[share] for share in shares if share in layers]
+        whole = bool(there) and len(there) == len(shares)
+        if whole and name not in layers and len({values.shape for values in there}) == 1:
+            found[name] = sum(there[1:], start=there[0])
     return found
 
 

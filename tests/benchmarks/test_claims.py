@@ -514,6 +514,13 @@ def test_a_lead_that_is_trivial_is_called_that() -> None:
     assert honest.text.endswith("; upper bound bound 42.5 dB, trivial gray 24.5 dB")
 
 
+def test_a_lead_over_the_trivial_row_is_not_held_against_itself() -> None:
+    check = check_of(rows=["mine", "gray"])
+    assert "no worse" not in judged(against(5), check).text
+    behind = run_of({row: {"psnr": values(v)} for row, v in {"mine": 1, "gray": 3, "bound": 9}.items()})
+    assert "no worse than mine" in judged(behind, check).text
+
+
 def test_what_the_trivial_row_shows_too_is_called_that() -> None:
     check = check_of(rows=["mine"], against=20.0)
     doubt = "what is trivial shows it no less: gray has 24.5 dB"

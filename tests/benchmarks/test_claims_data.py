@@ -152,6 +152,7 @@ def test_the_files_of_the_docs_can_be_read(tmp_path: Path) -> None:
 def test_claims_of_a_suite() -> None:
     assert claims_of_suite("claims-dark") == ["sunfaded"]
     assert claims_of_suite("claims-multilight") == ["gsid"]
+    assert claims_of_suite("claims-tabletop") == ["goris"]
     assert claims_of_suite("smoke") == []
 
 
@@ -168,12 +169,19 @@ def test_files_that_come_along_name_what_there_is(name: str) -> None:
             assert {n for n in named if not n.startswith(("cost.", "count."))} <= known
 
 
-@pytest.mark.parametrize(("paper", "letter"), [("sunfaded", "S"), ("gsid", "G")])
-def test_every_claim_of_a_paper_is_there(paper: str, letter: str) -> None:
-    assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n}" for n in range(1, 15)]
+@pytest.mark.parametrize(
+    ("paper", "letter", "count"), [("sunfaded", "S", 14), ("gsid", "G", 14), ("goris", "R", 17)]
+)
+def test_every_claim_of_a_paper_is_there(paper: str, letter: str, count: int) -> None:
+    assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n + 1}" for n in range(count)]
 
 
-@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight"])
+def test_what_needs_photographs_of_real_rooms_is_said_to() -> None:
+    lacking = [claim for claim in load_claims("goris").claims if claim.unavailable]
+    assert [(claim.id, claim.checks) for claim in lacking] == [("R2", ())]
+
+
+@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight", "claims-tabletop"])
 def test_the_rows_of_the_suites_take_their_settings(suite: str) -> None:
     for row in load_suite(suite).methods:
         settings_of(load_method(row.name), row.settings)

@@ -48,6 +48,16 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
         assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
 
 
+@pytest.mark.parametrize("track", gc.TRACKS)
+def test_claims_of_a_track_are_tried_on_the_scenes_of_all_claims(track: str) -> None:
+    """One dataset then serves both: scenes, pictures and noise ceilings are the same."""
+    one, every = load_suite(f"claims-{track}"), load_suite("claims")
+    scenes = [scene for scene in every.scenes if scene.track == track]
+    assert list(one.scenes) == scenes
+    assert [one.render_of(s) for s in scenes] == [every.render_of(s) for s in scenes]
+    assert one.ceilings == {track: every.ceilings[track]}
+
+
 def test_a_track_and_a_family_may_have_samples_of_their_own(tmp_path: Path) -> None:
     suite = load_suite(written(tmp_path, "samples = {multilight = 256, corridor = 16}"))
     dark, many = (suite.render_of(scene) for scene in suite.scenes)

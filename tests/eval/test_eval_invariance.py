@@ -48,12 +48,14 @@ TRUE = {
     "normal": RNG.normal(size=SHAPE) / 2,
     "object_id": np.ones(SHAPE[:2], np.uint32),
     "depth": RNG.uniform(1, 2, SHAPE[:2]),
+    "f0": RNG.uniform(0.2, 0.8, SHAPE),
     "roughness": RNG.uniform(0.2, 0.8, SHAPE[:2]),
+    "glossy": RNG.integers(0, 2, SHAPE[:2]).astype(float),
     "metallic": RNG.uniform(0.2, 0.8, SHAPE[:2]),
     "shading": RNG.uniform(0.2, 2, SHAPE),
     "irradiance.lamp": RNG.uniform(0.5, 6, SHAPE),
     "radiance.lamp": RNG.uniform(0.05, 0.7, SHAPE),
-    **{part: RNG.uniform(0.05, 0.7, SHAPE) for part in gc.PARTS},
+    **{part: RNG.uniform(0.05, 0.7, SHAPE) for part in (*gc.LOBES, *gc.PARTS)},
 }
 PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k != "object_id"}
 RECEIVED = ("shading", "irradiance.lamp")

@@ -23,7 +23,7 @@ LAMPS = (
 SKY = gc.EnvironmentLight("sky", "sky.exr")
 NAMES = ("left", "right", "sky")
 PATCHES = np.array([(0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.1, 0.2, 0.6)])
-EXACT = ("object_id", "pure", "radiance.var", "counterfactual.radiance.var", "f0")
+EXACT = ("object_id", "pure", "radiance.var", "counterfactual.radiance.var")
 
 
 def enriched(layers: Layers) -> Layers:
@@ -46,6 +46,10 @@ def enriched(layers: Layers) -> Layers:
         for part, of in zip(gc.PARTS, (0.5, 0.15, 0.3, 0.05), strict=True):
             more[f"{part}.{name}"] = layers["radiance"] * (share * of)
     return layers | {k: v.astype(np.float32) for k, v in more.items()}
+
+
+def glossy_in(layers: Layers) -> np.ndarray:
+    return gc.glossy_mask(layers["object_id"], layers["roughness"], layers["f0"])
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +79,8 @@ def score(scene: Path, tmp_path: Path) -> Callable[..., gc.ScoreSheet]:
     ) -> gc.ScoreSheet:
         truth, folder = gc.open_truth(scene / "truth"), tmp_path / f"predicted-{next(made)}"
         for view in truth.views:
-            layers = {k: v for k, v in truth.layers(view).items() if k not in EXACT}
+            true = truth.layers(view)
+            layers = {k: v for k, v in true.items() if k not in EXACT} | {"glossy": glossy_in(true)}
             gc.write_view(folder, view.name, change(view, layers))
         if SKY in (lights or ()):
             gc.write_rgb(folder / "sky.exr", gc.read_rgb(scene / "truth" / "sky.exr"))
@@ -357,3 +362,168 @@ def test_light_of_a_lamp_that_is_not_there_is_named(score: Callable[..., gc.Scor
     assert warnings == ("of lights that the scene has not, and not judged: irradiance.ghost",)
     assert sheet.score("irradiance.psnr").value == math.inf
     assert not sheet.score("light_share.psnr").warnings
+
+
+OF_GLOSS = ("f0.mae", "f0.rmse", "diffuse.psnr", "specular.psnr", "glossy.iou")
+"""Scores of what shines."""
+
+
+def held_out(scene: Path) -> list[Layers]:
+    truth = gc.open_truth(scene / "truth")
+    return [gc.with_derived(truth.layers(v)) for v in truth.views if v.split == "test"]
+
+
+def test_f0_is_judged_where_something_shines(score: Callable[..., gc.ScoreSheet]) -> None:
+    def change(view: gc.View, layers: Layers) -> Layers:
+        off = layers["f0"] + np.array((0.1, 0.2, 0.0))
+        return layers | {"f0": np.where(layers["metallic"][..., None] > 0, off, 9).astype(np.float32)}
+
+    sheet = score(change)
+    assert sheet.score("f0.mae").value == pytest.approx(0.1, abs=1e-6), "mean over channels"
+    assert sheet.score("f0.rmse").value == pytest.approx(math.sqrt(0.05 / 3), abs=1e-6)
+
+
+def test_a_lobe_is_the_sum_of_its_parts(score: Callable[..., gc.ScoreSheet]) -> None:
+    def lobes(view: gc.View, layers: Layers) -> Layers:
+        return {k: v for k, v in gc.with_sums(layers).items() if k in gc.LOBES}
+
+    def halves(view: gc.View, layers: Layers) -> Layers:
+        return {k: v for k, v in gc.with_sums(layers).items() if k in gc.PARTS}
+
+    for change in (lobes, halves, lambda view, layers: layers):
+        sheet = score(change)
+        assert [sheet.score(f"{lobe}.psnr").value for lobe in gc.LOBES] == [math.inf, math.inf]
+    one = score(only("direct.diffuse.left", "direct.diffuse.right", "direct.diffuse.sky"))
+    assert one.score("direct.diffuse.psnr").status == "scored"
+    assert one.score("diffuse.psnr").reason == "no view has diffuse", "without the indirect part"
+
+
+def test_what_is_written_counts_before_any_sum(score: Callable[..., gc.ScoreSheet]) -> None:
+    def change(view: gc.View, layers: Layers) -> Layers:
+        return layers | {"specular": np.zeros_like(layers["radiance"])}
+
+    sheet = score(change)
+    assert sheet.score("direct.specular.psnr").value == math.inf
+    assert (sheet.score("specular.psnr").value or 99) < 60
+
+
+@pytest.mark.parametrize("lobe", gc.LOBES)
+def test_light_of_a_lobe_is_compared_as_displayed(
+    score: Callable[..., gc.ScoreSheet], scene: Path, lobe: str
+) -> None:
+    exposure = gc.open_truth(scene / "truth").exposure
+    black = score(lambda view, layers: {lobe: np.zeros_like(layers["radiance"])}, None)
+    squares = []
+    for true in held_out(scene):
+        shown = gc.srgb_encode(true[lobe][true["object_id"] > 0].astype(float) * exposure)
+        squares.append(np.mean(shown**2))
+    assert black.score(f"{lobe}.psnr").value == pytest.approx(-10 * math.log10(np.mean(squares)), abs=1e-4)
+    assert black.score(f"{lobe}.psnr").noise_ceiling is None
+
+
+def test_a_region_is_judged_by_its_overlap(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
+    views = held_out(scene)
+    shares = [true["glossy"].sum() / (true["object_id"] > 0).sum() for true in views]
+    whole = score(lambda view, layers: {"glossy": np.full_like(layers["metallic"], 0.51)}, None)
+    found = whole.score("glossy.iou")
+    assert found.value == pytest.approx(np.mean(shares)), "what nobody sees does not count"
+    assert found.breakdown["recall"] == 1
+    assert found.breakdown["precision"] == pytest.approx(np.mean(shares))
+    none = score(lambda view, layers: {"glossy": np.full_like(layers["metallic"], 0.5)}, None)
+    assert none.score("glossy.iou").value == 0
+    assert set(none.score("glossy.iou").breakdown) <= {"recall", "interior", "boundary"}
+
+    def half(view: gc.View, layers: Layers) -> Layers:
+        marked = layers["glossy"].copy()
+        marked.reshape(-1)[np.flatnonzero(marked)[::2]] = 0.2
+        return {"glossy": marked}
+
+    kept = [(n - n // 2 - n % 2) / n for n in (int(true["glossy"].sum()) for true in views)]
+    assert score(half, None).score("glossy.iou").value == pytest.approx(np.mean(kept))
+
+
+def test_regions_of_gloss_have_borders_and_insides(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
+    rows = slice(0, 12)
+    truth = gc.open_truth(scene / "truth")
+    folder = scene.parent / "with-pure"
+    shutil.copytree(scene, folder)
+    for view in truth.views:
+        layers = truth.layers(view)
+        layers["pure"] = np.ones_like(layers["metallic"])
+        layers["pure"][rows] = 0
+        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+    gc.seal(folder / "truth", gc.manifest_of(truth))
+    for view in truth.views:
+        true = truth.layers(view)
+        marked, f0 = glossy_in(true), true["f0"].copy()
+        marked[rows], f0[rows] = 0, f0[rows] + 0.2
+        gc.write_view(folder / "p", view.name, {"glossy": marked, "f0": f0})
+    gc.finish_predictions(folder / "p", gc.Predictions("t", truth.track, truth.scene))
+    sheet = ge.score_predictions(folder / "p", folder)
+    assert [sheet.score("glossy.iou").breakdown[part] for part in ("interior", "boundary")] == [1, 0]
+    parts = sheet.score("f0.mae").breakdown
+    assert (parts["interior"], parts["boundary"]) == pytest.approx((0, 0.2), abs=1e-6)
+
+
+@pytest.mark.parametrize("shining", ["nowhere", "test_001"])
+def test_where_nothing_shines_there_is_nothing_to_take_apart(
+    write_tiny: Callable[..., Path], tmp_path: Path, shining: str
+) -> None:
+    folder = write_tiny(tmp_path, track="multilight")
+    truth = gc.open_truth(folder / "truth")
+    for view in truth.views:
+        layers = enriched(truth.layers(view))
+        if view.name != shining:
+            layers |= {"f0": layers["f0"] * 0, "roughness": np.ones_like(layers["roughness"])}
+        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+        gc.write_view(tmp_path / "p", view.name, {k: layers["radiance"] for k in ("f0", *gc.LOBES)})
+    gc.seal(folder / "truth", gc.manifest_of(truth))
+    gc.finish_predictions(tmp_path / "p", gc.Predictions("t", truth.track, truth.scene))
+    sheet = ge.score_predictions(tmp_path / "p", folder)
+    asked = {s.metric: s.expected for s in sheet.scores if s.metric in OF_GLOSS}
+    assert asked == ({} if shining == "nowhere" else dict.fromkeys(OF_GLOSS, 1))
+    assert sheet.score("direct.diffuse.psnr").expected == 2
+
+
+def lost(values: np.ndarray) -> np.ndarray | None:
+    return None
+
+
+def cut(values: np.ndarray) -> np.ndarray:
+    return values[:-1]
+
+
+def spoilt(values: np.ndarray) -> np.ndarray:
+    values = values.copy()
+    values[5, 7] = np.nan
+    return values
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lost, "expected {0} in views/test_003.exr"),
+        (cut, "of shape"),
+        (spoilt, "expected finite values in {0}"),
+    ],
+)
+@pytest.mark.parametrize("layer", ["f0", "glossy", "diffuse", "specular"])
+def test_a_fault_in_one_view_is_a_failed_score(
+    score: Callable[..., gc.ScoreSheet], layer: str, spoil: Callable[..., np.ndarray | None], words: str
+) -> None:
+    def change(view: gc.View, layers: Layers) -> Layers:
+        whole = gc.with_sums(layers)[layer]
+        values = spoil(whole) if view.name == "test_003" else whole
+        return {"alpha": layers["roughness"]} if values is None else {layer: values}
+
+    sheet = score(change, None)
+    for metric in (name for name in OF_GLOSS if name.startswith(layer)):
+        found = sheet.score(metric)
+        assert (found.status, found.value, found.scored, found.expected) == ("failed", None, 1, 2)
+        assert words.format(layer) in found.reason
+
+
+@pytest.mark.parametrize("metric", OF_GLOSS)
+def test_what_shines_need_not_be_told(score: Callable[..., gc.ScoreSheet], metric: str) -> None:
+    found = score(only("radiance"), None).score(metric)
+    assert (found.status, found.reason) == ("not provided", f"no view has {metric.partition('.')[0]}")

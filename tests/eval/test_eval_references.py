@@ -184,6 +184,7 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
     "share of normals": layer_references.share_of_normals,
     "depth and materials": layer_references.plain_distances,
     "depth within a ratio": layer_references.within_ratio,
+    "overlap of glossy regions": layer_references.overlap_of_regions,
     "sums of parts": layer_references.sums_of_parts,
     "gauged intensity": layer_references.gauged_intensity,
     "direction and colour of light": layer_references.angle_of_light,

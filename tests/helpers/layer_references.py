@@ -21,6 +21,7 @@ import graycard.eval as ge
 from graycard.eval._breakdown import Comparison, measure
 from graycard.eval._chart import patch_difference
 from graycard.eval._colour_difference import REC709_TO_XYZ
+from graycard.eval._glossy import overlap
 from graycard.eval._light_shapes import chromaticity_error, direction_error, extent_error
 from graycard.eval._lpips import lpips as our_lpips
 from graycard.eval._metrics import IMAGE_METRICS
@@ -145,6 +146,8 @@ def plain_distances() -> Pair:
     names = (
         "depth.abs_rel",
         "depth.rmse",
+        "f0.mae",
+        "f0.rmse",
         "roughness.mae",
         "roughness.rmse",
         "metallic.mae",
@@ -152,7 +155,7 @@ def plain_distances() -> Pair:
     )
     a, b, n = p.ravel(), t.ravel(), p.size
     mean, root = distance.cityblock(a, b) / n, distance.euclidean(a, b) / n**0.5
-    expected = [distance.cityblock(a, b, w=1 / b) / n, root, mean, root, mean, root]
+    expected = [distance.cityblock(a, b, w=1 / b) / n, root, mean, root, mean, root, mean, root]
     return np.array([pixel_measure(name, p, t) for name in names]), np.array(expected)
 
 
@@ -162,6 +165,11 @@ def within_ratio() -> Pair:
     return pixel_measure("depth.within_1_25", p, t), 100 * near.mean()
 
 
+def overlap_of_regions() -> Pair:
+    p, t = RNG.random((2, 50, 42)) < 0.4
+    return overlap(p, t), 1 - float(distance.jaccard(p.ravel(), t.ravel()))
+
+
 def sums_of_parts() -> Pair:
     light = RNG.uniform(0, 1, (3, 4, 6, 5, 3))
     names = [(f"l{i}", part) for i in range(3) for part in gc.PARTS]
@@ -169,7 +177,11 @@ def sums_of_parts() -> Pair:
         {f"{part}.{n}": x for (n, part), x in zip(names, light.reshape(-1, 6, 5, 3), strict=True)}
     )
     ours = [found[part] for part in gc.PARTS] + [found[f"radiance.l{i}"] for i in range(3)]
-    return np.array(ours), np.concatenate([np.einsum("lpijc->pijc", light), np.einsum("lpijc->lijc", light)])
+    ours += [found["diffuse"], found["specular"]]
+    parts, lights = np.einsum("lpijc->pijc", light), np.einsum("lpijc->lijc", light)
+    return np.array(ours), np.concatenate(
+        [parts, lights, np.einsum("lbkijc->kijc", light.reshape(3, 2, 2, 6, 5, 3))]
+    )
 
 
 def gauged_intensity() -> Pair:

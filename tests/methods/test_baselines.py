@@ -7,6 +7,7 @@ import pytest
 
 import graycard as gc
 from graycard import methods
+from graycard.benchmarks._fit import FitSpec, fit_scene
 from graycard.methods._retinex import RetinexSettings, integrate_steps, split
 
 NAMES = ("truth", "gray", "input", "retinex")
@@ -119,6 +120,35 @@ def test_input_is_the_exposed_photograph(tiny_scenes: dict[str, Path]):
     view = capture.train[1]
     albedo = fit("input", tiny_scenes["dark"]).render(view.camera, ["base_color"])["base_color"]
     assert np.allclose(albedo, capture.photograph(view) * capture.exposure)
+
+
+def test_input_takes_no_light_apart(tiny_scenes: dict[str, Path]):
+    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    view = capture.train[1]
+    lobes = fit("input", tiny_scenes["dark"]).render(view.camera, gc.LOBES)
+    assert np.array_equal(lobes["diffuse"], capture.photograph(view))
+    assert not lobes["specular"].any()
+
+
+def test_gray_knows_of_no_lobes(tiny_scenes: dict[str, Path]):
+    assert fit("gray", tiny_scenes["dark"]).provides.isdisjoint({*gc.LOBES, "f0", "glossy"})
+
+
+def test_truth_knows_what_its_views_know(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene()
+    truth = gc.open_truth(scene / "truth")
+    more = {"f0": np.full((24, 28, 3), 0.04), "roughness": np.full((24, 28), 0.3)}
+    for view in truth.views:
+        layers = truth.layers(view)
+        parts = {f"{part}.lamp": layers["radiance"] / 4 for part in gc.PARTS}
+        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers | more | parts)
+    gc.seal(scene / "truth", gc.manifest_of(truth))
+    fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", gc.silent)
+    found = gc.open_predictions(tmp_path / "p").layers("test_001")
+    true = gc.with_derived(truth.layers(truth.view("test_001")))
+    for name in ("f0", "glossy", *gc.LOBES):
+        assert np.array_equal(found[name], true[name]), name
+    assert 0 < found["glossy"].mean() < 1
 
 
 def test_steps_integrate_back_to_the_image():

@@ -4,6 +4,7 @@
 import doctest
 
 import numpy as np
+import pytest
 
 import graycard as gc
 from graycard import _shares
@@ -38,3 +39,25 @@ def test_parts_of_unequal_size_are_not_added() -> None:
 def test_how_well_a_layer_is_known_is_no_light() -> None:
     names = ["radiance.var", "radiance.half_a", "radiance.sky", "direct.radiance.x", "irradiance.lamp"]
     assert gc.lights_of("radiance", names) == ["sky"]
+
+
+def test_a_lobe_is_direct_and_indirect_light() -> None:
+    found = gc.with_sums({f"{part}.{light}": ONE for part in gc.PARTS for light in ("lamp", "sky")})
+    assert [found[lobe].max() for lobe in gc.LOBES] == [4, 4]
+    assert gc.with_sums({"direct.diffuse": ONE, "indirect.diffuse": 2 * ONE})["diffuse"].max() == 3
+    assert (
+        gc.with_sums({"direct.diffuse": ONE, "diffuse": 5 * ONE, "indirect.diffuse": ONE})["diffuse"].max()
+        == 5
+    )
+    assert "diffuse" not in gc.with_sums({"direct.diffuse": ONE, "indirect.specular": ONE})
+    assert "diffuse" not in gc.with_sums({"direct.diffuse": ONE, "indirect.diffuse": ONE[:1]})
+
+
+def test_a_lobe_is_no_light_of_a_name() -> None:
+    """``diffuse`` may be the name of a lamp, too."""
+    found = gc.with_sums({f"{part}.diffuse": ONE for part in gc.PARTS})
+    assert found["radiance.diffuse"].max() == 4
+    assert found["diffuse"].max() == 2
+    assert gc.lights_of("radiance", found) == ["diffuse"]
+    with pytest.raises(gc.UnknownNameError, match=r"diffuse\.lamp"):
+        gc.layer("diffuse.lamp")
