@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Glossy surfels show what mirrored rays meet: against a mirrored scene, by hand, and by finite differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from glossy_sheets import (
+    BOARD,
+    EXTENT,
+    FLOOR,
+    OBJECT,
+    SETTINGS,
+    GlossyWorld,
+    glossy_world,
+    seen,
+    shots_of_world,
+    with_settings,
+)
+from graycard.methods.goris._model import (
+    DIFFUSE,
+    FRESNEL,
+    LABEL,
+    LEAST_GLOSS,
+    REGION,
+    ROUGHNESS,
+    SURROUNDINGS,
+    drawn_buffers,
+    effect_of,
+    fresnel,
+    mirrored_colours,
+    mirrored_features,
+)
+from graycard.methods.goris._objective import LightObjective, normal_prior_weight, surface_loss
+from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, sky_basis
+
+
+@pytest.fixture(scope="module")
+def world() -> GlossyWorld:
+    return glossy_world()
+
+
+def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld):
+    """Rays traced from an exact plane, against the boards below the floor, drawn: the rasteriser as oracle."""
+    seen_by = world.cameras[0]
+    camera = gc.Camera.from_fov(176, 144, 55, seen_by.camera_to_world)  # discs are then wider than pixels
+    above = torch.from_numpy(world.part != FLOOR)
+    boards = {k: v[above] for k, v in world.parameters.surfels.items()}
+    boards[CENTRES] = boards[CENTRES] + torch.tensor([0.0, 0.0, 0.2])  # off the floor, as rays begin near it
+    rays = camera.rays()
+    distance = -camera.position[2] / np.minimum(rays[..., 2:], -1e-3)
+    buffers, _ = seen(world.parameters.all, camera)
+    plane = replace(
+        buffers,
+        glossy=torch.ones(144, 176),
+        normal=torch.tensor([0.0, 0.0, 1.0]).expand(144, 176, 3),
+        points=torch.from_numpy(camera.position + distance * rays).float(),
+    )
+    as_seen = 0.5 + 0.4 * torch.sin(5 * boards[CENTRES])  # smooth: the order of discs in a plane is open
+    found = mirrored_features(surfels_of(boards), as_seen, plane, EXTENT)
+    drawn = rasterize(_below(surfels_of(boards)), camera, as_seen)
+    assert float(drawn.alpha.max()) > 0.99
+    error = (found.radiance.reshape(144, 176, 3) - drawn.features).square().mean()
+    assert -10 * torch.log10(error) > 40
+    passed = (found.passed[:, 0].reshape(144, 176) - (1 - drawn.alpha)).square().mean()
+    assert -10 * torch.log10(passed) > 40
+
+
+def _below(surfels: Surfels) -> Surfels:
+    """Mirrored by z = 0; a disc that is as wide as high is mirrored by turning it."""
+    w, x, y, z = surfels.rotations.unbind(dim=1)
+    turned = torch.stack([w, -x, -y, z], dim=1)
+    return replace(surfels, centres=surfels.centres * torch.tensor([1.0, 1.0, -1.0]), rotations=turned)
+
+
+def test_what_a_mirrored_ray_meets_is_seen_in_its_direction(world: GlossyWorld):
+    """Harmonics along rays: colours that rise along the ray's x axis."""
+    coefficients = torch.zeros(len(world.part), 15, 3)
+    coefficients[:, 2] = 0.2  # the harmonic of degree 1 that goes with -x
+    values = world.changed(**{DETAIL: coefficients})
+    buffers, _ = seen(values, world.cameras[1])
+    turned = mirrored_colours(values, buffers, with_settings(traced_degree=1), EXTENT)
+    plain = mirrored_colours(values, buffers, with_settings(traced_degree=0), EXTENT)
+    opaque = turned.passed[:, 0] < 1e-3
+    assert opaque.sum() > 20
+    from graycard.methods.surfels import encode
+
+    rises = (encode(turned.radiance) - encode(plain.radiance))[opaque, 0]
+    expected = -0.4886025 * 0.2 * turned.directions[opaque, 0]
+    torch.testing.assert_close(rises, expected, atol=2e-3, rtol=0.02)
+
+
+def test_pixels_are_mixed_of_what_is_rough_and_what_is_glossy(world: GlossyWorld):
+    """By hand: C = M rough + (1 - M) (D + G); a region of 1 is rough, one of 0 glossy."""
+    camera = world.cameras[2]
+    buffers, picture = seen(world.parameters.all, camera)
+    share = buffers.glossy[..., None]
+    by_hand = (1 - share) * decode(buffers.rough) + share * (buffers.diffuse + picture.reflected)
+    torch.testing.assert_close(decode(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
+    floor = share[..., 0] > 0.9
+    assert 200 < floor.sum() < 36 * 44
+    assert (picture.reflected[floor] > 1e-3).all()
+    flat = seen(world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], 9.0)}), camera)
+    torch.testing.assert_close(flat[1].encoded, flat[0].rough, atol=1e-3, rtol=1e-3)
+    shiny, picture = seen(
+        world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], -12.0)}), camera
+    )
+    covered = shiny.drawn.alpha > 0.99
+    torch.testing.assert_close(
+        decode(picture.encoded)[covered],
+        (shiny.diffuse + picture.reflected)[covered],
+        atol=0.02,
+        rtol=0.02,
+    )
+
+
+def test_the_papers_composite_adds_reflections_to_a_diffuse_term(world: GlossyWorld):
+    camera, settings = world.cameras[2], with_settings(composite="paper")
+    buffers, picture = seen(world.parameters.all, camera, settings)
+    by_hand = decode(buffers.rough) + buffers.glossy[..., None] * picture.reflected
+    torch.testing.assert_close(decode(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
+    floor, all_of_it = buffers.glossy > 0.98, buffers.drawn.alpha > 0.99
+    torch.testing.assert_close(
+        decode(buffers.rough)[floor & all_of_it], buffers.diffuse[floor & all_of_it], atol=0.02, rtol=0.05
+    )
+
+
+def test_without_transport_everything_is_rough(world: GlossyWorld):
+    buffers, picture = seen(world.parameters.all, world.cameras[0], with_settings(transport=False))
+    torch.testing.assert_close(picture.encoded, buffers.rough, atol=1e-5, rtol=1e-4)
+    assert not picture.reflected.any()
+
+
+def test_a_mirror_to_an_even_sky_returns_its_fresnel_term(world: GlossyWorld):
+    """Boards taken away, a sky of radiance 2: the glossy term is 2 F, with F by hand."""
+    floor = torch.from_numpy(world.part == FLOOR)
+    left = world.parameters.take(floor)
+    values = {**left.all, SURROUNDINGS: torch.full((6, 4, 4, 3), np.log(2.0), dtype=torch.float32)}
+    camera = world.cameras[0]
+    for blur in ("none", "paper", "release"):
+        settings = with_settings(filter=blur)
+        if blur == "release":
+            from graycard.methods.goris._filter import translation_parameters
+
+            values |= translation_parameters("release", 0)
+        buffers, picture = seen(values, camera, settings)
+        mirrored = mirrored_colours(values, buffers, settings, EXTENT)
+        view = torch.from_numpy(camera.rays()).float().reshape(-1, 3)[mirrored.rows]
+        cosine = -(view * buffers.normal.reshape(-1, 3)[mirrored.rows]).sum(dim=-1, keepdim=True)
+        expected = 0.4 + 0.6 * (1 - cosine) ** 5
+        torch.testing.assert_close(fresnel(buffers, mirrored), expected.expand(-1, 3), atol=1e-4, rtol=1e-4)
+        found = picture.reflected.reshape(-1, 3)[mirrored.rows]
+        lit = mirrored.passed[:, 0] > 0.999
+        torch.testing.assert_close(found[lit], 2 * expected.expand(-1, 3)[lit], atol=0.01, rtol=0.01)
+
+
+def test_the_effect_of_the_object_is_where_its_mirror_image_is(world: GlossyWorld):
+    """Pixels whose mirrored ray meets the object return by way of it what they reflect; no others do."""
+    values, camera = world.parameters.all, world.cameras[0]
+    buffers, _ = seen(values, camera)
+    effect = effect_of(values, buffers, SETTINGS, EXTENT)
+    theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
+    met = mirrored_features(surfels_of(values), theirs, buffers, EXTENT)
+    share = torch.zeros(36 * 44).index_put((met.rows,), met.radiance[:, 0]).reshape(36, 44)
+    inside = (share > 0.99) & (buffers.glossy > 0.99)
+    assert inside.sum() > 10
+    assert ((effect[inside] > 0.35) & (effect[inside] < 0.6)).all(), "Fresnel term of 0.4 at the front"
+    assert float(effect[share < 1e-6].max()) < 0.01
+    gone = effect_of(
+        world.changed(**{LABEL: torch.full_like(values[LABEL], -9.0)}), buffers, SETTINGS, EXTENT
+    )
+    assert float(gone.max()) < 1e-3
+
+
+def test_no_ray_is_traced_for_rough_pixels(world: GlossyWorld):
+    values = world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], 12.0)})
+    buffers, picture = seen(values, world.cameras[0], with_settings(filter="paper"))
+    found = mirrored_colours(values, buffers, SETTINGS, EXTENT)
+    assert float(buffers.glossy.max()) < LEAST_GLOSS
+    assert len(found.rows) == 0
+    assert not picture.reflected.any()
+
+
+@pytest.mark.parametrize("composite", ["release", "paper"])
+@pytest.mark.parametrize("blur", ["none", "paper", "release"])
+def test_everything_that_moves_has_the_gradient_of_finite_differences(
+    world: GlossyWorld, composite: str, blur: str
+):
+    """Along the signs of each gradient, against central differences of a weighted mean of the picture."""
+    from graycard.methods.goris._filter import translation_parameters
+
+    settings = with_settings(composite=composite, filter=blur)
+    base = dict(world.parameters.all)
+    if blur != "none":
+        base |= translation_parameters(blur, 1)
+    base[REGION] = 0.5 * base[REGION].clamp(-1, 1)  # where both terms count
+    camera, random = world.cameras[3], torch.Generator().manual_seed(3)
+    weight = torch.rand(36, 44, 3, generator=random)
+
+    def looked(values: dict[str, torch.Tensor]) -> torch.Tensor:
+        return (seen(values, camera, settings)[1].encoded * weight).mean()
+
+    steps = {
+        COEFFICIENTS: 2e-2,
+        DETAIL: 2e-2,
+        DIFFUSE: 2e-2,
+        FRESNEL: 2e-2,
+        ROUGHNESS: 2e-2,
+        REGION: 2e-2,
+        SURROUNDINGS: 2e-2,
+    }
+    leaves = {k: v.clone().requires_grad_(k in steps) for k, v in base.items()}
+    found = torch.autograd.grad(looked(leaves), [leaves[k] for k in steps], allow_unused=True)
+    for (name, step), gradient in zip(steps.items(), found, strict=True):
+        assert gradient is not None, name
+        direction = gradient.sign()
+        with torch.no_grad():
+            up, down = (looked({**base, name: base[name] + s * step * direction}) for s in (1, -1))
+        expected = float((gradient * direction).sum())
+        assert float(up - down) / (2 * step) == pytest.approx(expected, rel=0.03), name
+
+
+def test_geometry_has_a_gradient_by_way_of_mirrored_rays(world: GlossyWorld):
+    """A board that moves moves its mirror image: only the floor is looked at."""
+    camera, settings = world.cameras[0], SETTINGS
+    theirs = torch.from_numpy(world.part == BOARD)
+
+    def looked(shift: torch.Tensor) -> torch.Tensor:
+        centres = world.parameters.all[CENTRES]
+        moved = centres + theirs[:, None] * shift * torch.tensor([1.0, 0.0, 0.0])
+        values = world.changed(**{CENTRES: moved})
+        buffers, picture = seen(values, camera, settings)
+        fixed = drawn_buffers(world.parameters.all, camera, sky_basis(camera, 0), settings)
+        away = (fixed.glossy > 0.98) & (buffers.glossy > 0.98)
+        ramp = torch.linspace(0, 1, 44)[None, :, None]
+        return (picture.reflected * ramp * away.detach()[..., None]).sum()
+
+    shift = torch.zeros((), requires_grad=True)
+    (gradient,) = torch.autograd.grad(looked(shift), shift)
+    with torch.no_grad():
+        change = float(looked(torch.tensor(4e-3)) - looked(torch.tensor(-4e-3))) / 8e-3
+    assert abs(change) > 0.05
+    assert float(gradient) == pytest.approx(change, rel=0.15)
+
+
+def test_the_region_is_held_to_what_the_prior_calls_glossy(world: GlossyWorld):
+    """Polarity: regions that are those of the prior cost nothing, the opposite all."""
+    shot = shots_of_world(world)[0]
+    settings = with_settings(
+        cover_weight=0.0, distortion_weight=0.0, normal_prior_weight=0.0, region_weight=2.0
+    )
+    values = world.parameters.all
+    right = surface_loss(seen(values, world.cameras[0])[0], shot, settings, 0)
+    wrong = surface_loss(
+        seen(world.changed(**{REGION: -values[REGION]}), world.cameras[0])[0], shot, settings, 0
+    )
+    covered = float((seen(values, world.cameras[0])[0].drawn.alpha > 0.5).float().mean())
+    assert float(right) < 0.1
+    assert float(wrong) > 1.7 * covered
+    unasked = surface_loss(seen(values, world.cameras[0])[0], replace(shot, told=False), settings, 0)
+    assert float(unasked) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_weight_of_the_priors_normals_decays():
+    paper = with_settings(iterations=1000, decay_share=0.2, normal_prior_weight=0.5)
+    assert normal_prior_weight(paper, 0) == pytest.approx(0.5)
+    assert normal_prior_weight(paper, 100) == pytest.approx((0.5 * 1e-3) ** 0.5)
+    assert normal_prior_weight(paper, 200) == pytest.approx(1e-3)
+    assert normal_prior_weight(paper, 900) == pytest.approx(1e-3)
+    linear = replace(paper, decay="linear")
+    assert normal_prior_weight(linear, 100) == pytest.approx((0.5 + 1e-3) / 2)
+    assert normal_prior_weight(replace(paper, normal_prior_weight=0.0), 0) == 0.0
+
+
+def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWorld):
+    shots = shots_of_world(world)
+    objective = LightObjective(shots, SETTINGS, EXTENT, 0)
+    start = world.parameters.all
+    at_truth = float(objective(start, 0).loss.detach())
+    for name in (DIFFUSE, FRESNEL, REGION, LABEL, SURROUNDINGS):
+        off = objective({**start, name: start[name] + 1.0}, 0).loss
+        assert float(off.detach()) > at_truth + 1e-4, name
+    names = (CENTRES, ROTATIONS, COEFFICIENTS, DIFFUSE, FRESNEL, REGION, LABEL, SURROUNDINGS)
+    leaves = {k: v.clone().requires_grad_(k in names) for k, v in start.items()}
+    moved = {**leaves, DIFFUSE: leaves[DIFFUSE] + 0.3}
+    found = torch.autograd.grad(objective(moved, 0).loss, [leaves[k] for k in names])
+    for name, gradient in zip(names, found, strict=True):
+        assert gradient.isfinite().all(), name
+        assert gradient.any(), name
