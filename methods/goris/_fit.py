@@ -8,6 +8,7 @@ import torch
 
 from graycard import Capture, Progress
 from graycard.methods.goris._filter import translation_parameters
+from graycard.methods.goris._first import FirstLight, first_light
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -36,6 +37,7 @@ from graycard.methods.surfels import (
     SKY,
     decode,
     density_rules,
+    encode,
     fit_checkpoint,
     learning_rates,
     sparse_start,
@@ -81,6 +83,8 @@ def fit_light(
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     start = with_light(coloured, shots, settings, seed)
+    if settings.transport and all(shot.told for shot in shots):
+        start = as_photographs_allow(start, first_light(start.all, shots, settings, extent))
     if settings.light_steps == 0:
         return start
     plan = Plan(settings.light_steps, light_rates(extent, settings), extent)
@@ -117,6 +121,20 @@ def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSetti
     if settings.filter != "none":
         shared |= translation_parameters(settings.filter, seed)
     return Parameters({**coloured.surfels, **own}, {**coloured.shared, **shared})
+
+
+def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Parameters:
+    """Surfels that reflect, scatter and are surrounded by what was found."""
+    if found is None:
+        return start
+    diffuse, fresnel = (start.surfels[name].clone() for name in (DIFFUSE, FRESNEL))
+    glossy = start.surfels[REGION][:, 0] < 0
+    fresnel[glossy] = torch.logit(torch.tensor(found.f0))
+    diffuse[found.surfels] = torch.logit(encode(found.diffuse) / BRIGHTEST, eps=_SURE)
+    own = {DIFFUSE: diffuse, FRESNEL: fresnel}
+    return Parameters(
+        {**start.surfels, **own}, {**start.shared, SURROUNDINGS: found.surroundings.log().contiguous()}
+    )
 
 
 def light_rates(extent: float, settings: GorisSettings) -> dict[str, Rate]:

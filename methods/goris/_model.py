@@ -167,9 +167,10 @@ def mirrored_colours(
         extent: Of the scene, metres.
     """
     count = (settings.traced_degree + 1) ** 2
-    coefficients = torch.cat([values[COEFFICIENTS], values[DETAIL]], dim=1)[:, :count]
+    met_by = traced_surfels(values, settings)
+    coefficients = torch.cat([met_by[COEFFICIENTS], met_by[DETAIL]], dim=1)[:, :count]
     rows, rays = mirrored_rays(buffers)
-    met = trace(surfels_of(values), rays, coefficients.flatten(1), near=NEAR * extent)
+    met = trace(surfels_of(met_by), rays, coefficients.flatten(1), near=NEAR * extent)
     basis = harmonics_basis(rays.directions.detach().numpy(), settings.traced_degree)
     blended = met.features.unflatten(-1, (count, 3))
     encoded = (blended * torch.from_numpy(basis).float()[..., None]).sum(dim=1)
@@ -177,6 +178,15 @@ def mirrored_colours(
     mean = encoded / cover.clamp(min=LEAST_COVER) + 0.5
     radiance = cover * decode(mean).clamp(min=0)
     return Mirrored(rows, rays.directions, radiance, met.transmittance[:, None], met.depth[:, None])
+
+
+def traced_surfels(values: Mapping[str, torch.Tensor], settings: GorisSettings) -> dict[str, torch.Tensor]:
+    """Parameters of the surfels that mirrored rays meet, by name."""
+    names = (*GEOMETRY, COEFFICIENTS, DETAIL, REGION, LABEL)
+    if settings.traced == "all":
+        return {name: values[name] for name in names}
+    (rough,) = (values[REGION].detach()[:, 0] > 0).nonzero(as_tuple=True)
+    return {name: values[name][rough] for name in names}
 
 
 def mirrored_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, extent: float) -> Mirrored:
@@ -285,8 +295,8 @@ def effect_of(
 
     The transport of colours with labels in their place (the paper's lighting-aware mask).
     """
-    labels = values[LABEL].sigmoid()
-    mirrored = mirrored_features(surfels_of(values), labels, buffers, extent)
+    met_by = traced_surfels(values, settings)
+    mirrored = mirrored_features(surfels_of(met_by), met_by[LABEL].sigmoid(), buffers, extent)
     soft = blurred(values, buffers, mirrored, settings, extent)[:, :1]
     returned = (fresnel(buffers, mirrored) * soft).mean(dim=-1, keepdim=True)
     return _image(returned, mirrored.rows, *buffers.roughness.shape)[..., 0] * buffers.glossy

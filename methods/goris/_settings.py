@@ -9,6 +9,7 @@ from graycard.methods.removal import RemovalSettings
 
 Filter = Literal[Reading, "none"]
 Decay = Literal["exponential", "linear"]
+Traced = Literal["rough", "all"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,9 @@ class GorisSettings(RemovalSettings):
     """Of the weight of the prior's normals; ``linear`` in the released code."""
     decay_share: float = 0.2
     """Of ``iterations``, over which that weight decays when light is sent on."""
+    traced: Traced = "rough"
+    """Which surfels mirrored rays meet. ``rough``, the paper: a glossy surface neither mirrors another nor
+    itself, where it is not quite even; ``all``, the released code."""
     traced_degree: int = 1
     """Of the harmonics that are followed along mirrored rays, 0 to 3: what a mirrored ray meets is seen in
     its own direction."""

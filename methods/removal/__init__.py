@@ -2,6 +2,7 @@
 """An object is taken out of pictures, as rivals of GOR-IS do it: colours alone, no light and no material."""
 
 from graycard.methods.removal._behind import Shown as Shown
+from graycard.methods.removal._behind import points_in_picture as points_in_picture
 from graycard.methods.removal._behind import views_behind as views_behind
 from graycard.methods.removal._filled import Target as Target
 from graycard.methods.removal._filled import Wall as Wall

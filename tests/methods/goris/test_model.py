@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Glossy surfels show what mirrored rays meet: against a mirrored scene, by hand, and by finite differences."""
+"""Glossy surfels show what mirrored rays meet: a mirrored scene, numbers by hand, finite differences."""
 
 from dataclasses import replace
 
@@ -45,7 +45,7 @@ def world() -> GlossyWorld:
 
 
 def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld):
-    """Rays traced from an exact plane, against the boards below the floor, drawn: the rasteriser as oracle."""
+    """Rays traced from an exact plane, against the boards below the floor, drawn by the rasteriser."""
     seen_by = world.cameras[0]
     camera = gc.Camera.from_fov(176, 144, 55, seen_by.camera_to_world)  # discs are then wider than pixels
     above = torch.from_numpy(world.part != FLOOR)
@@ -291,3 +291,19 @@ def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWor
     for name, gradient in zip(names, found, strict=True):
         assert gradient.isfinite().all(), name
         assert gradient.any(), name
+
+
+def test_glossy_surfaces_do_not_mirror_each_other_but_on_request(world: GlossyWorld):
+    """A board that is glossy is not met; in the released code's reading it is."""
+    region = world.parameters.all[REGION].clone()
+    region[torch.from_numpy(world.part == OBJECT)] = -6.0
+    values, camera = world.changed(**{REGION: region}), world.cameras[0]
+    buffers, _ = seen(world.parameters.all, camera)
+    rough, everything = (
+        mirrored_colours(values, buffers, with_settings(traced=traced), EXTENT) for traced in ("rough", "all")
+    )
+    theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
+    met = mirrored_features(surfels_of(values), theirs, buffers, EXTENT).radiance[:, 0] > 0.99
+    assert met.sum() > 10
+    assert float((rough.passed[met] > 0.99).float().mean()) > 0.7, "but for the board behind"
+    assert float(everything.passed[met].max()) < 0.02

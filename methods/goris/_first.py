@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much glossy surfaces reflect before the first step with light: what photographs allow (inferred).
+
+A point of a glossy surface is seen in several views. What it scatters is the same in all of them, what it
+reflects is F (L + V E): radiance L and transmittance V of the mirrored ray are traced, and with F0 given F is
+known, so that the surroundings E are a linear least squares fit, of the differences between views. Both terms
+look alike to a fit that steps downhill: begun with F0 of 0.5 on wood, or 0.1 on steel, it stays near to that.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from scipy.optimize import nnls
+
+from graycard.methods.goris._model import (
+    REGION,
+    Mirrored,
+    drawn_buffers,
+    mirrored_colours,
+)
+from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shots import Shot
+from graycard.methods.removal import points_in_picture
+from graycard.methods.shading import look_up, texel_directions
+from graycard.methods.splat import CENTRES
+from graycard.methods.surfels import decode
+
+CANDIDATES = (0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Of F0, the same for all glossy surfaces and channels."""
+SLACK = 1.05
+"""The largest F0 is taken whose error is no more than so many times the least: errors in what was traced make
+strong reflections fit worse than they should (regression dilution)."""
+_SIZE = 6
+"""Texels along the side of a face of the surroundings that are fitted."""
+_DOUBT = 1e-3
+"""Of the mean square of reflections: how much surroundings that are not the mean of photographs cost."""
+_NEAR = 0.02
+"""A point whose depth differs from what a view sees there by no more than this share is what it sees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sightings:
+    """Glossy surfels in photographs: M times that one was seen."""
+
+    surfel: np.ndarray
+    """Shape ``(M,)``: which one."""
+    colour: np.ndarray
+    """Shape ``(M, 3)``: of the photograph, linear, exposed."""
+    radiance: np.ndarray
+    """Shape ``(M, 3)``: along the mirrored ray, of surfels, as much as they cover."""
+    passed: np.ndarray
+    """Shape ``(M,)``: what passes them."""
+    direction: np.ndarray
+    """Shape ``(M, 3)``: of the mirrored ray, world, unit."""
+    grazing: np.ndarray
+    """Shape ``(M,)``: (1 - cosine)^5, see :func:`graycard.methods.goris._model.fresnel`."""
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLight:
+    """Before the first step with light."""
+
+    f0: float
+    """Of all glossy surfels."""
+    surroundings: torch.Tensor
+    """Cubemap ``(6, N, N, 3)``, exposed radiance, above 0."""
+    surfels: torch.Tensor
+    """Numbers of the surfels that were seen, shape ``(S,)``."""
+    diffuse: torch.Tensor
+    """What each of them scatters, shape ``(S, 3)``, linear, exposed, 0 or more."""
+
+
+def first_light(
+    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
+) -> FirstLight | None:
+    """What photographs allow; None where no glossy surfel is seen twice.
+
+    Args:
+        values: Parameters by name, regions as priors have them.
+        shots: The training views.
+        settings: Of the method.
+        extent: Of the scene, metres.
+    """
+    found = sightings(values, shots, settings, extent)
+    _, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
+    if not (count > 1).any():
+        return None
+    basis = look_up(torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1), _float(found.direction)).numpy()
+    fits = [_fitted(found, surfel, basis, f0) for f0 in CANDIDATES]
+    errors = np.array([error for error, _ in fits])
+    chosen = int(np.flatnonzero(errors <= SLACK * errors.min())[-1])
+    f0, sky = CANDIDATES[chosen], fits[chosen][1]
+    reflected = _fresnel(f0, found)[:, None] * (found.radiance + found.passed[:, None] * (basis @ sky))
+    diffuse = np.stack([np.bincount(surfel, c) for c in (found.colour - reflected).T], axis=1)
+    cubemap = _float(sky.reshape(6, _SIZE, _SIZE, 3))
+    toward = _float(texel_directions(settings.sky_size))
+    least = 0.05 * float(found.colour.mean())
+    return FirstLight(
+        f0,
+        look_up(cubemap, toward).clamp(min=least),
+        torch.from_numpy(np.unique(found.surfel)),
+        _float(diffuse / count[:, None]).clamp(min=0),
+    )
+
+
+def _fitted(found: Sightings, surfel: np.ndarray, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
+    """Root mean square error, summed over channels, and surroundings ``(T, 3)``, none below 0."""
+    strength = _fresnel(f0, found)
+    seen_through = _between_views((strength * found.passed)[:, None] * basis, surfel)
+    left = _between_views(found.colour - strength[:, None] * found.radiance, surfel)
+    doubt = _DOUBT * len(surfel) * f0**2
+    normal = seen_through.T @ seen_through + (doubt + 1e-9) * np.eye(basis.shape[1])
+    root = np.linalg.cholesky(normal).T
+    wanted = seen_through.T @ left + doubt * found.colour.mean(axis=0)
+    sky = np.stack([nnls(root, np.linalg.solve(root.T, w))[0] for w in wanted.T], axis=1)
+    return float(np.sqrt(((left - seen_through @ sky) ** 2).mean(axis=0)).sum()), sky
+
+
+def _fresnel(f0: float, found: Sightings) -> np.ndarray:
+    return f0 + (1 - f0) * found.grazing
+
+
+def _between_views(values: np.ndarray, surfel: np.ndarray) -> np.ndarray:
+    """Values ``(M, C)`` less their mean over the sightings of each surfel."""
+    count = np.bincount(surfel)
+    means = np.stack([np.bincount(surfel, column) for column in values.T], axis=1) / count[:, None]
+    return values - means[surfel]
+
+
+@torch.no_grad()
+def sightings(
+    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
+) -> Sightings:
+    """Where photographs show the centres of glossy surfels, unless something is in front of them."""
+    (glossy,) = (values[REGION][:, 0] < 0).nonzero(as_tuple=True)
+    parts = []
+    for shot in shots:
+        view = shot.photograph
+        buffers = drawn_buffers(values, view.camera, view.sky, settings)
+        masked = replace(buffers, glossy=shot.glossy * (1 - shot.target))
+        mirrored = mirrored_colours(values, masked, settings, extent)
+        depth = np.where(buffers.drawn.alpha > 0.5, buffers.drawn.depth, np.inf)
+        which, rows = _seen_at(values[CENTRES][glossy].numpy(), shot, depth)
+        place = np.full(depth.size, -1)
+        place[mirrored.rows.numpy()] = np.arange(len(mirrored.rows))
+        kept = place[rows] >= 0
+        normal, linear = buffers.normal.reshape(-1, 3), decode(view.encoded).reshape(-1, 3)
+        rays, rows = torch.from_numpy(place[rows[kept]]), torch.from_numpy(rows[kept])
+        parts.append(_sighted(glossy.numpy()[which[kept]], linear[rows], normal[rows], _at(mirrored, rays)))
+    return Sightings(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+def _at(mirrored: Mirrored, rays: torch.Tensor) -> Mirrored:
+    parts = (mirrored.rows, mirrored.directions, mirrored.radiance, mirrored.passed, mirrored.depth)
+    return Mirrored(*(part[rays] for part in parts))
+
+
+def _sighted(
+    surfel: np.ndarray, colour: torch.Tensor, normal: torch.Tensor, mirrored: Mirrored
+) -> tuple[np.ndarray, ...]:
+    cosine = (normal * mirrored.directions).sum(dim=-1).clamp(0, 1)
+    parts = (colour, mirrored.radiance, mirrored.passed[:, 0], mirrored.directions, (1 - cosine) ** 5)
+    return surfel, *(part.double().numpy() for part in parts)
+
+
+def _seen_at(places: np.ndarray, shot: Shot, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the places that a view sees, and the numbers of their pixels, row by row."""
+    camera = shot.photograph.camera
+    numbers, rows, columns, z = points_in_picture(camera, places)
+    seen = np.abs(z / depth[rows, columns] - 1) <= _NEAR
+    return numbers[seen], (rows * camera.width + columns)[seen]
+
+
+def _float(values: np.ndarray) -> torch.Tensor:
+    return torch.from_numpy(np.asarray(values, np.float32))

@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``goris`` on captures: the whole way, what is painted where, and what it says of itself."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from glossy_sheets import EXTENT, OBJECT, SETTINGS, GlossyWorld, glossy_world, shots_of_world, with_settings
+from graycard import methods
+from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings
+from graycard.methods.goris._distil import cameras_between, distilled
+from graycard.methods.goris._fit import with_light
+from graycard.methods.goris._model import DIFFUSE, FRESNEL, LABEL, REGION, ROUGHNESS
+from graycard.methods.goris._remove import RemovalObjective, _aim, _effects, with_painted_wall
+from graycard.methods.goris._scene import LAYERS
+from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.priors._spec import Override
+from graycard.methods.removal import Target, Wall
+from graycard.methods.removal._behind import Behind
+from graycard.methods.surfels import SurfelScene, decode
+from sparse_points import with_points
+
+QUICK = GorisSettings(iterations=12, surfels=400, fill=0.0, sky_size=2)
+UNTOLD = {kind: Override(source="none") for kind in ("mask", "normal")}
+
+
+@pytest.fixture(scope="module")
+def world() -> GlossyWorld:
+    return glossy_world()
+
+
+@pytest.fixture(scope="module")
+def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = write_tiny(tmp_path_factory.mktemp("goris"), track="tabletop", train=4, test=1)
+    with_points(folder)
+    return folder
+
+
+def told(scene: Path, spec: PriorSpec) -> methods.Priors:
+    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+    known = {view.name: truth.layers(truth.view(view.name)) for view in capture.train}
+    return make_priors(spec, GorisMethod.asks, capture, known, ())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"composite": "paper", "filter": "release", "decay": "linear"},
+        {"transport": False},
+        {"material_inpainting": False, "effect_mask": False, "filter": "none"},
+        {"distilled": True},
+    ],
+    ids=lambda changes: "-".join(changes) or "default",
+)
+def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
+    """Everything is provided, finite, saved and loaded, and the same again."""
+    capture = gc.open_capture(scene / "capture", check=False)
+    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
+    settings = replace(QUICK, **changes)  # pyright: ignore[reportArgumentType]
+    found = method.fit(capture, priors, settings, 0, gc.silent)
+    assert isinstance(found, methods.Removable)
+    camera = capture.test[0].camera
+    layers = found.render(camera, sorted(found.provides))
+    assert set(layers) == LAYERS
+    for name, image in layers.items():
+        assert gc.find_fault(name, image, camera.height, camera.width) is None
+    without = found.remove(3).render(camera, ["radiance"])["radiance"]
+    assert np.isfinite(without).all()
+    assert not np.array_equal(without, layers["radiance"])
+    again = method.fit(capture, priors, settings, 0, gc.silent)
+    np.testing.assert_array_equal(again.remove(3).render(camera, ["radiance"])["radiance"], without)
+    found.save(tmp_path / "d")
+    loaded = method.load(tmp_path / "d")
+    np.testing.assert_array_equal(loaded.remove(3).render(camera, ["radiance"])["radiance"], without)
+    np.testing.assert_array_equal(loaded.render(camera, ["specular"])["specular"], layers["specular"])
+    assert (loaded.distilled is not None) is settings.distilled
+    with pytest.raises(gc.MethodError, match=r"expected the object that was fitted \(3\), got 2"):
+        found.remove(2)
+
+
+def test_priors_that_know_more_are_asked(scene: Path):
+    """With a mask and normals; the mask of nothing glossy leaves nothing that reflects."""
+
+    class Nothing:
+        def answer(self, question: methods.Question) -> np.ndarray:
+            if question.kind == "mask":
+                return np.zeros(question.image.shape[:2], bool)
+            return np.tile([0.0, 0.0, 1.0], (*question.image.shape[:2], 1))
+
+    capture = gc.open_capture(scene / "capture", check=False)
+    known = told(scene, PriorSpec("classical"))
+    models = {**known.models, "mask": Nothing(), "normal": Nothing()}
+    found = GorisMethod().fit(capture, replace(known, models=models), QUICK, 0, gc.silent)
+    layers = found.render(capture.test[0].camera, ["glossy", "specular", "roughness", "f0"])
+    assert float(layers["glossy"].max()) < 0.1
+    assert float(layers["specular"].max()) < 0.1 * float(
+        found.render(capture.test[0].camera, ["radiance"])["radiance"].max()
+    )
+
+
+def test_bad_input_is_refused_before_any_fit(
+    scene: Path, make_scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+):
+    method, started = GorisMethod(), []
+
+    def progress(share: float, doing: str) -> None:
+        started.append(doing)
+
+    without = gc.open_capture(make_scene() / "capture")
+    with pytest.raises(gc.MethodError, match="expected a capture that names an object to remove"):
+        method.fit(without, methods.Priors(), QUICK, 0, progress)
+    capture = gc.open_capture(scene / "capture", check=False)
+    cases = {
+        "expected the mask of view .* of shape": np.ones((3, 4), bool),
+        "got one of the whole picture": np.ones((24, 28), bool),
+        "got empty masks only": np.zeros((24, 28), bool),
+    }
+    for says, mask in cases.items():
+        monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view, mask=mask: mask)
+        with pytest.raises(gc.MethodError, match=says):
+            method.fit(capture, methods.Priors(), QUICK, 0, progress)
+    assert not started
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("radiance_share", 1.0, r"expected radiance_share in \(0, 1\), got 1"),
+        ("decay_share", 0.0, r"expected decay_share in \(0, 1\)"),
+        ("least_effect", 1.5, r"expected least_effect in \(0, 1\)"),
+        ("traced_degree", 4, "expected traced_degree from 0 to that of the colours"),
+        ("sky_size", 0, "and sky_size of 1 or more"),
+        ("least_normal_prior_weight", 0.0, "expected least_normal_prior_weight above 0"),
+        ("smooth_weight", -1.0, "expected weights of 0 or more"),
+        ("weights", -0.1, "expected weights of 0 or more"),
+    ],
+)
+def test_settings_that_cannot_be_are_refused(name: str, value: float, says: str):
+    with pytest.raises(ValueError, match=says):
+        GorisSettings(**{name: value})  # pyright: ignore[reportArgumentType]
+
+
+def test_surfels_begin_as_masks_say(world: GlossyWorld):
+    """Regions and labels are shares of what photographs show of a surfel; 1 is rough."""
+    shots = shots_of_world(world)
+    found = with_light(world.parameters, shots, SETTINGS, 0).surfels
+    rough, label = found[REGION][:, 0].sigmoid(), found[LABEL][:, 0].sigmoid()
+    true_rough, true_label = (world.parameters.surfels[n][:, 0].sigmoid() for n in (REGION, LABEL))
+    middle = (world.parameters.surfels["centres"][:, :2].abs() < 0.6).all(dim=1)  # what views see
+    assert float((rough[middle & (true_rough < 0.5)] < 0.5).float().mean()) > 0.8
+    assert float((rough[true_rough > 0.5] > 0.5).float().mean()) > 0.9
+    assert float((label[true_label > 0.5] > 0.5).float().mean()) > 0.9
+    assert float((label[true_label < 0.5] < 0.5).float().mean()) > 0.95
+    untold = with_light(world.parameters, [replace(s, told=False) for s in shots], SETTINGS, 0)
+    torch.testing.assert_close(
+        untold.surfels[REGION].sigmoid(), torch.full_like(found[REGION], 0.9), atol=1e-5, rtol=0
+    )
+
+
+def test_photographs_are_in_doubt_where_they_show_the_object_by_reflection(world: GlossyWorld):
+    """Nearly all such pixels are glossy, and there are some in every view; none at a high limit."""
+    shots = shots_of_world(world)
+    found = _effects(world.parameters.all, shots, SETTINGS, EXTENT)
+    for shot, effect in zip(shots, found, strict=True):
+        assert (shot.glossy.numpy()[effect] > 0.5).mean() > 0.9
+    assert min(int(effect.sum()) for effect in found) > 10
+    none = _effects(world.parameters.all, shots, with_settings(least_effect=0.99), EXTENT)
+    assert not any(effect.any() for effect in none)
+
+
+def test_new_surfels_are_as_they_were_painted(world: GlossyWorld):
+    points = np.random.default_rng(0).uniform(-0.2, 0.2, (60, 3)) * [1, 1, 0]
+    layers = {
+        "diffuse": np.tile([0.2, 0.1, 0.05], (60, 1)),
+        "f0": np.tile([0.7, 0.6, 0.5], (60, 1)),
+        "roughness": np.full(60, 0.4),
+        "glossy": np.full(60, 0.95),
+        "normal": np.tile([0.0, 0.0, 1.0], (60, 1)),
+    }
+    up = np.tile([0.0, 0.0, 1.0], (60, 1))
+    wall = Wall(points, up, np.full((60, 3), 0.3), np.ones(60), layers)
+    before = len(world.parameters)
+    found = with_painted_wall(world.parameters, 60, wall, SETTINGS, 0).surfels
+    assert len(found[REGION]) == before + 60
+    new = {name: values[before:].sigmoid() for name, values in found.items()}
+    torch.testing.assert_close(new[FRESNEL], torch.tensor([0.7, 0.6, 0.5]).expand(60, 3))
+    torch.testing.assert_close(new[ROUGHNESS], torch.full((60, 1), 0.4))
+    torch.testing.assert_close(new[REGION], torch.full((60, 1), 0.05))
+    torch.testing.assert_close(
+        decode(1.5 * new[DIFFUSE]), torch.tensor([0.2, 0.1, 0.05]).expand(60, 3), atol=1e-4, rtol=1e-3
+    )
+    coloured = with_painted_wall(world.parameters, 60, replace(wall, layers={}), SETTINGS, 0).surfels
+    assert (coloured[REGION][before:].sigmoid() > 0.99).all(), "painted in colours: rough"
+    nothing = Wall(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    assert with_painted_wall(world.parameters, 0, nothing, SETTINGS, 0) is world.parameters
+
+
+def target_of(world: GlossyWorld, glossy: float) -> Target:
+    """The first view, its hole painted grey and of one material."""
+    shape, hole = (36, 44), np.zeros((36, 44), bool)
+    hole[20:28, 10:30] = True
+    layers = {
+        "diffuse": np.full((*shape, 3), 0.2),
+        "f0": np.full((*shape, 3), 0.5),
+        "roughness": np.full(shape, 0.3),
+        "glossy": np.full(shape, glossy),
+        "normal": np.tile([0.0, 0.0, 2.0], (*shape, 1)),
+    }
+    view = gc.View("0", "train", world.cameras[0])
+    behind = Behind(view, hole, hole, np.full((*shape, 3), 0.3), np.ones(shape), layers)
+    return Target(behind, behind.picture, hole, layers)
+
+
+def test_holes_are_held_to_colours_where_they_are_rough_and_to_materials_elsewhere(world: GlossyWorld):
+    """Polarity: what moves when the painted region is glossy, and when it is rough."""
+    shots = shots_of_world(world)[:1]
+    for glossy, moves, stays in ((1.0, "f0", "encoded"), (0.0, "encoded", "f0")):
+        target = target_of(world, glossy)
+        aim = _aim(target)
+        assert float(aim.glossy.sum()) == glossy * 160
+        assert float(aim.rough.sum()) == (1 - glossy) * 160
+        assert float(aim.kept.sum()) == 36 * 44 - 160
+        assert torch.allclose(aim.layers["normal"].norm(dim=-1), torch.ones(36, 44))
+
+        def loss(aim=aim) -> float:
+            objective = RemovalObjective(shots, [aim], SETTINGS, EXTENT, 0)
+            return float(objective(world.parameters.all, 0).loss.detach())
+
+        other = {
+            "f0": replace(aim, layers={**aim.layers, "f0": aim.layers["f0"] + 0.3}),
+            "encoded": replace(aim, encoded=aim.encoded + 0.3),
+        }
+        assert abs(loss(other[moves]) - loss()) > 1e-4
+        assert loss(other[stays]) == pytest.approx(loss(), abs=1e-7)
+
+
+def test_what_is_left_outside_holes_is_the_photograph(world: GlossyWorld):
+    """At the truth, with nothing in doubt, the second stage costs what disagreement of surfels does."""
+    shots = shots_of_world(world)[:1]
+    aim = replace(_aim(target_of(world, 1.0)), glossy=torch.zeros(36, 44), kept=torch.ones(36, 44))
+    objective = RemovalObjective(shots, [aim], SETTINGS, EXTENT, 0)
+    at_truth = float(objective(world.parameters.all, 0).loss.detach())
+    brighter = world.changed(**{DIFFUSE: world.parameters.all[DIFFUSE] + 0.5})
+    assert float(objective(brighter, 0).loss.detach()) > at_truth + 1e-3
+    doubted = RemovalObjective(shots, [replace(aim, kept=torch.zeros(36, 44))], SETTINGS, EXTENT, 0)
+    change = float(doubted(brighter, 0).loss.detach()) - float(doubted(world.parameters.all, 0).loss.detach())
+    assert change == pytest.approx(0.0, abs=1e-6), "nothing of a photograph that is not believed counts"
+
+
+def test_without_the_object_its_mirror_image_is_gone(world: GlossyWorld):
+    """The claim of the method on surfels that are true: floor pixels that showed the object show the sky."""
+    left = world.parameters.take(torch.from_numpy(world.part != OBJECT))
+    scenes = [GlossyScene(p, SETTINGS, 1.0, EXTENT) for p in (world.parameters, left)]
+    shots = shots_of_world(world)
+    effect = _effects(world.parameters.all, shots, SETTINGS, EXTENT)[0]
+    with_object, without = (s.render(world.cameras[0], ["specular"])["specular"] for s in scenes)
+    blue = [image[effect].mean(axis=0) for image in (with_object, without)]
+    assert blue[0][2] > 1.5 * blue[0][0], "the blue board by reflection"
+    assert blue[1][2] == pytest.approx(blue[1][0], rel=0.2), "the grey sky"
+
+
+def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld):
+    settings = with_settings(iterations=250)
+    found = distilled(world.parameters, world.cameras, settings, 0, gc.silent)
+    assert set(found.surfels) >= {"centres", "coefficients", "detail"}
+    assert REGION not in found.surfels
+    scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)
+    colours, rough = SurfelScene("goris", found, 1.0), SurfelScene("goris", world.parameters, 1.0)
+    camera = world.cameras[2]
+    true, got, before = (s.render(camera, ["radiance"])["radiance"] for s in (scene, colours, rough))
+    assert np.abs(got - true).mean() < 0.5 * np.abs(before - true).mean()
+
+
+def test_cameras_between_lie_on_the_way():
+    eyes = [np.array([x, -2.0, 1.0]) for x in (0.0, 0.3, 2.0)]
+    cameras = [gc.Camera.from_fov(20, 16, 50, gc.look_at(eye, np.zeros(3))) for eye in eyes]
+    found = cameras_between(cameras, 2)
+    assert len(found) == 9
+    assert found[:3] == cameras
+    np.testing.assert_allclose(found[3].position, [0.1, -2, 1], atol=1e-9)
+    np.testing.assert_allclose(found[7].position, [2.0 - 1.7 / 3, -2, 1], atol=1e-9)
+    for camera in found:
+        turn = camera.camera_to_world[:3, :3]
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)
+    assert cameras_between(cameras[:1], 2) == cameras[:1]
+
+
+def test_a_scene_of_another_method_is_refused(world: GlossyWorld, tmp_path: Path):
+    scene = GlossyScene(world.parameters, SETTINGS, 1.0, EXTENT)
+    GorisScene(scene, scene, 3).save(tmp_path)
+    from graycard.methods import load_method
+
+    with pytest.raises(gc.MethodError, match="goris"):
+        load_method("removal").load(tmp_path)
+    with pytest.raises(gc.MethodError, match="expected layers out of"):
+        scene.render(world.cameras[0], ["base_color"])
