@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Holes filled in by a prior, and what filled views say of the space behind the object."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,20 +52,38 @@ def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tup
     Raises:
         MethodError: The prior does not inpaint, or its answer is not sound.
     """
-    order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
-    with_hole = [k for k in order if behind[k].hole.any()]
-    chosen = with_hole[:references] if references else with_hole
-    pictures = {
-        k: np.maximum(priors.inpainting(behind[k].picture, behind[k].view, behind[k].hole), 0) for k in chosen
-    }
-    wall = _joined([_wall(behind[k], pictures[k]) for k in chosen])
+    pictures = filled_views(behind, priors, references)
+    wall = _joined([_wall(behind[k], picture) for k, picture in pictures.items()])
+    if not references:
+        return own_targets(behind, pictures), wall
     targets = []
     for k, one in enumerate(behind):
-        if k in pictures:
-            targets.append(Target(one, pictures[k], one.hole))
-        else:
-            targets.append(_told(one, wall) if references else Target(one, one.picture, one.hole))
+        targets.append(Target(one, pictures[k], one.hole) if k in pictures else _told(one, wall))
     return targets, wall
+
+
+def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dict[int, np.ndarray]:
+    """Pictures of the views with the largest holes, filled in, by the numbers of the views.
+
+    Args:
+        behind: The training views.
+        priors: Fill in radiance.
+        most: No more views than these; 0: all that have a hole.
+
+    Raises:
+        MethodError: The prior does not inpaint, or its answer is not sound.
+    """
+    order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
+    with_hole = [k for k in order if behind[k].hole.any()]
+    return {
+        k: np.maximum(priors.inpainting(behind[k].picture, behind[k].view, behind[k].hole), 0)
+        for k in (with_hole[:most] if most else with_hole)
+    }
+
+
+def own_targets(behind: Sequence[Behind], pictures: Mapping[int, np.ndarray]) -> list[Target]:
+    """Each view as its own filled picture has it, and as it is where it has none."""
+    return [Target(one, pictures.get(k, one.picture), one.hole) for k, one in enumerate(behind)]
 
 
 def _wall(behind: Behind, picture: np.ndarray) -> Wall:
