@@ -85,7 +85,7 @@ class GroupingSettings(StagedSettings):
     """Settings of ``grouping``; values are Gaussian Grouping's (Ye et al. 2024, their code) unless said."""
 
     second_share: float = 1 / 3
-    """As of :class:`StagedSettings` (10,000 after 30,000)."""
+    """Steps of the second stage, as a share of ``iterations`` and on top of them (10,000 after 30,000)."""
     identity_dim: int = 16
     """Numbers that say whose a surfel is."""
     neighbours: int = 5
