@@ -41,6 +41,7 @@ BUILT_IN = {
     "removal": "graycard.methods.removal:RemovalMethod",
     "removal-per-view": "graycard.methods.removal:PerViewMethod",
     "removal-one-reference": "graycard.methods.removal:OneReferenceMethod",
+    "grouping": "graycard.methods.removal:GroupingMethod",
     "goris": "graycard.methods.goris:GorisMethod",
 }
 

@@ -31,9 +31,10 @@ from graycard.methods.removal import (
     Shown,
     Target,
     Wall,
-    labelled_surfels,
+    check_some,
     targets_of,
     views_behind,
+    with_hull,
 )
 from graycard.methods.splat import (
     Look,
@@ -86,8 +87,8 @@ def without_object(
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
-    how = f"with a label of {settings.least_inside:g} or more"
-    theirs = labelled_surfels(surfels_of(fitted.surfels), labelled, how)
+    theirs = with_hull(surfels_of(fitted.surfels), labelled)
+    check_some(theirs, f"with a label of {settings.least_inside:g} or more", "least_inside")
     left = fitted.take(~theirs)
     behind = views_behind(
         capture,

@@ -56,28 +56,41 @@ def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tup
     Raises:
         MethodError: The prior does not inpaint, or its answer is not sound.
     """
+    filled = filled_views(behind, priors, references)
+    wall = _joined([_wall(target) for target in filled.values()])
+    if not references:
+        return own_targets(behind, filled), wall
+    return [filled[k] if k in filled else _told(one, wall) for k, one in enumerate(behind)], wall
+
+
+def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dict[int, Target]:
+    """The views with the largest holes, filled in, by the numbers of the views.
+
+    Args:
+        behind: The training views.
+        priors: Fill in radiance, and what other layers there are.
+        most: No more views than these; 0: all that have a hole.
+
+    Raises:
+        MethodError: The prior does not inpaint, or its answer is not sound.
+    """
     order = sorted(range(len(behind)), key=lambda k: -int(behind[k].hole.sum()))
     with_hole = [k for k in order if behind[k].hole.any()]
-    chosen = with_hole[:references] if references else with_hole
-    filled = {k: _filled(behind[k], priors) for k in chosen}
-    wall = _joined([_wall(target) for target in filled.values()])
-    targets = []
-    for k, one in enumerate(behind):
-        if k in filled:
-            targets.append(filled[k])
-        else:
-            targets.append(_told(one, wall) if references else Target(one, one.picture, one.hole, one.layers))
-    return targets, wall
+    return {k: _filled(behind[k], priors) for k in (with_hole[:most] if most else with_hole)}
 
 
 def _filled(behind: Behind, priors: Priors) -> Target:
-    """A view whose hole a prior has filled in."""
     picture = np.maximum(priors.inpainting(behind.picture, behind.view, behind.hole), 0)
     layers = {
         name: priors.inpainting(layer, behind.view, behind.hole, name)
         for name, layer in behind.layers.items()
     }
     return Target(behind, picture, behind.hole, layers)
+
+
+def own_targets(behind: Sequence[Behind], filled: Mapping[int, Target]) -> list[Target]:
+    """Each view as it was filled in for itself, and as it is where it has no hole."""
+    return [filled.get(k, Target(one, one.picture, one.hole, one.layers)) for k, one in enumerate(behind)]
 
 
 def _wall(filled: Target) -> Wall:

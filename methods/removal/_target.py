@@ -63,9 +63,6 @@ def target_surfels(
 ) -> torch.Tensor:
     """Which surfels are the object's: those that its masks show, and those inside of their hull.
 
-    What no photograph shows, as the inside of the object, is nowhere in masks: all surfels in the convex hull
-    of the others are the object's too (Gaussian Grouping: Ye et al. 2024), strays cut before.
-
     Args:
         surfels: N of them.
         cameras: Of the views.
@@ -78,35 +75,43 @@ def target_surfels(
     Raises:
         MethodError: None is the object's, or all are.
     """
-    return labelled_surfels(
-        surfels,
-        share_inside(surfels, cameras, masks) >= least,
-        f"with a share of {least:g} or more in the masks of the object",
-    )
+    theirs = with_hull(surfels, share_inside(surfels, cameras, masks) >= least)
+    check_some(theirs, f"in the masks of the object with a share of {least:g} or more", "least_inside")
+    return theirs
 
 
-def labelled_surfels(surfels: Surfels, labelled: torch.Tensor, how: str) -> torch.Tensor:
-    """Which surfels are the object's: those that are labelled so, and those inside of their hull.
+def with_hull(surfels: Surfels, found: torch.Tensor) -> torch.Tensor:
+    """The surfels that were found to be the object's, and those inside of their hull.
+
+    What no photograph shows, as the inside of the object, is nowhere in masks: all surfels in the convex hull
+    of the others are the object's too (Gaussian Grouping: Ye et al. 2024), strays cut before.
 
     Args:
         surfels: N of them.
-        labelled: Shape ``(N,)``, bool.
-        how: For a message: what a label says.
+        found: Shape ``(N,)``, bool.
 
     Returns:
         Shape ``(N,)``, bool.
+    """
+    return found | torch.from_numpy(_inside_hull(surfels.centres.detach().numpy(), found.numpy()))
+
+
+def check_some(theirs: torch.Tensor, how: str, setting: str) -> None:
+    """Refuse an object without surfels, and one that is everything.
+
+    Args:
+        theirs: Which surfels are the object's, shape ``(N,)``, bool.
+        how: They were told from others.
+        setting: That says where the line is.
 
     Raises:
         MethodError: None is the object's, or all are.
     """
-    inside = _inside_hull(surfels.centres.detach().numpy(), labelled.numpy())
-    theirs = labelled | torch.from_numpy(inside)
     if not theirs.any() or theirs.all():
         raise MethodError(
-            f"expected some of {len(surfels)} surfels {how}, got {'all' if theirs.any() else 'none'}. Look "
-            "at the masks, change least_inside, or give the fit more iterations"
+            f"expected some of {len(theirs)} surfels {how}, got {'all' if theirs.any() else 'none'}. Look at "
+            f"the masks, change {setting}, or give the fit more iterations"
         )
-    return theirs
 
 
 def _inside_hull(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:

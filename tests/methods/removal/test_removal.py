@@ -28,7 +28,9 @@ from graycard.methods.splat import Surfels, rasterize, surfels_from_points
 from sparse_points import with_points
 
 QUICK = RemovalSettings(iterations=12, surfels=400, fill=0.0)
-NAMES = ("do-nothing", "removal", "removal-per-view", "removal-one-reference")
+NAMES = ("do-nothing", "removal", "removal-per-view", "removal-one-reference", "grouping")
+HASTY = {"grouping": {"identity_rate": 0.3, "classifier_rate": 0.1}}
+"""What learns in twelve steps whose surfels are."""
 
 
 def above(x: float, y: float) -> gc.Camera:
@@ -218,7 +220,8 @@ def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
     """Everything is provided, finite, saved and loaded, and the same again."""
     capture = gc.open_capture(scene / "capture", check=False)
     method = load_method(name)
-    settings = replace(method.settings_type(), iterations=12, surfels=400, fill=0.0)
+    quick = {"iterations": 12, "surfels": 400, "fill": 0.0}
+    settings = methods.settings_of(method, quick | HASTY.get(name, {}))
     asks = methods.asks_of(method)
     priors = told(scene, asks, PriorSpec("oracle", 1) if asks else PriorSpec())
     found = method.fit(capture, priors, settings, 0, gc.silent)

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``grouping``: which surfels are the object's is learnt, and what was behind it grows from its rim."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+
+from graycard import Capture, Progress
+from graycard.methods._contract import Ask, Priors
+from graycard.methods.removal._behind import drawn_colours, views_behind
+from graycard.methods.removal._filled import Target, filled_views, own_targets
+from graycard.methods.removal._identity import (
+    IdentityObjective,
+    identity_rates,
+    object_probabilities,
+    with_identities,
+    without_identities,
+)
+from graycard.methods.removal._scene import RemovalScene, load_scene
+from graycard.methods.removal._settings import GroupingSettings
+from graycard.methods.removal._stages import checked, decomposition, second_stage, shown
+from graycard.methods.removal._target import check_some, with_hull
+from graycard.methods.splat import (
+    CENTRES,
+    ROTATIONS,
+    Parameters,
+    Plan,
+    initial_state,
+    joined_surfels,
+    scene_extent,
+    surfels_of,
+    train,
+)
+from graycard.methods.surfels import (
+    Objective,
+    density_rules,
+    fit_checkpoint,
+    learning_rates,
+    photographs,
+    sparse_start,
+)
+
+
+class GroupingMethod:
+    """Surfels learn whose they are, and every view is painted for itself (Gaussian Grouping, Ye et al. 2024).
+
+    Unlike :class:`RemovalMethod` it has no points behind the object: new surfels begin as the mean of those
+    that are left next to it, and are densified.
+    """
+
+    name = "grouping"
+    summary = "2D Gaussian surfels that learn which are the object's; every view painted (Gaussian Grouping)"
+    needs = ()
+    asks = (Ask("inpainting", ("radiance",)),)
+    settings_type = GroupingSettings
+
+    def fit(
+        self, capture: Capture, priors: Priors, settings: GroupingSettings, seed: int, progress: Progress
+    ) -> RemovalScene:
+        """Fit surfels and identities, take the object's out, and fit what is left to what it is to show.
+
+        Raises:
+            MethodError: As of :meth:`RemovalMethod.fit`.
+        """
+        masks = checked(capture, settings, seed, self.name, settings.grow)
+        fitted = identified(capture, masks, settings, seed, progress, self.name)
+        theirs, before = named_surfels(fitted, settings), without_identities(fitted)
+        left, gone = before.take(~theirs), before.surfels[CENTRES][theirs]
+        behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
+        targets = own_targets(behind, filled_views(behind, priors))
+        views = [shown(target, pixel_weights(target, settings.inside_share), settings) for target in targets]
+        start = with_means(left, gone, settings.neighbours)
+        rules = density_rules(settings.surfels)
+        after = second_stage(start, views, settings, seed, progress, rules)
+        return decomposition(self.name, capture, before, after)
+
+    def load(self, folder: Path) -> RemovalScene:
+        """A saved decomposition.
+
+        Raises:
+            MethodError: It is missing, damaged, or of another method.
+        """
+        return load_scene(folder, self.name)
+
+
+def identified(
+    capture: Capture,
+    masks: list[np.ndarray],
+    settings: GroupingSettings,
+    seed: int,
+    progress: Progress,
+    method: str,
+) -> Parameters:
+    """Surfels of everything, the object included, and whose they are.
+
+    Raises:
+        MethodError: There are too few sparse points, or the fit has no way on.
+    """
+    views, classes = photographs(capture, settings), [torch.from_numpy(mask).long() for mask in masks]
+    extent = scene_extent([view.camera for view in views])
+    looked_at = [(v.camera, part) for v, c in zip(views, classes, strict=True) for part in (v.encoded, c)]
+    plan = Plan(
+        settings.iterations,
+        learning_rates(extent, settings) | identity_rates(settings),
+        extent,
+        density_rules(settings.surfels),
+        fit_checkpoint(method, settings, seed, looked_at),
+    )
+    objective = IdentityObjective(Objective(views, settings, seed), classes, settings)
+    start = with_identities(sparse_start(capture, settings, seed), settings, seed)
+    return train(initial_state(start, seed), plan, objective, progress).parameters
+
+
+def named_surfels(fitted: Parameters, settings: GroupingSettings) -> torch.Tensor:
+    """Which surfels are the object's, shape ``(N,)``, bool: those that say so, and those in their hull.
+
+    Raises:
+        MethodError: None is the object's, or all are.
+    """
+    least = settings.least_probability
+    theirs = with_hull(surfels_of(fitted.surfels), object_probabilities(fitted.all) > least)
+    check_some(theirs, f"that are the object's with a probability above {least:g}", "least_probability")
+    return theirs
+
+
+def with_means(left: Parameters, gone: torch.Tensor, neighbours: int) -> Parameters:
+    """What is left, with a new surfel for each that is gone: the mean of the nearest to it in all parameters.
+
+    Args:
+        left: N surfels.
+        gone: Shape ``(M, 3)``: where the others were, metres.
+        neighbours: How many are averaged, or N if there are fewer.
+    """
+    ranks = np.arange(1, min(neighbours, len(left)) + 1)
+    _, nearest = KDTree(left.surfels[CENTRES].numpy()).query(gone.numpy(), k=ranks)
+    those = {name: values[torch.from_numpy(nearest)] for name, values in left.surfels.items()}
+    those[ROTATIONS] = _alike(those[ROTATIONS])
+    return joined_surfels(left, {name: values.mean(dim=1) for name, values in those.items()})
+
+
+def pixel_weights(target: Target, inside_share: float) -> np.ndarray:
+    """How much the pixels of a view count, shape ``(H, W)``; 1 in the mean where there is a hole.
+
+    A share goes to the box around the hole, the rest to what is not in doubt; each is a mean over its pixels,
+    so that small holes count as much as large ones. Where nobody knows what is there, nothing counts.
+    """
+    outside = ~target.behind.doubt
+    box = _box(target.known) & (outside | target.known)
+    weight = (1 - inside_share) * outside / outside.mean()
+    return weight + inside_share * box / box.mean() if box.any() else weight
+
+
+def _alike(quaternions: torch.Tensor) -> torch.Tensor:
+    """The same rotations, shape ``(M, K, 4)``, of signs by which a mean of them is one too."""
+    unit = torch.nn.functional.normalize(quaternions, dim=-1)
+    return torch.where((unit * unit[:, :1]).sum(dim=-1, keepdim=True) < 0, -unit, unit)
+
+
+def _box(mask: np.ndarray) -> np.ndarray:
+    """The smallest box of rows and columns that holds a mask, shape ``(H, W)``, bool."""
+    found = np.zeros_like(mask)
+    rows, columns = np.nonzero(mask)
+    if len(rows):
+        found[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
+    return found

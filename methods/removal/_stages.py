@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the ways to take an object out have in common: surfels of everything, then of what is to be left."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from graycard import Capture, Progress
+from graycard.methods.removal._filled import Target
+from graycard.methods.removal._scene import RemovalScene
+from graycard.methods.removal._settings import StagedSettings
+from graycard.methods.removal._target import target_masks
+from graycard.methods.splat import (
+    CENTRES,
+    DensityRules,
+    Parameters,
+    Plan,
+    Rate,
+    initial_state,
+    scene_extent,
+    train,
+)
+from graycard.methods.surfels import (
+    Objective,
+    Photograph,
+    SurfelScene,
+    SurfelSettings,
+    check_checkpoint,
+    check_photographs,
+    check_places,
+    density_rules,
+    encode,
+    fit_surfels,
+    learning_rates,
+    sky_basis,
+    sparse_start,
+)
+
+
+def checked(
+    capture: Capture, settings: SurfelSettings, seed: int, method: str, grow: float = 0.0
+) -> list[np.ndarray]:
+    """The masks of the object, to be widened by ``grow``, of a capture that can be fitted.
+
+    Raises:
+        MethodError: It cannot, or its masks are not sound.
+    """
+    masks = target_masks(capture, grow)
+    check_places(capture)
+    check_photographs(capture)
+    check_checkpoint(method, settings, seed)
+    return masks
+
+
+def first_stage(
+    capture: Capture, settings: SurfelSettings, seed: int, progress: Progress, method: str
+) -> Parameters:
+    """Surfels of everything, the object included."""
+    start = sparse_start(capture, settings, seed)
+    rules = density_rules(settings.surfels)
+    return fit_surfels(method, capture, settings, seed, progress, start=start, rules=rules)
+
+
+def second_stage(
+    start: Parameters,
+    views: Sequence[Photograph],
+    settings: StagedSettings,
+    seed: int,
+    progress: Progress,
+    rules: DensityRules | None = None,
+) -> Parameters:
+    """Fit what is left to what views are to show.
+
+    Args:
+        start: What is left, and what is new.
+        views: See :func:`shown`.
+        settings: Of both stages.
+        seed: Of the order of views, and of densification.
+        progress: Called now and then.
+        rules: When surfels come and go: they are then as fast as when a fit begins, for they have a way to
+            go. None: none does, and they are as slow as in its end.
+    """
+    extent = scene_extent([view.camera for view in views])
+    steps, done = settings.second_steps, settings.iterations
+    rates = learning_rates(extent, settings)
+    centres = rates[CENTRES]
+    rates[CENTRES] = Rate(centres.start if rules else centres.end or centres.start)
+    # as the last steps of a longer fit: all harmonics and weights count from the first step on
+    objective = Objective(list(views), replace(settings, iterations=done + steps), seed)
+    plan = Plan(steps, rates, extent, rules)
+    return train(
+        initial_state(start, seed), plan, lambda values, step: objective(values, done + step), progress
+    ).parameters
+
+
+def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photograph:
+    """What a view is to show, as a fit looks at it; the object's photographs are not believed any more.
+
+    Args:
+        target: Of the view.
+        weight: Shape ``(H, W)``: how much each pixel counts.
+        settings: Of the sky.
+    """
+    camera = target.behind.view.camera
+    picture = encode(torch.from_numpy(target.picture.astype(np.float32)))
+    sky = sky_basis(camera, settings.sky_degree)
+    return Photograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
+
+
+def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:
+    """The scene as a capture shows it, and without the object that it names."""
+    assert capture.target is not None, "it was checked"
+    scenes = (SurfelScene(method, parameters, capture.exposure) for parameters in (before, after))
+    return RemovalScene(*scenes, capture.target)
