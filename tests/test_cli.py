@@ -125,7 +125,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
 
 def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert main(["methods", "--json", str(tmp_path / "m.json")]) == 0
-    assert last_line(capsys) == "methods: 18 work, 0 cannot be loaded"
+    assert last_line(capsys) == "methods: 19 work, 0 cannot be loaded"
     assert main(["methods", "gray", "--json", str(tmp_path / "m.json")]) == 0
     assert "--reflectance" in capsys.readouterr().out
     assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
