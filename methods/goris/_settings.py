@@ -60,9 +60,9 @@ class GorisSettings(RemovalSettings):
     """Factor on ``normal_prior_weight`` and ``smooth_weight``, the losses that hold glossy surfaces."""
     effect_mask: bool = True
     """Whether photographs are not believed either where they show the object by reflection."""
-    least_effect: float = 0.1
+    least_effect: float = 0.02
     """A pixel shows the object by reflection if so much of what it returns of an even light comes by way of
-    the object (paper: 0.1)."""
+    the object (paper: 0.1, but wood and stone reflect 0.04 at the front)."""
     material_inpainting: bool = True
     """Whether holes in glossy surfaces are filled in as materials; False: in colours, as anywhere else."""
     distilled: bool = False

@@ -27,7 +27,8 @@ class Shot:
 
     photograph: Photograph
     glossy: torch.Tensor
-    """Shape ``(H, W)``: 1 where a prior says that reflections are seen; everywhere if none is asked."""
+    """Shape ``(H, W)``: 1 where a prior says that reflections are seen, everywhere if none is asked; 0 on the
+    object. It goes anyway, and what is glossy shows itself by reflection no more, see ``traced``."""
     told: bool
     """Whether a prior was asked for ``glossy``."""
     target: torch.Tensor
@@ -68,7 +69,7 @@ def _shot(
     view = capture.train[number]
     image = np.asarray(capture.photograph(view), np.float64) * capture.exposure
     told, normal = settings.region_weight > 0 and "mask" in priors.kinds, None
-    glossy = priors.mask(image, view, "glossy") if told else np.ones_like(mask)
+    glossy = priors.mask(image, view, "glossy") & ~mask if told else np.ones_like(mask)
     if settings.normal_prior_weight > 0 and "normal" in priors.kinds:
         normal = torch.from_numpy(priors.normal(image, view).astype(np.float32))
     glossy, target = (torch.from_numpy(one.astype(np.float32)) for one in (glossy, mask))
