@@ -36,7 +36,7 @@ def test_sightings_are_what_photographs_show_of_glossy_surfels(world: GlossyWorl
 @pytest.mark.parametrize("f0", [0.05, 0.5])
 def test_a_floor_reflects_about_as_much_as_it_did(world: GlossyWorld, f0: float):
     """Photographs of surfels with a known F0 tell it within one step up to where errors are as small."""
-    logit = torch.logit(torch.tensor(f0))
+    logit = float(torch.logit(torch.tensor(f0)))
     known = replace(
         world,
         parameters=replace_surfels(world, {FRESNEL: torch.full_like(world.parameters.all[FRESNEL], logit)}),

@@ -20,6 +20,7 @@ from glossy_sheets import (
     shots_of_world,
     with_settings,
 )
+from graycard.methods.goris._filter import Reading, translation_parameters
 from graycard.methods.goris._model import (
     DIFFUSE,
     FRESNEL,
@@ -35,8 +36,9 @@ from graycard.methods.goris._model import (
     mirrored_features,
 )
 from graycard.methods.goris._objective import LightObjective, normal_prior_weight, surface_loss
+from graycard.methods.goris._settings import Filter
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, sky_basis
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, encode, sky_basis
 
 
 @pytest.fixture(scope="module")
@@ -87,8 +89,6 @@ def test_what_a_mirrored_ray_meets_is_seen_in_its_direction(world: GlossyWorld):
     plain = mirrored_colours(values, buffers, with_settings(traced_degree=0), EXTENT)
     opaque = turned.passed[:, 0] < 1e-3
     assert opaque.sum() > 20
-    from graycard.methods.surfels import encode
-
     rises = (encode(turned.radiance) - encode(plain.radiance))[opaque, 0]
     expected = -0.4886025 * 0.2 * turned.directions[opaque, 0]
     torch.testing.assert_close(rises, expected, atol=2e-3, rtol=0.02)
@@ -144,8 +144,6 @@ def test_a_mirror_to_an_even_sky_returns_its_fresnel_term(world: GlossyWorld):
     for blur in ("none", "paper", "release"):
         settings = with_settings(filter=blur)
         if blur == "release":
-            from graycard.methods.goris._filter import translation_parameters
-
             values |= translation_parameters("release", 0)
         buffers, picture = seen(values, camera, settings)
         mirrored = mirrored_colours(values, buffers, settings, EXTENT)
@@ -188,11 +186,9 @@ def test_no_ray_is_traced_for_rough_pixels(world: GlossyWorld):
 @pytest.mark.parametrize("composite", ["release", "paper"])
 @pytest.mark.parametrize("blur", ["none", "paper", "release"])
 def test_everything_that_moves_has_the_gradient_of_finite_differences(
-    world: GlossyWorld, composite: str, blur: str
+    world: GlossyWorld, composite: Reading, blur: Filter
 ):
     """Along the signs of each gradient, against central differences of a weighted mean of the picture."""
-    from graycard.methods.goris._filter import translation_parameters
-
     settings = with_settings(composite=composite, filter=blur)
     base = dict(world.parameters.all)
     if blur != "none":
