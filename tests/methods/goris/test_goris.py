@@ -166,7 +166,7 @@ def test_surfels_begin_as_masks_say(world: GlossyWorld):
 def test_photographs_are_in_doubt_where_they_show_the_object_by_reflection(world: GlossyWorld):
     """Nearly all such pixels are glossy, and there are some in every view; none at a high limit."""
     shots = shots_of_world(world)
-    found = _effects(world.parameters.all, shots, SETTINGS, EXTENT)
+    found = _effects(world.parameters.all, shots, with_settings(least_effect=0.1), EXTENT)
     for shot, effect in zip(shots, found, strict=True):
         assert (shot.glossy.numpy()[effect] > 0.5).mean() > 0.9
     assert min(int(effect.sum()) for effect in found) > 10
