@@ -16,6 +16,7 @@ from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.goris._model import Picture, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.removal import Emptied
 from graycard.methods.splat import Parameters, arrays_of, parameters_from
 from graycard.methods.surfels import SurfelScene, decode, depth_layer, export_colours, normal_layer, sky_basis
 
@@ -94,42 +95,22 @@ class GlossyScene:
 
 
 @dataclass(frozen=True, eq=False)
-class GorisScene:
-    """The scene as it was photographed, and as it is without the object that its capture names."""
+class GorisScene(Emptied):
+    """Surfels with the object, and without it and its mirror image."""
 
     before: GlossyScene
     after: GlossyScene
-    target: int
-    """Id of the object."""
     distilled: SurfelScene | None = None
     """``after`` as colours that change with the view; None: rays are traced."""
 
-    @property
-    def provides(self) -> frozenset[str]:
-        """The layers with the object."""
-        return self.before.provides
-
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers with the object as any camera sees them.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        return self.before.render(camera, layers)
-
     def remove(self, object_id: int) -> Decomposition:
-        """The scene without the object, and without its mirror image.
+        """The scene without the object and its mirror image.
 
         Raises:
             MethodError: It is another object than the one that the capture names.
         """
-        if object_id != self.target:
-            raise MethodError(f"expected the object that was fitted ({self.target}), got {object_id}")
-        return self.after if self.distilled is None else self.distilled
-
-    def lights(self) -> tuple[Light, ...] | None:
-        """None: it looks for none."""
-        return None
+        left = super().remove(object_id)
+        return left if self.distilled is None else self.distilled
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.

@@ -13,6 +13,7 @@ from graycard.methods.removal._method import KeepMethod as KeepMethod
 from graycard.methods.removal._method import OneReferenceMethod as OneReferenceMethod
 from graycard.methods.removal._method import PerViewMethod as PerViewMethod
 from graycard.methods.removal._method import RemovalMethod as RemovalMethod
+from graycard.methods.removal._scene import Emptied as Emptied
 from graycard.methods.removal._scene import RemovalScene as RemovalScene
 from graycard.methods.removal._settings import GroupingSettings as GroupingSettings
 from graycard.methods.removal._settings import OneReferenceSettings as OneReferenceSettings

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard import Camera, Light, MethodError
+from graycard.methods._contract import Decomposition
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Parameters, arrays_of, parameters_from
 from graycard.methods.surfels import SurfelScene, export_colours
@@ -16,17 +17,17 @@ _BEFORE, _AFTER = "before/", "after/"
 
 
 @dataclass(frozen=True, eq=False)
-class RemovalScene:
+class Emptied:
     """The scene as it was photographed, and as it is without the object that its capture names."""
 
-    before: SurfelScene
-    after: SurfelScene
+    before: Decomposition
+    after: Decomposition
     target: int
     """Id of the object."""
 
     @property
     def provides(self) -> frozenset[str]:
-        """Radiance, normal and depth, with the object."""
+        """The layers with the object."""
         return self.before.provides
 
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
@@ -37,7 +38,7 @@ class RemovalScene:
         """
         return self.before.render(camera, layers)
 
-    def remove(self, object_id: int) -> SurfelScene:
+    def remove(self, object_id: int) -> Decomposition:
         """The scene without the object.
 
         Raises:
@@ -50,6 +51,14 @@ class RemovalScene:
     def lights(self) -> tuple[Light, ...] | None:
         """None: it looks for none."""
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class RemovalScene(Emptied):
+    """Coloured surfels with the object, and without it."""
+
+    before: SurfelScene
+    after: SurfelScene
 
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
