@@ -303,3 +303,14 @@ def test_glossy_surfaces_do_not_mirror_each_other_but_on_request(world: GlossyWo
     assert met.sum() > 10
     assert float((rough.passed[met] > 0.99).float().mean()) > 0.7, "but for the board behind"
     assert float(everything.passed[met].max()) < 0.02
+
+
+def test_where_everything_is_glossy_mirrors_show_the_surroundings(world: GlossyWorld):
+    """No surfel is left to be met: every ray passes."""
+    values = world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], -6.0)})
+    buffers, picture = seen(values, world.cameras[0], with_settings(filter="paper"))
+    found = mirrored_colours(values, buffers, SETTINGS, EXTENT)
+    assert (found.passed == 1).all()
+    assert not found.radiance.any()
+    assert picture.encoded.isfinite().all()
+    assert float(picture.reflected.max()) > 0.1
