@@ -16,7 +16,7 @@ from graycard.eval._view_metrics import Answer, ViewMetric
 LAYER = "counterfactual.radiance"
 EFFECTS = ("footprint", "shadow", "mirror")
 """Regions by what the target does there; shadow and mirror image may overlap."""
-_WHERE = {
+WHERE = {
     "footprint": "where the object is seen",
     "shadow": "where the object takes direct light away",
     "mirror": "where the object is seen by reflection",
@@ -73,7 +73,7 @@ def residual_energy(
     return float((left * effect).sum()) / energy
 
 
-def _region(true: TrueView, name: str) -> np.ndarray:
+def region_of(true: TrueView, name: str) -> np.ndarray:
     seen = true.mask(LAYER)
     if name != "rest":
         return seen & (true.take(f"effect.{name}") > 0.5)
@@ -81,7 +81,7 @@ def _region(true: TrueView, name: str) -> np.ndarray:
 
 
 def _asked(true: TrueView, exposure: float, name: str) -> Removed | None:
-    region = _region(true, name)
+    region = region_of(true, name)
     if not region.any():
         return None
     variance = true.take(f"{LAYER}.var")[region] if f"{LAYER}.var" in true.layers else None
@@ -119,7 +119,7 @@ def _psnr_metric(region: str) -> ViewMetric:
     record = gc.MetricRecord(
         f"counterfactual.psnr.{region}", f"Removal PSNR, {region}", "counterfactual", "dB", True, math.inf,
         "10·log10(1 / mean over views of MSE) of radiance without the target object as displayed, "
-        f"srgb(L·exposure), {_WHERE[region]}",
+        f"srgb(L·exposure), {WHERE[region]}",
         headline=False, tolerance=0.5,
     )  # fmt: skip
     needs = LAYER, "effect.footprint", "effect.shadow", "effect.mirror"
@@ -138,7 +138,7 @@ def _residual_metric(region: str) -> ViewMetric:
     record = gc.MetricRecord(
         f"counterfactual.residual.{region}", f"Object left over, {region}", "counterfactual", "1", False, 0.0,
         "mean over views of |<p - c, o - c> / ‖o - c‖²| (prediction p, truth without object c, with it o; "
-        f"linear, L·exposure clipped to [0, 1]) {_WHERE[region]}: 0 gone, 1 still there",
+        f"linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there",
         headline=False, tolerance=0.02,
     )  # fmt: skip
     needs = LAYER, f"effect.{region}"

@@ -11,6 +11,7 @@ from graycard.eval._metrics import IMAGE_METRICS
 from graycard.eval._noise_error import NOISE_METRICS
 from graycard.eval._relighting import COMPOSITION_METRICS, GAUGE, RELIGHTING_METRICS
 from graycard.eval._removal import REMOVAL_METRICS
+from graycard.eval._removal_lobes import REMOVAL_LOBE_METRICS
 from graycard.eval._shadow import SHADOW_METRICS
 from graycard.eval._training_view import TRAINING_METRICS
 from graycard.eval._view_metrics import ViewMetric
@@ -19,6 +20,7 @@ VIEW_METRICS: tuple[ViewMetric, ...] = (
     *NOISE_METRICS,
     *SHADOW_METRICS,
     *REMOVAL_METRICS,
+    *REMOVAL_LOBE_METRICS,
     *GLOSSY_METRICS,
     *LEAKAGE_METRICS,
 )

@@ -8,7 +8,7 @@ from typing import Any
 
 import graycard as gc
 
-GENERATOR_VERSION = 6
+GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
 
 SUB_BUFFERS = 4

@@ -14,7 +14,14 @@ from graycard.synth._material_layers import material_layers
 from graycard.synth._mitsuba import centre_sensor, load, load_scene, object_ids, sensor
 from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate, named_layers, part_names, separated_images, whole_images
+from graycard.synth._separation import (
+    estimate,
+    named_layers,
+    part_names,
+    separated_images,
+    specular_light,
+    whole_images,
+)
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
@@ -31,7 +38,8 @@ def render_view(
     """All true layers of one view; a pure function of its arguments and of the renderer's variant.
 
     The counterfactual is rendered from the same random numbers: a pixel of which no path meets the target
-    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance, no effects and no visibility.
+    is equal in both, to the bit. ``scalar_rgb`` gives no parts of the radiance with or without the
+    target, no effects and no visibility.
 
     Args:
         scene: What is there.
@@ -61,6 +69,7 @@ def render_view(
         if mi.variant() != SCALAR:
             footprint = target_footprint(whole, scene, camera, seeds, settings)
             layers |= effect_layers(images, emptied, footprint)
+            layers["counterfactual.specular"] = specular_light(emptied)
     return layers
 
 

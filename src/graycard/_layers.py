@@ -87,6 +87,7 @@ _TABLE = (
     _rgb("indirect.diffuse.<light>", RADIANCE, "share of one source in indirect.diffuse"),
     _rgb("indirect.specular.<light>", RADIANCE, "share of one source in indirect.specular"),
     _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
+    _rgb("counterfactual.specular", RADIANCE, "specular of the same view without the target object"),
     _mask(
         "effect.untouched",
         "the target is not seen and the picture without it is equal to the bit, sample by sample",

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import ndimage
 
+import graycard as gc
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
-from graycard.synth.verify._values import EFFECTS
+from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBE
 
 _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
 """Of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
@@ -68,6 +69,7 @@ def _check_masks(subject: Subject, picture: Picture) -> Iterator[Check]:
     if picture.has(*EFFECTS):
         yield from _check_footprint(subject, picture)
         yield from _check_marked(picture)
+        yield from _check_specular(picture)
 
 
 def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
@@ -100,6 +102,27 @@ def _check_marked(picture: Picture) -> Iterator[Check]:
     told = "what differs clearly is a shadow, a mirror image or bleeding; looks like masks that are lost"
     share = float((clear & ~marked).sum() / clear.sum())
     yield picture.at.judge("effects marked", share, _UNMARKED, "of the changed pixels", told)
+
+
+def _check_specular(picture: Picture) -> Iterator[Check]:
+    """The specular light without the target differs in its mirror image, and not where it has no effect."""
+    present = gc.with_sums(picture.layers).get("specular")
+    if present is None or not picture.has(EMPTIED_LOBE):
+        return
+    radiance = picture.layers["radiance"].astype(float)
+    change = np.abs(present.astype(float) - picture.layers[EMPTIED_LOBE]).max(axis=-1)
+    untouched, mirror = (picture.layers[f"effect.{name}"] > 0 for name in ("untouched", "mirror"))
+    largest = float(
+        (change / (radiance.max(axis=-1) + 1e-2 * float(radiance.mean())))[untouched].max(initial=0)
+    )
+    told = f"{EMPTIED_LOBE} is specular where the target has no effect; looks like another lobe or view"
+    yield picture.at.judge("specular light of untouched pixels", largest, 1e-4, "relative", told)
+    if mirror.sum() < 10:
+        yield picture.at.skip("specular light of mirror images", "the mirror image has fewer than 10 pixels")
+        return
+    same = float((change[mirror] <= 1e-3 * radiance.max(axis=-1)[mirror]).mean())
+    told = f"{EMPTIED_LOBE} has no mirror image of the target; looks like the light with the target"
+    yield picture.at.judge("specular light of mirror images", same, _FEW, "of their pixels", told)
 
 
 def _differs_clearly(picture: Picture) -> np.ndarray:

@@ -26,7 +26,8 @@ SURFACE = (
 )
 COUNTERFACTUAL = tuple(f"counterfactual.{name}" for name in ESTIMATES)
 EFFECTS = tuple(f"effect.{name}" for name in ("untouched", "footprint", "shadow", "mirror", "bleeding"))
-"""Only of views whose renderer tells the parts of the light apart."""
+"""Only of views whose renderer tells the parts of the light apart, as is the next."""
+EMPTIED_LOBE = "counterfactual.specular"
 SEPARATED = ("emitted", "shading", "shading.var", "albedo")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
@@ -51,7 +52,7 @@ def expected_layers(subject: Subject) -> set[str]:
     if subject.is_separated:
         names |= {*SEPARATED, *(f"{stem}.{light.name}" for stem in PER_LIGHT for light in subject.lights)}
     if subject.truth.target is not None:
-        names |= {*COUNTERFACTUAL, *(EFFECTS if subject.is_separated else ())}
+        names |= {*COUNTERFACTUAL, *((*EFFECTS, EMPTIED_LOBE) if subject.is_separated else ())}
     return names
 
 
@@ -100,7 +101,7 @@ def _precision(picture: Picture) -> Check:
         name: _half_share(values)
         for name, values in picture.layers.items()
         # what a matte surface reflects specularly is the rounding of a difference
-        if values.dtype.kind == "f" and not name.startswith(PARTS)
+        if values.dtype.kind == "f" and not name.startswith((*PARTS, EMPTIED_LOBE))
     }
     name = max(shares, key=lambda name: shares[name])
     meaning = f"of {name} half precision represents so many values: it was stored as float16 on the way"

@@ -68,7 +68,7 @@ def test_scores_stand_in_the_order_of_the_table(
 
 def test_the_table_is_consistent() -> None:
     table = ge.metrics()
-    assert len({m.id for m in table}) == len(table) == 80
+    assert len({m.id for m in table}) == len(table) == 82
     assert {m.id for m in table if m.headline} == {
         "novel_view.psnr",
         "counterfactual.psnr",

@@ -340,11 +340,24 @@ def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: str) -
     assert "counterfactual.emitted" not in layers
 
 
+def test_without_the_target_specular_light_differs_in_its_mirror_image(llvm: str) -> None:
+    _, layers = render("metal-table")
+    present, emptied = gc.with_sums(layers)["specular"], layers["counterfactual.specular"]
+    mirror, untouched = (layers[f"effect.{name}"] > 0 for name in ("mirror", "untouched"))
+    assert mirror.any()
+    assert untouched.any()
+    np.testing.assert_allclose(emptied[untouched], present[untouched], rtol=1e-5, atol=1e-7)
+    assert (np.abs(emptied - present).max(axis=-1) > 1e-3 * layers["radiance"].max(axis=-1))[mirror].all()
+    assert (emptied <= layers["counterfactual.radiance"] * (1 + 1e-5) + 1e-7).all()
+
+
 def test_without_llvm_views_hold_no_parts(scalar: str) -> None:
     _, layers = render("glossy-table")
     assert not [
         name
         for name in layers
-        if name.startswith(("direct.", "emitted", "visibility", "irradiance", "albedo", "shading"))
+        if name.startswith(
+            ("direct.", "emitted", "visibility", "irradiance", "albedo", "shading", "counterfactual.specular")
+        )
     ]
     assert {"radiance", "radiance.var", "f0", "position", "pure", "counterfactual.radiance"} <= layers.keys()

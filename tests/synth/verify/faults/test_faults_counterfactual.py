@@ -45,6 +45,16 @@ def counterfactual_with_another_seed(scene: Path):
     render_otherwise(scene, "counterfactual.radiance", settings_of(scene), seed=5)
 
 
+@FAULTS.in_layers("tabletop", "specular light of mirror images", "looks like the light with the target")
+def specular_light_with_the_target(layers: Layers, view: gc.View):
+    layers["counterfactual.specular"] = gc.with_sums(layers)["specular"]
+
+
+@FAULTS.in_layers("tabletop", "specular light of untouched pixels", "looks like another lobe")
+def diffuse_light_for_specular(layers: Layers, view: gc.View):
+    layers["counterfactual.specular"] = layers["counterfactual.radiance"] - layers["counterfactual.specular"]
+
+
 @FAULTS.in_layers("tabletop", "target removed", "still there")
 def counterfactual_with_its_target(layers: Layers, view: gc.View):
     for end in ("", ".var", ".half_a", ".half_b"):
