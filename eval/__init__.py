@@ -23,7 +23,9 @@ from graycard.eval._noise_error import local_variance as local_variance
 from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
 from graycard.eval._removal import residual_energy as residual_energy
-from graycard.eval._removal_lobes import residual_weights as residual_weights
+from graycard.eval._removal_lobes import are_apart as are_apart
+from graycard.eval._removal_lobes import effect_sums as effect_sums
+from graycard.eval._removal_lobes import residual_share as residual_share
 from graycard.eval._sheet import score_predictions as score_predictions
 from graycard.eval._sheet import scores_of as scores_of
 from graycard.eval._sheet import training_gauges as training_gauges

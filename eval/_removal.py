@@ -111,8 +111,14 @@ def _noise(asked: Removed) -> float | None:
 def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
     seen = predicted[asked.region], asked.without, asked.with_object
     p, c, o = (exposed(pixels, asked.exposure) for pixels in seen)
-    left = residual_energy(p, c, o, np.ones(len(p), bool))
-    return Answer(abs(left), {"signed": left})
+    evidence = np.array([((p - c) * (o - c)).sum(), ((o - c) ** 2).sum()])
+    return _left(evidence)._replace(evidence=evidence)
+
+
+def _left(evidence: np.ndarray) -> Answer:
+    """Of one view, or of all together: views in which the effect is faint say as little as they know."""
+    left, energy = evidence.reshape(-1, 2).sum(axis=0).tolist()
+    return Answer(abs(left / energy), {"signed": left / energy})
 
 
 def _psnr_metric(region: str) -> ViewMetric:
@@ -137,13 +143,18 @@ def _psnr_metric(region: str) -> ViewMetric:
 def _residual_metric(region: str) -> ViewMetric:
     record = gc.MetricRecord(
         f"counterfactual.residual.{region}", f"Object left over, {region}", "counterfactual", "1", False, 0.0,
-        "mean over views of |<p - c, o - c> / ‖o - c‖²| (prediction p, truth without object c, with it o; "
+        "|Σ <p - c, o - c> / Σ ‖o - c‖²|, sums over views (prediction p, truth without object c, with it o; "
         f"linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there",
         headline=False, tolerance=0.02,
     )  # fmt: skip
     needs = LAYER, f"effect.{region}"
     return ViewMetric(
-        record, LAYER, needs, lambda true, exposure: _asked_for_residual(true, exposure, region), _residual
+        record,
+        LAYER,
+        needs,
+        lambda true, exposure: _asked_for_residual(true, exposure, region),
+        _residual,
+        pool=_left,
     )
 
 

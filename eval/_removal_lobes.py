@@ -29,39 +29,61 @@ class LobeAsked:
 
     without: np.ndarray
     """True radiance without the object, shape ``(N, 3)``, exposed."""
-    weights: np.ndarray
-    """What turns a difference from it into the share that is left, shape ``(N, 3)``."""
+    effect: np.ndarray
+    """What the object changes in the light of the lobe, same shape, exposed."""
+    other: np.ndarray
+    """What it changes in all other light."""
     region: np.ndarray
     """Which pixels they are, shape ``(H, W)``, bool."""
     exposure: float
 
 
-def residual_weights(effect: np.ndarray, other: np.ndarray) -> np.ndarray | None:
-    """What tells how much of one effect of an object is still in a picture, where another one overlaps it.
-
-    With weights w and what is left r (a prediction less the true picture without the object), ``sum(w * r)``
-    is the coefficient of ``effect`` in the least squares fit of r by both effects together: the projection on
-    that part of it which is not alike the other (Frisch and Waugh 1933).
+def effect_sums(left: np.ndarray, effect: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """What :func:`residual_share` needs of a view; sums of several views are those of all together.
 
     Args:
-        effect: What the object changes by one way of light, any shape.
-        other: What it changes by another way, same shape, same unit.
+        left: A prediction less the true picture without the object, any shape.
+        effect: What the object changes by one way of light, same shape, same unit.
+        other: What it changes by another way, likewise.
 
     Returns:
-        Same shape; None where the effect is so much alike the other, or so faint, that nobody can tell.
+        Shape ``(5,)``: products of effect and effect, effect and other, other and other, left and effect,
+        left and other.
+    """
+    pairs = (effect, effect), (effect, other), (other, other), (left, effect), (left, other)
+    return np.array([float((np.asarray(a, np.float64) * b).sum()) for a, b in pairs])
+
+
+def are_apart(sums: np.ndarray) -> bool:
+    """Whether an effect is there, and not so much alike the other that nobody can tell them apart.
+
+    Of views of which each has it, all together have it too (Cauchy and Schwarz).
+
+    Args:
+        sums: Of :func:`effect_sums`, shape ``(5,)``.
+    """
+    energy, alike, of_other = sums[:3].tolist()
+    return energy > 0 and energy * of_other - alike**2 >= LEAST_APART**2 * energy * of_other
+
+
+def residual_share(sums: np.ndarray) -> float:
+    """How much of one effect of an object is still in a picture, where another one overlaps it.
+
+    The coefficient of the effect in the least squares fit of what is left by both effects together: the
+    projection on that part of it which is not alike the other (Frisch and Waugh 1933).
+
+    Args:
+        sums: Of :func:`effect_sums`, shape ``(5,)``; of effects that :func:`are_apart`.
 
     Example:
         >>> import numpy as np
         >>> shadow, mirrored = np.array([-0.2, -0.2, 0.0]), np.array([0.0, 0.1, 0.1])
-        >>> round(float((residual_weights(mirrored, shadow) * (shadow + 0.25 * mirrored)).sum()), 3)
+        >>> round(residual_share(effect_sums(shadow + 0.25 * mirrored, mirrored, shadow)), 3)
         0.25
     """
-    effect, other = (np.asarray(values, np.float64) for values in (effect, other))
-    energy = float((other**2).sum())
-    own = effect - (float((effect * other).sum()) / energy) * other if energy else effect
-    if np.linalg.norm(own) <= LEAST_APART * np.linalg.norm(effect):
-        return None
-    return own / float((effect * own).sum())
+    energy, alike, of_other, along, along_other = sums.tolist()
+    slope = alike / of_other if of_other else 0.0
+    return (along - slope * along_other) / (energy - slope * alike)
 
 
 def _asked(true: TrueView, exposure: float, name: str) -> LobeAsked | None:
@@ -70,14 +92,21 @@ def _asked(true: TrueView, exposure: float, name: str) -> LobeAsked | None:
     present, emptied = (true.take(layer)[region] * float(exposure) for layer in _SPECULAR)
     specular = present - emptied
     diffuse = (with_object - without)[region] - specular
-    order = (specular, diffuse) if _LOBES[name] == "specular" else (diffuse, specular)
-    weights = residual_weights(*order)
-    return None if weights is None else LobeAsked(without[region], weights, region, exposure)
+    effects = (specular, diffuse) if _LOBES[name] == "specular" else (diffuse, specular)
+    if not are_apart(effect_sums(specular, *effects)):
+        return None
+    return LobeAsked(without[region], *effects, region, exposure)
 
 
 def _answer(predicted: np.ndarray, asked: LobeAsked) -> Answer:
     left = exposed(predicted[asked.region], asked.exposure) - asked.without
-    share = float((asked.weights * left).sum())
+    sums = effect_sums(left, asked.effect, asked.other)
+    return _share(sums)._replace(evidence=sums)
+
+
+def _share(evidence: np.ndarray) -> Answer:
+    """Of one view, or of all together."""
+    share = residual_share(evidence.reshape(-1, 5).sum(axis=0))
     return Answer(abs(share), {"signed": share})
 
 
@@ -87,14 +116,16 @@ def _metric(region: str) -> ViewMetric:
         f"counterfactual.residual.{region}.{lobe}",
         f"Object left over, {region}, {lobe} light",
         "counterfactual", "1", False, 0.0,
-        "mean over views of |a| in the least squares fit p - c = a·d + b·e (prediction p, truth without "
-        f"object c, d what the object changes in {lobe} light, e in all other; linear, L·exposure, pixels "
+        "|a| in the least squares fit p - c = a·d + b·e over all views (prediction p, truth without object "
+        f"c, d what the object changes in {lobe} light, e in all other; linear, L·exposure, pixels "
         f"where no truth is overexposed) {WHERE[region]}: 0 gone, 1 still there, whatever is left of the "
         f"other; views where d and e are alike (sine of the angle up to {LEAST_APART:g}) are not asked",
         headline=False, tolerance=0.02,
     )  # fmt: skip
     needs = LAYER, f"effect.{region}", *_SPECULAR
-    return ViewMetric(record, LAYER, needs, lambda true, exposure: _asked(true, exposure, region), _answer)
+    return ViewMetric(
+        record, LAYER, needs, lambda true, exposure: _asked(true, exposure, region), _answer, pool=_share
+    )
 
 
 REMOVAL_LOBE_METRICS: tuple[ViewMetric, ...] = tuple(_metric(region) for region in _LOBES)

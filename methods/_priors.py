@@ -134,6 +134,15 @@ class Priors:
         """The kinds that can be asked for."""
         return frozenset(self.models) | ({"light"} if self.calibration is not None else set())
 
+    def require(self, kind: PriorKind) -> None:
+        """Refuse to go on where nothing answers a kind: before a fit, not in its middle.
+
+        Raises:
+            MethodError: Nothing does.
+        """
+        if kind not in self.kinds:
+            raise self._lack_of(kind)
+
     def layer(self, view: str, name: str) -> np.ndarray:
         """The true array of a layer for a view, ``(H, W)`` or ``(H, W, 3)``.
 

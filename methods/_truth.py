@@ -49,8 +49,8 @@ class Oracle:
 
     @property
     def provides(self) -> frozenset[str]:
-        """All true layers but the counterfactual, which comes from :meth:`remove`."""
-        return self.known.provides - {WITHOUT_TARGET}
+        """All true layers but those without the target: radiance then comes from :meth:`remove`."""
+        return frozenset(name for name in self.known.provides if not name.startswith("counterfactual."))
 
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
         """True layers of a camera of the scene.

@@ -24,7 +24,6 @@ from graycard.synth._wavefront import PrimaryRays, box_rays, pixel_means, seeded
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 """What the light of one source is split into."""
 
-_SPECULAR = tuple(number for number, part in enumerate(PARTS) if part.endswith("specular"))
 _TOTAL, _EMITTED = 0, 1
 FIRST_PART = 2
 """Where the parts of the first light begin in the tracer's images, after total and emitted."""
@@ -49,17 +48,15 @@ def named_layers(images: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarr
     return estimate("radiance", images[:, _TOTAL]) | dict(zip(names, parts, strict=True))
 
 
-def specular_light(images: np.ndarray) -> np.ndarray:
-    """All light of the specular lobe at the camera's hit, ``(H, W, 3)``, float32, W/m²/sr.
+def lobe_light(images: np.ndarray, lobe: str) -> np.ndarray:
+    """All light of a lobe at the camera's hit, however often it bounced, ``(H, W, 3)``, float32, W/m²/sr.
 
     Args:
         images: Of :func:`separated_images`.
+        lobe: ``diffuse`` or ``specular``.
     """
-    places = [
-        place
-        for place in range(FIRST_PART, images.shape[1])
-        if (place - FIRST_PART) % len(PARTS) in _SPECULAR
-    ]
+    mine = [part.endswith(lobe) for part in PARTS]
+    places = [n for n in range(FIRST_PART, images.shape[1]) if mine[(n - FIRST_PART) % len(PARTS)]]
     return images[:, places].sum(axis=1).mean(axis=0).astype(np.float32)
 
 

@@ -16,15 +16,17 @@ from graycard.synth._purity import pure_pixels
 from graycard.synth._scene import Scene
 from graycard.synth._separation import (
     estimate,
+    lobe_light,
     named_layers,
     part_names,
     separated_images,
-    specular_light,
     whole_images,
 )
 from graycard.synth._spec import SUB_BUFFERS, RenderSettings
 from graycard.synth._variant import SCALAR
 
+_EMPTIED_SURFACE = ("normal", "f0", "roughness")
+"""Of what is behind the target."""
 _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 """Numbers of the seeds of what is estimated at the pixel centres."""
 
@@ -63,14 +65,24 @@ def render_view(
             whole, scene, camera, [_seed_of(seed, number, k) for k in _CENTRE_SEEDS], settings
         )
     if scene.target:
-        emptied = light_images(load_scene(scene, camera, scene.target), camera, seeds, settings)
-        found = estimate("radiance", emptied[:, 0])
-        layers |= {f"counterfactual.{name}": values for name, values in found.items()}
+        without = load_scene(scene, camera, scene.target)
+        emptied = light_images(without, camera, seeds, settings)
+        layers |= _emptied_layers(emptied, without, scene, camera)
         if mi.variant() != SCALAR:
             footprint = target_footprint(whole, scene, camera, seeds, settings)
             layers |= effect_layers(images, emptied, footprint)
-            layers["counterfactual.specular"] = specular_light(emptied)
     return layers
+
+
+def _emptied_layers(
+    images: np.ndarray, loaded: mi.Scene, scene: Scene, camera: gc.Camera
+) -> dict[str, np.ndarray]:
+    """The view without the target: its light, by lobe too where the variant can, and what it is made of."""
+    surfaces = surface_layers(loaded, scene, camera)
+    found = estimate("radiance", images[:, 0]) | {name: surfaces[name] for name in _EMPTIED_SURFACE}
+    if mi.variant() != SCALAR:
+        found |= {lobe: lobe_light(images, lobe) for lobe in gc.LOBES}
+    return {f"counterfactual.{name}": values for name, values in found.items()}
 
 
 def _centre_layers(

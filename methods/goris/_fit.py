@@ -83,7 +83,7 @@ def fit_light(
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     start = with_light(coloured, shots, settings, seed)
-    if settings.transport and all(shot.told for shot in shots):
+    if settings.transport and settings.first_light and all(shot.told for shot in shots):
         start = as_photographs_allow(start, first_light(start.all, shots, settings, extent))
     if settings.light_steps == 0:
         return start

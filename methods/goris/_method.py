@@ -11,7 +11,7 @@ from graycard.methods.goris._remove import without_object
 from graycard.methods.goris._scene import METHOD, GlossyScene, GorisScene, load_scene
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import ASKS, shots_of
-from graycard.methods.removal import checked
+from graycard.methods.removal import checked_for_removal
 from graycard.methods.splat import Parameters, scene_extent
 from graycard.methods.surfels import SurfelScene
 
@@ -34,7 +34,7 @@ class GorisMethod:
                 points, photographs are black or not finite, an answer of the prior is not sound, or the fit
                 has no way on.
         """
-        masks = checked(capture, settings, seed, METHOD, settings.grow)
+        masks = checked_for_removal(capture, priors, settings, seed, METHOD)
         shots = shots_of(capture, priors, masks, settings)
         coloured = fit_colours(capture, shots, settings, seed, progress)
         before = fit_light(coloured, shots, settings, seed, progress)

@@ -20,6 +20,9 @@ class GorisSettings(RemovalSettings):
     its released code differ both can be had; the defaults are what the paper says, but for ``composite``.
     """
 
+    first_light: bool = True
+    """Whether f0, diffuse radiance and surroundings begin as photographs allow; only where a prior tells
+    glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
     fit needs surfaces first)."""

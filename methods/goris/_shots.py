@@ -10,13 +10,13 @@ import torch
 from graycard import Capture
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.surfels import Photograph, photographs
+from graycard.methods.surfels import Photograph, exposed_photograph, photographs
 
 LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
 """What is filled in where a surface is glossy, besides radiance."""
 ASKS = (
     Ask("inpainting", ("radiance", *LAYERS)),
-    Ask("mask", ("glossy",), optional=True),
+    Ask("mask", ("glossy", "target"), optional=True),
     Ask("normal", optional=True),
 )
 
@@ -27,8 +27,8 @@ class Shot:
 
     photograph: Photograph
     glossy: torch.Tensor
-    """Shape ``(H, W)``: 1 where a prior says that reflections are seen, everywhere if none is asked; 0 on the
-    object. It goes anyway, and what is glossy shows itself by reflection no more, see ``traced``."""
+    """Shape ``(H, W)``: 1 where a prior says that reflections are seen, or anywhere if none is asked; 0 on
+    the object. It goes anyway, and what is glossy shows itself by reflection no more, see ``traced``."""
     told: bool
     """Whether a prior was asked for ``glossy``."""
     target: torch.Tensor
@@ -67,9 +67,9 @@ def _shot(
     settings: GorisSettings,
 ) -> Shot:
     view = capture.train[number]
-    image = np.asarray(capture.photograph(view), np.float64) * capture.exposure
+    image = exposed_photograph(capture, view)
     told, normal = settings.region_weight > 0 and "mask" in priors.kinds, None
-    glossy = priors.mask(image, view, "glossy") & ~mask if told else np.ones_like(mask)
+    glossy = ~mask & (priors.mask(image, view, "glossy") if told else True)
     if settings.normal_prior_weight > 0 and "normal" in priors.kinds:
         normal = torch.from_numpy(priors.normal(image, view).astype(np.float32))
     glossy, target = (torch.from_numpy(one.astype(np.float32)) for one in (glossy, mask))

@@ -35,25 +35,30 @@ LEVELS = (
 """By severity."""
 
 
-def corrupt_filling(without: np.ndarray, errors: InpaintingErrors, seed: int, view: str) -> np.ndarray:
-    """What a network would fill in, where the truth is the picture without the object.
+def corrupt_filling(
+    without: np.ndarray, errors: InpaintingErrors, seed: int, view: str, is_colour: bool = True
+) -> np.ndarray:
+    """What a network would fill in, where the truth is a layer of the view without the object.
+
+    All layers of a view are displaced alike, and all its colours have the same factors.
 
     Args:
-        without: shape ``(H, W, 3)``, linear.
+        without: shape ``(H, W)`` or ``(H, W, 3)``, linear.
         errors: How wrong.
         seed: Of the draws.
         view: Name of the view.
+        is_colour: Whether channels are colours, which a network gets wrong by a factor.
 
     Returns:
-        Shape ``(H, W, 3)``, float64.
+        The shape of ``without``, float64.
     """
     draws = draws_of(seed, "inpainting", view)
     height, width = without.shape[:2]
     factors = gains(draws, errors.gain)
     away = errors.warp * width * smooth_field(draws, (height, width), 2, WARP)
     places = np.indices((height, width)) + np.moveaxis(away, -1, 0)
+    channels = (without * factors if is_colour else without).reshape(height, width, -1)
     moved = np.stack(
-        [map_coordinates(c, places, order=1, mode="nearest") for c in np.moveaxis(without * factors, -1, 0)],
-        axis=-1,
+        [map_coordinates(c, places, order=1, mode="nearest") for c in np.moveaxis(channels, -1, 0)], axis=-1
     )
-    return blurred(moved, errors.blur, np.ones((height, width), bool))
+    return blurred(moved, errors.blur, np.ones((height, width), bool)).reshape(without.shape)

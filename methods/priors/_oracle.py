@@ -20,15 +20,27 @@ from graycard.methods.priors._normal import corrupt_normal
 from graycard.methods.priors._spec import KindSpec
 
 WITHOUT_TARGET = "counterfactual.radiance"
-SEEN = (PHOTOGRAPH, "radiance")
-"""What is known without the target; of no other layer is there a truth to fill holes with."""
+_F0, _ROUGHNESS = "counterfactual.f0", "counterfactual.roughness"
+_TRUTH_OF_HOLES = {
+    PHOTOGRAPH: (WITHOUT_TARGET,),
+    "radiance": (WITHOUT_TARGET,),
+    "diffuse": ("counterfactual.diffuse",),
+    "f0": (_F0,),
+    "roughness": (_ROUGHNESS,),
+    "normal": ("counterfactual.normal",),
+    "glossy": (_F0, _ROUGHNESS),
+}
+"""What is known without the target, by the layers whose holes it fills: of no other is there a truth."""
+_EXPOSED = frozenset({PHOTOGRAPH, "radiance", "diffuse"})
+_COLOURS = _EXPOSED | {"f0"}
+_NO_NORMAL = 0.5
+"""Length of a normal below which a blur over an edge has left none, or there is nothing."""
 _TRUTH: Mapping[PriorKind, tuple[str, ...]] = {
     "depth": ("depth", "base_color"),
     "normal": ("normal", "base_color"),
     "base_color": ("base_color",),
     "roughness": ("roughness",),
     "metallic": ("metallic", "object_id"),
-    "inpainting": (WITHOUT_TARGET,),
     "light": (LIGHTS,),
 }
 _TRUTH_OF_MASKS = {"glossy": ("roughness", "object_id"), "target": ("object_id",)}
@@ -38,8 +50,8 @@ def truth_for(ask: Ask) -> frozenset[str]:
     """Names of the true layers from which the oracle answers; ``lights`` for the true lights."""
     if ask.kind == "mask":
         return frozenset(name for subject in ask.of for name in _TRUTH_OF_MASKS[subject])
-    if ask.kind == "inpainting" and not set(ask.of) & set(SEEN):
-        return frozenset()
+    if ask.kind == "inpainting":
+        return frozenset(name for layer in ask.of for name in _TRUTH_OF_HOLES.get(layer, ()))
     return frozenset(_TRUTH[ask.kind])
 
 
@@ -47,8 +59,9 @@ def truth_for(ask: Ask) -> frozenset[str]:
 class Oracle:
     """Answers about one kind from the truth.
 
-    The scene without its target is known in radiance only. Holes in other layers, which a method has found
-    itself, are filled in from around them, as the classical source does by default; errors do not touch them.
+    Of the scene without its target radiance and the layers of :data:`_TRUTH_OF_HOLES` are known. Holes in any
+    other layer, which a method has made up itself, are filled in from around them, as the classical source
+    does by default; errors do not touch them.
     """
 
     spec: KindSpec
@@ -65,7 +78,7 @@ class Oracle:
         Raises:
             MethodError: It is not known.
         """
-        if question.kind == "inpainting" and question.of not in SEEN:
+        if question.kind == "inpainting" and question.of not in _TRUTH_OF_HOLES:
             return filled(question.image, question.hole, ALGORITHMS[0])
         known = self.truth.get(question.view.name)
         if known is None:
@@ -90,18 +103,32 @@ class Oracle:
                 return self._filled(known, question)
 
     def _filled(self, known: Mapping[str, np.ndarray], question: Question) -> np.ndarray:
-        if WITHOUT_TARGET not in known:
+        of, names = question.of, _TRUTH_OF_HOLES[question.of]
+        if any(name not in known for name in names):
             raise MethodError(
-                f"expected a method that says it inpaints radiance, got {question.of} to fill in and none "
+                f"expected a method that says which layers it inpaints, got {of} to fill in and {of} not "
                 "declared. Name it in the method's asks"
             )
-        if np.ndim(question.image) != 3:
-            raise MethodError(f"expected {question.of} with three channels to fill in, got one")
-        without = known[WITHOUT_TARGET].astype(np.float64) * self.exposure
-        return corrupt_filling(without, self.spec.errors, self.spec.seed, question.view.name)
+        without = known[names[0]].astype(np.float64) * (self.exposure if of in _EXPOSED else 1.0)
+        if of == "glossy":
+            without = np.where((without > 0).any(axis=-1) & (known[_ROUGHNESS] < GLOSSY_ROUGHNESS), 1.0, 0.0)
+        if np.ndim(question.image) != without.ndim:
+            raise MethodError(
+                f"expected {of} of shape {without.shape} to fill in, got {np.shape(question.image)}"
+            )
+        told = corrupt_filling(
+            without, self.spec.errors, self.spec.seed, question.view.name, is_colour=of in _COLOURS
+        )
+        return _unit(told) if of == "normal" else told
 
     def _mask(self, known: Mapping[str, np.ndarray], of: str) -> np.ndarray:
         ids = known["object_id"]
         if of == "target":
             return ids == self.target
         return (ids > 0) & (known["roughness"] < GLOSSY_ROUGHNESS)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Of length one, or zero where they are next to it, ``(H, W, 3)``."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > _NO_NORMAL, vectors / np.maximum(length, _NO_NORMAL), 0.0)

@@ -19,6 +19,6 @@ from graycard.methods.removal._settings import GroupingSettings as GroupingSetti
 from graycard.methods.removal._settings import OneReferenceSettings as OneReferenceSettings
 from graycard.methods.removal._settings import PerViewSettings as PerViewSettings
 from graycard.methods.removal._settings import RemovalSettings as RemovalSettings
-from graycard.methods.removal._stages import checked as checked
+from graycard.methods.removal._stages import checked_for_removal as checked_for_removal
 from graycard.methods.removal._target import check_some as check_some
 from graycard.methods.removal._target import with_hull as with_hull

@@ -8,7 +8,7 @@ import torch
 from scipy.spatial import KDTree
 
 from graycard import Capture, Progress
-from graycard.methods._contract import Ask, Priors
+from graycard.methods._contract import Priors
 from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import Target, filled_views, own_targets
 from graycard.methods.removal._identity import (
@@ -20,7 +20,13 @@ from graycard.methods.removal._identity import (
 )
 from graycard.methods.removal._scene import RemovalScene, load_scene
 from graycard.methods.removal._settings import GroupingSettings
-from graycard.methods.removal._stages import checked, decomposition, second_stage, shown
+from graycard.methods.removal._stages import (
+    ASKS,
+    checked_for_removal,
+    decomposition,
+    second_stage,
+    shown,
+)
 from graycard.methods.removal._target import check_some, with_hull
 from graycard.methods.splat import (
     CENTRES,
@@ -53,7 +59,7 @@ class GroupingMethod:
     name = "grouping"
     summary = "2D Gaussian surfels that learn which are the object's; every view painted (Gaussian Grouping)"
     needs = ()
-    asks = (Ask("inpainting", ("radiance",)),)
+    asks = ASKS
     settings_type = GroupingSettings
 
     def fit(
@@ -64,7 +70,7 @@ class GroupingMethod:
         Raises:
             MethodError: As of :meth:`RemovalMethod.fit`.
         """
-        masks = checked(capture, settings, seed, self.name, settings.grow)
+        masks = checked_for_removal(capture, priors, settings, seed, self.name)
         fitted = identified(capture, masks, settings, seed, progress, self.name)
         theirs, before = named_surfels(fitted, settings), without_identities(fitted)
         left, gone = before.take(~theirs), before.surfels[CENTRES][theirs]

@@ -6,12 +6,20 @@ from pathlib import Path
 import numpy as np
 
 from graycard import Capture, Progress, srgb_encode
-from graycard.methods._contract import Ask, Priors
+from graycard.methods._contract import Priors
 from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import Target, Wall, targets_of
 from graycard.methods.removal._scene import RemovalScene, load_scene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
-from graycard.methods.removal._stages import checked, decomposition, first_stage, second_stage, shown
+from graycard.methods.removal._stages import (
+    ASKS,
+    checked,
+    checked_for_removal,
+    decomposition,
+    first_stage,
+    second_stage,
+    shown,
+)
 from graycard.methods.removal._target import target_surfels
 from graycard.methods.splat import Parameters, joined_surfels, surfels_of, surfels_on_surface
 from graycard.methods.surfels import SurfelSettings, with_colours
@@ -28,7 +36,7 @@ class RemovalMethod:
     name = "removal"
     summary = "2D Gaussian surfels without the object; three views painted by a prior tell what was behind it"
     needs = ()
-    asks = (Ask("inpainting", ("radiance",)),)
+    asks = ASKS
     settings_type: type[RemovalSettings] = RemovalSettings
 
     def fit(
@@ -41,7 +49,7 @@ class RemovalMethod:
                 points, photographs are black or not finite, the prior's answer is not sound, or the fit has
                 no way on.
         """
-        masks = checked(capture, settings, seed, self.name, settings.grow)
+        masks = checked_for_removal(capture, priors, settings, seed, self.name)
         before = first_stage(capture, settings, seed, progress, self.name)
         cameras = [view.camera for view in capture.train]
         theirs = target_surfels(surfels_of(before.surfels), cameras, masks, settings.least_inside)

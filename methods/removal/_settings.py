@@ -2,6 +2,7 @@
 """Settings of the ways to take an object out of coloured surfels."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from graycard.methods.surfels import SurfelSettings
 
@@ -16,6 +17,8 @@ class StagedSettings(SurfelSettings):
     grow: float = 0.02
     """By which masks are widened before photographs are believed again, a share of the width: what is next to
     the object has its colours (GOR-IS: 10 pixels)."""
+    object_masks: Literal["capture", "prior"] = "capture"
+    """Who says where the object is: the masks that the capture grants, or the prior for ``mask``."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

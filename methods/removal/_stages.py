@@ -8,10 +8,11 @@ import numpy as np
 import torch
 
 from graycard import Capture, Progress
+from graycard.methods._contract import Ask, Priors
 from graycard.methods.removal._filled import Target
 from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import StagedSettings
-from graycard.methods.removal._target import target_masks
+from graycard.methods.removal._target import check_masks, target_masks
 from graycard.methods.splat import (
     CENTRES,
     DensityRules,
@@ -32,25 +33,44 @@ from graycard.methods.surfels import (
     check_places,
     density_rules,
     encode,
+    exposed_photograph,
     fit_surfels,
     learning_rates,
     sky_basis,
     sparse_start,
 )
 
+ASKS = (Ask("inpainting", ("radiance",)), Ask("mask", ("target",), optional=True))
+"""The second only where ``object_masks`` says so."""
 
-def checked(
-    capture: Capture, settings: SurfelSettings, seed: int, method: str, grow: float = 0.0
-) -> list[np.ndarray]:
-    """The masks of the object, to be widened by ``grow``, of a capture that can be fitted.
+
+def checked(capture: Capture, settings: SurfelSettings, seed: int, method: str) -> list[np.ndarray]:
+    """The masks of the object of a capture that can be fitted.
 
     Raises:
         MethodError: It cannot, or its masks are not sound.
     """
-    masks = target_masks(capture, grow)
+    masks = target_masks(capture, settings.grow if isinstance(settings, StagedSettings) else 0.0)
     check_places(capture)
     check_photographs(capture)
     check_checkpoint(method, settings, seed)
+    return masks
+
+
+def checked_for_removal(
+    capture: Capture, priors: Priors, settings: StagedSettings, seed: int, method: str
+) -> list[np.ndarray]:
+    """As :func:`checked`, of a capture whose object can be taken out; its masks as the settings want them.
+
+    Raises:
+        MethodError: It cannot, masks are not sound, or no prior fills in holes.
+    """
+    granted = checked(capture, settings, seed, method)
+    priors.require("inpainting")
+    if settings.object_masks == "capture":
+        return granted
+    masks = [priors.mask(exposed_photograph(capture, view), view, "target") for view in capture.train]
+    check_masks(capture, masks, settings.grow)
     return masks
 
 

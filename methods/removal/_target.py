@@ -35,6 +35,21 @@ def target_masks(capture: Capture, grow: float = 0.0) -> list[np.ndarray]:
             "scene of the tabletop track, or import masks with the photographs"
         )
     masks = [capture.target_mask(view) for view in capture.train]
+    check_masks(capture, masks, grow)
+    return masks
+
+
+def check_masks(capture: Capture, masks: Sequence[np.ndarray], grow: float) -> None:
+    """Refuse masks that do not show an object in a room.
+
+    Args:
+        capture: The photographs.
+        masks: One a training view.
+        grow: As of :func:`target_masks`.
+
+    Raises:
+        MethodError: As of :func:`target_masks`.
+    """
     for view, mask in zip(capture.train, masks, strict=True):
         size = view.camera.height, view.camera.width
         if mask.shape != size:
@@ -49,7 +64,6 @@ def target_masks(capture: Capture, grow: float = 0.0) -> list[np.ndarray]:
             f"expected an object that some training view of {capture.scene} sees, got empty masks only. "
             "Look at capture/masks"
         )
-    return masks
 
 
 def widened(mask: np.ndarray, grow: float) -> np.ndarray:

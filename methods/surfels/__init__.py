@@ -20,6 +20,7 @@ from graycard.methods.surfels._objective import Photograph as Photograph
 from graycard.methods.surfels._objective import Tones as Tones
 from graycard.methods.surfels._objective import colours as colours
 from graycard.methods.surfels._objective import disagreement as disagreement
+from graycard.methods.surfels._objective import exposed_photograph as exposed_photograph
 from graycard.methods.surfels._objective import photographs as photographs
 from graycard.methods.surfels._objective import sky_basis as sky_basis
 from graycard.methods.surfels._scene import LAYERS as LAYERS

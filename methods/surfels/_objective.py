@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from graycard import Camera, Capture
+from graycard import Camera, Capture, View
 from graycard.methods.splat import (
     CENTRES,
     Look,
@@ -66,6 +66,11 @@ def photographs(capture: Capture, settings: SurfelSettings) -> list[Photograph]:
         linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
         found.append(Photograph(view.camera, encode(linear), sky_basis(view.camera, settings.sky_degree)))
     return found
+
+
+def exposed_photograph(capture: Capture, view: View) -> np.ndarray:
+    """What priors are shown of a training view: linear, display range, shape ``(H, W, 3)``, float64."""
+    return np.asarray(capture.photograph(view), np.float64) * capture.exposure
 
 
 def sky_basis(camera: Camera, degree: int) -> torch.Tensor:

@@ -94,11 +94,23 @@ class Capture:
         """Where a training view sees the target object, shape ``(H, W)``, bool.
 
         Raises:
-            DatasetError: The scene has no target, the view is held out, or the file is broken.
+            DatasetError: The scene has no target, the view is held out, or the file is broken or of another
+                object.
         """
         if self.target is None or view.split != "train":
             raise DatasetError(f"expected a training view of a scene with a target, got {view.name}")
-        return read_layers(file_of(self.root, f"masks/target/{view.name}.exr"))["object_id"] > 0
+        path = file_of(self.root, f"masks/target/{view.name}.exr")
+        layers = read_layers(path)
+        if "object_id" not in layers:
+            raise DatasetError(f"expected object_id in {path}, got {', '.join(sorted(layers)) or 'nothing'}")
+        ids = layers["object_id"]
+        others = sorted(set(np.unique(ids).tolist()) - {0, self.target})
+        if others:
+            raise DatasetError(
+                f"expected object {self.target}, the target of the capture, or 0 in {path}, got "
+                f"{', '.join(map(str, others[:4]))}. Write the masks of the object that is to be removed"
+            )
+        return ids > 0
 
 
 def find_view(views: tuple[View, ...], name: str) -> View:

@@ -87,7 +87,13 @@ _TABLE = (
     _rgb("indirect.diffuse.<light>", RADIANCE, "share of one source in indirect.diffuse"),
     _rgb("indirect.specular.<light>", RADIANCE, "share of one source in indirect.specular"),
     _rgb("counterfactual.radiance", RADIANCE, "radiance of the same view without the target object"),
+    _rgb("counterfactual.diffuse", RADIANCE, "diffuse of the same view without the target object"),
     _rgb("counterfactual.specular", RADIANCE, "specular of the same view without the target object"),
+    Layer(
+        "counterfactual.normal", XYZ, "1, unit length", "normal of the same view without the target object"
+    ),
+    _rgb("counterfactual.f0", "1", "f0 of the same view without the target object"),
+    Layer("counterfactual.roughness", ("Y",), "1", "roughness of the same view without the target object"),
     _mask(
         "effect.untouched",
         "the target is not seen and the picture without it is equal to the bit, sample by sample",

@@ -9,7 +9,7 @@ from scipy import ndimage
 import graycard as gc
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
-from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBE
+from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBES, EMPTIED_SURFACE
 
 _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
 """Of single pixels; bleeding is a mean over neighbours, some of which may be untouched."""
@@ -37,6 +37,7 @@ def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
     told = "both pictures share their random numbers; looks like a counterfactual with another seed"
     yield picture.at.judge("counterfactual's random numbers", 1 - agree, _UNALIKE, "1", told)
     yield _check_removed(subject, picture)
+    yield from _check_surfaces(subject, picture)
     yield from _check_masks(subject, picture)
 
 
@@ -69,7 +70,7 @@ def _check_masks(subject: Subject, picture: Picture) -> Iterator[Check]:
     if picture.has(*EFFECTS):
         yield from _check_footprint(subject, picture)
         yield from _check_marked(picture)
-        yield from _check_specular(picture)
+        yield from _check_lobes(picture)
 
 
 def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
@@ -104,25 +105,51 @@ def _check_marked(picture: Picture) -> Iterator[Check]:
     yield picture.at.judge("effects marked", share, _UNMARKED, "of the changed pixels", told)
 
 
-def _check_specular(picture: Picture) -> Iterator[Check]:
-    """The specular light without the target differs in its mirror image, and not where it has no effect."""
+def _check_lobes(picture: Picture) -> Iterator[Check]:
+    """Either lobe without the target is light of it; specular light differs in mirror images."""
     present = gc.with_sums(picture.layers).get("specular")
-    if present is None or not picture.has(EMPTIED_LOBE):
+    if present is None or not picture.has(*EMPTIED_LOBES):
         return
-    radiance = picture.layers["radiance"].astype(float)
-    change = np.abs(present.astype(float) - picture.layers[EMPTIED_LOBE]).max(axis=-1)
-    untouched, mirror = (picture.layers[f"effect.{name}"] > 0 for name in ("untouched", "mirror"))
-    largest = float(
-        (change / (radiance.max(axis=-1) + 1e-2 * float(radiance.mean())))[untouched].max(initial=0)
+    footprint, untouched, mirror = (
+        picture.layers[f"effect.{name}"] > 0 for name in ("footprint", "untouched", "mirror")
     )
-    told = f"{EMPTIED_LOBE} is specular where the target has no effect; looks like another lobe or view"
+    diffuse, specular = (picture.layers[name].astype(float) for name in EMPTIED_LOBES)
+    radiance = picture.layers["radiance"].max(axis=-1).astype(float)
+    scale = radiance + 1e-2 * float(radiance.mean())
+    sums = np.abs(picture.layers["emitted"] + diffuse + specular - picture.layers["counterfactual.radiance"])
+    off = float((sums.max(axis=-1) / scale)[~footprint].max(initial=0))
+    told = (
+        "emitted and both lobes add up to the radiance without the target; looks like a lobe of another view"
+    )
+    yield picture.at.judge("lobes without the target", off, 1e-4, "relative", told)
+    change = np.abs(present - specular).max(axis=-1)
+    told = f"{EMPTIED_LOBES[1]} is specular where the target has no effect; looks like the other lobe"
+    largest = float((change / scale)[untouched].max(initial=0))
     yield picture.at.judge("specular light of untouched pixels", largest, 1e-4, "relative", told)
     if mirror.sum() < 10:
         yield picture.at.skip("specular light of mirror images", "the mirror image has fewer than 10 pixels")
         return
-    same = float((change[mirror] <= 1e-3 * radiance.max(axis=-1)[mirror]).mean())
-    told = f"{EMPTIED_LOBE} has no mirror image of the target; looks like the light with the target"
+    same = float((change <= 1e-3 * radiance)[mirror].mean())
+    told = f"{EMPTIED_LOBES[1]} has no mirror image of the target; looks like the light with the target"
     yield picture.at.judge("specular light of mirror images", same, _FEW, "of their pixels", told)
+
+
+def _check_surfaces(subject: Subject, picture: Picture) -> Iterator[Check]:
+    """What is seen without the target is what is seen with it, but where the target is."""
+    if not picture.has(*EMPTIED_SURFACE):
+        return
+    seen = picture.layers["object_id"] == (subject.truth.target or -1)
+    pairs = [(picture.layers[name], picture.layers[name.partition(".")[2]]) for name in EMPTIED_SURFACE]
+    equal = np.all([(a == b).reshape(*seen.shape, -1).all(axis=-1) for a, b in pairs], axis=0)
+    told = "surfaces that the target does not hide are the same without it; looks like another view"
+    yield picture.at.judge("surfaces beside the target", float((~equal)[~seen].sum()), 0, "pixels", told)
+    if not seen.any():
+        yield picture.at.skip("surfaces behind the target", "the target is not seen")
+        return
+    told = "what is behind the target is not the target; looks like a target still there"
+    yield picture.at.judge(
+        "surfaces behind the target", float(equal[seen].mean()), 0.5, "of its pixels", told
+    )
 
 
 def _differs_clearly(picture: Picture) -> np.ndarray:

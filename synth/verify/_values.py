@@ -26,8 +26,9 @@ SURFACE = (
 )
 COUNTERFACTUAL = tuple(f"counterfactual.{name}" for name in ESTIMATES)
 EFFECTS = tuple(f"effect.{name}" for name in ("untouched", "footprint", "shadow", "mirror", "bleeding"))
-"""Only of views whose renderer tells the parts of the light apart, as is the next."""
-EMPTIED_LOBE = "counterfactual.specular"
+"""Only of views whose renderer tells the parts of the light apart, as are the next."""
+EMPTIED_LOBES = tuple(f"counterfactual.{lobe}" for lobe in gc.LOBES)
+EMPTIED_SURFACE = tuple(f"counterfactual.{name}" for name in ("normal", "f0", "roughness"))
 SEPARATED = ("emitted", "shading", "shading.var", "albedo")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
@@ -42,7 +43,7 @@ _FEW = 100
 _DUST = 1e-4
 """Share of a layer's largest value below which values may be what a subtraction left over."""
 
-_UNIT_RANGE = {"normal": (-1.0, 1.0), "albedo": (0.0, 2.0)}
+_UNIT_RANGE = {"normal": (-1.0, 1.0), "counterfactual.normal": (-1.0, 1.0), "albedo": (0.0, 2.0)}
 """Layers of unit 1 that are no share; Disney's material returns up to 1.44 of the light at grazing angles."""
 
 
@@ -52,7 +53,8 @@ def expected_layers(subject: Subject) -> set[str]:
     if subject.is_separated:
         names |= {*SEPARATED, *(f"{stem}.{light.name}" for stem in PER_LIGHT for light in subject.lights)}
     if subject.truth.target is not None:
-        names |= {*COUNTERFACTUAL, *((*EFFECTS, EMPTIED_LOBE) if subject.is_separated else ())}
+        names |= {*COUNTERFACTUAL, *EMPTIED_SURFACE}
+        names |= {*EFFECTS, *EMPTIED_LOBES} if subject.is_separated else set()
     return names
 
 
@@ -101,7 +103,7 @@ def _precision(picture: Picture) -> Check:
         name: _half_share(values)
         for name, values in picture.layers.items()
         # what a matte surface reflects specularly is the rounding of a difference
-        if values.dtype.kind == "f" and not name.startswith((*PARTS, EMPTIED_LOBE))
+        if values.dtype.kind == "f" and not name.startswith((*PARTS, *EMPTIED_LOBES))
     }
     name = max(shares, key=lambda name: shares[name])
     meaning = f"of {name} half precision represents so many values: it was stored as float16 on the way"

@@ -153,6 +153,7 @@ def test_claims_of_a_suite() -> None:
     assert claims_of_suite("claims-dark") == ["sunfaded"]
     assert claims_of_suite("claims-multilight") == ["gsid"]
     assert claims_of_suite("claims-tabletop") == ["goris"]
+    assert claims_of_suite("claims-matte") == ["goris-matte"]
     assert claims_of_suite("smoke") == []
 
 
@@ -178,10 +179,12 @@ def test_every_claim_of_a_paper_is_there(paper: str, letter: str, count: int) ->
 
 def test_what_needs_photographs_of_real_rooms_is_said_to() -> None:
     lacking = [claim for claim in load_claims("goris").claims if claim.unavailable]
-    assert [(claim.id, claim.checks) for claim in lacking] == [("R2", ())]
+    assert [(claim.id, claim.checks) for claim in lacking] == [("R2", ()), ("R3", ())]
+    assert "goris-matte" in lacking[1].unavailable
+    assert [claim.id for claim in load_claims("goris-matte").claims] == ["R3"]
 
 
-@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight", "claims-tabletop"])
+@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight", "claims-tabletop", "claims-matte"])
 def test_the_rows_of_the_suites_take_their_settings(suite: str) -> None:
     for row in load_suite(suite).methods:
         settings_of(load_method(row.name), row.settings)

@@ -104,13 +104,29 @@ def test_a_shadow_on_a_matte_surface_is_all_there_is() -> None:
     assert SHADOW.answer(layers["radiance"], question).value == pytest.approx(1)
 
 
-def test_weights_need_effects_that_differ() -> None:
-    effect = RNG.normal(size=(5, 3))
-    assert ge.residual_weights(effect, 2 * effect) is None
-    assert ge.residual_weights(0 * effect, effect) is None
-    weights = ge.residual_weights(effect, 0 * effect)
-    assert weights is not None
-    assert (weights * effect).sum() == pytest.approx(1)
+def test_effects_are_apart_unless_one_is_the_other() -> None:
+    effect, other = RNG.normal(size=(2, 5, 3))
+    assert ge.are_apart(ge.effect_sums(effect, effect, other))
+    assert ge.are_apart(ge.effect_sums(effect, effect, 0 * effect))
+    assert not ge.are_apart(ge.effect_sums(effect, effect, 2 * effect + 0.01 * other))
+    assert not ge.are_apart(ge.effect_sums(effect, 0 * effect, effect))
+
+
+def test_views_are_fitted_together() -> None:
+    """A view in which next to nothing is mirrored does not decide, whatever is left there."""
+    strong, faint = table(), table()
+    for name in ("radiance", "specular"):
+        mirrored = faint["specular"] - faint["counterfactual.specular"]
+        faint[name] = faint[name] - 0.999 * mirrored
+    answers = []
+    for layers, off in ((strong, 0.0), (faint, 0.02)):
+        true = TrueView(VIEW, layers, frozenset())
+        question, picture = MIRROR.question(true, EXPOSURE), layers["counterfactual.radiance"] + off
+        answers.append(MIRROR.answer(picture, question))
+    assert answers[1].value > 1
+    assert MIRROR.pool is not None
+    pooled = MIRROR.pool(np.concatenate([answer.evidence for answer in answers]))
+    assert pooled.value == pytest.approx(0, abs=0.02)
 
 
 def test_truth_of_before_has_no_such_scores() -> None:

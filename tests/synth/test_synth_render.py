@@ -103,6 +103,7 @@ def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str
     names |= {"distance", "roughness", "alpha", "metallic", "diffuse_reflectance", "f0"}
     if track == "tabletop":
         names |= {f"counterfactual.radiance{end}" for end in estimates}
+        names |= {f"counterfactual.{name}" for name in ("normal", "f0", "roughness")}
     for view in truth.views:
         layers = truth.layers(view)
         assert layers.keys() == names

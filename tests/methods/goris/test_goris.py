@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``goris`` on captures: the whole way, what is painted where, and what it says of itself."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,9 +41,21 @@ def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFact
     return folder
 
 
+def with_emptied(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A polished floor behind the object, which scatters half of what is seen there."""
+    even = np.ones_like(layers["radiance"])
+    emptied = {
+        "diffuse": 0.5 * layers["counterfactual.radiance"],
+        "f0": 0.04 * even,
+        "roughness": 0.2 * even[..., 0],
+        "normal": even * (0, 0, 1),
+    }
+    return {**layers, **{f"counterfactual.{name}": values for name, values in emptied.items()}}
+
+
 def told(scene: Path, spec: PriorSpec) -> methods.Priors:
     capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
-    known = {view.name: truth.layers(truth.view(view.name)) for view in capture.train}
+    known = {view.name: with_emptied(truth.layers(truth.view(view.name))) for view in capture.train}
     return make_priors(spec, GorisMethod.asks, capture, known, ())
 
 

@@ -172,7 +172,9 @@ def test_only_the_truth_that_answers_is_told(asks):
     assert truth_of(mixed, asks[:5]) == {"metallic", "object_id"}
     oracle, without = PriorSpec("oracle"), {"counterfactual.radiance"}
     assert truth_of(oracle, (Ask("inpainting", ("radiance", "depth")),)) == without
-    assert truth_of(oracle, (Ask("inpainting", ("depth", "normal")),)) == frozenset()
+    assert truth_of(oracle, (Ask("inpainting", ("depth", "albedo")),)) == frozenset()
+    of = truth_of(oracle, (Ask("inpainting", ("glossy", "normal")),))
+    assert of == {f"counterfactual.{name}" for name in ("f0", "roughness", "normal")}
 
 
 def test_the_truth_cannot_be_changed_through_an_answer(scene, questions):
@@ -189,13 +191,13 @@ def test_an_oracle_knows_its_own_views_and_what_was_declared(scene):
     with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
         told.depth(scene.photograph, stranger)
     hole = np.zeros(SIZE, bool)
-    with pytest.raises(gc.MethodError, match="expected radiance with three channels to fill in, got one"):
+    with pytest.raises(gc.MethodError, match="expected radiance of shape"):
         told.inpainting(np.ones(SIZE), scene.view, hole)
     with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
         told.inpainting(scene.photograph, stranger, hole)
     known = {view: {"depth": layers["depth"]} for view, layers in scene.truth.items()}
     narrow = make_priors(PriorSpec("oracle"), (Ask("inpainting", ("depth",)),), scene.capture, known)
-    with pytest.raises(gc.MethodError, match="expected a method that says it inpaints radiance"):
+    with pytest.raises(gc.MethodError, match="expected a method that says which layers it inpaints"):
         narrow.inpainting(scene.photograph, scene.view, hole)
 
 

@@ -322,33 +322,73 @@ def test_fillings_are_displaced_by_as_much_as_they_say():
     assert len(np.unique(tinted[0, 0])) == 3
 
 
+LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
+
+
+@pytest.fixture
+def emptied(scene) -> dict[str, np.ndarray]:
+    """What is known of the first view without its target: a floor of which half is polished."""
+    rng, shape = np.random.default_rng(1000), scene.known["object_id"].shape
+    roughness = np.where(np.arange(shape[1])[None] < shape[1] / 2, 0.1, 0.8) * np.ones(shape)
+    normal = np.array([0.0, 0.0, 1.0]) * np.ones((*shape, 3))
+    found = {"diffuse": rng.uniform(0, 1, (*shape, 3)), "f0": 0.04 + 0.02 * rng.random((*shape, 3))}
+    return found | {"roughness": roughness, "normal": normal}
+
+
+def about_holes(scene, emptied: dict[str, np.ndarray], severity: int) -> methods.Priors:
+    known = scene.known | {f"counterfactual.{name}": values for name, values in emptied.items()}
+    asks = (methods.Ask("inpainting", ("radiance", "albedo", *LAYERS)),)
+    return make_priors(PriorSpec("oracle", severity), asks, scene.capture, {scene.view.name: known})
+
+
+def test_holes_in_materials_show_what_is_behind_the_target(scene, emptied: dict[str, np.ndarray]):
+    hole = scene.known["object_id"] == scene.capture.target
+    exact, wrong = (about_holes(scene, emptied, severity) for severity in (0, 4))
+    true = emptied | {"diffuse": scene.capture.exposure * emptied["diffuse"]}
+    true["glossy"] = (emptied["roughness"] < 0.5).astype(float)
+    for name in LAYERS:
+        image = np.full_like(true[name], 0.5)
+        found, off = (told.inpainting(image, scene.view, hole, name) for told in (exact, wrong))
+        np.testing.assert_allclose(found[hole], true[name][hole], rtol=1e-6, atol=1e-9)
+        assert np.array_equal(found[~hole], image[~hole])
+        assert name == "normal" or not np.allclose(off[hole], true[name][hole], atol=1e-3)
+        assert name != "normal" or np.allclose(np.linalg.norm(off[hole], axis=-1), 1)
+
+
+def test_all_layers_of_a_view_are_displaced_alike():
+    """A painter puts an edge in one place; colours alone are off by a factor."""
+    errors = InpaintingErrors(gain=0.1, warp=0.03)
+    edge = np.where(np.arange(SIZE)[None] < SIZE / 2, 0.2, 0.8) * np.ones((SIZE, SIZE))
+    share = corrupt_filling(edge, errors, 1000, "v", is_colour=False)
+    colour = corrupt_filling(np.repeat(edge[..., None], 3, axis=-1), errors, 1000, "v")
+    assert not np.allclose(share, edge)
+    factors = colour / share[..., None]
+    assert np.ptp(factors, axis=(0, 1)).max() < 1e-12
+    assert np.ptp(factors[0, 0]) > 1e-3
+
+
 @pytest.mark.parametrize("severity", [0, 5])
 def test_layers_without_a_truth_are_filled_as_the_classical_source_fills_them(severity: int, scene):
-    """A method's own picture of a layer: it may be wrong, and its errors are its own."""
-    view, known = scene.view, scene.known
-    hole = known["object_id"] == scene.capture.target
-    asks = (methods.Ask("inpainting", ("radiance", "normal", "roughness", "f0")),)
-    oracle = scene.priors(PriorSpec("oracle", severity, seed=1000), asks)
-    classical = scene.priors(PriorSpec("classical"), asks)
-    for of, image in (
-        ("normal", -known["normal"]),
-        ("roughness", 0.3 + 0.5 * known["roughness"]),
-        ("f0", known["base_color"] ** 2),
-    ):
-        found = oracle.inpainting(image, view, hole, of)
-        assert np.array_equal(found, classical.inpainting(image, view, hole, of))
-        assert np.array_equal(found[~hole], image[~hole])
-    picture = np.array(scene.photograph)
-    seen, guessed = (told.inpainting(picture, view, hole) for told in (oracle, classical))
-    assert not np.allclose(seen[hole], guessed[hole])
-
-
-def test_layers_alone_are_filled_without_any_truth(scene):
-    asks = (methods.Ask("inpainting", ("roughness",)),)
-    told = make_priors(PriorSpec("oracle"), asks, scene.capture, {})
+    """What a method has made up itself."""
     hole = scene.known["object_id"] == scene.capture.target
-    even = np.where(hole, np.nan, 0.4)
-    np.testing.assert_allclose(told.inpainting(even, scene.view, hole, "roughness"), 0.4)
+    asks = (methods.Ask("inpainting", ("albedo",)),)
+    oracle = make_priors(PriorSpec("oracle", severity), asks, scene.capture, {})
+    classical = scene.priors(PriorSpec("classical"), asks)
+    image = scene.known["base_color"] ** 2
+    found = oracle.inpainting(image, scene.view, hole, "albedo")
+    assert np.array_equal(found, classical.inpainting(image, scene.view, hole, "albedo"))
+    assert np.array_equal(found[~hole], image[~hole])
+
+
+def test_holes_of_layers_that_were_not_declared_are_refused(scene, emptied: dict[str, np.ndarray]):
+    asks = (methods.Ask("inpainting", ("radiance",)),)
+    told = make_priors(PriorSpec("oracle"), asks, scene.capture, {scene.view.name: scene.known})
+    hole = scene.known["object_id"] == scene.capture.target
+    with pytest.raises(gc.MethodError, match="Name it in the method's asks"):
+        told.inpainting(emptied["f0"], scene.view, hole, "f0")
+    told = about_holes(scene, emptied, 0)
+    with pytest.raises(gc.MethodError, match="expected roughness of shape"):
+        told.inpainting(emptied["f0"], scene.view, hole, "roughness")
 
 
 def test_one_kind_may_be_worse_than_the_others(scene):

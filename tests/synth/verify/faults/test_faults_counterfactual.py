@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import graycard as gc
-from fault_planting import Copied, Fault, Faults, Layers, render_otherwise, settings_of
+from fault_planting import Copied, Fault, Faults, Layers, render_otherwise, settings_of, swap
 
 pytestmark = pytest.mark.usefixtures("llvm")
 FAULTS = Faults()
@@ -50,9 +50,25 @@ def specular_light_with_the_target(layers: Layers, view: gc.View):
     layers["counterfactual.specular"] = gc.with_sums(layers)["specular"]
 
 
-@FAULTS.in_layers("tabletop", "specular light of untouched pixels", "looks like another lobe")
-def diffuse_light_for_specular(layers: Layers, view: gc.View):
-    layers["counterfactual.specular"] = layers["counterfactual.radiance"] - layers["counterfactual.specular"]
+@FAULTS.in_layers("tabletop", "specular light of untouched pixels", "looks like the other lobe")
+def lobes_swapped(layers: Layers, view: gc.View):
+    swap(layers, "counterfactual.diffuse", "counterfactual.specular")
+
+
+@FAULTS.in_layers("tabletop", "lobes without the target", "a lobe of another view")
+def diffuse_light_upside_down(layers: Layers, view: gc.View):
+    layers["counterfactual.diffuse"] = layers["counterfactual.diffuse"][::-1].copy()
+
+
+@FAULTS.in_layers("tabletop", "surfaces beside the target", "looks like another view")
+def surfaces_upside_down(layers: Layers, view: gc.View):
+    layers["counterfactual.normal"] = layers["counterfactual.normal"][::-1].copy()
+
+
+@FAULTS.in_layers("tabletop", "surfaces behind the target", "still there")
+def surfaces_with_the_target(layers: Layers, view: gc.View):
+    for name in ("normal", "f0", "roughness"):
+        layers[f"counterfactual.{name}"] = layers[name]
 
 
 @FAULTS.in_layers("tabletop", "target removed", "still there")
