@@ -27,13 +27,13 @@ from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import LAYERS, Shot
 from graycard.methods.removal import (
-    NEW_OPACITY,
     Shown,
     Target,
     Wall,
     check_some,
     targets_of,
     views_behind,
+    wall_surfels,
     with_hull,
 )
 from graycard.methods.splat import (
@@ -46,7 +46,6 @@ from graycard.methods.splat import (
     photometric_map,
     scene_extent,
     surfels_of,
-    surfels_on_surface,
     train,
     view_at,
 )
@@ -56,8 +55,6 @@ _SURE = 1e-3
 """Of painted shares of 0 and 1, whose logits are infinite."""
 _GLOSSY = 0.5
 """Share of a painted pixel from which on it is filled in as a material."""
-_FEWEST = 2
-"""Points of which surfels are made."""
 
 
 def without_object(
@@ -158,12 +155,9 @@ def with_painted_wall(
         settings: Of the method.
         seed: Of which points become surfels.
     """
-    room = max(settings.surfels - len(left), taken)
-    if min(room, len(wall.points)) < _FEWEST:
+    discs = wall_surfels(len(left), taken, wall, _painted(wall), settings, seed)
+    if discs is None:
         return left
-    discs = surfels_on_surface(
-        wall.points, wall.normals, _painted(wall), room, seed, opacity=NEW_OPACITY, sizes=wall.distances
-    )
     colours, diffuse, f0, roughness, glossy = discs.features.split([3, 3, 3, 1, 1], dim=1)
     coloured = with_colours(replace(discs, features=colours), settings).surfels
     own = {

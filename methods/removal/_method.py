@@ -21,7 +21,7 @@ from graycard.methods.removal._stages import (
     shown,
 )
 from graycard.methods.removal._target import target_surfels
-from graycard.methods.splat import Parameters, joined_surfels, surfels_of, surfels_on_surface
+from graycard.methods.splat import Parameters, Surfels, joined_surfels, surfels_of, surfels_on_surface
 from graycard.methods.surfels import SurfelSettings, with_colours
 
 NEW_OPACITY = 0.5
@@ -116,23 +116,32 @@ class KeepMethod:
 
 
 def with_wall(left: Parameters, taken: int, wall: Wall, settings: RemovalSettings, seed: int) -> Parameters:
-    """What is left, with new surfels on the wall behind the object, as many as there may still be.
+    """What is left, with new surfels on the wall behind the object."""
+    discs = wall_surfels(len(left), taken, wall, np.asarray(srgb_encode(wall.colours)), settings, seed)
+    return left if discs is None else joined_surfels(left, with_colours(discs, settings).surfels)
+
+
+def wall_surfels(
+    left: int, taken: int, wall: Wall, features: np.ndarray, settings: RemovalSettings, seed: int
+) -> Surfels | None:
+    """New surfels on the wall behind the object, as many as there may still be; None where that is none.
 
     Those of the object have made room, also where sparse points alone are more than the limit.
+
+    Args:
+        left: How many surfels are left.
+        taken: How many the object had.
+        wall: M points.
+        features: Shape ``(M, C)``: of the surfels.
+        settings: With the limit.
+        seed: Of which points become surfels.
     """
-    room = max(settings.surfels - len(left), taken)
+    room = max(settings.surfels - left, taken)
     if min(room, len(wall.points)) < _FEWEST:
-        return left
-    discs = surfels_on_surface(
-        wall.points,
-        wall.normals,
-        np.asarray(srgb_encode(wall.colours)),
-        room,
-        seed,
-        opacity=NEW_OPACITY,
-        sizes=wall.distances,
+        return None
+    return surfels_on_surface(
+        wall.points, wall.normals, features, room, seed, opacity=NEW_OPACITY, sizes=wall.distances
     )
-    return joined_surfels(left, with_colours(discs, settings).surfels)
 
 
 def pixel_weights(target: Target, hole_weight: float) -> np.ndarray:

@@ -46,6 +46,21 @@ def test_target_masks_are_granted_on_training_views(tiny_scenes: dict[str, Path]
         gc.open_capture(tiny_scenes["dark"] / "capture").target_mask(capture.train[0])
 
 
+def test_masks_of_another_object_are_refused(make_scene: Callable[..., Path]):
+    folder = make_scene(track="tabletop")
+    capture = gc.open_capture(folder / "capture", check=False)
+    view = capture.train[0]
+    path = folder / "capture" / "masks" / "target" / f"{view.name}.exr"
+    ids = np.zeros((view.camera.height, view.camera.width), np.uint32)
+    ids[:4] = 2
+    gc.write_layers(path, {"object_id": ids})
+    with pytest.raises(gc.DatasetError, match=r"expected object 3, the target of the capture, or 0 .* got 2"):
+        capture.target_mask(view)
+    gc.write_layers(path, {"depth": ids.astype(np.float32)})
+    with pytest.raises(gc.DatasetError, match="expected object_id in .* got depth"):
+        capture.target_mask(view)
+
+
 def test_views_and_scenes_are_found_by_name(tiny_scenes: dict[str, Path]):
     truth = gc.open_truth(tiny_scenes["dark"] / "truth")
     assert truth.view("test_001").split == "test"

@@ -137,6 +137,9 @@ def test_bad_input_is_refused_before_any_fit(
         monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view, mask=mask: mask)
         with pytest.raises(gc.MethodError, match=says):
             method.fit(capture, methods.Priors(), QUICK, 0, progress)
+    monkeypatch.undo()
+    with pytest.raises(gc.MethodError, match="expected a prior that gives inpainting"):
+        method.fit(capture, methods.Priors(), QUICK, 0, progress)
     assert not started
 
 

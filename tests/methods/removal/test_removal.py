@@ -12,7 +12,7 @@ import torch
 import graycard as gc
 from graycard import methods
 from graycard.methods import load_method
-from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.removal import (
     KeepMethod,
     OneReferenceSettings,
@@ -287,12 +287,47 @@ def test_captures_that_name_no_object_or_show_it_wrongly_are_refused(
         "got one of the whole picture": np.ones((24, 28), bool),
         "got empty masks only": np.zeros((24, 28), bool),
     }
+    started: list[float] = []
     for says, mask in cases.items():
         monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view, mask=mask: mask)
         for name in NAMES:
             method = load_method(name)
             with pytest.raises(gc.MethodError, match=says):
-                method.fit(capture, methods.Priors(), method.settings_type(), 0, gc.silent)
+                method.fit(
+                    capture, methods.Priors(), method.settings_type(), 0, lambda done, _: started.append(done)
+                )
+    assert not started
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "do-nothing"])
+def test_without_a_painter_nothing_is_fitted(scene: Path, name: str):
+    capture, method = gc.open_capture(scene / "capture", check=False), load_method(name)
+    started: list[float] = []
+    with pytest.raises(gc.MethodError, match="expected a prior that gives inpainting"):
+        method.fit(capture, methods.Priors(), method.settings_type(), 0, lambda done, _: started.append(done))
+    assert not started
+
+
+@pytest.mark.parametrize("name", ["removal", "grouping"])
+def test_who_says_where_the_object_is_is_a_setting(scene: Path, name: str):
+    """A prior that is exact says what the capture does; one that is wrong something else."""
+    capture, method = gc.open_capture(scene / "capture", check=False), load_method(name)
+    quick = {"iterations": 12, "surfels": 400, "fill": 0.0} | HASTY.get(name, {})
+    exact, wrong = (
+        told(scene, methods.asks_of(method), PriorSpec("oracle", 0, overrides={"mask": Override(severity=n)}))
+        for n in (0, 5)
+    )
+
+    def picture(priors: methods.Priors, masks: str) -> np.ndarray:
+        settings = methods.settings_of(method, quick | {"object_masks": masks})
+        found = method.fit(capture, priors, settings, 0, gc.silent)
+        assert isinstance(found, RemovalScene)
+        return found.remove(3).render(capture.test[0].camera, ["radiance"])["radiance"]
+
+    granted = picture(exact, "capture")
+    np.testing.assert_array_equal(picture(exact, "prior"), granted)
+    np.testing.assert_array_equal(picture(wrong, "capture"), granted)
+    assert not np.array_equal(picture(wrong, "prior"), granted)
 
 
 def test_settings_that_cannot_be_are_refused():
