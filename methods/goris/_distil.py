@@ -2,6 +2,7 @@
 """Colours that change with the view, fitted to pictures of a scene: then no ray has to be traced any more."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -30,7 +31,8 @@ def distilled(
 ) -> Parameters:
     """Coloured surfels that look like a scene from its training cameras and from between them.
 
-    The paper begins anew; here surfels stay where they are and begin with their colours as rough surfaces.
+    Only pictures count, as in the paper. It begins anew; here surfels go on from where they are, with their
+    colours as rough surfaces.
 
     Args:
         parameters: Of the scene.
@@ -46,7 +48,8 @@ def distilled(
     rates = learning_rates(extent, settings)
     rates = {name: Rate(rate.end or rate.start) if name in GEOMETRY else rate for name, rate in rates.items()}
     plan = Plan(settings.iterations, rates, extent)
-    return train(initial_state(start, seed), plan, Objective(views, settings, seed), progress).parameters
+    alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)
+    return train(initial_state(start, seed), plan, Objective(views, alone, seed), progress).parameters
 
 
 @torch.no_grad()
@@ -57,7 +60,7 @@ def _pictured(parameters: Parameters, camera: Camera, settings: GorisSettings, e
 
 
 def cameras_between(cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """Cameras, and so many more on the way from each to its nearest neighbour, evenly spaced.
+    """Cameras, and so many more on the way from each to its nearest neighbour, evenly spaced; no way twice.
 
     Positions go straight, rotations by the shortest way; lenses and sizes are those of the first of the two.
     """
@@ -65,8 +68,11 @@ def cameras_between(cameras: Sequence[Camera], count: int) -> list[Camera]:
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
     np.fill_diagonal(apart, np.inf)
     found = list(cameras)
-    for number, camera in enumerate(cameras if len(cameras) > 1 else ()):
-        other = cameras[int(apart[number].argmin())]
+    ways: dict[frozenset[int], tuple[int, int]] = {}
+    for number, row in enumerate(apart if len(cameras) > 1 else ()):
+        nearest = int(row.argmin())
+        ways.setdefault(frozenset((number, nearest)), (number, nearest))
+    for camera, other in ((cameras[a], cameras[b]) for a, b in ways.values()):
         turns = Slerp([0, 1], Rotation.from_matrix([c.camera_to_world[:3, :3] for c in (camera, other)]))
         for share in np.arange(1, count + 1) / (count + 1):
             pose = np.eye(4)

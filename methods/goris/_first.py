@@ -75,7 +75,7 @@ class FirstLight:
 def first_light(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> FirstLight | None:
-    """What photographs allow; None where no glossy surfel is seen twice.
+    """What photographs allow; None where no glossy surfel is seen twice, or any F0 would do.
 
     Args:
         values: Parameters by name, regions as priors have them.
@@ -90,6 +90,10 @@ def first_light(
     basis = look_up(torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1), _float(found.direction)).numpy()
     fits = [_fitted(found, surfel, basis, f0) for f0 in CANDIDATES]
     errors = np.array([error for error, _ in fits])
+    if errors.max() <= SLACK * errors.min():
+        return (
+            None  # nothing that is traced differs between views: F0 is whatever the surroundings make of it
+        )
     chosen = int(np.flatnonzero(errors <= SLACK * errors.min())[-1])
     f0, sky = CANDIDATES[chosen], fits[chosen][1]
     reflected = _fresnel(f0, found)[:, None] * (found.radiance + found.passed[:, None] * (basis @ sky))

@@ -23,6 +23,7 @@ from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import (
     LOGITS,
+    SH_DC,
     Parameters,
     Plan,
     Rate,
@@ -45,11 +46,14 @@ from graycard.methods.surfels import (
 
 METHOD = "goris"
 FIRST_FRESNEL, FIRST_ROUGHNESS, FIRST_DIFFUSE = 0.3, 0.3, 0.5
-"""Of all surfels before light is sent on (paper: 0.5 for all); the last a share of the colour."""
+"""Of all surfels before light is sent on (released code: 0.5 for all); the last a share of the colour."""
 FIRST_REGION = 0.9
-"""The same of the region where no prior tells glossy surfaces (paper)."""
+"""The same of the region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
-"""What priors and masks say is believed but for this."""
+"""What priors say is believed but for this."""
+_SURE_OF_OBJECT = 0.01
+"""What masks of the object say, too: less than ``least_effect``, or a surfel that no view shows were half in
+doubt to be the object's, and all that mirrors it."""
 
 
 def fit_colours(
@@ -61,13 +65,18 @@ def fit_colours(
         MethodError: There are too few sparse points, or the fit has no way on.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
-    pictures = [(shot.photograph.camera, shot.photograph.encoded) for shot in shots]
+    pictures = [
+        (shot.photograph.camera, picture)
+        for shot in shots
+        for picture in (shot.photograph.encoded, shot.glossy, shot.normal)
+        if picture is not None
+    ]
     plan = Plan(
         settings.radiance_steps,
         learning_rates(extent, settings),
         extent,
         density_rules(settings.surfels),
-        fit_checkpoint(METHOD, settings, seed, pictures),
+        fit_checkpoint(METHOD, settings, seed, pictures, settings.radiance_steps),
     )
     state = initial_state(sparse_start(capture, settings, seed), seed)
     return train(state, plan, RadianceObjective(shots, settings, seed), progress).parameters
@@ -104,7 +113,7 @@ def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSetti
     def inside(masks: Sequence[torch.Tensor]) -> torch.Tensor:
         return share_inside(surfels, cameras, [np.asarray(mask, bool) for mask in masks])[:, None]
 
-    base = coloured.surfels[COEFFICIENTS][:, 0] * (0.5 / np.sqrt(np.pi)) + 0.5
+    base = coloured.surfels[COEFFICIENTS][:, 0] * SH_DC + 0.5
     even = torch.ones(len(coloured), 1)
     told = all(shot.told for shot in shots)
     rough = 1 - inside([shot.glossy for shot in shots]) if told else FIRST_REGION * even
@@ -113,10 +122,10 @@ def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSetti
         FRESNEL: torch.logit(FIRST_FRESNEL * even).repeat(1, 3),
         ROUGHNESS: torch.logit(FIRST_ROUGHNESS * even),
         REGION: torch.logit(rough, eps=_SURE),
-        LABEL: torch.logit(inside([shot.target for shot in shots]), eps=_SURE),
+        LABEL: torch.logit(inside([shot.target for shot in shots]), eps=_SURE_OF_OBJECT),
     }
     size = settings.sky_size
-    sky = decode(coloured.shared[SKY][0] * (0.5 / np.sqrt(np.pi)) + 0.5).clamp(min=_SURE)
+    sky = decode(coloured.shared[SKY][0] * SH_DC + 0.5).clamp(min=_SURE)
     shared = {SURROUNDINGS: sky.log().expand(6, size, size, 3).contiguous()}
     if settings.filter != "none":
         shared |= translation_parameters(settings.filter, seed)

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch.nn.functional import normalize
 
@@ -17,9 +18,9 @@ from graycard.methods.splat import (
     Maps,
     Rays,
     Surfels,
-    harmonics_basis,
     rasterize,
     rasterize_features,
+    spherical_harmonics_colours,
     surfels_of,
     trace,
 )
@@ -32,14 +33,11 @@ DIFFUSE, FRESNEL, ROUGHNESS, REGION, LABEL = "diffuse", "f0", "roughness", "regi
 SURROUNDINGS = "surroundings"
 """Name of a parameter that is no surfel's: logarithm of exposed radiance, cubemap ``(6, N, N, 3)``."""
 BRIGHTEST = 1.5
-"""Diffuse radiance of a surfel, encoded, at most: photographs divided by this fill [0, 1] in the paper."""
+"""Diffuse radiance of a surfel, encoded, at most: in the released code photographs are divided by it."""
 LEAST_COVER = 1e-3
 """Of a pixel, by surfels: with less its layers are no longer divided by it."""
 LEAST_GLOSS = 0.02
 """Share of a pixel that has to be glossy for a ray to be traced."""
-NEAR = 0.02
-"""Shares of the extent: mirrored rays do not meet what is nearer to where they begin (paper: they begin 0.1
-units away)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +74,8 @@ def drawn_buffers(
 ) -> Buffers:
     """Draw surfels.
 
-    Colours and diffuse radiance move geometry, the other attributes do not (the paper lets the Fresnel term
-    move it too).
+    Colours and diffuse radiance move geometry, the other attributes do not (the released code lets the
+    Fresnel term move it too).
 
     Args:
         values: Parameters by name.
@@ -170,10 +168,9 @@ def mirrored_colours(
     met_by = traced_surfels(values, settings)
     coefficients = torch.cat([met_by[COEFFICIENTS], met_by[DETAIL]], dim=1)[:, :count]
     rows, rays = mirrored_rays(buffers)
-    met = trace(surfels_of(met_by), rays, coefficients.flatten(1), near=NEAR * extent)
-    basis = harmonics_basis(rays.directions.detach().numpy(), settings.traced_degree)
+    met = trace(surfels_of(met_by), rays, coefficients.flatten(1), near=settings.near * extent)
     blended = met.features.unflatten(-1, (count, 3))
-    encoded = (blended * torch.from_numpy(basis).float()[..., None]).sum(dim=1)
+    encoded = spherical_harmonics_colours(blended, rays.directions, np.zeros(3), settings.traced_degree)
     cover = (1 - met.transmittance)[:, None]
     mean = encoded / cover.clamp(min=LEAST_COVER) + 0.5
     radiance = cover * decode(mean).clamp(min=0)
@@ -189,10 +186,10 @@ def traced_surfels(values: Mapping[str, torch.Tensor], settings: GorisSettings) 
     return {name: values[name][rough] for name in names}
 
 
-def mirrored_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, extent: float) -> Mirrored:
-    """Features ``(N, C)`` of surfels along mirrored rays; see :func:`mirrored_colours`."""
+def mirrored_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, near: float) -> Mirrored:
+    """Features ``(N, C)`` of surfels along mirrored rays, ``near`` metres away or more."""
     rows, rays = mirrored_rays(buffers)
-    met = trace(surfels, rays, features, near=NEAR * extent)
+    met = trace(surfels, rays, features, near=near)
     return Mirrored(rows, rays.directions, met.features, met.transmittance[:, None], met.depth[:, None])
 
 
@@ -296,7 +293,7 @@ def effect_of(
     The transport of colours with labels in their place (the paper's lighting-aware mask).
     """
     met_by = traced_surfels(values, settings)
-    mirrored = mirrored_features(surfels_of(met_by), met_by[LABEL].sigmoid(), buffers, extent)
+    mirrored = mirrored_features(surfels_of(met_by), met_by[LABEL].sigmoid(), buffers, settings.near * extent)
     soft = blurred(values, buffers, mirrored, settings, extent)[:, :1]
     returned = (fresnel(buffers, mirrored) * soft).mean(dim=-1, keepdim=True)
     return _image(returned, mirrored.rows, *buffers.roughness.shape)[..., 0] * buffers.glossy

@@ -11,7 +11,6 @@ from graycard.methods.goris._model import Buffers, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import (
-    CENTRES,
     Look,
     Maps,
     depth_to_normals,
@@ -26,6 +25,8 @@ from graycard.methods.surfels import colours, composed, disagreement
 DEGREE_EVERY = 1 / 10
 """Share of the steps in colours alone after which the next degree of the harmonics is fitted too."""
 _INSIDE = 1e-4
+_SOBEL = 8.0
+"""Sobel's difference on a ramp that rises by one a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +50,16 @@ class RadianceObjective:
         drawn = rasterize(surfels_of(values, seen), view.camera, offsets=offsets)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()
-        if share >= settings.normal_start:
-            loss = loss + disagreement(
-                drawn, view.camera, (settings.normal_weight, settings.distortion_weight)
-            )
+        weights = (
+            settings.normal_weight if share >= settings.normal_start else 0.0,
+            settings.distortion_weight if share >= settings.distortion_start else 0.0,
+        )
+        loss = loss + disagreement(drawn, view.camera, weights)
         normals = normalize(drawn.normal, dim=-1, eps=_INSIDE)
         loss = loss + settings.weights * settings.normal_prior_weight * normal_difference(normals, shot)
-        return _look(loss + cover_loss(drawn, settings), shot, offsets, values)
+        camera = view.camera
+        radius, size = image_radius(values, camera), (camera.width, camera.height)
+        return Look(loss + cover_loss(drawn, settings), offsets, radius, size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +77,12 @@ class LightObjective:
         settings = self.settings
         shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
         view = shot.photograph
-        offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
-        buffers = drawn_buffers(values, view.camera, view.sky, settings, offsets)
+        buffers = drawn_buffers(values, view.camera, view.sky, settings)
         picture = picture_of(values, buffers, settings, self.extent)
         loss = photometric_map(picture.encoded, view.encoded, settings.ssim_share).mean()
         loss = loss + surface_loss(buffers, shot, settings, step)
         loss = loss + settings.weights * settings.smooth_weight * unevenness(buffers, shot)
-        loss = loss + settings.label_weight * label_loss(buffers, shot)
-        return _look(loss, shot, offsets, values)
+        return Look(loss + settings.label_weight * label_loss(buffers, shot))
 
 
 def surface_loss(
@@ -144,7 +146,8 @@ def label_loss(buffers: Buffers, shot: Shot) -> torch.Tensor:
 def unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
     """Mean steps of f0, roughness, normals and those of depth between glossy neighbours but for edges.
 
-    ``|d x| exp(-|d i|)``, of the means over channels, as the released code has it.
+    ``|d x| exp(-8 |d i|)`` with differences d of neighbours, of the means over channels: Sobel's, which the
+    released code takes, are eight times as large.
     """
     drawn = buffers.drawn
     depth_normal = depth_to_normals(drawn.depth, buffers.camera)
@@ -161,11 +164,6 @@ def unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
     for axis in (0, 1):
         length = shot.glossy.shape[axis] - 1
         glossy = shot.glossy.narrow(axis, 0, length) * shot.glossy.narrow(axis, 1, length)
-        edge = glossy * torch.exp(-guide.diff(dim=axis).abs())
+        edge = glossy * torch.exp(-_SOBEL * guide.diff(dim=axis).abs())
         total = total + (layers.diff(dim=axis).abs() * edge[..., None]).sum(dim=-1).mean()
     return total
-
-
-def _look(loss: torch.Tensor, shot: Shot, offsets: torch.Tensor, values: Mapping[str, torch.Tensor]) -> Look:
-    camera = shot.photograph.camera
-    return Look(loss, offsets, image_radius(values, camera), (camera.width, camera.height))

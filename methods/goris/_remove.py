@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from graycard import Camera, Capture, Progress, srgb_encode
+from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
 from graycard.methods.goris._fit import light_rates
 from graycard.methods.goris._model import (
@@ -40,7 +40,6 @@ from graycard.methods.splat import (
     Look,
     Parameters,
     Plan,
-    image_radius,
     initial_state,
     joined_surfels,
     photometric_map,
@@ -49,7 +48,7 @@ from graycard.methods.splat import (
     train,
     view_at,
 )
-from graycard.methods.surfels import decode, depth_layer, encode, sky_basis, with_colours
+from graycard.methods.surfels import SKY, decode, depth_layer, encode, sky_basis, with_colours
 
 _SURE = 1e-3
 """Of painted shares of 0 and 1, whose logits are infinite."""
@@ -97,7 +96,7 @@ def without_object(
     targets, wall = targets_of(behind, priors, settings.references)
     start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
     rates = light_rates(extent, settings)
-    for name in (LABEL, SURROUNDINGS):
+    for name in (LABEL, SURROUNDINGS, SKY):
         rates.pop(name)
     objective = RemovalObjective(shots, [_aim(target) for target in targets], settings, extent, seed)
     plan = Plan(settings.second_steps, rates, extent)
@@ -175,10 +174,10 @@ def _painted(wall: Wall) -> np.ndarray:
 
     Where only colours were painted what is new is rough.
     """
-    count, colours = len(wall.points), np.asarray(srgb_encode(wall.colours))
+    count, colours = len(wall.points), encode(_float(wall.colours)).numpy()
     if not wall.layers:
         return np.concatenate([colours, colours, np.full((count, 5), (0.1, 0.1, 0.1, 0.3, 0.0))], axis=1)
-    diffuse = np.asarray(srgb_encode(np.maximum(wall.layers["diffuse"], 0)))
+    diffuse = encode(_float(np.maximum(wall.layers["diffuse"], 0))).numpy()
     shares = [wall.layers["f0"], wall.layers["roughness"][:, None], wall.layers["glossy"][:, None]]
     return np.concatenate([colours, diffuse, *(np.clip(share, 0, 1) for share in shares)], axis=1)
 
@@ -194,7 +193,7 @@ class Aim:
     glossy: torch.Tensor
     """Shape ``(H, W)``: 1 in the hole where painted materials are."""
     encoded: torch.Tensor
-    """Shape ``(H, W, 3)``: the painted picture."""
+    """Shape ``(H, W, 3)``: the photograph where it is believed, else what surfels show or was painted."""
     layers: Mapping[str, torch.Tensor]
     """Painted materials; diffuse radiance is encoded."""
 
@@ -235,13 +234,12 @@ class RemovalObjective:
         view = shot.photograph
         buffers = drawn_buffers(values, view.camera, view.sky, settings)
         picture = picture_of(values, buffers, settings, self.extent)
-        seen = photometric_map(picture.encoded, view.encoded, settings.ssim_share)
+        # the photograph where it is believed; the object itself would be in the windows of SSIM around it
+        seen = photometric_map(picture.encoded, aim.encoded, settings.ssim_share)
         loss = (seen * aim.kept[..., None]).mean() + settings.hole_weight * painted_loss(
             picture, aim, settings
         )
-        loss = loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept)
-        camera = view.camera
-        return Look(loss, None, image_radius(values, camera), (camera.width, camera.height))
+        return Look(loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept))
 
 
 def painted_loss(picture: Picture, aim: Aim, settings: GorisSettings) -> torch.Tensor:

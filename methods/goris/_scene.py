@@ -14,11 +14,20 @@ from graycard import Camera, Light, MethodError, encode
 from graycard import decode as decode_json
 from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store
-from graycard.methods.goris._model import Picture, drawn_buffers, picture_of
+from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.removal import Emptied
-from graycard.methods.splat import Parameters, arrays_of, parameters_from
-from graycard.methods.surfels import SurfelScene, decode, depth_layer, export_colours, normal_layer, sky_basis
+from graycard.methods.splat import SH_DC, Parameters, arrays_of, parameters_from
+from graycard.methods.surfels import (
+    COEFFICIENTS,
+    DETAIL,
+    SurfelScene,
+    decode,
+    depth_layer,
+    export_colours,
+    normal_layer,
+    sky_basis,
+)
 
 METHOD = "goris"
 LAYERS = frozenset({"radiance", "diffuse", "specular", "f0", "roughness", "glossy", "normal", "depth"})
@@ -115,7 +124,8 @@ class GorisScene(Emptied):
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
 
-        The PLY has colours alone: viewers trace no rays.
+        Viewers trace no rays: the PLY has colours alone, and of glossy surfaces what they scatter. In their
+        own colours, of the first stage, the object would still be mirrored.
 
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
@@ -125,7 +135,17 @@ class GorisScene(Emptied):
             parts[_DISTILLED] = self.distilled.parameters
         arrays = {part + name: a for part, p in parts.items() for name, a in arrays_of(p).items()}
         store(folder, METHOD, {**self.before._facts, "target": self.target}, arrays)
-        export_colours(folder, parts[_DISTILLED] if self.distilled is not None else self.after.parameters)
+        export_colours(folder, parts[_DISTILLED] if self.distilled is not None else _scattered(self.after))
+
+
+def _scattered(scene: GlossyScene) -> Parameters:
+    """Coloured surfels, glossy ones in their diffuse radiance from everywhere."""
+    own = dict(scene.parameters.surfels)
+    glossy = own[REGION][:, 0] < 0
+    even = (BRIGHTEST * own[DIFFUSE].sigmoid() - 0.5) / SH_DC
+    own[COEFFICIENTS] = torch.where(glossy[:, None, None], even[:, None].float(), own[COEFFICIENTS])
+    own[DETAIL] = torch.where(glossy[:, None, None], 0.0, own[DETAIL])
+    return Parameters(own, scene.parameters.shared)
 
 
 def load_scene(folder: Path) -> GorisScene:

@@ -10,6 +10,9 @@ from graycard.methods.removal import RemovalSettings
 Filter = Literal[Reading, "none"]
 Decay = Literal["exponential", "linear"]
 Traced = Literal["rough", "all"]
+LARGEST_SKY = 64
+"""Texels along a side of the surroundings: they are filtered by matrices of all texels times those of small
+levels, 0.6 GB here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +20,9 @@ class GorisSettings(RemovalSettings):
     """Settings of ``goris``: those of ``removal``, and of the light that glossy surfaces send on.
 
     ``least_inside`` is of the label that is learnt here, in place of shares of pictures. Where the paper and
-    its released code differ both can be had; the defaults are what the paper says, but for ``composite``.
+    its released code differ in ``composite``, ``filter``, ``decay`` and ``traced`` either can be had; what
+    else differs is in the docs. ``normal_start`` and ``distortion_start`` are shares of the steps in colours
+    alone.
     """
 
     first_light: bool = True
@@ -31,7 +36,7 @@ class GorisSettings(RemovalSettings):
     composite: Reading = "release"
     """``paper``: the diffuse term has harmonics where a surfel is rough, and the glossy one is added to it;
     ``release``: pixels are mixed of what is coloured and what reflects. What the paper adds to rough surfaces
-    is drawn to nothing only by the region; the release is the default (measured)."""
+    is drawn to nothing only by the region."""
     filter: Filter = "paper"
     """How mirror images of rough surfaces are blurred on the screen; ``none``: not at all."""
     decay: Decay = "exponential"
@@ -41,6 +46,9 @@ class GorisSettings(RemovalSettings):
     traced: Traced = "rough"
     """Which surfels mirrored rays meet. ``rough``, the paper: a glossy surface neither mirrors another nor
     itself, where it is not quite even; ``all``, the released code."""
+    near: float = 0.02
+    """Shares of the extent: mirrored rays do not meet what is nearer to where they begin (released code: they
+    begin 0.1 units away)."""
     traced_degree: int = 1
     """Of the harmonics that are followed along mirrored rays, 0 to 3: what a mirrored ray meets is seen in
     its own direction."""
@@ -78,11 +86,13 @@ class GorisSettings(RemovalSettings):
         for name in ("radiance_share", "decay_share", "least_effect"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"expected {name} in (0, 1), got {getattr(self, name)}")
-        if not (0 <= self.traced_degree <= min(3, self.degree)) or self.sky_size < 1:
+        if not (0 <= self.traced_degree <= min(3, self.degree)) or not 1 <= self.sky_size <= LARGEST_SKY:
             raise ValueError(
-                f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size of 1 or "
-                f"more, got {self.traced_degree} and {self.sky_size}"
+                f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size from 1 "
+                f"to {LARGEST_SKY}, got {self.traced_degree} and {self.sky_size}"
             )
+        if not 0 <= self.near < 1:
+            raise ValueError(f"expected near in [0, 1), got {self.near}")
         if not self.least_normal_prior_weight > 0:
             raise ValueError(
                 f"expected least_normal_prior_weight above 0, got {self.least_normal_prior_weight}"

@@ -58,6 +58,7 @@ from graycard.methods.splat._rays import Traced as Traced
 from graycard.methods.splat._rays import camera_rays as camera_rays
 from graycard.methods.splat._spread import spacing as spacing
 from graycard.methods.splat._spread import spread_evenly as spread_evenly
+from graycard.methods.splat._store import SH_DC as SH_DC
 from graycard.methods.splat._store import export_harmonics_ply as export_harmonics_ply
 from graycard.methods.splat._store import export_ply as export_ply
 from graycard.methods.splat._store import load_surfels as load_surfels

@@ -7,6 +7,7 @@ import torch
 from graycard import Capture, MethodError, Points, srgb_encode
 from graycard.methods._contract import Priors
 from graycard.methods.splat import (
+    SH_DC,
     Parameters,
     coefficient_count,
     parameters_of,
@@ -104,7 +105,7 @@ def with_colours(discs: Discs, settings: SurfelSettings) -> Parameters:
     guess.
     """
     count = len(discs)
-    base = (discs.features[:, None] - 0.5) / (0.5 / np.sqrt(np.pi))
+    base = (discs.features[:, None] - 0.5) / SH_DC
     detail = torch.zeros(count, coefficient_count(settings.degree) - 1, 3)
     sky = torch.zeros(coefficient_count(settings.sky_degree), 3)
     sky[0] = base.mean(dim=(0, 1))

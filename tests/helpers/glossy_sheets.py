@@ -23,7 +23,7 @@ from graycard.methods.goris._model import (
     picture_of,
 )
 from graycard.methods.goris._shots import Shot
-from graycard.methods.splat import Parameters, parameters_of, surfels_from_points
+from graycard.methods.splat import SH_DC, Parameters, parameters_of, surfels_from_points
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, SKY, Photograph, sky_basis
 
 EXTENT = 1.5
@@ -84,7 +84,7 @@ def _parameters(discs, part: np.ndarray) -> Parameters:
     even = torch.ones(count, 1)
     floor = torch.from_numpy(part == FLOOR)[:, None]
     own = {
-        COEFFICIENTS: ((discs.features - 0.5) / (0.5 / np.sqrt(np.pi)))[:, None].float(),
+        COEFFICIENTS: ((discs.features - 0.5) / SH_DC)[:, None].float(),
         DETAIL: torch.zeros(count, 15, 3),
         DIFFUSE: torch.logit(discs.features / BRIGHTEST).float(),
         FRESNEL: torch.logit(0.4 * even).repeat(1, 3),

@@ -20,7 +20,7 @@ from graycard.methods.goris._model import (
     picture_of,
 )
 from graycard.methods.shading import from_latitudes
-from graycard.methods.splat import Surfels, parameters_of, rasterize, surfels_on_surface
+from graycard.methods.splat import SH_DC, Surfels, parameters_of, rasterize, surfels_on_surface
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, SKY
 from graycard.synth import Ball, LambertGGX, Matte, Quad, RenderSettings, Scene, Texture, Thing
 
@@ -110,7 +110,7 @@ def _reflected(discs: Surfels, scene: Scene, camera: gc.Camera, truth: dict[str,
     """The glossy term of the true floor, shape ``(H, W, 3)``, exposed."""
     count, even = len(discs), torch.ones(len(discs), 1)
     own = {
-        COEFFICIENTS: ((discs.features - 0.5) / (0.5 / np.sqrt(np.pi)))[:, None],
+        COEFFICIENTS: ((discs.features - 0.5) / SH_DC)[:, None],
         DETAIL: torch.zeros(count, 15, 3),
         DIFFUSE: torch.zeros(count, 3),
         FRESNEL: torch.zeros(count, 3),

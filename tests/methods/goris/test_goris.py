@@ -2,27 +2,44 @@
 """``goris`` on captures: the whole way, what is painted where, and what it says of itself."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import maximum_filter
 
 import graycard as gc
-from glossy_sheets import EXTENT, OBJECT, SETTINGS, GlossyWorld, glossy_world, shots_of_world, with_settings
+from glossy_sheets import (
+    EXTENT,
+    FLOOR,
+    OBJECT,
+    SETTINGS,
+    GlossyWorld,
+    glossy_world,
+    shots_of_world,
+    with_settings,
+)
 from graycard import methods
 from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings
 from graycard.methods.goris._distil import cameras_between, distilled
 from graycard.methods.goris._fit import with_light
-from graycard.methods.goris._model import DIFFUSE, FRESNEL, LABEL, REGION, ROUGHNESS
-from graycard.methods.goris._remove import RemovalObjective, _aim, _effects, with_painted_wall
-from graycard.methods.goris._scene import LAYERS
+from graycard.methods.goris._model import DIFFUSE, FRESNEL, LABEL, REGION, ROUGHNESS, SURROUNDINGS
+from graycard.methods.goris._remove import (
+    RemovalObjective,
+    _aim,
+    _effects,
+    with_painted_wall,
+    without_object,
+)
+from graycard.methods.goris._scene import LAYERS, _scattered
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.priors._spec import Override
 from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
-from graycard.methods.surfels import SurfelScene, decode
+from graycard.methods.splat import SH_DC
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode
 from sparse_points import with_points
 
 QUICK = GorisSettings(iterations=12, surfels=400, fill=0.0, sky_size=2)
@@ -150,7 +167,9 @@ def test_bad_input_is_refused_before_any_fit(
         ("decay_share", 0.0, r"expected decay_share in \(0, 1\)"),
         ("least_effect", 1.5, r"expected least_effect in \(0, 1\)"),
         ("traced_degree", 4, "expected traced_degree from 0 to that of the colours"),
-        ("sky_size", 0, "and sky_size of 1 or more"),
+        ("sky_size", 0, "and sky_size from 1 to 64"),
+        ("sky_size", 65, "and sky_size from 1 to 64"),
+        ("near", -0.1, r"expected near in \[0, 1\)"),
         ("least_normal_prior_weight", 0.0, "expected least_normal_prior_weight above 0"),
         ("smooth_weight", -1.0, "expected weights of 0 or more"),
         ("weights", -0.1, "expected weights of 0 or more"),
@@ -255,8 +274,8 @@ def test_holes_are_held_to_colours_where_they_are_rough_and_to_materials_elsewhe
         assert loss(other[stays]) == pytest.approx(loss(), abs=1e-7)
 
 
-def test_what_is_left_outside_holes_is_the_photograph(world: GlossyWorld):
-    """At the truth, with nothing in doubt, the second stage costs what disagreement of surfels does."""
+def test_photographs_count_where_they_are_believed(world: GlossyWorld):
+    """Brighter surfels cost more there, and nothing where photographs are in doubt."""
     shots = shots_of_world(world)[:1]
     aim = replace(_aim(target_of(world, 1.0)), glossy=torch.zeros(36, 44), kept=torch.ones(36, 44))
     objective = RemovalObjective(shots, [aim], SETTINGS, EXTENT, 0)
@@ -266,6 +285,82 @@ def test_what_is_left_outside_holes_is_the_photograph(world: GlossyWorld):
     doubted = RemovalObjective(shots, [replace(aim, kept=torch.zeros(36, 44))], SETTINGS, EXTENT, 0)
     change = float(doubted(brighter, 0).loss.detach()) - float(doubted(world.parameters.all, 0).loss.detach())
     assert change == pytest.approx(0.0, abs=1e-6), "nothing of a photograph that is not believed counts"
+
+
+def test_the_object_in_a_photograph_says_nothing_to_what_is_beside_it(world: GlossyWorld):
+    """SSIM looks at windows: the photograph in doubt must not be in any."""
+    shots, target = shots_of_world(world)[:1], target_of(world, 1.0)
+    aim, doubt = _aim(target), torch.from_numpy(target.behind.doubt)[..., None]
+    view = shots[0].photograph
+    other = replace(view, encoded=torch.where(doubt, 1 - view.encoded, view.encoded))
+    values = {**world.parameters.all, DIFFUSE: world.parameters.all[DIFFUSE].clone().requires_grad_()}
+    gradients = []
+    for photograph in (view, other):
+        objective = RemovalObjective([replace(shots[0], photograph=photograph)], [aim], SETTINGS, EXTENT, 0)
+        (found,) = torch.autograd.grad(objective(values, 0).loss, values[DIFFUSE])
+        gradients.append(found)
+    assert torch.equal(*gradients)
+
+
+@dataclass(frozen=True)
+class Painter:
+    """Answers with the world without its object, exactly."""
+
+    world: GlossyWorld
+
+    def answer(self, question: methods.Question) -> np.ndarray:
+        left = self.world.parameters.take(torch.from_numpy(self.world.part != OBJECT))
+        layers = GlossyScene(left, SETTINGS, 1.0, EXTENT).render(question.view.camera, sorted(LAYERS))
+        return layers[question.of].astype(np.float64)
+
+
+@pytest.fixture(scope="module")
+def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> gc.Capture:
+    """Photographs of the world, with masks of its object."""
+    folder = tmp_path_factory.mktemp("room")
+    views = tuple(gc.View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
+    for view, shot in zip(views, shots_of_world(world), strict=True):
+        encoded = shot.photograph.encoded
+        gc.write_rgb(folder / f"photographs/{view.name}.exr", decode(encoded).clamp(min=0).numpy())
+        ids = 3 * (shot.target.numpy() > 0.5).astype(np.uint32)
+        gc.write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
+    gc.write_index(folder, gc.Capture("tabletop", "room", views, 1.0, target=3))
+    gc.seal(folder, gc.Manifest("graycard-capture", 1, "tabletop", "room", {"name": "tests"}, {}, {}))
+    return gc.open_capture(folder, check=False)
+
+
+def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyWorld, room: gc.Capture):
+    """The second stage on surfels that are true, with a painter who is right."""
+    priors = methods.Priors(models={"inpainting": Painter(world)})
+    settings, shots = with_settings(iterations=80, grow=0.03), shots_of_world(world)
+    after = without_object(
+        room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
+    )
+    assert torch.equal(after.shared[SURROUNDINGS], world.parameters.shared[SURROUNDINGS])
+    assert float(after.surfels[LABEL].sigmoid().max()) < settings.least_inside
+    true = GlossyScene(world.parameters.take(torch.from_numpy(world.part != OBJECT)), settings, 1.0, EXTENT)
+    found, kept = (GlossyScene(p, settings, 1.0, EXTENT) for p in (after, world.parameters))
+    effects = _effects(world.parameters.all, shots, settings, EXTENT)
+    for camera, shot, effect in zip(world.cameras, shots, effects, strict=True):
+        wanted, got, before = (s.render(camera, ["radiance"])["radiance"] for s in (true, found, kept))
+        where = shot.target.numpy() > 0.5
+        mirror = effect & ~where
+        away = ~(maximum_filter(where, 7) | maximum_filter(effect, 7))
+        for region, least in ((where, 0.4), (mirror, 0.4)):
+            assert np.abs(got - wanted)[region].mean() < least * np.abs(before - wanted)[region].mean()
+        assert np.abs(got - wanted)[away].mean() < 0.02
+
+
+def test_what_viewers_are_shown_of_glossy_surfaces_is_what_they_scatter(world: GlossyWorld, tmp_path: Path):
+    """In their own colours the object would be mirrored still."""
+    scene = GlossyScene(world.parameters, SETTINGS, 1.0, EXTENT)
+    floor = torch.from_numpy(world.part == FLOOR)
+    found = _scattered(scene).surfels
+    base = found[COEFFICIENTS][:, 0] * SH_DC + 0.5
+    torch.testing.assert_close(base[floor], (1.5 * world.parameters.surfels[DIFFUSE].sigmoid())[floor])
+    assert not found[DETAIL][floor].any()
+    for name in (COEFFICIENTS, DETAIL):
+        assert torch.equal(found[name][~floor], world.parameters.surfels[name][~floor])
 
 
 def test_without_the_object_its_mirror_image_is_gone(world: GlossyWorld):
@@ -296,10 +391,10 @@ def test_cameras_between_lie_on_the_way():
     eyes = [np.array([x, -2.0, 1.0]) for x in (0.0, 0.3, 2.0)]
     cameras = [gc.Camera.from_fov(20, 16, 50, gc.look_at(eye, np.zeros(3))) for eye in eyes]
     found = cameras_between(cameras, 2)
-    assert len(found) == 9
+    assert len(found) == 7, "the first two are nearest to each other: one way"
     assert found[:3] == cameras
     np.testing.assert_allclose(found[3].position, [0.1, -2, 1], atol=1e-9)
-    np.testing.assert_allclose(found[7].position, [2.0 - 1.7 / 3, -2, 1], atol=1e-9)
+    np.testing.assert_allclose(found[5].position, [2.0 - 1.7 / 3, -2, 1], atol=1e-9)
     for camera in found:
         turn = camera.camera_to_world[:3, :3]
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-9)

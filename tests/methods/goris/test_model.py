@@ -35,10 +35,20 @@ from graycard.methods.goris._model import (
     mirrored_colours,
     mirrored_features,
 )
-from graycard.methods.goris._objective import LightObjective, normal_prior_weight, surface_loss
+from graycard.methods.goris._objective import (
+    LightObjective,
+    RadianceObjective,
+    label_loss,
+    normal_difference,
+    normal_prior_weight,
+    surface_loss,
+    unevenness,
+)
 from graycard.methods.goris._settings import Filter
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, encode, sky_basis
+
+NEAR = 0.02 * EXTENT
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +73,7 @@ def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld):
         points=torch.from_numpy(camera.position + distance * rays).float(),
     )
     as_seen = 0.5 + 0.4 * torch.sin(5 * boards[CENTRES])  # smooth: the order of discs in a plane is open
-    found = mirrored_features(surfels_of(boards), as_seen, plane, EXTENT)
+    found = mirrored_features(surfels_of(boards), as_seen, plane, NEAR)
     drawn = rasterize(_below(surfels_of(boards)), camera, as_seen)
     assert float(drawn.alpha.max()) > 0.99
     error = (found.radiance.reshape(144, 176, 3) - drawn.features).square().mean()
@@ -162,7 +172,7 @@ def test_the_effect_of_the_object_is_where_its_mirror_image_is(world: GlossyWorl
     buffers, _ = seen(values, camera)
     effect = effect_of(values, buffers, SETTINGS, EXTENT)
     theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
-    met = mirrored_features(surfels_of(values), theirs, buffers, EXTENT)
+    met = mirrored_features(surfels_of(values), theirs, buffers, NEAR)
     share = torch.zeros(36 * 44).index_put((met.rows,), met.radiance[:, 0]).reshape(36, 44)
     inside = (share > 0.99) & (buffers.glossy > 0.99)
     assert inside.sum() > 10
@@ -220,27 +230,128 @@ def test_everything_that_moves_has_the_gradient_of_finite_differences(
         assert float(up - down) / (2 * step) == pytest.approx(expected, rel=0.03), name
 
 
-def test_geometry_has_a_gradient_by_way_of_mirrored_rays(world: GlossyWorld):
-    """A board that moves moves its mirror image: only the floor is looked at."""
-    camera, settings = world.cameras[0], SETTINGS
-    theirs = torch.from_numpy(world.part == BOARD)
+MOVES = {
+    "board": (0.05, 0.15),  # what is mirrored goes sideways
+    "floor": (0.2, 0.1),  # the mirror rises: where rays begin
+    "tilt": (0.2, 0.1),  # it is turned about x: where they go
+}
+"""Least change, and how far gradient and finite difference may be apart."""
+
+
+@pytest.mark.parametrize("what", MOVES)
+@pytest.mark.parametrize("degree", [0, 1])
+def test_geometry_has_a_gradient_by_way_of_mirrored_rays(world: GlossyWorld, what: str, degree: int):
+    """Only pixels of the floor are looked at, and of these only what they reflect."""
+    camera, settings = world.cameras[0], with_settings(traced_degree=degree)
+    coefficients = torch.zeros(len(world.part), 15, 3)
+    coefficients[:, 1] = 0.3  # colours that change with the direction of a ray
+    base = {**world.parameters.all, DETAIL: coefficients}
+    fixed = drawn_buffers(base, camera, sky_basis(camera, 0), settings)
+    weight = torch.linspace(0, 1, 44)[None, :, None] * (fixed.glossy > 0.98)[..., None]
 
     def looked(shift: torch.Tensor) -> torch.Tensor:
-        centres = world.parameters.all[CENTRES]
-        moved = centres + theirs[:, None] * shift * torch.tensor([1.0, 0.0, 0.0])
-        values = world.changed(**{CENTRES: moved})
-        buffers, picture = seen(values, camera, settings)
-        fixed = drawn_buffers(world.parameters.all, camera, sky_basis(camera, 0), settings)
-        away = (fixed.glossy > 0.98) & (buffers.glossy > 0.98)
-        ramp = torch.linspace(0, 1, 44)[None, :, None]
-        return (picture.reflected * ramp * away.detach()[..., None]).sum()
+        return (seen(moved(world, base, what, shift), camera, settings)[1].reflected * weight).sum()
 
     shift = torch.zeros((), requires_grad=True)
     (gradient,) = torch.autograd.grad(looked(shift), shift)
     with torch.no_grad():
-        change = float(looked(torch.tensor(4e-3)) - looked(torch.tensor(-4e-3))) / 8e-3
-    assert abs(change) > 0.05
-    assert float(gradient) == pytest.approx(change, rel=0.15)
+        change = float(looked(torch.tensor(2e-3)) - looked(torch.tensor(-2e-3))) / 4e-3
+    least, apart = MOVES[what]
+    assert abs(change) > least
+    assert float(gradient) == pytest.approx(change, rel=apart)
+
+
+def moved(
+    world: GlossyWorld, base: dict[str, torch.Tensor], what: str, shift: torch.Tensor
+) -> dict[str, torch.Tensor]:
+    """The world with one of its parts elsewhere."""
+    part = torch.from_numpy(world.part == (BOARD if what == "board" else FLOOR))[:, None].float()
+    centres, rotations = base[CENTRES], base[ROTATIONS]
+    if what == "tilt":
+        cos, sin, half = shift.cos(), shift.sin(), 0.5 * shift
+        x, y, z = centres.unbind(dim=1)
+        turned = torch.stack([x, cos * y - sin * z, sin * y + cos * z], dim=1)
+        w, i, j, k = rotations.unbind(dim=1)
+        c, s = half.cos(), half.sin()
+        after = torch.stack([c * w - s * i, c * i + s * w, c * j - s * k, c * k + s * j], dim=1)
+        return {
+            **base,
+            CENTRES: centres + part * (turned - centres),
+            ROTATIONS: rotations + part * (after - rotations),
+        }
+    axis = torch.tensor([1.0, 0.0, 0.0] if what == "board" else [0.0, 0.0, 1.0])
+    return {**base, CENTRES: centres + part * shift * axis}
+
+
+def test_normals_are_held_to_the_prior_where_surfaces_are_glossy(world: GlossyWorld):
+    """Polarity: wrong normals on the floor cost, on boards or where nothing is known they cost nothing."""
+    shot = shots_of_world(world)[0]
+    buffers, _ = seen(world.parameters.all, world.cameras[0])
+    assert shot.normal is not None
+    right = float(normal_difference(buffers.normal, shot))
+    assert right < 0.02
+    up, down = torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.0, 0.0, -1.0])
+    glossy = shot.glossy[..., None] > 0.5
+    on_floor, beside = torch.where(glossy, down, up), torch.where(glossy, up, down)
+    floor = replace(shot, normal=on_floor.expand(36, 44, 3))
+    boards = replace(shot, normal=beside.expand(36, 44, 3))
+    assert float(normal_difference(buffers.normal, floor)) > 1.5 * float(shot.glossy.mean())
+    assert float(normal_difference(buffers.normal, boards)) < 0.02
+    assert float(normal_difference(buffers.normal, floor, kept=torch.zeros(36, 44))) == 0
+    assert float(normal_difference(buffers.normal, replace(floor, normal=torch.zeros(36, 44, 3)))) == 0
+    assert float(normal_difference(buffers.normal, replace(floor, normal=None))) == 0
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_steps_in_colours_alone_hold_normals_too(world: GlossyWorld, weight: float):
+    """Without that a mirror becomes a room behind it."""
+    shots = shots_of_world(world)
+    settings = with_settings(normal_prior_weight=weight)
+    wrong = [replace(shot, normal=-shot.normal) for shot in shots if shot.normal is not None]
+    right, other = (
+        float(RadianceObjective(some, settings, 0)(world.parameters.all, 0).loss.detach())
+        for some in (shots, wrong)
+    )
+    assert (other > right + 0.1) is (weight > 0)
+
+
+def test_unevenness_counts_on_glossy_surfaces_but_not_at_edges_of_the_photograph(world: GlossyWorld):
+    """By hand: f0 rises by 0.1 from one pixel to the next, all else is even."""
+    shot, buffers = shots_of_world(world)[0], seen(world.parameters.all, world.cameras[0])[0]
+    shape = 36, 44
+    ramp = 0.1 * torch.arange(44).float().expand(shape)
+    even = replace(
+        buffers,
+        drawn=replace(buffers.drawn, depth=torch.ones(shape)),
+        f0=ramp[..., None].expand(*shape, 3),
+        roughness=torch.zeros(shape),
+        normal=torch.tensor([0.0, 0.0, 1.0]).expand(*shape, 3),
+    )
+
+    def of(photograph: torch.Tensor, glossy: torch.Tensor) -> float:
+        view = replace(shot.photograph, encoded=photograph[..., None].expand(*shape, 3))
+        return float(unevenness(even, replace(shot, photograph=view, glossy=glossy)))
+
+    plain, everywhere = torch.full(shape, 0.5), torch.ones(shape)
+    inner = of(plain, everywhere)
+    assert inner == pytest.approx(0.1, rel=0.02)
+    assert of(plain, 0 * everywhere) == 0
+    assert of(0.25 * torch.arange(44).float().expand(shape), everywhere) == pytest.approx(
+        inner * np.exp(-2), rel=0.02
+    )
+    half = (torch.arange(44) < 22).float().expand(shape)
+    assert of(plain, half) == pytest.approx(21 / 43 * inner, rel=0.02)
+
+
+def test_labels_are_held_to_the_masks_of_the_object(world: GlossyWorld):
+    shot, buffers = shots_of_world(world)[0], seen(world.parameters.all, world.cameras[0])[0]
+    right, wrong = (
+        float(label_loss(buffers, replace(shot, target=t))) for t in (shot.target, 1 - shot.target)
+    )
+    assert right < 0.1
+    assert wrong > 3
+    half = replace(buffers, label=torch.full_like(buffers.label, 0.5))
+    assert float(label_loss(half, shot)) == pytest.approx(np.log(2), rel=1e-5)
 
 
 def test_the_region_is_held_to_what_the_prior_calls_glossy(world: GlossyWorld):
@@ -299,7 +410,7 @@ def test_glossy_surfaces_do_not_mirror_each_other_but_on_request(world: GlossyWo
         mirrored_colours(values, buffers, with_settings(traced=traced), EXTENT) for traced in ("rough", "all")
     )
     theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
-    met = mirrored_features(surfels_of(values), theirs, buffers, EXTENT).radiance[:, 0] > 0.99
+    met = mirrored_features(surfels_of(values), theirs, buffers, NEAR).radiance[:, 0] > 0.99
     assert met.sum() > 10
     assert float((rough.passed[met] > 0.99).float().mean()) > 0.7, "but for the board behind"
     assert float(everything.passed[met].max()) < 0.02
