@@ -32,6 +32,9 @@ CANDIDATES = (0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.
 SLACK = 1.05
 """The largest F0 is taken whose error is no more than so many times the least: errors in what was traced make
 strong reflections fit worse than they should (regression dilution)."""
+LEAST_MET = 0.02
+"""Share of the sightings whose mirrored ray meets a surfel: the surroundings take up any F0."""
+_MET = 0.5
 _SIZE = 6
 """Texels along the side of a face of the surroundings that are fitted."""
 _DOUBT = 1e-3
@@ -75,7 +78,8 @@ class FirstLight:
 def first_light(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> FirstLight | None:
-    """What photographs allow; None where no glossy surfel is seen twice, or any F0 would do.
+    """What photographs allow; None where no glossy surfel is seen twice, or next to nothing is
+    mirrored but surroundings, which take up any F0.
 
     Args:
         values: Parameters by name, regions as priors have them.
@@ -85,15 +89,11 @@ def first_light(
     """
     found = sightings(values, shots, settings, extent)
     _, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
-    if not (count > 1).any():
+    if not (count > 1).any() or (found.passed < _MET).mean() < LEAST_MET:
         return None
     basis = look_up(torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1), _float(found.direction)).numpy()
     fits = [_fitted(found, surfel, basis, f0) for f0 in CANDIDATES]
     errors = np.array([error for error, _ in fits])
-    if errors.max() <= SLACK * errors.min():
-        return (
-            None  # nothing that is traced differs between views: F0 is whatever the surroundings make of it
-        )
     chosen = int(np.flatnonzero(errors <= SLACK * errors.min())[-1])
     f0, sky = CANDIDATES[chosen], fits[chosen][1]
     reflected = _fresnel(f0, found)[:, None] * (found.radiance + found.passed[:, None] * (basis @ sky))
