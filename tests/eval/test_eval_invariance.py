@@ -61,6 +61,7 @@ PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k
 RECEIVED = ("shading", "irradiance.lamp")
 """Light loses what albedo gains, so that the photographs stay as they are."""
 LIT = np.repeat(RNG.integers(0, 2, (SHAPE[0], SHAPE[1] // 2)), 2, axis=1).astype(float)
+LOBES = ("specular", "counterfactual.specular")
 BESIDE = {
     "radiance.var": np.full(SHAPE, 1e-4),
     "counterfactual.radiance.var": np.full(SHAPE, 1e-4),
@@ -69,6 +70,7 @@ BESIDE = {
     "visibility.lamp": LIT,
     "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),
     "direct.specular.lamp": RNG.uniform(0, 0.13, SHAPE),
+    **{name: np.random.default_rng(5).uniform(0, 0.1, (2, *SHAPE))[k] for k, name in enumerate(LOBES)},
     **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
 }
 """What metrics with rules of their own ask the truth for."""

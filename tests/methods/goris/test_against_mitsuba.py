@@ -70,12 +70,12 @@ def metal_floor() -> Scene:
 def rendered(scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:
     """What is seen, and of which the specular lobe returns."""
     from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import specular_light
+    from graycard.synth._separation import lobe_light
     from graycard.synth._views import light_images, surface_layers
 
     loaded = load_scene(scene, camera)
     images = light_images(loaded, camera, [1, 2, 3, 4], SETTINGS)
-    found = {"radiance": images[:, 0].mean(axis=0), "specular": specular_light(images)}
+    found = {"radiance": images[:, 0].mean(axis=0), "specular": lobe_light(images, "specular")}
     return found | surface_layers(loaded, scene, camera)
 
 
