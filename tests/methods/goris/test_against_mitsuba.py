@@ -94,7 +94,7 @@ def test_a_metal_floor_mirrors_what_mitsuba_says() -> None:
     *training, camera = (view.camera for view in scene.views)
     discs = surfels_of_boards([rendered(scene, each) for each in training])
     truth = rendered(scene, camera)
-    floor = minimum_filter(truth["object_id"] == 1, size=3)  # outlines are mixed in a pixel
+    floor = np.asarray(minimum_filter(truth["object_id"] == 1, size=3), bool)  # outlines are mixed in a pixel
     reflected = _reflected(discs, scene, camera, truth)
     shown, true = (
         np.asarray(gc.srgb_encode(np.clip(values[floor], 0, 1)))
@@ -118,19 +118,25 @@ def _reflected(discs: Surfels, scene: Scene, camera: gc.Camera, truth: dict[str,
         REGION: _FIRM * even,
         LABEL: -_FIRM * even,
     }
+    assert scene.sky is not None
     sky = (from_latitudes(scene.sky, 32) * EXPOSURE).log()
     values = parameters_of(discs, own, {SKY: torch.zeros(1, 3), SURROUNDINGS: sky}).all
     plain = torch.zeros(camera.height, camera.width)
+
+    def told(values: np.ndarray) -> torch.Tensor:
+        return torch.from_numpy(values.astype(np.float32))
+
     buffers = Buffers(
         camera,
-        rasterize(discs, camera),
-        torch.zeros(camera.height, camera.width, 3),
-        torch.zeros(camera.height, camera.width, 3),
-        *(torch.from_numpy(truth[name].astype(np.float32)) for name in ("f0", "roughness")),
-        torch.from_numpy((truth["object_id"] == 1).astype(np.float32)),
-        plain,
-        torch.from_numpy(truth["normal"].astype(np.float32)),
-        torch.from_numpy(truth["position"].astype(np.float32)),
+        drawn=rasterize(discs, camera),
+        rough=plain[..., None].expand(-1, -1, 3),
+        diffuse=plain[..., None].expand(-1, -1, 3),
+        f0=told(truth["f0"]),
+        roughness=told(truth["roughness"]),
+        glossy=told(truth["object_id"] == 1),
+        label=plain,
+        normal=told(truth["normal"]),
+        points=told(truth["position"]),
     )
     settings = GorisSettings(filter="none")
     return picture_of(values, buffers, settings, EXTENT).reflected.numpy()
