@@ -87,9 +87,10 @@ def residual_share(sums: np.ndarray) -> float:
 
 
 def _asked(true: TrueView, exposure: float, name: str) -> LobeAsked | None:
-    with_object, without = (true.take(layer) * float(exposure) for layer in ("radiance", LAYER))
+    layers = (true.take(layer).astype(np.float64) for layer in ("radiance", LAYER, *_SPECULAR))
+    with_object, without, present, emptied = (layer * exposure for layer in layers)
     region = region_of(true, name) & (np.maximum(with_object, without).max(axis=-1) <= 1)
-    present, emptied = (true.take(layer)[region] * float(exposure) for layer in _SPECULAR)
+    present, emptied, without = present[region], emptied[region], np.maximum(without, 0)
     specular = present - emptied
     diffuse = (with_object - without)[region] - specular
     effects = (specular, diffuse) if _LOBES[name] == "specular" else (diffuse, specular)

@@ -40,6 +40,9 @@ def with_the_rest(layers: Layers) -> Layers:
         "indirect.diffuse.lamp": 0.2 * base * lit,
         "indirect.specular.lamp": 0.1 * base * lit,
     }
+    mirrored = 0.03 * np.sin(np.arange(base.shape[1]))[None, :, None]
+    specular = layers["direct.specular.lamp"] + more["indirect.specular.lamp"]
+    more["counterfactual.specular"] = np.maximum(specular - mirrored, 0)
     return layers | {name: values.astype(np.float32) for name, values in more.items()}
 
 
