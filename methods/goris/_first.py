@@ -8,7 +8,7 @@ look alike to a fit that steps downhill: begun with F0 of 0.5 on wood, or 0.1 on
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
@@ -27,14 +27,22 @@ from graycard.methods.shading import look_up, texel_directions
 from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import decode
 
-CANDIDATES = (0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Of F0, the same for all glossy surfaces and channels."""
-SLACK = 1.05
+CANDIDATES = (0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Of F0, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and
+more, most metals 0.5 to 0.9."""
+SLACK = 1.04
 """The largest F0 is taken whose error is no more than so many times the least: errors in what was traced make
 strong reflections fit worse than they should (regression dilution)."""
+LEAST_METAL, METAL_SLACK = 0.4, 1.1
+"""Metals reflect so much or more, little else reflects a third of it, and a weak mirror of bright surroundings
+explains a metal's photographs as well: it is one if the best fit of a metal's F0 leaves no more than so many
+times the least error."""
 LEAST_MET = 0.02
 """Share of the sightings whose mirrored ray meets a surfel: the surroundings take up any F0."""
 _MET = 0.5
+_CLEAR = 0.05
+"""F0 is told by sightings whose mirrored ray surfels stop or let pass but for so much: where edges are
+mirrored, what was traced is most often wrong."""
 _SIZE = 6
 """Texels along the side of a face of the surroundings that are fitted."""
 _DOUBT = 1e-3
@@ -59,6 +67,10 @@ class Sightings:
     """Shape ``(M, 3)``: of the mirrored ray, world, unit."""
     grazing: np.ndarray
     """Shape ``(M,)``: (1 - cosine)^5, see :func:`graycard.methods.goris._model.fresnel`."""
+
+    def take(self, which: np.ndarray) -> "Sightings":
+        """Some of them, by a mask of shape ``(M,)``."""
+        return Sightings(*(getattr(self, part.name)[which] for part in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,29 +100,45 @@ def first_light(
         extent: Of the scene, metres.
     """
     found = sightings(values, shots, settings, extent)
-    _, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
-    if not (count > 1).any() or (found.passed < _MET).mean() < LEAST_MET:
+    clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
+    _, count = np.unique(clear.surfel, return_counts=True)
+    if not (count > 1).any() or (clear.passed < _MET).mean() < LEAST_MET:
         return None
-    basis = look_up(torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1), _float(found.direction)).numpy()
-    fits = [_fitted(found, surfel, basis, f0) for f0 in CANDIDATES]
-    errors = np.array([error for error, _ in fits])
-    chosen = int(np.flatnonzero(errors <= SLACK * errors.min())[-1])
-    f0, sky = CANDIDATES[chosen], fits[chosen][1]
-    reflected = _fresnel(f0, found)[:, None] * (found.radiance + found.passed[:, None] * (basis @ sky))
-    diffuse = np.stack([np.bincount(surfel, c) for c in (found.colour - reflected).T], axis=1)
+    basis = _basis(clear)
+    f0 = likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES])
+    basis = _basis(found)
+    _, sky = _fitted(found, basis, f0)
+    light = found.radiance + found.passed[:, None] * (basis @ sky)
+    left = found.colour - _fresnel(f0, found)[:, None] * light
+    seen, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
+    diffuse = np.stack([np.bincount(surfel, c) for c in left.T], axis=1)
     cubemap = _float(sky.reshape(6, _SIZE, _SIZE, 3))
     toward = _float(texel_directions(settings.sky_size))
     least = 0.05 * float(found.colour.mean())
     return FirstLight(
         f0,
         look_up(cubemap, toward).clamp(min=least),
-        torch.from_numpy(np.unique(found.surfel)),
+        torch.from_numpy(seen),
         _float(diffuse / count[:, None]).clamp(min=0),
     )
 
 
-def _fitted(found: Sightings, surfel: np.ndarray, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
+def likeliest(errors: Sequence[float]) -> float:
+    """The F0 that photographs speak for most, from the error that each of the :data:`CANDIDATES` leaves."""
+    metals = [error for f0, error in zip(CANDIDATES, errors, strict=True) if f0 >= LEAST_METAL]
+    least = min(metals) if min(metals) <= METAL_SLACK * min(errors) else min(errors)
+    return max(f0 for f0, error in zip(CANDIDATES, errors, strict=True) if error <= SLACK * least)
+
+
+def _basis(found: Sightings) -> np.ndarray:
+    """What each texel of the surroundings counts in each direction, ``(M, T)``."""
+    texels = torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1)
+    return look_up(texels, _float(found.direction)).numpy()
+
+
+def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
     """Root mean square error, summed over channels, and surroundings ``(T, 3)``, none below 0."""
+    _, surfel = np.unique(found.surfel, return_inverse=True)
     strength = _fresnel(f0, found)
     seen_through = _between_views((strength * found.passed)[:, None] * basis, surfel)
     left = _between_views(found.colour - strength[:, None] * found.radiance, surfel)

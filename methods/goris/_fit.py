@@ -51,6 +51,8 @@ FIRST_REGION = 0.9
 """The same of the region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
 """What priors say is believed but for this."""
+FRESNEL_RATE, FOUND_FRESNEL_RATE = Rate(2e-2, 5e-3), Rate(6e-3, 1.5e-3)
+"""Learning rates of the Fresnel term: steps downhill lead away from what :func:`first_light` has found."""
 _SURE_OF_OBJECT = 0.01
 """What masks of the object say, too: less than ``least_effect``, or a surfel that no view shows were half in
 doubt to be the object's, and all that mirrors it."""
@@ -92,11 +94,16 @@ def fit_light(
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     start = with_light(coloured, shots, settings, seed)
+    found = None
     if settings.transport and settings.first_light and all(shot.told for shot in shots):
-        start = as_photographs_allow(start, first_light(start.all, shots, settings, extent))
+        found = first_light(start.all, shots, settings, extent)
+        start = as_photographs_allow(start, found)
     if settings.light_steps == 0:
         return start
-    plan = Plan(settings.light_steps, light_rates(extent, settings), extent)
+    rates = light_rates(extent, settings)
+    if found is not None:
+        rates[FRESNEL] = FOUND_FRESNEL_RATE
+    plan = Plan(settings.light_steps, rates, extent)
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 
@@ -156,7 +163,7 @@ def light_rates(extent: float, settings: GorisSettings) -> dict[str, Rate]:
     rates[LOGITS] = Rate(1e-2)
     rates |= {
         DIFFUSE: Rate(2e-2, 5e-3),
-        FRESNEL: Rate(2e-2, 5e-3),
+        FRESNEL: FRESNEL_RATE,
         ROUGHNESS: Rate(2e-2, 5e-3),
         REGION: Rate(2e-2),
         LABEL: Rate(2e-2),

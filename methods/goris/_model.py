@@ -45,6 +45,8 @@ class Buffers:
     """What a camera sees of surfels, before light is sent on; H x W pixels."""
 
     camera: Camera
+    rays: torch.Tensor
+    """Shape ``(H, W, 3)``, float64, world, unit: from the camera through the middles of the pixels."""
     drawn: Maps
     """Of geometry; of its features the first three are encoded colours, the others diffuse radiance."""
     rough: torch.Tensor
@@ -96,8 +98,10 @@ def drawn_buffers(
     cover = soft.alpha[..., None].clamp(min=LEAST_COVER)
     f0, roughness, glossy, label = soft.features.split([3, 1, 1, 1], dim=-1)
     encoded = drawn.features[..., 3:] / drawn.alpha[..., None].clamp(min=LEAST_COVER)
+    rays = torch.from_numpy(camera.rays())
     return Buffers(
         camera,
+        rays,
         drawn,
         composed(FeatureMaps(drawn.features[..., :3], drawn.alpha), sky, values),
         decode(encoded),
@@ -105,19 +109,17 @@ def drawn_buffers(
         (roughness / cover)[..., 0],
         glossy[..., 0] if settings.transport else torch.zeros_like(drawn.alpha),
         label[..., 0],
-        _unit_normals(drawn, camera),
-        _points(drawn, camera),
+        _unit_normals(drawn, rays),
+        _points(drawn, camera, rays),
     )
 
 
-def _unit_normals(drawn: Maps, camera: Camera) -> torch.Tensor:
+def _unit_normals(drawn: Maps, rays: torch.Tensor) -> torch.Tensor:
     """Those that face the camera where no surfel is."""
-    eye = -torch.tensor(camera.rays(), dtype=torch.float32)
-    return normalize(torch.where(drawn.alpha[..., None] > LEAST_COVER, drawn.normal, eye), dim=-1)
+    return normalize(torch.where(drawn.alpha[..., None] > LEAST_COVER, drawn.normal, -rays.float()), dim=-1)
 
 
-def _points(drawn: Maps, camera: Camera) -> torch.Tensor:
-    rays = torch.tensor(camera.rays())
+def _points(drawn: Maps, camera: Camera, rays: torch.Tensor) -> torch.Tensor:
     along = (rays / (rays @ torch.tensor(camera.forward))[..., None]).float()
     depth = torch.where(drawn.alpha > 0, drawn.depth, 1.0)
     return torch.tensor(camera.position, dtype=torch.float32) + along * depth[..., None]
@@ -145,7 +147,7 @@ def mirrored_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
     ``w - 2 (w . n) n`` with the view ray w; differentiable in points and normals.
     """
     (rows,) = (buffers.glossy.detach().flatten() > LEAST_GLOSS).nonzero(as_tuple=True)
-    view = torch.tensor(buffers.camera.rays(), dtype=torch.float32).reshape(-1, 3)[rows]
+    view = buffers.rays.float().reshape(-1, 3)[rows]
     normal = buffers.normal.reshape(-1, 3)[rows]
     away = view - 2 * (view * normal).sum(dim=-1, keepdim=True) * normal
     return rows, Rays(buffers.points.reshape(-1, 3)[rows], normalize(away, dim=-1))

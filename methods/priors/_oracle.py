@@ -24,13 +24,16 @@ _F0, _ROUGHNESS = "counterfactual.f0", "counterfactual.roughness"
 _TRUTH_OF_HOLES = {
     PHOTOGRAPH: (WITHOUT_TARGET,),
     "radiance": (WITHOUT_TARGET,),
-    "diffuse": ("counterfactual.diffuse",),
-    "f0": (_F0,),
-    "roughness": (_ROUGHNESS,),
+    "diffuse": ("counterfactual.diffuse", _F0, _ROUGHNESS),
+    "f0": (_F0, _ROUGHNESS),
+    "roughness": (_ROUGHNESS, _F0),
     "normal": ("counterfactual.normal",),
     "glossy": (_F0, _ROUGHNESS),
 }
-"""What is known without the target, by the layers whose holes it fills: of no other is there a truth."""
+"""What is known without the target, by the layers whose holes it fills: of no other is there a truth. The
+layer itself comes first, then what tells glossy surfaces."""
+_SPLIT = frozenset({"diffuse", "f0", "roughness"})
+"""Layers of glossy surfaces that photographs hardly tell apart: each method has a split of its own."""
 _EXPOSED = frozenset({PHOTOGRAPH, "radiance", "diffuse"})
 _COLOURS = _EXPOSED | {"f0"}
 _NO_NORMAL = 0.5
@@ -59,9 +62,10 @@ def truth_for(ask: Ask) -> frozenset[str]:
 class Oracle:
     """Answers about one kind from the truth.
 
-    Of the scene without its target radiance and the layers of :data:`_TRUTH_OF_HOLES` are known. Holes in any
-    other layer, which a method has made up itself, are filled in from around them, as the classical source
-    does by default; errors do not touch them.
+    Of the scene without its target radiance and the layers of :data:`_TRUTH_OF_HOLES` are known; those of
+    :data:`_SPLIT` go on from what the picture shows around a hole. Holes in any other layer, which a method
+    has made up itself, are filled in from around them, as the classical source does by default; errors do not
+    touch them.
     """
 
     spec: KindSpec
@@ -111,7 +115,7 @@ class Oracle:
             )
         without = known[names[0]].astype(np.float64) * (self.exposure if of in _EXPOSED else 1.0)
         if of == "glossy":
-            without = np.where((without > 0).any(axis=-1) & (known[_ROUGHNESS] < GLOSSY_ROUGHNESS), 1.0, 0.0)
+            without = _is_glossy(known).astype(np.float64)
         if np.ndim(question.image) != without.ndim:
             raise MethodError(
                 f"expected {of} of shape {without.shape} to fill in, got {np.shape(question.image)}"
@@ -119,6 +123,8 @@ class Oracle:
         told = corrupt_filling(
             without, self.spec.errors, self.spec.seed, question.view.name, is_colour=of in _COLOURS
         )
+        if of in _SPLIT:
+            return _continued(told, without, question, _is_glossy(known))
         return _unit(told) if of == "normal" else told
 
     def _mask(self, known: Mapping[str, np.ndarray], of: str) -> np.ndarray:
@@ -126,6 +132,23 @@ class Oracle:
         if of == "target":
             return ids == self.target
         return (ids > 0) & (known["roughness"] < GLOSSY_ROUGHNESS)
+
+
+def _is_glossy(known: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Which pixels are glossy without the target, ``(H, W)``, bool."""
+    return (known[_F0] > 0).any(axis=-1) & (known[_ROUGHNESS] < GLOSSY_ROUGHNESS)
+
+
+def _continued(told: np.ndarray, true: np.ndarray, question: Question, glossy: np.ndarray) -> np.ndarray:
+    """A layer told of a hole, moved by as much as the picture around it is off the truth.
+
+    A painter goes on with what it is shown, and cannot know that all of a surface is, say, too dim a mirror.
+    What the picture differs by on glossy surfaces around the hole is filled in as the hole of a picture is.
+    """
+    unknown = ~glossy if question.hole is None else ~glossy | question.hole
+    if unknown.all():
+        return told
+    return np.maximum(told + filled(question.image - true, unknown, "telea"), 0.0)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

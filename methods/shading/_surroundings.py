@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from torch.nn.functional import avg_pool2d, normalize
+from torch.nn.functional import avg_pool2d, linear, normalize
 
 from graycard.methods.shading._cubemap import look_up, solid_angles, texel_directions, turned_texels
 from graycard.methods.shading._material import MIN_ALPHA, Lobes, Material, smith_shadowing
@@ -46,8 +46,18 @@ def surroundings_of(sky: torch.Tensor) -> Surroundings:
         Linear in the sky, and differentiable.
     """
     texels = sky.reshape(-1, sky.shape[-1])
-    diffuse, *glossy = (kernel.to(sky.dtype) @ texels for kernel in _kernels(sky.shape[1]))
+    diffuse, *glossy = (_integrals(kernel.to(sky.dtype), texels) for kernel in _kernels(sky.shape[1]))
     return Surroundings(_cubemap(diffuse), (sky, *(_cubemap(filtered) for filtered in glossy)))
+
+
+def _integrals(kernel: torch.Tensor, texels: torch.Tensor) -> torch.Tensor:
+    """``kernel @ texels``, of shapes ``(M, T)`` and ``(T, C)``, five times as fast for few channels.
+
+    Products of large matrices with three columns are slow, with three rows in a piece they are not; the last
+    line sees to it that gradients come in such rows as well.
+    """
+    rows = linear(texels.T.contiguous(), kernel)
+    return torch.stack(rows.unbind(), dim=-1)
 
 
 def lit_by_surroundings(

@@ -128,6 +128,7 @@ def _reflected(discs: Surfels, scene: Scene, camera: gc.Camera, truth: dict[str,
 
     buffers = Buffers(
         camera,
+        torch.from_numpy(camera.rays()),
         drawn=rasterize(discs, camera),
         rough=plain[..., None].expand(-1, -1, 3),
         diffuse=plain[..., None].expand(-1, -1, 3),

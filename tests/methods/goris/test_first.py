@@ -9,9 +9,9 @@ import torch
 
 from glossy_sheets import EXTENT, FLOOR, SETTINGS, GlossyWorld, glossy_world, shots_of_world
 from graycard import silent
-from graycard.methods.goris._first import CANDIDATES, first_light, sightings
-from graycard.methods.goris._fit import as_photographs_allow, fit_light
-from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, FRESNEL
+from graycard.methods.goris._first import CANDIDATES, first_light, likeliest, sightings
+from graycard.methods.goris._fit import FIRST_FRESNEL, as_photographs_allow, fit_light, with_light
+from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, FRESNEL, REGION
 from graycard.methods.goris._objective import LightObjective
 from graycard.methods.surfels import decode
 
@@ -58,6 +58,16 @@ def test_a_floor_reflects_about_as_much_as_it_did(world: GlossyWorld, f0: float)
     torch.testing.assert_close(start.surfels[FRESNEL][~glossy], known.parameters.surfels[FRESNEL][~glossy])
 
 
+def test_a_metal_is_told_from_a_weak_mirror_of_bright_surroundings():
+    """By how little worse strong reflections fit; among metals, and among others, the strongest of the best."""
+    weak = np.linspace(1.0, 1.09, len(CANDIDATES))
+    assert likeliest([0.2 * error for error in weak]) == CANDIDATES[-1]
+    steep = np.linspace(1.0, 2.0, len(CANDIDATES))
+    assert likeliest([0.2 * error for error in steep]) == CANDIDATES[0]
+    steep[1] = 1.03
+    assert likeliest([0.2 * error for error in steep]) == CANDIDATES[1]
+
+
 def replace_surfels(world: GlossyWorld, parts: dict[str, torch.Tensor]):
     return replace(world.parameters, surfels={**world.parameters.surfels, **parts})
 
@@ -73,6 +83,20 @@ def test_where_mirrored_rays_meet_nothing_nothing_is_said(world: GlossyWorld):
     floor = world.parameters.take(torch.from_numpy(world.part == FLOOR))
     alone = GlossyWorld(floor, world.part[world.part == FLOOR], world.cameras)
     assert first_light(floor.all, shots_of_world(alone), SETTINGS, EXTENT) is None
+
+
+def test_what_was_found_moves_less_than_what_was_guessed(world: GlossyWorld):
+    """Adam's first steps are as long as the learning rate."""
+    shots, settings = shots_of_world(world), replace(SETTINGS, iterations=12, radiance_share=0.5)
+    start = with_light(world.parameters, shots, settings, 0)
+    glossy, found = start.surfels[REGION][:, 0] < 0, first_light(start.all, shots, settings, EXTENT)
+    assert found is not None
+
+    def moved(first: bool, begun: float) -> float:
+        own = fit_light(world.parameters, shots, replace(settings, first_light=first), 0, silent).surfels
+        return float((own[FRESNEL][glossy] - torch.logit(torch.tensor(begun))).abs().mean())
+
+    assert 0 < moved(True, found.f0) < 0.5 * moved(False, FIRST_FRESNEL)
 
 
 def test_a_fit_of_light_gets_nearer_to_photographs(world: GlossyWorld):

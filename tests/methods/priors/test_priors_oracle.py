@@ -347,7 +347,7 @@ def test_holes_in_materials_show_what_is_behind_the_target(scene, emptied: dict[
     true = emptied | {"diffuse": scene.capture.exposure * emptied["diffuse"]}
     true["glossy"] = (emptied["roughness"] < 0.5).astype(float)
     for name in LAYERS:
-        image = np.full_like(true[name], 0.5)
+        image = np.where(hole if true[name].ndim == 2 else hole[..., None], 0.5, true[name])
         found, off = (told.inpainting(image, scene.view, hole, name) for told in (exact, wrong))
         np.testing.assert_allclose(found[hole], true[name][hole], rtol=1e-6, atol=1e-9)
         assert np.array_equal(found[~hole], image[~hole])
@@ -355,6 +355,22 @@ def test_holes_in_materials_show_what_is_behind_the_target(scene, emptied: dict[
             assert not np.allclose(off[hole], true[name][hole], atol=1e-3)
         if name == "normal":
             np.testing.assert_allclose(np.linalg.norm(off[hole], axis=-1), 1)
+
+
+def test_materials_go_on_from_what_a_method_has_around_a_hole(scene, emptied: dict[str, np.ndarray]):
+    """Its split of a surface into scattered and mirrored light need not be the true one."""
+    glossy, hole = emptied["roughness"] < 0.5, np.zeros_like(emptied["roughness"], bool)
+    hole[4:8, 3:7] = True
+    assert glossy[hole].all()
+    told = about_holes(scene, emptied, 0)
+    shown = emptied["f0"] + 0.3
+    shown[~glossy] = 7.0
+    found = told.inpainting(np.where(hole[..., None], 9.0, shown), scene.view, hole, "f0")
+    np.testing.assert_allclose(found[hole], shown[hole], atol=1e-5)
+    darker = told.inpainting(np.zeros_like(shown), scene.view, hole, "f0")
+    assert 0 <= darker[hole].min() and darker[hole].max() < 0.03
+    everywhere = about_holes(scene, emptied | {"roughness": np.full_like(emptied["roughness"], 0.8)}, 0)
+    assert np.array_equal(everywhere.inpainting(shown, scene.view, hole, "f0")[hole], emptied["f0"][hole])
 
 
 def test_all_layers_of_a_view_are_displaced_alike():
