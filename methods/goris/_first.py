@@ -34,9 +34,9 @@ SLACK = 1.04
 """The largest F0 is taken whose error is no more than so many times the least: errors in what was traced make
 strong reflections fit worse than they should (regression dilution)."""
 LEAST_METAL, METAL_SLACK = 0.4, 1.1
-"""Metals reflect so much or more, little else reflects a third of it, and a weak mirror of bright surroundings
-explains a metal's photographs as well: it is one if the best fit of a metal's F0 leaves no more than so many
-times the least error."""
+"""Metals reflect so much or more, little else reflects a third of it, and a weak mirror of bright
+surroundings explains a metal's photographs as well: it is one if the best fit of a metal's F0 leaves no more
+than so many times the least error."""
 LEAST_MET = 0.02
 """Share of the sightings whose mirrored ray meets a surfel: the surroundings take up any F0."""
 _MET = 0.5

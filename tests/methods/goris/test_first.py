@@ -59,7 +59,7 @@ def test_a_floor_reflects_about_as_much_as_it_did(world: GlossyWorld, f0: float)
 
 
 def test_a_metal_is_told_from_a_weak_mirror_of_bright_surroundings():
-    """By how little worse strong reflections fit; among metals, and among others, the strongest of the best."""
+    """By how little worse strong reflections fit; among each, the strongest of the best."""
     weak = np.linspace(1.0, 1.09, len(CANDIDATES))
     assert likeliest([0.2 * error for error in weak]) == CANDIDATES[-1]
     steep = np.linspace(1.0, 2.0, len(CANDIDATES))
