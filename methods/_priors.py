@@ -47,8 +47,8 @@ class Ask:
     of: tuple[str, ...] = (PHOTOGRAPH,)
     """The images it will hand in: ``photograph``, or names of layers that it finds itself. For ``mask`` the
     subjects (``glossy``, ``target``); for ``inpainting`` the layers whose holes are to be filled: an oracle
-    knows the truth of radiance, and of no other. For ``light`` it says nothing: one calibration is for the
-    whole capture."""
+    knows the truth of radiance and of materials, and of no other. For ``light`` it says nothing: one
+    calibration is for the whole capture."""
     optional: bool = False
     """Whether the method also works without: then it looks into :attr:`Priors.kinds`."""
 

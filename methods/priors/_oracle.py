@@ -34,6 +34,8 @@ _TRUTH_OF_HOLES = {
 layer itself comes first, then what tells glossy surfaces."""
 _SPLIT = frozenset({"diffuse", "f0", "roughness"})
 """Layers of glossy surfaces that photographs hardly tell apart: each method has a split of its own."""
+_SHARES = frozenset({"f0", "roughness"})
+"""Layers from 0 to 1, whatever errors and splits do."""
 _EXPOSED = frozenset({PHOTOGRAPH, "radiance", "diffuse"})
 _COLOURS = _EXPOSED | {"f0"}
 _NO_NORMAL = 0.5
@@ -120,11 +122,13 @@ class Oracle:
             raise MethodError(
                 f"expected {of} of shape {without.shape} to fill in, got {np.shape(question.image)}"
             )
+        if of in _SPLIT:
+            without = _continued(without, question, _is_glossy(known))
         told = corrupt_filling(
             without, self.spec.errors, self.spec.seed, question.view.name, is_colour=of in _COLOURS
         )
-        if of in _SPLIT:
-            return _continued(told, without, question, _is_glossy(known))
+        if of in _SHARES:
+            return np.clip(told, 0, 1)
         return _unit(told) if of == "normal" else told
 
     def _mask(self, known: Mapping[str, np.ndarray], of: str) -> np.ndarray:
@@ -139,16 +143,17 @@ def _is_glossy(known: Mapping[str, np.ndarray]) -> np.ndarray:
     return (known[_F0] > 0).any(axis=-1) & (known[_ROUGHNESS] < GLOSSY_ROUGHNESS)
 
 
-def _continued(told: np.ndarray, true: np.ndarray, question: Question, glossy: np.ndarray) -> np.ndarray:
-    """A layer told of a hole, moved by as much as the picture around it is off the truth.
+def _continued(true: np.ndarray, question: Question, glossy: np.ndarray) -> np.ndarray:
+    """A layer, moved on glossy surfaces by as much as the picture around the hole is off it.
 
     A painter goes on with what it is shown, and cannot know that all of a surface is, say, too dim a mirror.
     What the picture differs by on glossy surfaces around the hole is filled in as the hole of a picture is.
     """
     unknown = ~glossy if question.hole is None else ~glossy | question.hole
     if unknown.all():
-        return told
-    return np.maximum(told + filled(question.image - true, unknown, "telea"), 0.0)
+        return true
+    off = filled(question.image - true, unknown, "telea")
+    return np.where(glossy if true.ndim == 2 else glossy[..., None], np.maximum(true + off, 0.0), true)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:
