@@ -31,18 +31,20 @@ CANDIDATES = (0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Of F0, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and
 more, most metals 0.5 to 0.9."""
 SLACK = 1.04
-"""The largest F0 is taken whose error is no more than so many times the least: errors in what was traced make
-strong reflections fit worse than they should (regression dilution)."""
-LEAST_METAL, METAL_SLACK = 0.4, 1.1
+"""Of the metals, or of the others, the mean F0 is taken of those whose error is no more than so many times
+their least: between them photographs do not decide."""
+LEAST_METAL, METAL_SLACK, METAL_SHARE = 0.4, 1.1, 0.85
 """Metals reflect so much or more, little else reflects a third of it, and a weak mirror of bright
-surroundings explains a metal's photographs as well: it is one if the best fit of a metal's F0 leaves no more
-than so many times the least error."""
+surroundings explains a metal's photographs nearly as well. It is a metal if the best fit of a metal's F0
+leaves no more than so many times the least error, which is mostly of what was traced, and explains at least
+this share of the squares that the best does, which noise does not change."""
 LEAST_MET = 0.02
-"""Share of the sightings whose mirrored ray meets a surfel: the surroundings take up any F0."""
+"""Share of the clear sightings whose mirrored ray meets a surfel: with less, surroundings take up any F0."""
 _MET = 0.5
 _CLEAR = 0.05
-"""F0 is told by sightings whose mirrored ray surfels stop or let pass but for so much: where edges are
-mirrored, what was traced is most often wrong."""
+"""F0 is told by clear sightings, whose mirrored ray surfels stop or let pass but for so much: where edges are
+mirrored, what was traced is most often wrong. The surroundings are of all, as some parts of them are seen in
+half-open rays alone."""
 _SIZE = 6
 """Texels along the side of a face of the surroundings that are fitted."""
 _DOUBT = 1e-3
@@ -105,7 +107,8 @@ def first_light(
     if not (count > 1).any() or (clear.passed < _MET).mean() < LEAST_MET:
         return None
     basis = _basis(clear)
-    f0 = likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES])
+    matte = _error(_between_views(clear.colour, clear.surfel))
+    f0 = likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES], matte)
     basis = _basis(found)
     _, sky = _fitted(found, basis, f0)
     light = found.radiance + found.passed[:, None] * (basis @ sky)
@@ -123,11 +126,19 @@ def first_light(
     )
 
 
-def likeliest(errors: Sequence[float]) -> float:
-    """The F0 that photographs speak for most, from the error that each of the :data:`CANDIDATES` leaves."""
-    metals = [error for f0, error in zip(CANDIDATES, errors, strict=True) if f0 >= LEAST_METAL]
-    least = min(metals) if min(metals) <= METAL_SLACK * min(errors) else min(errors)
-    return max(f0 for f0, error in zip(CANDIDATES, errors, strict=True) if error <= SLACK * least)
+def likeliest(errors: Sequence[float], matte: float) -> float:
+    """The F0 that photographs speak for most, the mean of those between which they do not decide.
+
+    Args:
+        errors: That each of the :data:`CANDIDATES` leaves, above 0.
+        matte: What is left if nothing is reflected: all differences between views.
+    """
+    found = np.asarray(errors)
+    metal = np.asarray(CANDIDATES) >= LEAST_METAL
+    explained, by_metal = (matte**2 - least**2 for least in (found.min(), found[metal].min()))
+    near = found[metal].min() <= METAL_SLACK * found.min()
+    own = metal if near and by_metal >= METAL_SHARE * explained > 0 else ~metal
+    return float(np.mean(np.asarray(CANDIDATES)[own & (found <= SLACK * found[own].min())]))
 
 
 def _basis(found: Sightings) -> np.ndarray:
@@ -137,17 +148,21 @@ def _basis(found: Sightings) -> np.ndarray:
 
 
 def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
-    """Root mean square error, summed over channels, and surroundings ``(T, 3)``, none below 0."""
-    _, surfel = np.unique(found.surfel, return_inverse=True)
+    """The error that is left, and surroundings ``(T, 3)``, none below 0."""
     strength = _fresnel(f0, found)
-    seen_through = _between_views((strength * found.passed)[:, None] * basis, surfel)
-    left = _between_views(found.colour - strength[:, None] * found.radiance, surfel)
-    doubt = _DOUBT * len(surfel) * f0**2
+    seen_through = _between_views((strength * found.passed)[:, None] * basis, found.surfel)
+    left = _between_views(found.colour - strength[:, None] * found.radiance, found.surfel)
+    doubt = _DOUBT * len(found.surfel) * f0**2
     normal = seen_through.T @ seen_through + (doubt + 1e-9) * np.eye(basis.shape[1])
     root = np.linalg.cholesky(normal).T
     wanted = seen_through.T @ left + doubt * found.colour.mean(axis=0)
     sky = np.stack([nnls(root, np.linalg.solve(root.T, w))[0] for w in wanted.T], axis=1)
-    return float(np.sqrt(((left - seen_through @ sky) ** 2).mean(axis=0)).sum()), sky
+    return _error(left - seen_through @ sky), sky
+
+
+def _error(left: np.ndarray) -> float:
+    """Root mean square of values ``(M, 3)``, summed over channels."""
+    return float(np.sqrt((left**2).mean(axis=0)).sum())
 
 
 def _fresnel(f0: float, found: Sightings) -> np.ndarray:
@@ -156,7 +171,7 @@ def _fresnel(f0: float, found: Sightings) -> np.ndarray:
 
 def _between_views(values: np.ndarray, surfel: np.ndarray) -> np.ndarray:
     """Values ``(M, C)`` less their mean over the sightings of each surfel."""
-    count = np.bincount(surfel)
+    count = np.bincount(surfel).clip(min=1)
     means = np.stack([np.bincount(surfel, column) for column in values.T], axis=1) / count[:, None]
     return values - means[surfel]
 

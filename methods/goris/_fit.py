@@ -100,10 +100,7 @@ def fit_light(
         start = as_photographs_allow(start, found)
     if settings.light_steps == 0:
         return start
-    rates = light_rates(extent, settings)
-    if found is not None:
-        rates[FRESNEL] = FOUND_FRESNEL_RATE
-    plan = Plan(settings.light_steps, rates, extent)
+    plan = Plan(settings.light_steps, light_rates(extent, settings, found is not None), extent)
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 
@@ -153,17 +150,22 @@ def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Paramet
     )
 
 
-def light_rates(extent: float, settings: GorisSettings) -> dict[str, Rate]:
-    """Learning rates by the names of parameters, for a scene of an extent in metres (inferred).
+def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
+    """Learning rates by the names of parameters (inferred).
 
     Geometry goes on as slowly as it ended; what is new is as fast as a short fit needs.
+
+    Args:
+        extent: Of the scene, metres.
+        settings: Of the method.
+        found: Whether Fresnel terms begin as photographs allow, or as a stage before has fitted them.
     """
     rates = learning_rates(extent, settings)
     rates = {name: Rate(rate.end or rate.start) for name, rate in rates.items()}
     rates[LOGITS] = Rate(1e-2)
     rates |= {
         DIFFUSE: Rate(2e-2, 5e-3),
-        FRESNEL: FRESNEL_RATE,
+        FRESNEL: FOUND_FRESNEL_RATE if found else FRESNEL_RATE,
         ROUGHNESS: Rate(2e-2, 5e-3),
         REGION: Rate(2e-2),
         LABEL: Rate(2e-2),

@@ -95,7 +95,7 @@ def without_object(
     )
     targets, wall = targets_of(behind, priors, settings.references)
     start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
-    rates = light_rates(extent, settings)
+    rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY):
         rates.pop(name)
     objective = RemovalObjective(shots, [_aim(target) for target in targets], settings, extent, seed)

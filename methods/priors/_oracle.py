@@ -149,7 +149,8 @@ def _continued(true: np.ndarray, question: Question, glossy: np.ndarray) -> np.n
     A painter goes on with what it is shown, and cannot know that all of a surface is, say, too dim a mirror.
     What the picture differs by on glossy surfaces around the hole is filled in as the hole of a picture is.
     """
-    unknown = ~glossy if question.hole is None else ~glossy | question.hole
+    assert question.hole is not None, "what is filled in has one"
+    unknown = ~glossy | question.hole
     if unknown.all():
         return true
     off = filled(question.image - true, unknown, "telea")

@@ -16,6 +16,7 @@ from graycard.methods.shading import (
     surroundings_of,
     texel_directions,
 )
+from graycard.methods.shading._surroundings import _integrals
 from graycard.synth import Ball, LambertGGX, Matte, Scene, Thing
 from graycard.synth._scene import Material as TrueMaterial
 from graycard.synth._sky import Window, recorded, room
@@ -33,6 +34,15 @@ def sphere(seed: int, count: int) -> torch.Tensor:
 def metal(roughness: float, count: int, color: float = 1.0) -> Material:
     full = torch.full((count,), roughness, dtype=torch.float64)
     return Material(torch.full((count, 3), color, dtype=torch.float64), full, torch.ones_like(full))
+
+
+def test_a_kernel_is_applied_as_a_matrix_is() -> None:
+    """Values and gradients."""
+    draw = torch.Generator().manual_seed(3)
+    kernel, texels = (torch.rand(shape, generator=draw, dtype=torch.float64) for shape in ((7, 24), (24, 3)))
+    texels.requires_grad_()
+    torch.testing.assert_close(_integrals(kernel, texels), kernel @ texels)
+    assert torch.autograd.gradcheck(lambda t: _integrals(kernel, t), texels)
 
 
 @pytest.mark.parametrize("size", [5, 16, 32])
