@@ -11,7 +11,7 @@ from torch.nn.functional import normalize
 from graycard import Camera
 from graycard.methods.goris._filter import filtered, pyramid, translated
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.shading import mirrored_sky, surroundings_of
+from graycard.methods.shading import mirrored_skies, mirrored_sky
 from graycard.methods.splat import (
     GEOMETRY,
     FeatureMaps,
@@ -281,7 +281,7 @@ def _reflected(
     mirrored = mirrored_colours(values, buffers, settings, extent)
     light, passed = blurred(values, buffers, mirrored, settings, extent).split([3, 1], dim=-1)
     roughness = buffers.roughness.flatten()[mirrored.rows]
-    sky = mirrored_sky(surroundings_of(values[SURROUNDINGS].exp()), mirrored.directions, roughness)
+    sky = mirrored_sky(mirrored_skies(values[SURROUNDINGS].exp()), mirrored.directions, roughness)
     reflected = fresnel(buffers, mirrored) * (light + passed * sky)
     return _image(reflected, mirrored.rows, *buffers.roughness.shape)
 

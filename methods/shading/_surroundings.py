@@ -7,6 +7,7 @@ Nothing stands in the way of the light. In an even sky both are exact; else the 
 that a lobe becomes long and is cut off by the horizon at grazing angles.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -45,9 +46,30 @@ def surroundings_of(sky: torch.Tensor) -> Surroundings:
     Returns:
         Linear in the sky, and differentiable.
     """
-    texels = sky.reshape(-1, sky.shape[-1])
-    diffuse, *glossy = (_integrals(kernel.to(sky.dtype), texels) for kernel in _kernels(sky.shape[1]))
-    return Surroundings(_cubemap(diffuse), (sky, *(_cubemap(filtered) for filtered in glossy)))
+    return Surroundings(_filtered(_texels(sky), _matte_kernel(sky.shape[1])), mirrored_skies(sky))
+
+
+def mirrored_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """What :class:`Surroundings` holds for glossy surfaces, where no matte one is lit.
+
+    Args:
+        sky: As for :func:`surroundings_of`.
+
+    Returns:
+        One cubemap for each of the :data:`ROUGHNESSES`.
+    """
+    texels = _texels(sky)
+    return (sky, *(_filtered(texels, kernel) for kernel in _glossy_kernels(sky.shape[1])))
+
+
+def _texels(sky: torch.Tensor) -> torch.Tensor:
+    return sky.reshape(-1, sky.shape[-1])
+
+
+def _filtered(texels: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:
+    """A cubemap of ``kernel @ texels``."""
+    size = round((len(kernel) / 6) ** 0.5)
+    return _integrals(kernel.to(texels.dtype), texels).reshape(6, size, size, -1)
 
 
 def _integrals(kernel: torch.Tensor, texels: torch.Tensor) -> torch.Tensor:
@@ -72,7 +94,7 @@ def lit_by_surroundings(
     """
     cosine = (normal * eye).sum(dim=-1)
     mirrored = 2 * cosine[..., None] * normal - eye
-    sky = mirrored_sky(surroundings, mirrored, material.roughness)
+    sky = mirrored_sky(surroundings.skies, mirrored, material.roughness)
     scale, offset = even_sky(material.roughness, cosine).unbind(dim=-1)
     returned = material.f0 * scale[..., None] + offset[..., None]
     diffuse = material.diffuse / torch.pi * look_up(surroundings.irradiance, normal)
@@ -80,19 +102,18 @@ def lit_by_surroundings(
 
 
 def mirrored_sky(
-    surroundings: Surroundings, directions: torch.Tensor, roughness: torch.Tensor
+    skies: Sequence[torch.Tensor], directions: torch.Tensor, roughness: torch.Tensor
 ) -> torch.Tensor:
     """What surfaces of a roughness mirror: linear between the two filtered skies that are nearest to it.
 
     Args:
-        surroundings: Light.
+        skies: Of :func:`mirrored_skies`.
         directions: Shape ``(..., 3)``, world, unit: of mirrored rays.
         roughness: Shape ``(...)``, 0 to 1.
 
     Returns:
         Shape ``(..., 3)``, of the unit of the sky; differentiable in all three.
     """
-    skies = surroundings.skies
     level = roughness.expand(directions.shape[:-1]).reshape(-1) * (len(skies) - 1)
     level, toward = level.clamp(0, len(skies) - 1), directions.reshape(-1, 3)
     total = torch.zeros_like(toward)
@@ -127,15 +148,16 @@ def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
     return upper * (1 - down) + lower * down
 
 
-def _cubemap(texels: torch.Tensor) -> torch.Tensor:
-    size = round((len(texels) / 6) ** 0.5)
-    return texels.reshape(6, size, size, -1)
+@lru_cache(maxsize=4)
+def _matte_kernel(size: int) -> torch.Tensor:
+    """What each texel of a sky adds to irradiance."""
+    return _kernel(size, _IRRADIANCE_SIZE, _POINTS, None)
 
 
 @lru_cache(maxsize=4)
-def _kernels(size: int) -> tuple[torch.Tensor, ...]:
-    """What each texel of a sky adds to each filtered one: irradiance, then the skies but the first."""
-    found = [_kernel(size, _IRRADIANCE_SIZE, _POINTS, None)]
+def _glossy_kernels(size: int) -> tuple[torch.Tensor, ...]:
+    """What each texel of a sky adds to each filtered one, but for the first."""
+    found = []
     for roughness, (own, points) in zip(ROUGHNESSES[1:], _SIZES, strict=True):
         kernel = _kernel(size, own, points, max(roughness**2, MIN_ALPHA))
         found.append(kernel / kernel.sum(dim=1, keepdim=True))
