@@ -9,6 +9,7 @@ import torch
 from graycard import Capture, Progress
 from graycard.methods.goris._filter import translation_parameters
 from graycard.methods.goris._first import FirstLight, first_light
+from graycard.methods.goris._flat import flat_depths
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -80,7 +81,8 @@ def fit_colours(
         density_rules(settings.surfels),
         fit_checkpoint(METHOD, settings, seed, pictures, settings.radiance_steps),
     )
-    state = initial_state(sparse_start(capture, settings, seed), seed)
+    known = flat_depths(shots, capture.points().positions) if settings.flat_start else None
+    state = initial_state(sparse_start(capture, settings, seed, known), seed)
     return train(state, plan, RadianceObjective(shots, settings, seed), progress).parameters
 
 

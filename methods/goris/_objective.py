@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import torch
 from torch.nn.functional import binary_cross_entropy, normalize
 
-from graycard.methods.goris._model import Buffers, drawn_buffers, picture_of
+from graycard.methods.goris._model import SURROUNDINGS, Buffers, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
+from graycard.methods.shading import unevenness
 from graycard.methods.splat import (
     Look,
     Maps,
@@ -81,7 +82,8 @@ class LightObjective:
         picture = picture_of(values, buffers, settings, self.extent)
         loss = photometric_map(picture.encoded, view.encoded, settings.ssim_share).mean()
         loss = loss + surface_loss(buffers, shot, settings, step)
-        loss = loss + settings.weights * settings.smooth_weight * unevenness(buffers, shot)
+        loss = loss + settings.weights * settings.smooth_weight * surface_unevenness(buffers, shot)
+        loss = loss + settings.sky_weight * unevenness(values[SURROUNDINGS])
         return Look(loss + settings.label_weight * label_loss(buffers, shot))
 
 
@@ -143,7 +145,7 @@ def label_loss(buffers: Buffers, shot: Shot) -> torch.Tensor:
     return binary_cross_entropy(buffers.label.clamp(_INSIDE, 1 - _INSIDE), shot.target)
 
 
-def unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
+def surface_unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
     """Mean steps of f0, roughness, normals and those of depth between glossy neighbours but for edges.
 
     ``|d x| exp(-8 |d i|)`` with differences d of neighbours, of the means over channels: Sobel's, which the

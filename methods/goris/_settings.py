@@ -15,6 +15,11 @@ LARGEST_SKY = 64
 levels, 0.6 GB here."""
 
 
+_WEIGHTS = (
+    "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
+)  # fmt: skip
+
+
 @dataclass(frozen=True, slots=True)
 class GorisSettings(RemovalSettings):
     """Settings of ``goris``: those of ``removal``, and of the light that glossy surfaces send on.
@@ -28,6 +33,9 @@ class GorisSettings(RemovalSettings):
     first_light: bool = True
     """Whether f0, diffuse radiance and surroundings begin as photographs allow; only where a prior tells
     glossy surfaces."""
+    flat_start: bool = True
+    """Whether surfels of a flat glossy surface begin on the plane on which views agree about its outline;
+    only where priors tell normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
     fit needs surfaces first)."""
@@ -61,6 +69,9 @@ class GorisSettings(RemovalSettings):
     smooth_weight: float = 0.5
     """Of the unevenness of Fresnel term, roughness and normals on glossy surfaces but for edges of the
     photograph, as differences of neighbours (paper: 0.05, of Sobel's, which are eight times as large)."""
+    sky_weight: float = 1e-2
+    """Of the mean absolute difference between neighbours in the logarithm of the surroundings (after GS-IR):
+    texels that few mirrored rays meet are else as bright as noise has them."""
     region_weight: float = 1.0
     """Of the difference of drawn regions from those of the prior, rough ones too (paper: of what is rough
     where the prior says glossy; in a short fit what is rough then becomes glossy); 0: the prior is not asked
@@ -97,10 +108,7 @@ class GorisSettings(RemovalSettings):
             raise ValueError(
                 f"expected least_normal_prior_weight above 0, got {self.least_normal_prior_weight}"
             )
-        weights = {
-            name: getattr(self, name)
-            for name in ("normal_prior_weight", "smooth_weight", "region_weight", "label_weight", "weights")
-        }
+        weights = {name: getattr(self, name) for name in _WEIGHTS}
         if min(weights.values()) < 0:
             raise ValueError(f"expected weights of 0 or more, got {weights}")
 

@@ -23,6 +23,7 @@ from graycard.methods.surfels._objective import disagreement as disagreement
 from graycard.methods.surfels._objective import exposed_photograph as exposed_photograph
 from graycard.methods.surfels._objective import photographs as photographs
 from graycard.methods.surfels._objective import sky_basis as sky_basis
+from graycard.methods.surfels._planes import plane_depth as plane_depth
 from graycard.methods.surfels._scene import LAYERS as LAYERS
 from graycard.methods.surfels._scene import SurfelScene as SurfelScene
 from graycard.methods.surfels._scene import all_colours as all_colours

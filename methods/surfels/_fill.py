@@ -33,7 +33,12 @@ FLAT = 9
 
 
 def surfels_between(
-    capture: Capture, points: Points, count: int, opacity: float, seed: int
+    capture: Capture,
+    points: Points,
+    count: int,
+    opacity: float,
+    seed: int,
+    known: Sequence[np.ndarray] | None = None,
 ) -> Surfels | None:
     """Discs on a grid of each training view's pixels, at the depth that stereo finds.
 
@@ -43,25 +48,29 @@ def surfels_between(
         count: About how many discs in all.
         opacity: alpha at each centre.
         seed: Of the search for planes.
+        known: z-depth of each training view, shape ``(H, W)``, metres, NaN where stereo is to find it; None:
+            everywhere.
 
     Returns:
         The surfels; None if there would be next to none.
     """
     numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
     cameras = [capture.views[n].camera for n in numbers]
-    known = [_observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
+    seen = [_observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
     each = count // len(numbers)
-    if each < MANY or not all(len(depths) for _, depths in known):
+    if each < MANY or not all(len(depths) for _, depths in seen):
         return None
     shown = [
         encode(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure))) for v in capture.train
     ]
-    far = MARGIN * max(float(z.max()) for _, z in known)
+    far = MARGIN * max(float(z.max()) for _, z in seen)
     views = [
         SweptView(camera, image.mean(dim=-1), float(z.min() / MARGIN), far)
-        for camera, image, (_, z) in zip(cameras, shown, known, strict=True)
+        for camera, image, (_, z) in zip(cameras, shown, seen, strict=True)
     ]
     depths = dense_depths(cameras, with_planes(views, sweep_depths(views), seed))
+    if known is not None:
+        depths = [np.where(np.isfinite(k), k, depth) for k, depth in zip(known, depths, strict=True)]
     parts = [_grid(*one, each, opacity) for one in zip(cameras, depths, shown, strict=True)]
     names = ("centres", "rotations", "scales", "opacities", "features")
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))

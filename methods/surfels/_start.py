@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where surfels begin: on the sparse points of a capture, or on surfaces that are known."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 
@@ -26,16 +28,20 @@ FEWEST = 4
 """Sparse points with which a fit begins."""
 
 
-def sparse_start(capture: Capture, settings: SurfelSettings, seed: int) -> Parameters:
+def sparse_start(
+    capture: Capture, settings: SurfelSettings, seed: int, known: Sequence[np.ndarray] | None = None
+) -> Parameters:
     """Parameters of :func:`sparse_discs`.
 
     Raises:
         MethodError: There are too few points.
     """
-    return with_colours(sparse_discs(capture, settings.surfels, settings.fill, seed), settings)
+    return with_colours(sparse_discs(capture, settings.surfels, settings.fill, seed, known), settings)
 
 
-def sparse_discs(capture: Capture, count: int, fill: float, seed: int) -> Discs:
+def sparse_discs(
+    capture: Capture, count: int, fill: float, seed: int, known: Sequence[np.ndarray] | None = None
+) -> Discs:
     """Round discs where stereo finds depth, else on the sparse points, facing the cameras that found them.
 
     Args:
@@ -43,6 +49,7 @@ def sparse_discs(capture: Capture, count: int, fill: float, seed: int) -> Discs:
         count: Discs that there may be in the end.
         fill: Share of them that begin where stereo finds depth; 0: none.
         seed: Of the fit.
+        known: Of each training view the depth where it is not left to stereo, see :func:`surfels_between`.
 
     Raises:
         MethodError: There are too few points.
@@ -53,7 +60,7 @@ def sparse_discs(capture: Capture, count: int, fill: float, seed: int) -> Discs:
             f"expected {FEWEST} or more sparse points in the capture of {capture.scene}, got {len(points)}. "
             "Import it with its points, or render it anew"
         )
-    between = surfels_between(capture, points, round(fill * count), OPACITY, seed)
+    between = surfels_between(capture, points, round(fill * count), OPACITY, seed, known)
     if between is not None:
         return between
     toward = _toward_cameras(capture, points)

@@ -172,6 +172,7 @@ def test_bad_input_is_refused_before_any_fit(
         ("near", -0.1, r"expected near in \[0, 1\)"),
         ("least_normal_prior_weight", 0.0, "expected least_normal_prior_weight above 0"),
         ("smooth_weight", -1.0, "expected weights of 0 or more"),
+        ("sky_weight", -1.0, "expected weights of 0 or more"),
         ("weights", -0.1, "expected weights of 0 or more"),
     ],
 )

@@ -42,7 +42,7 @@ from graycard.methods.goris._objective import (
     normal_difference,
     normal_prior_weight,
     surface_loss,
-    unevenness,
+    surface_unevenness,
 )
 from graycard.methods.goris._settings import Filter
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
@@ -317,7 +317,9 @@ def test_steps_in_colours_alone_hold_normals_too(world: GlossyWorld, weight: flo
     assert (other > right + 0.1) is (weight > 0)
 
 
-def test_unevenness_counts_on_glossy_surfaces_but_not_at_edges_of_the_photograph(world: GlossyWorld):
+def test_unevenness_of_surfaces_counts_on_glossy_surfaces_but_not_at_edges_of_the_photograph(
+    world: GlossyWorld,
+):
     """By hand: f0 rises by 0.1 from one pixel to the next, all else is even."""
     shot, buffers = shots_of_world(world)[0], seen(world.parameters.all, world.cameras[0])[0]
     shape = 36, 44
@@ -328,7 +330,7 @@ def test_unevenness_counts_on_glossy_surfaces_but_not_at_edges_of_the_photograph
         even = replace(buffers, drawn=drawn, f0=f0[..., None].expand(*shape, 3), roughness=torch.zeros(shape))
         even = replace(even, normal=torch.tensor([0.0, 0.0, 1.0]).expand(*shape, 3))
         view = replace(shot.photograph, encoded=photograph[..., None].expand(*shape, 3))
-        return float(unevenness(even, replace(shot, photograph=view, glossy=glossy)))
+        return float(surface_unevenness(even, replace(shot, photograph=view, glossy=glossy)))
 
     def more(photograph: torch.Tensor, glossy: torch.Tensor) -> float:
         """Beside what an even f0 costs: normals of depth end at the border."""

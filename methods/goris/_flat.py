@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a flat glossy surface is: at the height at which the views' masks of it agree (inferred).
+
+Stereo looks for what looks alike in two views, and of a mirror that is what it shows: a metal table is found
+where its floor is. But the outline of the table is its own. Its normal is a prior's; for each of many heights
+along it the outline in one view is carried over to others by way of the plane, as silhouettes are in space
+carving (Kutulakos and Seitz 2000).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_opening, label
+from skimage.morphology import convex_hull_image
+
+from graycard import Camera
+from graycard.methods.goris._shots import Shot
+from graycard.methods.removal import points_in_picture
+from graycard.methods.surfels import plane_depth
+
+SPREAD = 25.0
+"""Degrees from the common normal within which a pixel is of the flat surface."""
+LEAST_FLAT = 0.75
+"""Share of the glossy pixels that have to be, or the surface is curved, or there are several."""
+LEAST_AGREEMENT = 0.7
+"""Overlap (intersection over union) of outlines below which no height is believed."""
+APART, LESS = 0.1, 0.01
+"""A height is believed if all that are farther from it than this share of the range have so much less
+overlap: where a surface fills the pictures its outlines tell little."""
+HEIGHTS, FINER = 48, 21
+"""That are tried over the range of the sparse points and a quarter beyond, and then around the best."""
+_BEYOND = 0.25
+_EVERY = 3
+"""Pixels: how densely outlines are carried over."""
+_PARTNERS = 7
+"""Views at most to which each outline is carried."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """Of the flat surface in one view."""
+
+    camera: Camera
+    inside: np.ndarray
+    """Shape ``(H, W)``, bool. Objects on the surface hide parts of it, so it is the convex hull of what is
+    seen: the hull of a picture is the picture of the hull."""
+
+
+def flat_depths(shots: Sequence[Shot], points: np.ndarray) -> list[np.ndarray] | None:
+    """What the training views see of a flat glossy surface.
+
+    Args:
+        shots: The training views, with a prior's masks and normals.
+        points: Shape ``(M, 3)``, world, metres: the sparse points, between which heights are looked for.
+
+    Returns:
+        z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface; None where no
+        prior tells normals or glossy surfaces, they are not flat, or no height is believed.
+    """
+    glossy, normals = [], []
+    for shot in shots:
+        if not shot.told or shot.normal is None:
+            return None
+        normals.append(shot.normal.numpy().astype(np.float64))
+        glossy.append((shot.glossy.numpy() > 0.5) & ((normals[-1] ** 2).sum(axis=-1) > 0.5))
+    told = np.concatenate([normal[of] for normal, of in zip(normals, glossy, strict=True)])
+    if len(told) == 0:
+        return None
+    common = np.median(told, axis=0)
+    common /= max(float(np.linalg.norm(common)), 1e-12)
+    near = np.cos(np.radians(SPREAD))
+    if (told @ common > near).mean() < LEAST_FLAT:
+        return None
+    flat = [of & (normal @ common > near) for normal, of in zip(normals, glossy, strict=True)]
+    outlines = [_Outline(shot.photograph.camera, _hull(of)) for shot, of in zip(shots, flat, strict=True)]
+    height = _height(outlines, common, points @ common)
+    if height is None:
+        return None
+    plane = np.append(common, -height)
+    return [
+        np.where(of & one.inside, plane_depth(one.camera, plane), np.nan)
+        for of, one in zip(flat, outlines, strict=True)
+    ]
+
+
+def _hull(flat: np.ndarray) -> np.ndarray:
+    """The convex hull of the largest connected part, specks left out."""
+    parts, count = label(binary_opening(flat))
+    if count == 0:
+        return np.zeros_like(flat)
+    return convex_hull_image(parts == 1 + np.bincount(parts.ravel())[1:].argmax())
+
+
+def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray) -> float | None:
+    """At which outlines agree best, metres along the normal; None if they hardly do, or nearly anywhere."""
+    margin = _BEYOND * np.ptp(known)
+    heights = np.linspace(known.min() - margin, known.max() + margin, HEIGHTS)
+    agree = np.array([agreement(outlines, normal, height) for height in heights])
+    best = int(agree.argmax())
+    far = np.abs(heights - heights[best]) > APART * np.ptp(heights)
+    if best in (0, HEIGHTS - 1) or agree[best] < LEAST_AGREEMENT or agree[far].max() > agree[best] - LESS:
+        return None
+    finer = np.linspace(heights[best - 1], heights[best + 1], FINER)
+    return float(finer[np.argmax([agreement(outlines, normal, height) for height in finer])])
+
+
+def agreement(outlines: Sequence[_Outline], normal: np.ndarray, height: float) -> float:
+    """Intersection over union of outlines and of those that other views have, carried over by a plane.
+
+    Args:
+        outlines: One a view.
+        normal: Shape ``(3,)``, unit, of the plane.
+        height: Along it, metres.
+
+    Returns:
+        From 0 to 1; 0 where no view sees what another does.
+    """
+    both = either = 0
+    for number, one in enumerate(outlines):
+        depth = plane_depth(one.camera, np.append(normal, -height))
+        some = np.zeros_like(one.inside)
+        some[::_EVERY, ::_EVERY] = True
+        some &= np.isfinite(depth)
+        rays = one.camera.rays()[some]
+        places = one.camera.position + rays * (depth[some] / (rays @ one.camera.forward))[:, None]
+        others = [other for k, other in enumerate(outlines) if k != number]
+        for other in others[number % _step(len(others)) :: _step(len(others))]:
+            seen, row, column, _ = points_in_picture(other.camera, places)
+            mine, theirs = one.inside[some][seen], other.inside[row, column]
+            both += int((mine & theirs).sum())
+            either += int((mine | theirs).sum())
+    return both / max(either, 1)
+
+
+def _step(others: int) -> int:
+    return max(1, -(-others // _PARTNERS))

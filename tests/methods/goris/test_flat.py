@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a flat glossy surface is, from its outlines, on surfels whose place is known."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import graycard as gc
+from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
+from graycard.methods.goris import GorisSettings
+from graycard.methods.goris._flat import _Outline, agreement, flat_depths
+from graycard.methods.goris._shots import Shot
+from graycard.methods.splat import CENTRES
+from graycard.methods.surfels import plane_depth, sparse_start
+from sparse_points import with_points
+
+UP = np.array([0.0, 0.0, 1.0])
+POINTS = np.array([[0.0, 0.0, -0.4], [0.0, 0.0, 0.6]])
+"""Between which heights are looked for: the floor is at 0."""
+
+
+@pytest.fixture(scope="module")
+def world() -> GlossyWorld:
+    return glossy_world()
+
+
+def from_above(world: GlossyWorld) -> GlossyWorld:
+    """With cameras that see where the floor ends."""
+    places = [(3.2, 0.6), (0.4, -3.4), (-3.3, -0.5), (-0.7, 3.1), (2.3, 2.2)]
+    eyes = [gc.look_at(np.array([x, y, 2.4]), np.zeros(3)) for x, y in places]
+    return replace(world, cameras=[gc.Camera.from_fov(88, 72, 45, eye) for eye in eyes])
+
+
+def leaning(shots: list[Shot], degrees: float) -> list[Shot]:
+    """With normals that lean by so much, each another way."""
+    random, changed = torch.Generator().manual_seed(1000), []
+    for shot in shots:
+        way = 2 * torch.pi * torch.rand(shot.glossy.shape, generator=random)
+        sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+        normal = torch.stack([sine * way.cos(), sine * way.sin(), torch.full_like(way, cosine)], dim=-1)
+        changed.append(replace(shot, normal=normal))
+    return changed
+
+
+def test_the_floor_is_found_where_it_is(world: GlossyWorld):
+    """Though boards on it hide parts of it, and mirrored boards are in its pictures."""
+    shots = shots_of_world(from_above(world))
+    found = flat_depths(shots, POINTS)
+    assert found is not None
+    for shot, depth in zip(shots, found, strict=True):
+        true = plane_depth(shot.photograph.camera, np.array([0.0, 0.0, 1.0, 0.0]))
+        told = np.isfinite(depth)
+        assert told.sum() > 0.9 * float(shot.glossy.sum())
+        assert not (told & (shot.glossy.numpy() < 0.5)).any()
+        assert np.abs(depth / true - 1)[told].max() < 0.03
+
+
+def test_outlines_agree_best_at_their_height(world: GlossyWorld):
+    """To half a pixel, which is 0.03 here; what is lost is at rims."""
+    cameras = world.cameras
+    outlines = []
+    for camera in cameras:
+        depth = plane_depth(camera, np.append(UP, -0.2))
+        rays = camera.rays()
+        at = camera.position + rays * (np.nan_to_num(depth) / (rays @ camera.forward))[..., None]
+        outlines.append(_Outline(camera, np.isfinite(depth) & (np.abs(at[..., :2]) < 0.3).all(axis=-1)))
+    heights = np.linspace(-0.3, 0.7, 101)
+    agree = [agreement(outlines, UP, height) for height in heights]
+    assert abs(heights[int(np.argmax(agree))] - 0.2) < 0.031
+    assert max(agree) > 0.85
+    assert agree[0] < 0.3 > agree[-1]
+    assert agreement([_Outline(one.camera, np.zeros_like(one.inside)) for one in outlines], UP, 0.2) == 0
+
+
+def test_what_is_not_flat_or_not_told_is_left_to_stereo(world: GlossyWorld):
+    assert flat_depths(shots_of_world(world), POINTS) is None  # a floor that fills the pictures
+    shots = shots_of_world(from_above(world))
+    assert flat_depths(leaning(shots, 10), POINTS) is not None
+    assert flat_depths(leaning(shots, 40), POINTS) is None
+    assert flat_depths([replace(shot, normal=None) for shot in shots], POINTS) is None
+    assert flat_depths([replace(shot, told=False) for shot in shots], POINTS) is None
+    assert flat_depths([replace(shot, glossy=0 * shot.glossy) for shot in shots], POINTS) is None
+    assert flat_depths(shots, POINTS + 5 * UP) is None
+    up = torch.from_numpy(UP).float().expand(*shots[0].glossy.shape, 3)
+    torn = [replace(one, normal=up, glossy=torch.zeros_like(one.glossy)) for one in shots]
+    for number, one in enumerate(torn):
+        one.glossy[:6, 6 * number : 6 * number + 6] = 1
+    assert flat_depths(torn, POINTS) is None
+
+
+def test_surfels_begin_on_depths_that_are_known(write_tiny: Callable[..., Path], tmp_path: Path):
+    """Where they are not, stereo says where."""
+    folder = write_tiny(tmp_path, track="tabletop", train=4, test=1)
+    capture = with_points(folder)
+    settings = GorisSettings(surfels=800)
+    size = capture.train[0].camera.height, capture.train[0].camera.width
+    known = [np.full(size, np.nan) for _ in capture.train]
+    by_stereo = sparse_start(capture, settings, 0).surfels[CENTRES]
+    assert torch.equal(sparse_start(capture, settings, 0, known).surfels[CENTRES], by_stereo)
+    known[0][:] = 0.7
+    some = sparse_start(capture, settings, 0, known).surfels[CENTRES]
+    each = len(some) // len(known)
+    assert torch.equal(some[each:], by_stereo[each:])
+    _, depth = capture.train[0].camera.project(some[:each].double().numpy())
+    np.testing.assert_allclose(depth, 0.7, rtol=1e-5)
