@@ -31,13 +31,15 @@ CANDIDATES = (0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """Of F0, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and
 more, most metals 0.5 to 0.9."""
 SLACK = 1.04
-"""Of the metals, or of the others, the mean F0 is taken of those whose error is no more than so many times
-their least: between them photographs do not decide."""
-LEAST_METAL, METAL_SLACK, METAL_SHARE = 0.4, 1.1, 0.85
-"""Metals reflect so much or more, little else reflects a third of it, and a weak mirror of bright
+"""Of the metals, or of the others, the geometric mean is taken of those whose error is no more than so many
+times their least: between them photographs do not decide."""
+LEAST_METAL, METAL_SLACK, METAL_SHARE = 0.4, 1.07, 0.85
+"""Metals reflect so much or more on average, little else reflects a third of it, and a weak mirror of bright
 surroundings explains a metal's photographs nearly as well. It is a metal if the best fit of a metal's F0
-leaves no more than so many times the least error, which is mostly of what was traced, and explains at least
-this share of the squares that the best does, which noise does not change."""
+leaves no more than so many times the least error, which is mostly of what was traced, and takes off at least
+this share of what the best takes off the squares, for noise draws errors level and not these."""
+LEAST_EXPLAINED = 0.05
+"""Of the squares of all differences between views: with less there is noise and little else."""
 LEAST_MET = 0.02
 """Share of the clear sightings whose mirrored ray meets a surfel: with less, surroundings take up any F0."""
 _MET = 0.5
@@ -92,8 +94,8 @@ class FirstLight:
 def first_light(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> FirstLight | None:
-    """What photographs allow; None where no glossy surfel is seen twice, or next to nothing is
-    mirrored but surroundings, which take up any F0.
+    """What photographs allow; None where glossy surfels are seen again too seldom to tell the surroundings,
+    next to nothing is mirrored but these, which take up any F0, or views differ by noise alone.
 
     Args:
         values: Parameters by name, regions as priors have them.
@@ -102,13 +104,9 @@ def first_light(
         extent: Of the scene, metres.
     """
     found = sightings(values, shots, settings, extent)
-    clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
-    _, count = np.unique(clear.surfel, return_counts=True)
-    if not (count > 1).any() or (clear.passed < _MET).mean() < LEAST_MET:
+    f0 = found_f0(found)
+    if f0 is None:
         return None
-    basis = _basis(clear)
-    matte = _error(_between_views(clear.colour, clear.surfel))
-    f0 = likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES], matte)
     basis = _basis(found)
     _, sky = _fitted(found, basis, f0)
     light = found.radiance + found.passed[:, None] * (basis @ sky)
@@ -126,19 +124,38 @@ def first_light(
     )
 
 
-def likeliest(errors: Sequence[float], matte: float) -> float:
+def found_f0(found: Sightings) -> float | None:
+    """The F0 of glossy surfels; None where sightings do not tell, see :func:`first_light`."""
+    clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
+    _, number, count = np.unique(clear.surfel, return_inverse=True, return_counts=True)
+    clear = clear.take(count[number] > 1)
+    surfels, texels = int((count > 1).sum()), 6 * _SIZE**2
+    if len(clear.surfel) - surfels < texels or (clear.passed < _MET).mean() < LEAST_MET:
+        return None
+    basis = _basis(clear)
+    matte = _error(_between_views(clear.colour, clear.surfel))
+    return likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES], matte)
+
+
+def likeliest(errors: Sequence[float], matte: float) -> float | None:
     """The F0 that photographs speak for most, the mean of those between which they do not decide.
 
     Args:
-        errors: That each of the :data:`CANDIDATES` leaves, above 0.
-        matte: What is left if nothing is reflected: all differences between views.
+        errors: Root mean squares that each of the :data:`CANDIDATES` leaves, above 0.
+        matte: The same if nothing is reflected: all differences between views.
+
+    Returns:
+        None if no candidate explains any differences to speak of.
     """
-    found = np.asarray(errors)
-    metal = np.asarray(CANDIDATES) >= LEAST_METAL
-    explained, by_metal = (matte**2 - least**2 for least in (found.min(), found[metal].min()))
-    near = found[metal].min() <= METAL_SLACK * found.min()
-    own = metal if near and by_metal >= METAL_SHARE * explained > 0 else ~metal
-    return float(np.mean(np.asarray(CANDIDATES)[own & (found <= SLACK * found[own].min())]))
+    squares, candidates = np.square(errors), np.asarray(CANDIDATES)
+    metal = candidates >= LEAST_METAL
+    explained, by_metal = (matte**2 - least for least in (squares.min(), squares[metal].min()))
+    if explained < LEAST_EXPLAINED * matte**2:
+        return None
+    nearly_as_good = squares[metal].min() <= METAL_SLACK**2 * squares.min()
+    of_its_kind = metal if nearly_as_good and by_metal >= METAL_SHARE * explained else ~metal
+    best = of_its_kind & (squares <= SLACK**2 * squares[of_its_kind].min())
+    return float(np.exp(np.log(candidates[best]).mean()))
 
 
 def _basis(found: Sightings) -> np.ndarray:
@@ -148,7 +165,7 @@ def _basis(found: Sightings) -> np.ndarray:
 
 
 def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
-    """The error that is left, and surroundings ``(T, 3)``, none below 0."""
+    """The error that is left, of :func:`_error`, and surroundings ``(T, 3)``, none below 0."""
     strength = _fresnel(f0, found)
     seen_through = _between_views((strength * found.passed)[:, None] * basis, found.surfel)
     left = _between_views(found.colour - strength[:, None] * found.radiance, found.surfel)
@@ -161,8 +178,8 @@ def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.n
 
 
 def _error(left: np.ndarray) -> float:
-    """Root mean square of values ``(M, 3)``, summed over channels."""
-    return float(np.sqrt((left**2).mean(axis=0)).sum())
+    """Root mean square of values ``(M, 3)``."""
+    return float(np.sqrt((left**2).mean()))
 
 
 def _fresnel(f0: float, found: Sightings) -> np.ndarray:
