@@ -29,7 +29,7 @@ SAID = {
     "goris-weights-0.2": 30.5, "goris-weights-0.5": 31.8, "goris-weights-5": 32.0, "goris-biharmonic": 31.5,
     "goris-telea": 31.6, "goris-references-1": 30.9, "goris-references-5": 31.9,
     "goris-inpainting-0": 32.3, "goris-inpainting-4": 31.0, "goris-mask-0": 32.2, "goris-mask-4": 31.2,
-    "goris-no-first-light": 31.0, "removal-biharmonic": 28.0,
+    "goris-no-first-light": 31.0, "goris-no-flat-start": 30.4, "removal-biharmonic": 28.0,
     "goris-object-mask-4": 30.0, "removal-object-mask-4": 27.5, "do-nothing": 22.0,
 }  # fmt: skip
 """What would go with the paper's words where it prints no figure."""
