@@ -22,9 +22,9 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import methods
-from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings
+from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _remove
 from graycard.methods.goris._distil import cameras_between, distilled
-from graycard.methods.goris._fit import with_light
+from graycard.methods.goris._fit import light_rates, with_light
 from graycard.methods.goris._model import DIFFUSE, FRESNEL, LABEL, REGION, ROUGHNESS, SURROUNDINGS
 from graycard.methods.goris._remove import (
     RemovalObjective,
@@ -38,7 +38,7 @@ from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.priors._spec import Override
 from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
-from graycard.methods.splat import SH_DC
+from graycard.methods.splat import SH_DC, Rate
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode
 from sparse_points import with_points
 
@@ -351,6 +351,23 @@ def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyW
         for region, least in ((where, 0.4), (mirror, 0.4)):
             assert np.abs(got - wanted)[region].mean() < least * np.abs(before - wanted)[region].mean()
         assert np.abs(got - wanted)[away].mean() < 0.02
+
+
+def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
+    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch
+):
+    """Fresnel terms as slowly as ones that photographs told, whatever they began with."""
+    asked: list[bool] = []
+
+    def rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
+        asked.append(found)
+        return light_rates(extent, settings, found)
+
+    monkeypatch.setattr(_remove, "light_rates", rates)
+    priors = methods.Priors(models={"inpainting": Painter(world)})
+    settings, shots = with_settings(iterations=8, first_light=False), shots_of_world(world)
+    without_object(room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent)
+    assert asked == [True]
 
 
 def test_what_viewers_are_shown_of_glossy_surfaces_is_what_they_scatter(world: GlossyWorld, tmp_path: Path):
