@@ -11,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_opening, label
+from scipy.ndimage import binary_opening
+from skimage.measure import label
 from skimage.morphology import convex_hull_image
 
 from graycard import Camera
@@ -23,6 +24,10 @@ SPREAD = 25.0
 """Degrees from the common normal within which a pixel is of the flat surface."""
 LEAST_FLAT = 0.75
 """Share of the glossy pixels that have to be, or the surface is curved, or there are several."""
+MOST_TURN = 4.0
+"""Degrees (root mean square) by which the normal may turn with the place on the surface, or it is curved: on
+tables of 1.4 m that is a sag of 5 cm, as much as the error of depth that stereo makes anyway. A prior's
+errors differ from view to view and leave less than 1 degree of turn."""
 LEAST_AGREEMENT = 0.7
 """Overlap (intersection over union) of outlines below which no height is believed."""
 APART, LESS = 0.1, 0.01
@@ -78,16 +83,23 @@ def flat_depths(shots: Sequence[Shot], points: np.ndarray) -> list[np.ndarray] |
     if height is None:
         return None
     plane = np.append(common, -height)
-    return [
+    depths = [
         np.where(of & one.inside, plane_depth(one.camera, plane), np.nan)
         for of, one in zip(flat, outlines, strict=True)
     ]
+    seen = [np.isfinite(depth) for depth in depths]
+    places = [shot.photograph.camera.unproject(depth) for shot, depth in zip(shots, depths, strict=True)]
+    places, leaning = (
+        np.concatenate([layer[where] for layer, where in zip(layers, seen, strict=True)])
+        for layers in (places, normals)
+    )
+    return None if _turn(places, leaning, common) > MOST_TURN else depths
 
 
 def _hull(flat: np.ndarray) -> np.ndarray:
     """The convex hull of the largest connected part, specks left out."""
-    parts, count = label(binary_opening(flat))
-    if count == 0:
+    parts = label(binary_opening(flat), connectivity=1)
+    if not parts.any():
         return np.zeros_like(flat)
     return convex_hull_image(parts == 1 + np.bincount(parts.ravel())[1:].argmax())
 
@@ -103,6 +115,19 @@ def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray)
         return None
     finer = np.linspace(heights[best - 1], heights[best + 1], FINER)
     return float(finer[np.argmax([agreement(outlines, normal, height) for height in finer])])
+
+
+def _turn(places: np.ndarray, normals: np.ndarray, common: np.ndarray) -> float:
+    """How much normals turn with the place, degrees (root mean square).
+
+    Each normal's part across the common one, shape ``(N, 2)``, is fitted by a linear function of the place
+    along the plane: of a sphere it is one, and errors that have nothing to do with the place drop out.
+    """
+    along = np.linalg.svd(common[None])[2][1:]
+    place = (places - places.mean(axis=0)) @ along.T
+    lean = normals @ along.T
+    slope = np.linalg.lstsq(place, lean - lean.mean(axis=0), rcond=None)[0]
+    return float(np.degrees(np.sqrt(((place @ slope) ** 2).sum(axis=1).mean())))
 
 
 def agreement(outlines: Sequence[_Outline], normal: np.ndarray, height: float) -> float:
@@ -122,8 +147,7 @@ def agreement(outlines: Sequence[_Outline], normal: np.ndarray, height: float) -
         some = np.zeros_like(one.inside)
         some[::_EVERY, ::_EVERY] = True
         some &= np.isfinite(depth)
-        rays = one.camera.rays()[some]
-        places = one.camera.position + rays * (depth[some] / (rays @ one.camera.forward))[:, None]
+        places = one.camera.unproject(depth)[some]
         others = [other for k, other in enumerate(outlines) if k != number]
         for other in others[number % _step(len(others)) :: _step(len(others))]:
             seen, row, column, _ = points_in_picture(other.camera, places)

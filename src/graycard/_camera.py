@@ -96,6 +96,15 @@ class Camera:
         world = local @ self.camera_to_world[:3, :3].T
         return world / np.linalg.norm(world, axis=-1, keepdims=True)
 
+    def unproject(self, depth: np.ndarray) -> np.ndarray:
+        """World positions of what the pixels see at a z-depth, shape ``(height, width, 3)``, metres.
+
+        Args:
+            depth: Shape ``(height, width)``, metres; where it is not finite, neither is the position.
+        """
+        rays = self.rays()
+        return self.position + rays * (depth / (rays @ self.forward))[..., None]
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and other.digest == self.digest
 

@@ -35,6 +35,7 @@ def test_rays_go_through_the_pixel_centres(x: float, y: float, z: float):
     j, i = np.meshgrid(np.arange(5) + 0.5, np.arange(4) + 0.5)
     assert np.allclose(pixels, np.stack([j, i], -1), atol=1e-9)
     assert np.allclose(depth, 2.5 * camera.rays() @ camera.forward)
+    assert np.allclose(camera.unproject(depth), camera.position + 2.5 * camera.rays())
 
 
 @given(numbers, numbers, st.floats(0.5, 5))

@@ -65,8 +65,7 @@ def test_outlines_agree_best_at_their_height(world: GlossyWorld):
     outlines = []
     for camera in cameras:
         depth = plane_depth(camera, np.append(UP, -0.2))
-        rays = camera.rays()
-        at = camera.position + rays * (np.nan_to_num(depth) / (rays @ camera.forward))[..., None]
+        at = camera.unproject(np.nan_to_num(depth))
         outlines.append(_Outline(camera, np.isfinite(depth) & (np.abs(at[..., :2]) < 0.3).all(axis=-1)))
     heights = np.linspace(-0.3, 0.7, 101)
     agree = [agreement(outlines, UP, height) for height in heights]
@@ -90,6 +89,21 @@ def test_what_is_not_flat_or_not_told_is_left_to_stereo(world: GlossyWorld):
     for number, one in enumerate(torn):
         one.glossy[:6, 6 * number : 6 * number + 6] = 1
     assert flat_depths(torn, POINTS) is None
+
+
+@pytest.mark.parametrize(("curvature", "flat"), [(0.02, True), (0.12, False)])
+def test_normals_that_turn_with_the_place_are_of_a_curved_surface(
+    world: GlossyWorld, curvature: float, flat: bool
+):
+    """Though no normal is farther from the common one than errors of a prior's."""
+    shots = shots_of_world(from_above(world))
+    for number, shot in enumerate(shots):
+        camera = shot.photograph.camera
+        at = camera.unproject(plane_depth(camera, np.append(UP, 0.0)))
+        normal = np.stack([curvature * at[..., 0], curvature * at[..., 1], np.ones(at.shape[:2])], axis=-1)
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        shots[number] = replace(shot, normal=torch.from_numpy(np.nan_to_num(normal)).float())
+    assert (flat_depths(shots, POINTS) is not None) == flat
 
 
 def test_surfels_begin_on_depths_that_are_known(write_tiny: Callable[..., Path], tmp_path: Path):
