@@ -2,6 +2,7 @@
 """The first stage: surfels of everything, the object included, and how glossy surfaces send light on."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ import torch
 from graycard import Capture, Progress
 from graycard.methods.goris._filter import translation_parameters
 from graycard.methods.goris._first import FirstLight, first_light
-from graycard.methods.goris._flat import flat_depths
+from graycard.methods.goris._flat import FlatSurface
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -23,6 +24,7 @@ from graycard.methods.goris._objective import LightObjective, RadianceObjective
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import (
+    CENTRES,
     LOGITS,
     SH_DC,
     Parameters,
@@ -54,15 +56,38 @@ _SURE = 0.05
 """What priors say is believed but for this."""
 FRESNEL_RATE, FOUND_FRESNEL_RATE = Rate(2e-2, 5e-3), Rate(6e-3, 1.5e-3)
 """Learning rates of the Fresnel term: steps downhill lead away from what :func:`first_light` has found."""
+CENTRES_RATE = Rate(8e-5, 5e-6)
+"""Of places in the first stage with light, in extents: from what half of the way down in colours alone is.
+
+Not from the end of it, where they hardly move: most steps are still to come."""
 _SURE_OF_OBJECT = 0.01
 """What masks of the object say, too: less than ``least_effect``, or a surfel that no view shows were half in
 doubt to be the object's, and all that mirrors it."""
 
 
+def as_glossy_as_told(settings: GorisSettings, shots: Sequence[Shot]) -> GorisSettings:
+    """In colours alone where a prior says that nothing is glossy: no light is to be sent on."""
+    matte = all(shot.told and not shot.glossy.any() for shot in shots)
+    return replace(settings, radiance_share=1.0, transport=False) if matte else settings
+
+
 def fit_colours(
-    capture: Capture, shots: Sequence[Shot], settings: GorisSettings, seed: int, progress: Progress
+    capture: Capture,
+    shots: Sequence[Shot],
+    settings: GorisSettings,
+    seed: int,
+    progress: Progress,
+    flat: FlatSurface | None = None,
 ) -> Parameters:
     """Coloured surfels that show the training photographs.
+
+    Args:
+        capture: It.
+        shots: Its training views.
+        settings: Of the method.
+        seed: Of all that is random.
+        progress: Told of steps.
+        flat: A surface on which surfels begin; None: where stereo says.
 
     Raises:
         MethodError: There are too few sparse points, or the fit has no way on.
@@ -81,7 +106,7 @@ def fit_colours(
         density_rules(settings.surfels),
         fit_checkpoint(METHOD, settings, seed, pictures, settings.radiance_steps),
     )
-    known = flat_depths(shots, capture.points().positions) if settings.flat_start else None
+    known = None if flat is None else flat.depths
     state = initial_state(sparse_start(capture, settings, seed, known), seed)
     return train(state, plan, RadianceObjective(shots, settings, seed), progress).parameters
 
@@ -102,7 +127,8 @@ def fit_light(
         start = as_photographs_allow(start, found)
     if settings.light_steps == 0:
         return start
-    plan = Plan(settings.light_steps, light_rates(extent, settings, found is not None), extent)
+    rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
+    plan = Plan(settings.light_steps, rates, extent)
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 
@@ -155,7 +181,7 @@ def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Paramet
 def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
     """Learning rates by the names of parameters (inferred).
 
-    Geometry goes on as slowly as it ended; what is new is as fast as a short fit needs.
+    Geometry goes on as slowly as in colours alone it ended; what is new is as fast as a short fit needs.
 
     Args:
         extent: Of the scene, metres.

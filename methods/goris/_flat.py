@@ -8,9 +8,10 @@ carving (Kutulakos and Seitz 2000).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from scipy.ndimage import binary_opening
 from skimage.measure import label
 from skimage.morphology import convex_hull_image
@@ -24,15 +25,16 @@ SPREAD = 25.0
 """Degrees from the common normal within which a pixel is of the flat surface."""
 LEAST_FLAT = 0.75
 """Share of the glossy pixels that have to be, or the surface is curved, or there are several."""
-MOST_TURN = 4.0
+MOST_TURN = 2.5
 """Degrees (root mean square) by which the normal may turn with the place on the surface, or it is curved: on
-tables of 1.4 m that is a sag of 5 cm, as much as the error of depth that stereo makes anyway. A prior's
+tables of 1.4 m that is a sag of 3 cm, as much as the error of depth that stereo makes anyway. A prior's
 errors differ from view to view and leave less than 1 degree of turn."""
 LEAST_AGREEMENT = 0.7
 """Overlap (intersection over union) of outlines below which no height is believed."""
-APART, LESS = 0.1, 0.01
+APART, LESS, MORE_WRONG = 0.1, 0.01, 1.3
 """A height is believed if all that are farther from it than this share of the range have so much less
-overlap: where a surface fills the pictures its outlines tell little."""
+overlap, or so many times as much that does not overlap: where a surface fills the pictures its outlines tell
+little."""
 HEIGHTS, FINER = 48, 21
 """That are tried over the range of the sparse points and a quarter beyond, and then around the best."""
 _BEYOND = 0.25
@@ -52,24 +54,40 @@ class _Outline:
     seen: the hull of a picture is the picture of the hull."""
 
 
-def flat_depths(shots: Sequence[Shot], points: np.ndarray) -> list[np.ndarray] | None:
-    """What the training views see of a flat glossy surface.
+@dataclass(frozen=True, eq=False)
+class FlatSurface:
+    """What the training views see of a flat glossy surface."""
+
+    mirrors: list[np.ndarray]
+    """Of each view, shape ``(H, W)``, bool: what is glossy and does not face another way. Glazed things on a
+    table do, and are coloured and not glossy: mirrored rays meet what is rough, so the table shows them."""
+    depths: list[np.ndarray]
+    """z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface."""
+
+    def alone(self, shots: Sequence[Shot]) -> list[Shot]:
+        """The views, with nothing else in them that is glossy."""
+        masks = [torch.from_numpy(mask.astype(np.float32)) for mask in self.mirrors]
+        return [replace(shot, glossy=shot.glossy * mask) for shot, mask in zip(shots, masks, strict=True)]
+
+
+def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | None:
+    """The flat glossy surface of a scene, if there is one.
 
     Args:
         shots: The training views, with a prior's masks and normals.
         points: Shape ``(M, 3)``, world, metres: the sparse points, between which heights are looked for.
 
     Returns:
-        z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface; None where no
-        prior tells normals or glossy surfaces, they are not flat, or no height is believed.
+        None where no prior tells normals or glossy surfaces, they are not flat, or no height is believed.
     """
-    glossy, normals = [], []
+    glossy, normals, known = [], [], []
     for shot in shots:
         if not shot.told or shot.normal is None:
             return None
         normals.append(shot.normal.numpy().astype(np.float64))
-        glossy.append((shot.glossy.numpy() > 0.5) & ((normals[-1] ** 2).sum(axis=-1) > 0.5))
-    told = np.concatenate([normal[of] for normal, of in zip(normals, glossy, strict=True)])
+        glossy.append(shot.glossy.numpy() > 0.5)
+        known.append((normals[-1] ** 2).sum(axis=-1) > 0.5)
+    told = np.concatenate([n[g & k] for n, g, k in zip(normals, glossy, known, strict=True)])
     if len(told) == 0:
         return None
     common = np.median(told, axis=0)
@@ -77,7 +95,8 @@ def flat_depths(shots: Sequence[Shot], points: np.ndarray) -> list[np.ndarray] |
     near = np.cos(np.radians(SPREAD))
     if (told @ common > near).mean() < LEAST_FLAT:
         return None
-    flat = [of & (normal @ common > near) for normal, of in zip(normals, glossy, strict=True)]
+    faces = [normal @ common > near for normal in normals]
+    flat = [g & k & f for g, k, f in zip(glossy, known, faces, strict=True)]
     outlines = [_Outline(shot.photograph.camera, _hull(of)) for shot, of in zip(shots, flat, strict=True)]
     height = _height(outlines, common, points @ common)
     if height is None:
@@ -88,12 +107,14 @@ def flat_depths(shots: Sequence[Shot], points: np.ndarray) -> list[np.ndarray] |
         for of, one in zip(flat, outlines, strict=True)
     ]
     seen = [np.isfinite(depth) for depth in depths]
-    places = [shot.photograph.camera.unproject(depth) for shot, depth in zip(shots, depths, strict=True)]
+    places = [one.camera.unproject(depth) for one, depth in zip(outlines, depths, strict=True)]
     places, leaning = (
         np.concatenate([layer[where] for layer, where in zip(layers, seen, strict=True)])
         for layers in (places, normals)
     )
-    return None if _turn(places, leaning, common) > MOST_TURN else depths
+    if _turn(places, leaning, common) > MOST_TURN:
+        return None
+    return FlatSurface([g & (f | ~k) for g, f, k in zip(glossy, faces, known, strict=True)], depths)
 
 
 def _hull(flat: np.ndarray) -> np.ndarray:
@@ -110,8 +131,10 @@ def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray)
     heights = np.linspace(known.min() - margin, known.max() + margin, HEIGHTS)
     agree = np.array([agreement(outlines, normal, height) for height in heights])
     best = int(agree.argmax())
-    far = np.abs(heights - heights[best]) > APART * np.ptp(heights)
-    if best in (0, HEIGHTS - 1) or agree[best] < LEAST_AGREEMENT or agree[far].max() > agree[best] - LESS:
+    if best in (0, HEIGHTS - 1) or agree[best] < LEAST_AGREEMENT:
+        return None
+    other = agree[np.abs(heights - heights[best]) > APART * np.ptp(heights)].max()
+    if other > agree[best] - LESS and 1 - other < MORE_WRONG * (1 - agree[best]):
         return None
     finer = np.linspace(heights[best - 1], heights[best + 1], FINER)
     return float(finer[np.argmax([agreement(outlines, normal, height) for height in finer])])

@@ -6,7 +6,8 @@ from pathlib import Path
 from graycard import Capture, Progress
 from graycard.methods._contract import Priors
 from graycard.methods.goris._distil import distilled
-from graycard.methods.goris._fit import fit_colours, fit_light
+from graycard.methods.goris._fit import as_glossy_as_told, fit_colours, fit_light
+from graycard.methods.goris._flat import flat_surface
 from graycard.methods.goris._remove import without_object
 from graycard.methods.goris._scene import METHOD, GlossyScene, GorisScene, load_scene
 from graycard.methods.goris._settings import GorisSettings
@@ -36,7 +37,10 @@ class GorisMethod:
         """
         masks = checked_for_removal(capture, priors, settings, seed, METHOD)
         shots = shots_of(capture, priors, masks, settings)
-        coloured = fit_colours(capture, shots, settings, seed, progress)
+        settings = as_glossy_as_told(settings, shots)
+        flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
+        shots = shots if flat is None else flat.alone(shots)
+        coloured = fit_colours(capture, shots, settings, seed, progress, flat)
         before = fit_light(coloured, shots, settings, seed, progress)
         after = without_object(
             capture, before, shots, priors, settings=settings, seed=seed, progress=progress

@@ -34,11 +34,11 @@ class GorisSettings(RemovalSettings):
     """Whether f0, diffuse radiance and surroundings begin as photographs allow; only where a prior tells
     glossy surfaces."""
     flat_start: bool = True
-    """Whether surfels of a flat glossy surface begin on the plane on which views agree about its outline;
-    only where priors tell normals and glossy surfaces."""
+    """Whether surfels of a flat glossy surface begin on the plane on which views agree about its outline, and
+    what faces other ways is not glossy; only where priors tell normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
-    fit needs surfaces first)."""
+    fit needs surfaces first). All of them where a prior says that nothing is glossy."""
     transport: bool = True
     """Whether glossy surfaces show what a mirrored ray meets; False: all surfaces are rough."""
     composite: Reading = "release"
@@ -94,9 +94,11 @@ class GorisSettings(RemovalSettings):
     def __post_init__(self) -> None:
         """Check the ranges."""
         RemovalSettings.__post_init__(self)
-        for name in ("radiance_share", "decay_share", "least_effect"):
+        for name in ("decay_share", "least_effect"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"expected {name} in (0, 1), got {getattr(self, name)}")
+        if not 0 < self.radiance_share <= 1:
+            raise ValueError(f"expected radiance_share in (0, 1], got {self.radiance_share}")
         if not (0 <= self.traced_degree <= min(3, self.degree)) or not 1 <= self.sky_size <= LARGEST_SKY:
             raise ValueError(
                 f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size from 1 "

@@ -11,8 +11,8 @@ import torch
 
 import graycard as gc
 from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
-from graycard.methods.goris import GorisSettings
-from graycard.methods.goris._flat import _Outline, agreement, flat_depths
+from graycard.methods.goris import GorisSettings, _flat
+from graycard.methods.goris._flat import _Outline, agreement, flat_surface
 from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import plane_depth, sparse_start
@@ -49,9 +49,9 @@ def leaning(shots: list[Shot], degrees: float) -> list[Shot]:
 def test_the_floor_is_found_where_it_is(world: GlossyWorld):
     """Though boards on it hide parts of it, and mirrored boards are in its pictures."""
     shots = shots_of_world(from_above(world))
-    found = flat_depths(shots, POINTS)
+    found = flat_surface(shots, POINTS)
     assert found is not None
-    for shot, depth in zip(shots, found, strict=True):
+    for shot, depth in zip(shots, found.depths, strict=True):
         true = plane_depth(shot.photograph.camera, np.array([0.0, 0.0, 1.0, 0.0]))
         told = np.isfinite(depth)
         assert told.sum() > 0.9 * float(shot.glossy.sum())
@@ -76,19 +76,19 @@ def test_outlines_agree_best_at_their_height(world: GlossyWorld):
 
 
 def test_what_is_not_flat_or_not_told_is_left_to_stereo(world: GlossyWorld):
-    assert flat_depths(shots_of_world(world), POINTS) is None  # a floor that fills the pictures
+    assert flat_surface(shots_of_world(world), POINTS) is None  # a floor that fills the pictures
     shots = shots_of_world(from_above(world))
-    assert flat_depths(leaning(shots, 10), POINTS) is not None
-    assert flat_depths(leaning(shots, 40), POINTS) is None
-    assert flat_depths([replace(shot, normal=None) for shot in shots], POINTS) is None
-    assert flat_depths([replace(shot, told=False) for shot in shots], POINTS) is None
-    assert flat_depths([replace(shot, glossy=0 * shot.glossy) for shot in shots], POINTS) is None
-    assert flat_depths(shots, POINTS + 5 * UP) is None
+    assert flat_surface(leaning(shots, 10), POINTS) is not None
+    assert flat_surface(leaning(shots, 40), POINTS) is None
+    assert flat_surface([replace(shot, normal=None) for shot in shots], POINTS) is None
+    assert flat_surface([replace(shot, told=False) for shot in shots], POINTS) is None
+    assert flat_surface([replace(shot, glossy=0 * shot.glossy) for shot in shots], POINTS) is None
+    assert flat_surface(shots, POINTS + 5 * UP) is None
     up = torch.from_numpy(UP).float().expand(*shots[0].glossy.shape, 3)
     torn = [replace(one, normal=up, glossy=torch.zeros_like(one.glossy)) for one in shots]
     for number, one in enumerate(torn):
         one.glossy[:6, 6 * number : 6 * number + 6] = 1
-    assert flat_depths(torn, POINTS) is None
+    assert flat_surface(torn, POINTS) is None
 
 
 @pytest.mark.parametrize(("curvature", "flat"), [(0.02, True), (0.12, False)])
@@ -103,7 +103,43 @@ def test_normals_that_turn_with_the_place_are_of_a_curved_surface(
         normal = np.stack([curvature * at[..., 0], curvature * at[..., 1], np.ones(at.shape[:2])], axis=-1)
         normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
         shots[number] = replace(shot, normal=torch.from_numpy(np.nan_to_num(normal)).float())
-    assert (flat_depths(shots, POINTS) is not None) == flat
+    assert (flat_surface(shots, POINTS) is not None) == flat
+
+
+def test_what_faces_other_ways_is_not_glossy(world: GlossyWorld):
+    """A glazed jar on a table; what normals are not known of is left as it is."""
+    shots = shots_of_world(from_above(world))
+    sideways, unknown = torch.tensor([1.0, 0.0, 0.0]), torch.zeros(3)
+    for shot in shots:
+        assert shot.normal is not None
+        shot.glossy[:5] = 1
+        shot.normal[:5, :10], shot.normal[:5, 10:] = sideways, unknown
+    found = flat_surface(shots, POINTS)
+    assert found is not None
+    for shot, alone in zip(shots, found.alone(shots), strict=True):
+        assert (alone.glossy[:5, :10] == 0).all()
+        assert (alone.glossy[:5, 10:] == 1).all()
+        assert shot.normal is not None
+        up = shot.normal[..., 2] > 0.99
+        assert torch.equal(alone.glossy[up], shot.glossy[up])
+
+
+@pytest.mark.parametrize(
+    ("best", "far", "believed"),
+    [
+        (0.80, 0.77, True),
+        (0.98, 0.973, True),  # a third more is wrong
+        (0.97, 0.964, False),
+        (0.69, 0.10, False),
+    ],
+)
+def test_a_height_is_believed_if_others_are_worse(
+    best: float, far: float, believed: bool, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(_flat, "agreement", lambda _, __, at: best if abs(at - 0.3) < 0.03 else far)
+    found = _flat._height([], UP, np.array([-0.4, 0.6]))
+    assert (found is not None) == believed
+    assert found is None or abs(found - 0.3) < 0.03
 
 
 def test_surfels_begin_on_depths_that_are_known(write_tiny: Callable[..., Path], tmp_path: Path):
