@@ -34,6 +34,7 @@ from graycard.methods.removal import (
     targets_of,
     views_behind,
     wall_surfels,
+    widened,
     with_hull,
 )
 from graycard.methods.splat import (
@@ -44,12 +45,16 @@ from graycard.methods.splat import (
     joined_surfels,
     photometric_map,
     scene_extent,
+    share_inside,
     surfels_of,
     train,
     view_at,
 )
 from graycard.methods.surfels import SKY, decode, depth_layer, encode, sky_basis, with_colours
 
+MOST_DOUBTFUL = 0.5
+"""Share of what a surfel gives to photographs, in which these show the object or what is next to it, beyond
+which it goes with the object."""
 _SURE = 1e-3
 """Of painted shares of 0 and 1, whose logits are infinite."""
 _GLOSSY = 0.5
@@ -85,7 +90,7 @@ def without_object(
     labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
     theirs = with_hull(surfels_of(fitted.surfels), labelled)
     check_some(theirs, f"with a label of {settings.least_inside:g} or more", "least_inside")
-    left = fitted.take(~theirs)
+    left = fitted.take(~theirs & ~next_to_object(fitted, shots, settings.grow))
     behind = views_behind(
         capture,
         _drawn(left.all, settings, extent),
@@ -101,6 +106,17 @@ def without_object(
     objective = RemovalObjective(shots, [_aim(target) for target in targets], settings, extent, seed)
     plan = Plan(settings.second_steps, rates, extent)
     return train(initial_state(start, seed), plan, objective, progress).parameters
+
+
+def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:
+    """Which surfels give most of what they give to photographs where these show the object or what is next to
+    it, shape ``(N,)``, bool.
+
+    They have taken on its colours, no other pixels tell theirs, and a painter would go on with them.
+    """
+    cameras = [shot.photograph.camera for shot in shots]
+    wide = [widened(shot.target.numpy() > 0, grow) for shot in shots]
+    return share_inside(surfels_of(fitted.surfels), cameras, wide) > MOST_DOUBTFUL
 
 
 def _effects(

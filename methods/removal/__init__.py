@@ -21,4 +21,5 @@ from graycard.methods.removal._settings import PerViewSettings as PerViewSetting
 from graycard.methods.removal._settings import RemovalSettings as RemovalSettings
 from graycard.methods.removal._stages import checked_for_removal as checked_for_removal
 from graycard.methods.removal._target import check_some as check_some
+from graycard.methods.removal._target import widened as widened
 from graycard.methods.removal._target import with_hull as with_hull

@@ -30,6 +30,7 @@ from graycard.methods.goris._remove import (
     RemovalObjective,
     _aim,
     _effects,
+    next_to_object,
     with_painted_wall,
     without_object,
 )
@@ -427,3 +428,17 @@ def test_a_scene_of_another_method_is_refused(world: GlossyWorld, tmp_path: Path
         load_method("removal").load(tmp_path)
     with pytest.raises(gc.MethodError, match="expected layers out of"):
         scene.render(world.cameras[0], ["base_color"])
+
+
+def test_what_is_seen_at_the_object_alone_goes_with_it(world: GlossyWorld):
+    """Its own surfels do, and of the floor only what is next to it."""
+    shots = shots_of_world(world)
+    parts = torch.from_numpy(world.part)
+    beside = next_to_object(world.parameters, shots, 0.0)
+    assert beside[parts == OBJECT].float().mean() > 0.9
+    assert beside[parts == FLOOR].float().mean() < 0.1
+    wide = next_to_object(world.parameters, shots, 0.05)
+    assert (wide | ~beside).all()
+    assert wide[parts == FLOOR].sum() > beside[parts == FLOOR].sum()
+    clear = [replace(shot, target=torch.zeros_like(shot.target)) for shot in shots]
+    assert not next_to_object(world.parameters, clear, 0.05).any()
