@@ -57,9 +57,9 @@ _SURE = 0.05
 FRESNEL_RATE, FOUND_FRESNEL_RATE = Rate(2e-2, 5e-3), Rate(6e-3, 1.5e-3)
 """Learning rates of the Fresnel term: steps downhill lead away from what :func:`first_light` has found."""
 CENTRES_RATE = Rate(8e-5, 5e-6)
-"""Of places in the first stage with light, in extents: from what half of the way down in colours alone is.
+"""Of places while light is sent on, in extents: in colours alone they end at 1 % of where they begin.
 
-Not from the end of it, where they hardly move: most steps are still to come."""
+They begin again higher than they ended, as most steps are still to come."""
 _SURE_OF_OBJECT = 0.01
 """What masks of the object say, too: less than ``least_effect``, or a surfel that no view shows were half in
 doubt to be the object's, and all that mirrors it."""

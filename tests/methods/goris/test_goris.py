@@ -163,6 +163,7 @@ def test_bad_input_is_refused_before_any_fit(
     ("name", "value", "says"),
     [
         ("radiance_share", 0.0, r"expected radiance_share in \(0, 1\], got 0"),
+        ("radiance_share", 1.1, r"expected radiance_share in \(0, 1\], got 1.1"),
         ("decay_share", 0.0, r"expected decay_share in \(0, 1\)"),
         ("least_effect", 1.5, r"expected least_effect in \(0, 1\)"),
         ("traced_degree", 4, "expected traced_degree from 0 to that of the colours"),
@@ -442,3 +443,12 @@ def test_what_is_seen_at_the_object_alone_goes_with_it(world: GlossyWorld):
     assert wide[parts == FLOOR].sum() > beside[parts == FLOOR].sum()
     clear = [replace(shot, target=torch.zeros_like(shot.target)) for shot in shots]
     assert not next_to_object(world.parameters, clear, 0.05).any()
+
+
+def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, room: gc.Capture):
+    """Nothing would be left, and the message says which setting took it."""
+    shots = [replace(shot, target=torch.ones_like(shot.target)) for shot in shots_of_world(world)]
+    seen = world.parameters.take(next_to_object(world.parameters, shots, 0.0))
+    given = (room, seen, shots, methods.Priors(models={"inpainting": Painter(world)}))
+    with pytest.raises(gc.MethodError, match="alone, or its own, got all.* change grow"):
+        without_object(*given, settings=SETTINGS, seed=0, progress=gc.silent)
