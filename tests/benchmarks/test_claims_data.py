@@ -154,6 +154,7 @@ def test_claims_of_a_suite() -> None:
     assert claims_of_suite("claims-multilight") == ["gsid"]
     assert claims_of_suite("claims-tabletop") == ["goris"]
     assert claims_of_suite("claims-matte") == ["goris-matte"]
+    assert claims_of_suite("claims-robust") == ["goris-robust"]
     assert claims_of_suite("smoke") == []
 
 
@@ -177,14 +178,19 @@ def test_every_claim_of_a_paper_is_there(paper: str, letter: str, count: int) ->
     assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n + 1}" for n in range(count)]
 
 
-def test_what_needs_photographs_of_real_rooms_is_said_to() -> None:
+def test_what_needs_real_rooms_or_another_suite_is_said_to() -> None:
     lacking = [claim for claim in load_claims("goris").claims if claim.unavailable]
-    assert [(claim.id, claim.checks) for claim in lacking] == [("R2", ()), ("R3", ())]
-    assert "goris-matte" in lacking[1].unavailable
-    assert [claim.id for claim in load_claims("goris-matte").claims] == ["R3"]
+    assert [claim.id for claim in lacking] == ["R2", "R3", "R10", "R11", "R12"]
+    assert not any(claim.checks for claim in lacking)
+    for claim in lacking[1:]:
+        name = "goris-matte" if claim.id == "R3" else "goris-robust"
+        assert name in claim.unavailable
+        assert claim.id in [judged.id for judged in load_claims(name).claims]
 
 
-@pytest.mark.parametrize("suite", ["claims-dark", "claims-multilight", "claims-tabletop", "claims-matte"])
+@pytest.mark.parametrize(
+    "suite", ["claims-dark", "claims-multilight", "claims-tabletop", "claims-matte", "claims-robust"]
+)
 def test_the_rows_of_the_suites_take_their_settings(suite: str) -> None:
     for row in load_suite(suite).methods:
         settings_of(load_method(row.name), row.settings)
