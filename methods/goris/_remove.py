@@ -53,8 +53,8 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import SKY, decode, depth_layer, encode, sky_basis, with_colours
 
 MOST_DOUBTFUL = 0.5
-"""Share of what a surfel gives to photographs, in which these show the object or what is next to it, beyond
-which it goes with the object."""
+"""Share of what a glossy surfel gives to photographs, in which these show the object or what is next to it,
+beyond which it goes with the object."""
 _SURE = 1e-3
 """Of painted shares of 0 and 1, whose logits are infinite."""
 _GLOSSY = 0.5
@@ -111,14 +111,16 @@ def without_object(
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:
-    """Which surfels give most of what they give to photographs where these show the object or what is next to
-    it, shape ``(N,)``, bool.
+    """Which glossy surfels give most of what they give to photographs where these show the object or what is
+    next to it, shape ``(N,)``, bool.
 
-    They have taken on its colours, no other pixels tell theirs, and a painter would go on with them.
+    They have taken on its colours, no other pixels tell theirs, and a painter would go on with them. What is
+    rough looks the same from everywhere: next to the object it is as right as elsewhere.
     """
+    glossy = fitted.surfels[REGION][:, 0] < 0
     cameras = [shot.photograph.camera for shot in shots]
     wide = [widened(shot.target.numpy() > 0, grow) for shot in shots]
-    return share_inside(surfels_of(fitted.surfels), cameras, wide) > MOST_DOUBTFUL
+    return glossy & (share_inside(surfels_of(fitted.surfels), cameras, wide) > MOST_DOUBTFUL)
 
 
 def _effects(

@@ -431,16 +431,15 @@ def test_a_scene_of_another_method_is_refused(world: GlossyWorld, tmp_path: Path
         scene.render(world.cameras[0], ["base_color"])
 
 
-def test_what_is_seen_at_the_object_alone_goes_with_it(world: GlossyWorld):
-    """Its own surfels do, and of the floor only what is next to it."""
+def test_what_a_mirror_shows_next_to_the_object_alone_goes_with_it(world: GlossyWorld):
+    """Of the glossy floor what is next to it, the more the wider that is; nothing that is rough."""
     shots = shots_of_world(world)
-    parts = torch.from_numpy(world.part)
-    beside = next_to_object(world.parameters, shots, 0.0)
-    assert beside[parts == OBJECT].float().mean() > 0.9
-    assert beside[parts == FLOOR].float().mean() < 0.1
-    wide = next_to_object(world.parameters, shots, 0.05)
-    assert (wide | ~beside).all()
-    assert wide[parts == FLOOR].sum() > beside[parts == FLOOR].sum()
+    floor = torch.from_numpy(world.part) == FLOOR
+    near, wide = (next_to_object(world.parameters, shots, grow) for grow in (0.0, 0.05))
+    assert near[floor].float().mean() < 0.1
+    assert (wide | ~near).all()
+    assert wide[floor].sum() > near[floor].sum()
+    assert not wide[~floor].any()
     clear = [replace(shot, target=torch.zeros_like(shot.target)) for shot in shots]
     assert not next_to_object(world.parameters, clear, 0.05).any()
 
@@ -448,7 +447,8 @@ def test_what_is_seen_at_the_object_alone_goes_with_it(world: GlossyWorld):
 def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, room: gc.Capture):
     """Nothing would be left, and the message says which setting took it."""
     shots = [replace(shot, target=torch.ones_like(shot.target)) for shot in shots_of_world(world)]
-    seen = world.parameters.take(next_to_object(world.parameters, shots, 0.0))
+    mirrors = next_to_object(world.parameters, shots, 0.0)
+    seen = world.parameters.take(mirrors | torch.from_numpy(world.part == OBJECT))
     given = (room, seen, shots, methods.Priors(models={"inpainting": Painter(world)}))
     with pytest.raises(gc.MethodError, match="alone, or its own, got all.* change grow"):
         without_object(*given, settings=SETTINGS, seed=0, progress=gc.silent)
