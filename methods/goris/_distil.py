@@ -8,18 +8,17 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation, Slerp
 
-from graycard import Camera, Progress
+from graycard import Camera, Capture, Progress
 from graycard.methods.goris._model import drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.splat import GEOMETRY, Parameters, Plan, Rate, initial_state, scene_extent, train
+from graycard.methods.splat import Parameters, Plan, initial_state, scene_extent, train
 from graycard.methods.surfels import (
-    COEFFICIENTS,
-    DETAIL,
-    SKY,
     Objective,
     Photograph,
+    density_rules,
     learning_rates,
     sky_basis,
+    sparse_start,
 )
 
 BETWEEN = 2
@@ -27,29 +26,32 @@ BETWEEN = 2
 
 
 def distilled(
-    parameters: Parameters, cameras: Sequence[Camera], settings: GorisSettings, seed: int, progress: Progress
+    parameters: Parameters, capture: Capture, settings: GorisSettings, seed: int, progress: Progress
 ) -> Parameters:
     """Coloured surfels that look like a scene from its training cameras and from between them.
 
-    Only pictures count, as in the paper. It begins anew; here surfels go on from where they are, with their
-    colours as rough surfaces.
+    A new fit in colours, as the paper has it: only pictures count, and geometry is found anew, for what a
+    mirror shows needs a room behind it when no ray is traced.
 
     Args:
         parameters: Of the scene.
-        cameras: The training cameras.
+        capture: Whose training cameras are taken, and on whose points surfels begin.
         settings: Of the method; as many steps as the first stage has.
-        seed: Of the order of pictures.
+        seed: Of all that is random.
         progress: Called now and then.
+
+    Raises:
+        MethodError: The fit has no way on.
     """
-    extent = scene_extent(list(cameras))
+    cameras = [view.camera for view in capture.train]
+    extent = scene_extent(cameras)
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
-    kept = (*GEOMETRY, COEFFICIENTS, DETAIL)
-    start = Parameters({name: parameters.surfels[name] for name in kept}, {SKY: parameters.shared[SKY]})
-    rates = learning_rates(extent, settings)
-    rates = {name: Rate(rate.end or rate.start) if name in GEOMETRY else rate for name, rate in rates.items()}
-    plan = Plan(settings.iterations, rates, extent)
+    plan = Plan(
+        settings.iterations, learning_rates(extent, settings), extent, density_rules(settings.surfels)
+    )
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)
-    return train(initial_state(start, seed), plan, Objective(views, alone, seed), progress).parameters
+    state = initial_state(sparse_start(capture, settings, seed), seed)
+    return train(state, plan, Objective(views, alone, seed), progress).parameters
 
 
 @torch.no_grad()

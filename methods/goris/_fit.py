@@ -67,7 +67,7 @@ doubt to be the object's, and all that mirrors it."""
 
 def as_glossy_as_told(settings: GorisSettings, shots: Sequence[Shot]) -> GorisSettings:
     """In colours alone where a prior says that nothing is glossy: no light is to be sent on."""
-    matte = all(shot.told and not shot.glossy.any() for shot in shots)
+    matte = settings.matte_in_colours and all(shot.told and not shot.glossy.any() for shot in shots)
     return replace(settings, radiance_share=1.0, transport=False) if matte else settings
 
 

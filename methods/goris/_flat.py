@@ -78,7 +78,8 @@ def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | Non
         points: Shape ``(M, 3)``, world, metres: the sparse points, between which heights are looked for.
 
     Returns:
-        None where no prior tells normals or glossy surfaces, they are not flat, or no height is believed.
+        None where no prior tells normals or glossy surfaces, they are not flat, no height is believed, or there
+        are no points.
     """
     glossy, normals, known = [], [], []
     for shot in shots:
@@ -88,7 +89,7 @@ def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | Non
         glossy.append(shot.glossy.numpy() > 0.5)
         known.append((normals[-1] ** 2).sum(axis=-1) > 0.5)
     told = np.concatenate([n[g & k] for n, g, k in zip(normals, glossy, known, strict=True)])
-    if len(told) == 0:
+    if min(len(told), len(points)) == 0:
         return None
     common = np.median(told, axis=0)
     common /= max(float(np.linalg.norm(common)), 1e-12)

@@ -53,7 +53,7 @@ class GorisMethod:
 
         colours = None
         if settings.distilled:
-            fitted = distilled(after, cameras, settings, seed, progress)
+            fitted = distilled(after, capture, settings, seed, progress)
             colours = SurfelScene(METHOD, fitted, capture.exposure)
         assert capture.target is not None, "it was checked"
         return GorisScene(scene(before), scene(after), capture.target, colours)

@@ -87,7 +87,7 @@ def drawn_buffers(
         offsets: See :func:`graycard.methods.splat.rasterize`.
     """
     seen, matte = colours(values, camera.position, settings.degree), BRIGHTEST * values[DIFFUSE].sigmoid()
-    if settings.composite == "paper":
+    if settings.composite == "paper" and settings.transport:
         region = values[REGION].sigmoid()
         seen = region * seen + (1 - region) * matte
     drawn = rasterize(surfels_of(values, torch.cat([seen, matte], dim=1)), camera, offsets=offsets)

@@ -106,7 +106,8 @@ def surface_loss(
     loss = loss + held * normal_difference(buffers.normal, shot, kept)
     if not shot.told:
         return loss
-    differs = (drawn.alpha.detach() * shot.glossy - buffers.glossy).abs()
+    lacking = drawn.alpha.detach() * shot.glossy - buffers.glossy
+    differs = lacking.abs() if settings.region_loss == "both" else lacking.clamp(min=0) * shot.glossy
     return loss + settings.region_weight * (differs * kept).mean()
 
 

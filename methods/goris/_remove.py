@@ -90,7 +90,7 @@ def without_object(
     labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
     theirs = with_hull(surfels_of(fitted.surfels), labelled)
     check_some(theirs, f"with a label of {settings.least_inside:g} or more", "least_inside")
-    gone = theirs | next_to_object(fitted, shots, settings.grow)
+    gone = theirs | next_to_object(fitted, shots, settings.grow) if settings.doubtful_go else theirs
     check_some(gone, "seen next to the object alone, or its own", "grow")
     left = fitted.take(~gone)
     behind = views_behind(

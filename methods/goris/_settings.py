@@ -2,6 +2,7 @@
 """Settings of ``goris``."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Literal
 
 from graycard.methods.goris._filter import Reading
@@ -38,7 +39,10 @@ class GorisSettings(RemovalSettings):
     what faces other ways is not glossy; only where priors tell normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
-    fit needs surfaces first). All of them where a prior says that nothing is glossy."""
+    fit needs surfaces first). 1 only without ``transport``."""
+    matte_in_colours: bool = True
+    """Whether all steps are in colours alone where a prior says that nothing is glossy; False, the paper: they
+    are divided there as anywhere."""
     transport: bool = True
     """Whether glossy surfaces show what a mirrored ray meets; False: all surfaces are rough."""
     composite: Reading = "release"
@@ -73,9 +77,12 @@ class GorisSettings(RemovalSettings):
     """Of the mean absolute difference between neighbours in the logarithm of the surroundings (after GS-IR):
     texels that few mirrored rays meet are else as bright as noise has them."""
     region_weight: float = 1.0
-    """Of the difference of drawn regions from those of the prior, rough ones too (paper: of what is rough
-    where the prior says glossy; in a short fit what is rough then becomes glossy); 0: the prior is not asked
-    for glossy surfaces, and all may be."""
+    """Of the difference of drawn regions from those of the prior; 0: the prior is not asked for glossy
+    surfaces, and all may be."""
+    region_loss: Literal["both", "paper"] = "both"
+    """What counts as such a difference. ``both``: what is drawn rough where the prior says glossy, and what is
+    drawn glossy where it says rough; ``paper``: the former alone, and in a short fit what is rough becomes
+    glossy."""
     label_weight: float = 1.0
     """Of the cross entropy between drawn labels and the masks of the object."""
     weights: float = 1.0
@@ -85,6 +92,9 @@ class GorisSettings(RemovalSettings):
     least_effect: float = 0.02
     """A pixel shows the object by reflection if so much of what it returns of an even light comes by way of
     the object (paper: 0.1, but wood and stone reflect 0.04 at the front)."""
+    doubtful_go: bool = True
+    """Whether glossy surfels that photographs show mostly next to the object go with it; False, the paper:
+    only what is the object's."""
     material_inpainting: bool = True
     """Whether holes in glossy surfaces are filled in as materials; False: in colours, as anywhere else."""
     distilled: bool = False
@@ -99,6 +109,11 @@ class GorisSettings(RemovalSettings):
                 raise ValueError(f"expected {name} in (0, 1), got {getattr(self, name)}")
         if not 0 < self.radiance_share <= 1:
             raise ValueError(f"expected radiance_share in (0, 1], got {self.radiance_share}")
+        if self.transport and self.light_steps == 0:
+            raise ValueError(
+                f"expected steps in which light is sent on, got none: radiance_share is {self.radiance_share} "
+                f"of {self.iterations} iterations. Lower it, or set transport to False"
+            )
         if not (0 <= self.traced_degree <= min(3, self.degree)) or not 1 <= self.sky_size <= LARGEST_SKY:
             raise ValueError(
                 f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size from 1 "
@@ -111,8 +126,8 @@ class GorisSettings(RemovalSettings):
                 f"expected least_normal_prior_weight above 0, got {self.least_normal_prior_weight}"
             )
         weights = {name: getattr(self, name) for name in _WEIGHTS}
-        if min(weights.values()) < 0:
-            raise ValueError(f"expected weights of 0 or more, got {weights}")
+        if not all(0 <= weight < inf for weight in weights.values()):
+            raise ValueError(f"expected finite weights of 0 or more, got {weights}")
 
     @property
     def radiance_steps(self) -> int:

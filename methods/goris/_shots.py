@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from graycard import Capture
+from graycard import Capture, MethodError
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.surfels import Photograph, exposed_photograph, photographs
@@ -69,7 +69,16 @@ def _shot(
     view = capture.train[number]
     image = exposed_photograph(capture, view)
     told, normal = settings.region_weight > 0 and "mask" in priors.kinds, None
-    glossy = ~mask & (priors.mask(image, view, "glossy") if told else True)
+    glossy = ~mask
+    if told:
+        shines = priors.mask(image, view, "glossy")
+        if settings.object_masks == "prior" and shines.any() and np.array_equal(shines, mask):
+            raise MethodError(
+                f"expected two answers of the prior for masks in {view.name}, of what is glossy and of the "
+                "object, got one for both. A network answers one question: take the object's masks from the "
+                'capture (object_masks "capture"), or the mask from another source (overrides.mask.source)'
+            )
+        glossy = ~mask & shines
     if settings.normal_prior_weight > 0 and "normal" in priors.kinds:
         normal = torch.from_numpy(priors.normal(image, view).astype(np.float32))
     glossy, target = (torch.from_numpy(one.astype(np.float32)) for one in (glossy, mask))

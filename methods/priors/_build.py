@@ -49,8 +49,14 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
                 f"expected a source of priors that gives {ask.kind}, got {found.source!r}. One of "
                 f"{', '.join(source for source, kinds in GIVES.items() if ask.kind in kinds)} does"
             )
-        if _has_weights(found):
+        if _has_weights(found) and (_answers(spec, ask) or named or not ask.optional):
             _weights(found)
+    networks = [ask for ask in asks if _has_weights(of_kind(spec, ask.kind))]
+    if networks and not any(_answers(spec, ask) for ask in networks):
+        kinds = " or ".join(f"{ask.kind}.pt" for ask in networks)
+        raise MethodError(
+            f"expected weights of what the method asks for ({kinds}) in {spec.path!r}, got none of them"
+        )
 
 
 def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
@@ -69,7 +75,7 @@ def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
         MethodError: Weights are missing.
     """
     check_priors(spec, asks)
-    kinds = [of_kind(spec, ask.kind) for ask in asks]
+    kinds = [of_kind(spec, ask.kind) for ask in asks if _answers(spec, ask)]
     paths = [_weights(found) for found in kinds if _has_weights(found)]
     return [_hash(path.resolve(), _stamp(path)) for path in paths]
 
@@ -97,9 +103,9 @@ def make_priors(
     models: dict[str, PriorModel] = {}
     calibration = None
     for ask in asks:
-        found = of_kind(spec, ask.kind)
-        if ask.kind not in GIVES[found.source]:
+        if not _answers(spec, ask):
             continue
+        found = of_kind(spec, ask.kind)
         found = replace(found, seed=seed_in(found.seed, capture.scene))
         if ask.kind == "light":
             calibration = calibrated(lights, found.errors, found.seed)
@@ -119,6 +125,13 @@ def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> P
     from graycard.methods.priors._pretrained import load_pretrained
 
     return load_pretrained(kind, _weights(spec))
+
+
+def _answers(spec: PriorSpec, ask: Ask) -> bool:
+    """Whether there is an answer: a folder of weights need not hold those of kinds that are optional."""
+    found = of_kind(spec, ask.kind)
+    missing = _has_weights(found) and (found.weights is None or not found.weights.exists())
+    return ask.kind in GIVES[found.source] and not missing
 
 
 def _has_weights(spec: KindSpec) -> bool:

@@ -2,6 +2,7 @@
 """Settings of the ways to take an object out of coloured surfels."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Literal
 
 from graycard.methods.surfels import SurfelSettings
@@ -23,11 +24,10 @@ class StagedSettings(SurfelSettings):
     def __post_init__(self) -> None:
         """Check the ranges."""
         SurfelSettings.__post_init__(self)
-        if not (0 < self.second_share <= 10 and 0 <= self.grow < 0.5):
-            raise ValueError(
-                "expected second_share in (0, 10] and grow in [0, 0.5), got "
-                f"{self.second_share} and {self.grow}"
-            )
+        if not 0 < self.second_share <= 10:
+            raise ValueError(f"expected second_share in (0, 10], got {self.second_share}")
+        if not 0 <= self.grow < 0.5:
+            raise ValueError(f"expected grow in [0, 0.5), got {self.grow}")
 
     @property
     def second_steps(self) -> int:
@@ -55,8 +55,8 @@ class RemovalSettings(StagedSettings):
             raise ValueError(f"expected references of 0 or more, got {self.references}")
         if not 0 < self.least_inside <= 1:
             raise ValueError(f"expected least_inside in (0, 1], got {self.least_inside}")
-        if self.hole_weight < 0:
-            raise ValueError(f"expected a hole_weight of 0 or more, got {self.hole_weight}")
+        if not 0 <= self.hole_weight < inf:
+            raise ValueError(f"expected a finite hole_weight of 0 or more, got {self.hole_weight}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +117,10 @@ class GroupingSettings(StagedSettings):
                 "expected 1 or more for identity_dim, neighbours, samples and consistency_every, got "
                 f"{counts}"
             )
-        if not self.consistency_weight >= 0:
-            raise ValueError(f"expected a consistency_weight of 0 or more, got {self.consistency_weight}")
+        if not 0 <= self.consistency_weight < inf:
+            raise ValueError(
+                f"expected a finite consistency_weight of 0 or more, got {self.consistency_weight}"
+            )
         if not (self.identity_rate > 0 and self.classifier_rate > 0):
             rates = self.identity_rate, self.classifier_rate
             raise ValueError(f"expected learning rates above 0, got {rates}")

@@ -2,6 +2,7 @@
 """Settings of ``2dgs`` and of what stands beside it."""
 
 from dataclasses import dataclass
+from math import inf
 
 from graycard.methods.splat import coefficient_count
 
@@ -36,19 +37,22 @@ class SurfelSettings:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.iterations < 1 or self.surfels < 2:
-            raise ValueError(
-                f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
-            )
+        if self.iterations < 1:
+            raise ValueError(f"expected 1 or more iterations, got {self.iterations}")
+        if self.surfels < 2:
+            raise ValueError(f"expected 2 or more surfels, got {self.surfels}")
         if not 0 <= self.fill <= 1:
             raise ValueError(f"expected a share of surfels in [0, 1] to begin by stereo, got {self.fill}")
         coefficient_count(self.degree)
         coefficient_count(self.sky_degree)
         if not 0 <= self.ssim_share <= 1:
             raise ValueError(f"expected a share of SSIM in [0, 1], got {self.ssim_share}")
-        weights = (self.normal_weight, self.normal_start, self.distortion_weight, self.distortion_start)
-        if not all(weight >= 0 for weight in (*weights, self.cover_weight)):
-            raise ValueError(f"expected weights and starts of 0 or more, got {weights}")
+        weights = (self.normal_weight, self.distortion_weight, self.cover_weight)
+        starts = (self.normal_start, self.distortion_start)
+        if not (all(0 <= weight < inf for weight in weights) and all(start >= 0 for start in starts)):
+            raise ValueError(
+                f"expected finite weights, and starts, of 0 or more, got weights {weights} and starts {starts}"
+            )
 
 
 @dataclass(frozen=True, slots=True)

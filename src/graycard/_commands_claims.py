@@ -72,7 +72,19 @@ class Claims:
 
 
 def _checks(checks: tuple[CheckResult, ...]) -> Table:
-    heads = ("", "effect", "mean", "95 % interval", "p", "n", "paper", "upper bound", "trivial", "verdict")
+    heads = (
+        "",
+        "effect",
+        "mean",
+        "95 % interval",
+        "p",
+        "p of ranks",
+        "n",
+        "paper",
+        "upper bound",
+        "trivial",
+        "verdict",
+    )
     table = new_table(*heads)
     for check in checks:
         told = "" if check.decides else " (decides nothing)"
@@ -82,6 +94,7 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
             _number(check.mean, check.unit),
             "" if check.interval is None else f"{check.interval[0]:.3g} to {check.interval[1]:.3g}",
             _number(check.p_mean),
+            _number(check.p_rank),
             str(len(check.scenes) or ""),
             _number(check.paper, check.unit),
             _row(check.bound),

@@ -2,6 +2,7 @@
 """Files of claims as they are read, and those that come along; tables of papers against themselves."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -172,10 +173,11 @@ def test_files_that_come_along_name_what_there_is(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("paper", "letter", "count"), [("sunfaded", "S", 14), ("gsid", "G", 14), ("goris", "R", 17)]
+    ("paper", "letter", "count"),
+    [("sunfaded", "S", range(1, 15)), ("gsid", "G", range(1, 15)), ("goris", "R", (*range(1, 18), 20))],
 )
-def test_every_claim_of_a_paper_is_there(paper: str, letter: str, count: int) -> None:
-    assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n + 1}" for n in range(count)]
+def test_every_claim_of_a_paper_is_there(paper: str, letter: str, count: Sequence[int]) -> None:
+    assert [claim.id for claim in load_claims(paper).claims] == [f"{letter}{n}" for n in count]
 
 
 def test_what_needs_real_rooms_or_another_suite_is_said_to() -> None:

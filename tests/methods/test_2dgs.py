@@ -202,7 +202,8 @@ def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
         ({"fill": 1.5}, r"share of surfels in \[0, 1\] to begin by stereo"),
         ({"degree": 4}, "a degree of 0 to 3, got 4"),
         ({"ssim_share": 1.5}, r"share of SSIM in \[0, 1\]"),
-        ({"normal_weight": -1.0}, "weights and starts of 0 or more"),
+        ({"normal_weight": -1.0}, "finite weights, and starts, of 0 or more"),
+        ({"cover_weight": float("inf")}, "finite weights, and starts, of 0 or more"),
     ],
 )
 def test_bad_settings(settings: dict[str, object], message: str):

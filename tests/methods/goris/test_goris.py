@@ -22,10 +22,20 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import methods
-from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _remove
+from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _method, _remove
 from graycard.methods.goris._distil import cameras_between, distilled
 from graycard.methods.goris._fit import light_rates, with_light
-from graycard.methods.goris._model import DIFFUSE, FRESNEL, LABEL, REGION, ROUGHNESS, SURROUNDINGS
+from graycard.methods.goris._flat import FlatSurface
+from graycard.methods.goris._model import (
+    DIFFUSE,
+    FRESNEL,
+    LABEL,
+    REGION,
+    ROUGHNESS,
+    SURROUNDINGS,
+    drawn_buffers,
+)
+from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._remove import (
     RemovalObjective,
     _aim,
@@ -35,15 +45,17 @@ from graycard.methods.goris._remove import (
     without_object,
 )
 from graycard.methods.goris._scene import LAYERS, _scattered
+from graycard.methods.goris._shots import Shot
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.priors._spec import Override
 from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
-from graycard.methods.splat import SH_DC, Rate
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode
+from graycard.methods.splat import CENTRES, SH_DC, Rate
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, plane_depth
 from sparse_points import with_points
 
 QUICK = GorisSettings(iterations=12, surfels=400, fill=0.0, sky_size=2)
+UP = np.array([0.0, 0.0, 1.0])
 UNTOLD = {kind: Override(source="none") for kind in ("mask", "normal")}
 
 
@@ -130,6 +142,10 @@ def test_priors_that_know_more_are_asked(scene: Path):
     layers = found.render(capture.test[0].camera, ["glossy", "specular"])
     assert float(layers["glossy"].max()) == float(layers["specular"].max()) == 0
     assert (found.before.settings.light_steps, QUICK.light_steps > 0) == (0, True)
+    priors, divided = replace(known, models=models), replace(QUICK, matte_in_colours=False)
+    found = GorisMethod().fit(capture, priors, divided, 0, gc.silent)
+    assert found.before.settings.light_steps == QUICK.light_steps
+    assert float(found.render(capture.test[0].camera, ["glossy"])["glossy"].max()) < 0.1
 
 
 def test_bad_input_is_refused_before_any_fit(
@@ -171,9 +187,11 @@ def test_bad_input_is_refused_before_any_fit(
         ("sky_size", 65, "and sky_size from 1 to 64"),
         ("near", -0.1, r"expected near in \[0, 1\)"),
         ("least_normal_prior_weight", 0.0, "expected least_normal_prior_weight above 0"),
-        ("smooth_weight", -1.0, "expected weights of 0 or more"),
-        ("sky_weight", -1.0, "expected weights of 0 or more"),
-        ("weights", -0.1, "expected weights of 0 or more"),
+        ("smooth_weight", -1.0, "expected finite weights of 0 or more"),
+        ("sky_weight", np.inf, "expected finite weights of 0 or more"),
+        ("weights", np.nan, "expected finite weights of 0 or more"),
+        ("hole_weight", np.nan, "expected a finite hole_weight of 0 or more"),
+        ("radiance_share", 1.0, "expected steps in which light is sent on, got none"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(name: str, value: float, says: str):
@@ -318,8 +336,11 @@ class Painter:
 
 @pytest.fixture(scope="module")
 def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> gc.Capture:
-    """Photographs of the world, with masks of its object."""
-    folder = tmp_path_factory.mktemp("room")
+    return write_room(world, tmp_path_factory.mktemp("room"))
+
+
+def write_room(world: GlossyWorld, folder: Path) -> gc.Capture:
+    """Photographs of the world, with masks of its object and sparse points on all that is in it."""
     views = tuple(gc.View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
     for view, shot in zip(views, shots_of_world(world), strict=True):
         encoded = shot.photograph.encoded
@@ -327,8 +348,136 @@ def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> gc.Cap
         ids = 3 * (shot.target.numpy() > 0.5).astype(np.uint32)
         gc.write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
     gc.write_index(folder, gc.Capture("tabletop", "room", views, 1.0, light_on_camera=False, target=3))
+    places = world.parameters.surfels[CENTRES].double().numpy()
+    seen = []
+    for number, camera in enumerate(world.cameras):
+        pixels, depth = camera.project(places)
+        inside = (depth > 0) & (pixels > 0).all(axis=1) & (pixels < (camera.width, camera.height)).all(axis=1)
+        (which,) = inside.nonzero()
+        seen.append((which, np.full(len(which), number), pixels[which]))
+    which, views, pixels = (np.concatenate(parts) for parts in zip(*seen, strict=True))
+    points = gc.Points(places, (255 * surfel_colours(world)).astype(np.uint8), which, views, pixels)
+    gc.write_points(folder / "points.ply", points)
     gc.seal(folder, gc.Manifest("graycard-capture", 1, "tabletop", "room", {"name": "tests"}, {}, {}))
     return gc.open_capture(folder, check=False)
+
+
+def surfel_colours(world: GlossyWorld) -> np.ndarray:
+    """Encoded, shape ``(N, 3)``."""
+    return (world.parameters.surfels[COEFFICIENTS][:, 0] * SH_DC + 0.5).clamp(0, 1).numpy()
+
+
+@dataclass(frozen=True)
+class Told:
+    """Answers with what the world's own pictures say of glossy surfaces or of normals."""
+
+    shots: Mapping[str, Shot]
+
+    def answer(self, question: methods.Question) -> np.ndarray:
+        shot = self.shots[question.view.name]
+        if question.kind == "mask":
+            return shot.glossy.numpy() > 0.5
+        assert shot.normal is not None
+        return np.where(shot.normal.square().sum(dim=-1, keepdim=True) > 0.5, shot.normal, UP).astype(float)
+
+
+def knowing(world: GlossyWorld, room: gc.Capture) -> methods.Priors:
+    """Priors that tell what is glossy, its normals, and what was behind the object."""
+    known = Told(dict(zip((view.name for view in room.train), shots_of_world(world), strict=True)))
+    return methods.Priors(models={"inpainting": Painter(world), "mask": known, "normal": known})
+
+
+def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
+    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch
+):
+    """The whole way as it is judged, with a plane above the floor and no mirror in the left of pictures."""
+    plane, left = np.array([0.0, 0.0, 1.0, -0.2]), np.arange(36 * 44).reshape(36, 44) % 44 < 22
+
+    def found(shots: list[Shot], points: np.ndarray) -> FlatSurface:
+        depths = [np.where(left, np.nan, plane_depth(one.photograph.camera, plane)) for one in shots]
+        return FlatSurface([~left & (one.glossy.numpy() > 0.5) for one in shots], depths)
+
+    monkeypatch.setattr(_method, "flat_surface", found)
+    settings = GorisSettings(iterations=16, surfels=1000, fill=0.9, sky_size=2)
+    scene = GorisMethod().fit(room, knowing(world, room), settings, 0, gc.silent)
+    glossy = torch.stack(
+        [
+            torch.from_numpy(scene.render(view.camera, ["glossy"])["glossy"].copy()).float()
+            for view in room.train
+        ]
+    ).mean(dim=0)
+    assert float(glossy[:, 30:].mean()) > 3 * float(glossy[:, :14].mean())
+    surfels = scene.before.parameters.surfels
+    heights = surfels[CENTRES][surfels[REGION][:, 0] < 0, 2]
+    assert len(heights) > 50
+    assert float(((heights - 0.2).abs() < 0.03).float().mean()) > 0.7
+
+
+def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: GlossyWorld, room: gc.Capture):
+    """As of a network that is not told which is asked: nothing would be glossy."""
+
+    class Same:
+        def answer(self, question: methods.Question) -> np.ndarray:
+            return room.target_mask(question.view)
+
+    known = knowing(world, room)
+    priors = replace(known, models={**known.models, "mask": Same()})
+    with pytest.raises(gc.MethodError, match="expected two answers of the prior for masks in train_000"):
+        GorisMethod().fit(room, priors, replace(QUICK, object_masks="prior"), 0, gc.silent)
+
+
+def test_a_fit_without_points_says_so(world: GlossyWorld, tmp_path: Path):
+    """Also where priors tell a flat mirror, which is looked for between the points."""
+    room = write_room(world, tmp_path)
+    (tmp_path / "points.ply").unlink()
+    room = gc.open_capture(tmp_path, check=False)
+    with pytest.raises(
+        gc.MethodError, match="expected 4 or more sparse points in the capture of room, got 0"
+    ):
+        GorisMethod().fit(room, knowing(world, room), QUICK, 0, gc.silent)
+
+
+def test_without_light_a_picture_is_its_colours_however_pixels_are_mixed(world: GlossyWorld):
+    """Where all steps were in colours nothing has fitted what is mixed of them."""
+    pictures = []
+    for composite in ("release", "paper"):
+        settings = with_settings(composite=composite, transport=False, radiance_share=1.0)
+        scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)
+        pictures.append(scene.render(world.cameras[0], ["radiance"])["radiance"])
+    np.testing.assert_array_equal(*pictures)
+
+
+@pytest.mark.parametrize(
+    ("loss", "mirror", "wrong"), [("both", 0.0, True), ("paper", 0.0, False), ("paper", 1.0, True)]
+)
+def test_the_paper_holds_what_is_told_to_be_glossy_alone(
+    world: GlossyWorld, loss: str, mirror: float, wrong: bool
+):
+    """A mirror in the picture where the prior says rough, or a rough picture where it says glossy."""
+    settings = with_settings(region_loss=loss, normal_prior_weight=0.0)
+    shot = shots_of_world(world)[0]
+    shot = replace(shot, glossy=torch.full_like(shot.glossy, mirror))
+    region = torch.full_like(world.parameters.surfels[REGION], 6.0 if mirror else -6.0)
+    values = world.changed(**{REGION: region.requires_grad_()})
+    buffers = drawn_buffers(values, shot.photograph.camera, shot.photograph.sky, settings)
+    loss_of = surface_loss(buffers, shot, settings, 0)
+    gradient = torch.autograd.grad(loss_of, region, allow_unused=True)[0]
+    assert (gradient is not None and bool(gradient.any())) == wrong
+
+
+def test_what_photographs_show_next_to_the_object_stays_if_the_paper_is_followed(
+    world: GlossyWorld, room: gc.Capture
+):
+    priors, shots = methods.Priors(models={"inpainting": Painter(world)}), shots_of_world(world)
+    left = []
+    for doubtful_go in (True, False):
+        settings = with_settings(iterations=4, grow=0.05, doubtful_go=doubtful_go)
+        after = without_object(
+            room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
+        )
+        floor = after.surfels[CENTRES][:, 2].abs() < 0.02
+        left.append(int(floor.sum()))
+    assert left[1] > left[0]
 
 
 def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyWorld, room: gc.Capture):
@@ -394,9 +543,9 @@ def test_without_the_object_its_mirror_image_is_gone(world: GlossyWorld):
     assert blue[1][2] == pytest.approx(blue[1][0], rel=0.2), "the grey sky"
 
 
-def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld):
-    settings = with_settings(iterations=250)
-    found = distilled(world.parameters, world.cameras, settings, 0, gc.silent)
+def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, room: gc.Capture):
+    settings = with_settings(iterations=250, fill=0.0)
+    found = distilled(world.parameters, room, settings, 0, gc.silent)
     assert set(found.surfels) >= {"centres", "coefficients", "detail"}
     assert REGION not in found.surfels
     scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)

@@ -3,6 +3,7 @@
 
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,7 @@ import torch
 import graycard as gc
 from graycard import methods
 from graycard.methods import Ask
-from graycard.methods.priors import Override, PriorSpec
+from graycard.methods.priors import Override, PriorSpec, weights_of
 from graycard.methods.priors._slopes import normals_of
 
 
@@ -156,6 +157,20 @@ def test_damaged_weights_and_folders_for_other_kinds(scene, tmp_path: Path):
         gc.MethodError, match="expected a TorchScript file for roughness priors, got the folder"
     ):
         scene.priors(spec, (Ask("roughness"),))
+
+
+def test_weights_of_what_is_optional_may_be_missing(scene, tmp_path: Path):
+    """Unless they were named, or there are none at all."""
+    asks = (Ask("depth"), Ask("normal", optional=True))
+    save(Grey(), tmp_path / "depth.pt")
+    spec = PriorSpec("pretrained", path=str(tmp_path))
+    assert scene.priors(spec, asks).kinds == {"depth"}
+    assert len(weights_of(spec, asks)) == 1
+    named = replace(spec, overrides={"normal": Override(source="pretrained")})
+    with pytest.raises(gc.MethodError, match="expected weights for normal priors at .*normal.pt, got none"):
+        scene.priors(named, asks)
+    with pytest.raises(gc.MethodError, match=r"expected weights of what the method asks for \(mask.pt\) in"):
+        scene.priors(spec, (Ask("mask", ("glossy",), optional=True),))
 
 
 def test_without_transformers_it_says_what_to_install(scene, tmp_path: Path, monkeypatch):
