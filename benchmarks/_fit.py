@@ -260,7 +260,10 @@ def _true_layers(
     layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
     absent = required.difference(*layers.values())
     if absent:
-        raise DatasetError(f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none")
+        raise DatasetError(
+            f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none: scenes of track "
+            f"{capture.track} have no such layers. Fit a scene of another track, or take other priors"
+        )
     return layers
 
 

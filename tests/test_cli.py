@@ -17,6 +17,7 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
+from graycard.methods.priors import parse_priors
 from graycard.synth import find_llvm, use_renderer
 from graycard.synth.families._corridor import Corridor
 
@@ -131,6 +132,49 @@ def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
 
 
+@pytest.mark.parametrize("args", [["fit", "gray", "--help"], ["fit", "gray", "somewhere", "-h"]])
+def test_the_help_of_a_fit_shows_the_settings_of_the_method(args: list[str], capsys: Capture):
+    assert main(args) == 0
+    said = capsys.readouterr().out
+    assert "--priors" in said
+    assert "--reflectance" in said
+
+
+def test_a_fit_that_is_told_to_end_leaves_nothing_behind(tiny_scenes: dict[str, Path], tmp_path: Path):
+    """Neither its copy of the capture nor half an answer."""
+    code = (
+        "import sys, time, graycard.methods._gray as plain\n"
+        "from graycard.__main__ import main\n"
+        "def wait(*_): print('fits', flush=True); time.sleep(60)\n"
+        "plain.GrayMethod.fit = wait\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    (tmp_path / "copies").mkdir()
+    args = ["fit", "gray", str(tiny_scenes["dark"]), "--out", str(tmp_path / "p")]
+    with subprocess.Popen(
+        [sys.executable, "-c", code, *args],
+        env={**os.environ, "TMPDIR": str(tmp_path / "copies")},
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as fit:
+        assert fit.stdout is not None
+        assert fit.stdout.readline() == "fits\n"
+        assert [*(tmp_path / "copies").iterdir()]
+        fit.terminate()
+        assert fit.wait(30) == 143
+    assert not [*(tmp_path / "copies").iterdir()]
+
+
+def test_a_reader_that_has_seen_enough_is_no_traceback():
+    """As of ``graycard methods goris | head -1``."""
+    shown = [sys.executable, "-m", "graycard", "methods", "goris"]
+    with subprocess.Popen(shown, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert "Traceback" not in process.stderr.read()
+
+
 def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
     scene, out = str(tiny_scenes["dark"]), str(tmp_path / "p")
     assert (
@@ -232,6 +276,15 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
         (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),
         (["fit", "gray", "neverwhere", "--out", "{tmp}/x"], "got nothing. Run `graycard render`"),
+        (["fit", "gray", "/", "--out", "{tmp}/x"], "got /. Give DATASET/<track>/<scene>"),
+        (["fit", "gray", "{scene}/capture", "--out", "{tmp}/x"], "/capture. Give {scene}"),
+        (["fit", "gray", "{scene}/..", "--out", "{tmp}/x"], "Give one of its scenes, as "),
+        (["fit", "gray", "{scene}/../..", "--out", "{tmp}/x"], "Give one of its scenes, as "),
+        (["score", "{tmp}", "{scene}/truth"], "/truth. Give {scene}"),
+        (
+            ["fit", "removal", "{scene}", "--priors", "oracle:2", "--out", "{tmp}/x"],
+            "scenes of track dark have no such layers. Fit a scene of another track",
+        ),
         (
             ["fit", "gray", "{scene}", "--out", "/proc/graycard"],
             "expected an output folder that can be written to",
@@ -249,6 +302,7 @@ def test_what_the_user_can_mend(
 ):
     given = [a.format(scene=tiny_scenes["dark"], tmp=tmp_path) for a in args]
     assert main(given) == 2
+    message = message.format(scene=tiny_scenes["dark"])
     assert message in capsys.readouterr().err
 
 
@@ -400,3 +454,21 @@ def test_the_predictions_of_the_docs_work(
     assert len(gc.open_predictions(Path("mine")).lights() or ()) == 6
     Path("mine/lights.json").unlink()
     assert main(["score", "mine", str(Path("data") / "dark" / scene.name)]) == 0
+
+
+def test_the_removal_of_the_docs_works(
+    make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+):
+    code = re.findall(r"```python\n(.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[1]
+    make_scene(track="tabletop", scene="glossy-table-1234")
+    (tmp_path / "dataset").rename(tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "docs/formats.md", "exec"), {})
+    assert main(["score", "removed", "data/tabletop/glossy-table-1234"]) == 0
+    assert "counterfactual.psnr" in capsys.readouterr().out
+
+
+def test_the_priors_of_the_docs_are_read(tmp_path: Path):
+    text = re.findall(r"```toml\n(source = .*?)```", (ROOT / "docs/suites.md").read_text(), re.DOTALL)[0]
+    (tmp_path / "p.toml").write_text(text)
+    assert str(parse_priors(str(tmp_path / "p.toml"))) == "oracle, severity 2; mask: oracle, severity 4"

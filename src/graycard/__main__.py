@@ -3,9 +3,12 @@
 
 import io
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from typing import Annotated, Any, Union
 
@@ -17,6 +20,8 @@ from graycard._memory import keep_freed_memory
 from graycard._screen import Screen, refuse
 
 ERROR = 2
+CUT_OFF = 141
+"""Exit code where nobody reads the output to its end: that of a shell, 128 + SIGPIPE."""
 SPINS = "3000"
 """Turns that an idle thread of GNU OpenMP waits for work before it sleeps: a fraction of a millisecond. Left
 alone it waits for milliseconds, and on a machine that is busy it takes them from the threads that work."""
@@ -43,16 +48,41 @@ def main(args: Sequence[str] | None = None) -> int:
         screen.out.print(f"graycard {version('graycard')}")
         return 0
     try:
-        command, rest = _parse(given)
-        return command.run(screen, rest)
+        with _ended_tidily():
+            command, rest = _parse(given)
+            return command.run(screen, rest)
     except GraycardError as error:
         if error.__cause__ is not None and isinstance(error, MethodError):
             screen.err.print("".join(traceback.format_exception(error.__cause__)))  # for whoever writes it
         screen.err.print(f"graycard: {error}")
         return ERROR
-    except KeyboardInterrupt:
+    except BrokenPipeError:  # whoever reads has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return CUT_OFF
+    except KeyboardInterrupt as stopped:
         screen.err.print("graycard: stopped; the same command goes on where it stopped")
-        return 130
+        return 128 + (signal.SIGTERM if isinstance(stopped, _Ended) else signal.SIGINT)
+
+
+class _Ended(KeyboardInterrupt):
+    """By SIGTERM; no method may take it for its own error."""
+
+
+@contextmanager
+def _ended_tidily() -> Iterator[None]:
+    """When it is told to end (SIGTERM), what was begun is cleared away, as after an error."""
+
+    def end(*_: object) -> None:
+        raise _Ended
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _parse(args: list[str]) -> tuple[Any, list[str]]:
@@ -63,6 +93,10 @@ def _parse(args: list[str]) -> tuple[Any, list[str]]:
     """
     if args and not args[0].startswith("-") and args[0] not in COMMANDS:
         raise UnknownNameError("verb", args[0], COMMANDS)
+    if args[:1] == ["fit"] and {"-h", "--help"} & {*args} and len(args) > 1 and not args[1].startswith("-"):
+        with suppress(SystemExit):
+            tyro.cli(_union(), args=["fit", "--help"], prog="graycard", description=_DESCRIPTION)
+        return COMMANDS["methods"](args[1]), []  # whose settings may follow
     command, rest = tyro.cli(
         _union(), args=args, prog="graycard", description=_DESCRIPTION, return_unknown_args=True
     )

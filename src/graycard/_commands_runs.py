@@ -74,17 +74,21 @@ class Fit:
     save: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
     """Also save the decomposition itself here."""
     priors: str = "none"
-    """What answers what the method asks: none, oracle:SEVERITY, classical, pretrained:FOLDER, or a path to
-    priors that ends in .toml."""
+    """What answers what the method asks: none, oracle:SEVERITY (0, the truth itself, to 5), classical,
+    pretrained:FOLDER, or a path to priors that ends in .toml."""
     donor: Annotated[Path | None, tyro.conf.arg(metavar="SCENE")] = None
     """The scene whose object the truth shows put into this one: it is fitted too, and the object put in."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Fit, then render every view."""
+        from graycard._dataset import check_scene
         from graycard._json import encode
         from graycard.benchmarks import FitSpec, fit_scene, load_for
         from graycard.methods.priors import parse_priors
 
+        for folder in (self.scene, self.donor):
+            if folder is not None:
+                check_scene(folder)
         method = load_for(self.method, self.scene)
         settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
         priors = parse_priors(self.priors)

@@ -33,8 +33,10 @@ class ScoreCommand:
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
+        from graycard._dataset import check_scene
         from graycard.eval import score_predictions
 
+        check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
         if sheet.scores:
             screen.out.print(_score_table(sheet))
@@ -51,7 +53,7 @@ class ScoreCommand:
         for reason in dict.fromkeys(score.reason for score in failed):
             screen.err.print(f"failed: {reason}")
         scored = sum(score.status == "scored" for score in scores)
-        if not scored:
+        if not scored and not failed:
             screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
         screen.out.print(
             f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "

@@ -64,6 +64,32 @@ def capture_folders(dataset: Path) -> list[Path]:
     return [p for p, capture, truth in parts if capture.is_file() and _is_whole_or_absent(truth)]
 
 
+def check_scene(folder: Path) -> None:
+    """Refuse a folder one level above or below a scene, and say which one is meant.
+
+    Args:
+        folder: ``DATASET/<track>/<scene>``, if all is well; what is missing there is met when it is opened.
+
+    Raises:
+        DatasetError: It is a part of a scene, or a folder of scenes.
+    """
+    scene = Path(folder).resolve()
+    if (scene / "capture").is_dir():
+        return
+    meant = None
+    if len(scene.parents) < 2 or (scene.parent / "capture" / MANIFEST).is_file():
+        meant = scene.parent if scene.name in ("capture", "truth") else "DATASET/<track>/<scene>"
+    elif scenes := [
+        *capture_folders(scene),
+        *(p for p in capture_folders(scene.parent) if scene in p.parents),
+    ]:
+        meant = f"one of its scenes, as {scenes[0]}"
+    if meant is not None:
+        raise DatasetError(
+            f"expected the folder of a scene, DATASET/<track>/<scene>, got {folder}. Give {meant}"
+        )
+
+
 def manifest_of(content: Capture | Truth) -> Manifest:
     """The manifest of an opened capture or truth."""
     kind = "graycard-capture" if isinstance(content, Capture) else "graycard-truth"

@@ -186,7 +186,7 @@ def test_a_fit_of_light_gets_nearer_to_photographs(world: GlossyWorld):
     for name, values in ends[0].all.items():
         assert torch.equal(values, ends[1].all[name]), name
     objective = LightObjective(shots, SETTINGS, EXTENT, 0)
-    start = fit_light(world.parameters, shots, replace(SETTINGS, iterations=1, radiance_share=0.9), 0, silent)
+    start = fit_light(world.parameters, shots, replace(SETTINGS, iterations=2, radiance_share=0.5), 0, silent)
 
     def loss(values: dict[str, torch.Tensor]) -> float:
         return sum(float(objective(values, step).loss.detach()) for step in range(4))
