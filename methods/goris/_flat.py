@@ -78,8 +78,8 @@ def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | Non
         points: Shape ``(M, 3)``, world, metres: the sparse points, between which heights are looked for.
 
     Returns:
-        None where no prior tells normals or glossy surfaces, they are not flat, no height is believed, or there
-        are no points.
+        None where no prior tells normals or glossy surfaces, they are not flat, no height is believed, or
+        there are no points.
     """
     glossy, normals, known = [], [], []
     for shot in shots:

@@ -41,8 +41,8 @@ class GorisSettings(RemovalSettings):
     """Of ``iterations``, in which colours alone are fitted; then light is sent on too (paper: 4/30; a short
     fit needs surfaces first). 1 only without ``transport``."""
     matte_in_colours: bool = True
-    """Whether all steps are in colours alone where a prior says that nothing is glossy; False, the paper: they
-    are divided there as anywhere."""
+    """Whether all steps are in colours alone where a prior says that nothing is glossy; False, the paper:
+    they are divided there as anywhere."""
     transport: bool = True
     """Whether glossy surfaces show what a mirrored ray meets; False: all surfaces are rough."""
     composite: Reading = "release"
@@ -80,8 +80,8 @@ class GorisSettings(RemovalSettings):
     """Of the difference of drawn regions from those of the prior; 0: the prior is not asked for glossy
     surfaces, and all may be."""
     region_loss: Literal["both", "paper"] = "both"
-    """What counts as such a difference. ``both``: what is drawn rough where the prior says glossy, and what is
-    drawn glossy where it says rough; ``paper``: the former alone, and in a short fit what is rough becomes
+    """What counts as such a difference. ``both``: what is drawn rough where the prior says glossy, and what
+    is drawn glossy where it says rough; ``paper``: the former alone, and in a short fit what is rough becomes
     glossy."""
     label_weight: float = 1.0
     """Of the cross entropy between drawn labels and the masks of the object."""
@@ -111,8 +111,8 @@ class GorisSettings(RemovalSettings):
             raise ValueError(f"expected radiance_share in (0, 1], got {self.radiance_share}")
         if self.transport and self.light_steps == 0:
             raise ValueError(
-                f"expected steps in which light is sent on, got none: radiance_share is {self.radiance_share} "
-                f"of {self.iterations} iterations. Lower it, or set transport to False"
+                "expected steps in which light is sent on, got none: radiance_share is "
+                f"{self.radiance_share} of {self.iterations} iterations. Lower it, or set transport to False"
             )
         if not (0 <= self.traced_degree <= min(3, self.degree)) or not 1 <= self.sky_size <= LARGEST_SKY:
             raise ValueError(

@@ -51,7 +51,8 @@ class SurfelSettings:
         starts = (self.normal_start, self.distortion_start)
         if not (all(0 <= weight < inf for weight in weights) and all(start >= 0 for start in starts)):
             raise ValueError(
-                f"expected finite weights, and starts, of 0 or more, got weights {weights} and starts {starts}"
+                f"expected finite weights, and starts, of 0 or more, got weights {weights} and starts "
+                f"{starts}"
             )
 
 
