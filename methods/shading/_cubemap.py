@@ -5,10 +5,13 @@ A cubemap is a tensor of shape ``(6, N, N, 3)``: the faces +x, -x, +y, -y, +z an
 rows from top to bottom and columns from left to right as it is seen from inside.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any, cast
 
 import numpy as np
 import torch
+from torch.autograd.function import once_differentiable
 
 _FORWARD = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
 _RIGHT = np.array([(0, 0, 1), (0, 0, -1), (-1, 0, 0), (-1, 0, 0), (-1, 0, 0), (1, 0, 0)], dtype=np.float64)
@@ -58,23 +61,79 @@ def look_up(cubemap: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
         directions: Shape ``(..., 3)``, world, of any length above 0.
 
     Returns:
-        Shape ``(..., C)``, differentiable in both.
+        Shape ``(..., C)``, differentiable in both, once.
     """
-    size, channels = cubemap.shape[1], cubemap.shape[-1]
-    face, u, v = _on_face(directions)
-    x, y = ((c + 1) * (size / 2) + 0.5 for c in (u, v))  # in a face with a border of one texel
-    left, top = (c.detach().floor().clamp(0, size) for c in (x, y))
-    across, down = (x - left)[..., None], (y - top)[..., None]
-    first = (face * (size + 2) + top.long()) * (size + 2) + left.long()
-    texels, border = cubemap.reshape(-1, channels), _bordered(size)
+    return look_up_between([cubemap], directions, directions.new_zeros(directions.shape[:-1]))
 
-    def at(right: int, below: int) -> torch.Tensor:
-        index = border[first + (below * (size + 2) + right)]
-        return texels.index_select(0, index.reshape(-1)).reshape(*index.shape, channels)
 
-    upper = at(0, 0) * (1 - across) + at(1, 0) * across
-    lower = at(0, 1) * (1 - across) + at(1, 1) * across
-    return upper * (1 - down) + lower * down
+def look_up_between(
+    cubemaps: Sequence[torch.Tensor], directions: torch.Tensor, levels: torch.Tensor
+) -> torch.Tensor:
+    """What is seen in directions between two of several cubemaps, linear between them.
+
+    Args:
+        cubemaps: Each of shape ``(6, N, N, C)``, with an N of its own.
+        directions: Shape ``(..., 3)``, world, of any length above 0.
+        levels: Shape ``(...)``: number of a cubemap, or a place between two; beyond the ends those there.
+
+    Returns:
+        Shape ``(..., C)``, differentiable in all, once.
+    """
+    sizes = tuple(cubemap.shape[1] for cubemap in cubemaps)
+    dtype = torch.promote_types(cubemaps[0].dtype, directions.dtype)
+    texels = torch.cat([cubemap.reshape(-1, cubemap.shape[-1]) for cubemap in cubemaps])
+    toward, place = directions.reshape(-1, 3), levels.expand(directions.shape[:-1]).reshape(-1)
+    found = cast(torch.Tensor, _Seen.apply(texels.to(dtype), toward.to(dtype), place.to(dtype), sizes))
+    return found.reshape(*directions.shape[:-1], cubemaps[0].shape[-1])
+
+
+_Inputs = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+class _Seen(torch.autograd.Function):
+    """The kernels as one differentiable step."""
+
+    @staticmethod
+    def forward(
+        ctx: Any, texels: torch.Tensor, directions: torch.Tensor, levels: torch.Tensor, sizes: tuple[int, ...]
+    ) -> torch.Tensor:
+        """What is seen, ``(R, C)``."""
+        from graycard.methods.shading._cubemap_kernels import seen  # Numba takes long to import
+
+        ctx.save_for_backward(texels, directions, levels)
+        ctx.sizes = sizes
+        found = directions.new_empty(len(directions), texels.shape[1])
+        seen(*_inputs(texels, directions, levels, sizes), found.numpy())
+        return found
+
+    @staticmethod
+    @once_differentiable
+    def backward(  # type: ignore[override]  # the decorator hides the name of ctx from type checkers
+        ctx: Any, *grad_outputs: torch.Tensor
+    ) -> tuple[torch.Tensor | None, ...]:
+        """Gradients of texels, directions and levels."""
+        from graycard.methods.shading._cubemap_kernels import seen_backward
+
+        texels, directions, levels = ctx.saved_tensors
+        to_texels = torch.zeros_like(texels, memory_format=torch.contiguous_format)
+        to_directions = torch.empty_like(directions, memory_format=torch.contiguous_format)
+        to_levels = torch.empty_like(levels, memory_format=torch.contiguous_format)
+        outputs = (to_texels.numpy(), to_directions.numpy(), to_levels.numpy())
+        seen_backward(*_inputs(texels, directions, levels, ctx.sizes), _numbers(grad_outputs[0]), *outputs)
+        return to_texels, to_directions, to_levels, None
+
+
+def _inputs(
+    texels: torch.Tensor, directions: torch.Tensor, levels: torch.Tensor, sizes: tuple[int, ...]
+) -> _Inputs:
+    """What both kernels take."""
+    toward = _numbers(directions)
+    axes = np.stack([_RIGHT, _DOWN]).astype(toward.dtype)
+    return _numbers(texels), _all_bordered(sizes), np.array(sizes), toward, _numbers(levels), axes
+
+
+def _numbers(values: torch.Tensor) -> np.ndarray:
+    return np.ascontiguousarray(values.detach().numpy())
 
 
 def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Tensor:
@@ -125,6 +184,13 @@ def _on_face(directions: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torc
     right, down = (torch.from_numpy(axes).to(directions.dtype)[face] for axes in (_RIGHT, _DOWN))
     u, v = ((directions * axes).sum(dim=-1) / along.abs() for axes in (right, down))
     return face, u, v
+
+
+@lru_cache(maxsize=8)
+def _all_bordered(sizes: tuple[int, ...]) -> np.ndarray:
+    """:func:`_bordered` of cubemaps one after the other, as are their texels."""
+    begins = np.cumsum([0, *(6 * size**2 for size in sizes[:-1])])
+    return np.concatenate([_bordered(n).numpy() + first for n, first in zip(sizes, begins, strict=True)])
 
 
 @lru_cache(maxsize=8)

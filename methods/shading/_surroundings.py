@@ -14,7 +14,13 @@ from typing import NamedTuple
 import torch
 from torch.nn.functional import avg_pool2d, linear, normalize
 
-from graycard.methods.shading._cubemap import look_up, solid_angles, texel_directions, turned_texels
+from graycard.methods.shading._cubemap import (
+    look_up,
+    look_up_between,
+    solid_angles,
+    texel_directions,
+    turned_texels,
+)
 from graycard.methods.shading._material import MIN_ALPHA, Lobes, Material, smith_shadowing
 
 ROUGHNESSES = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
@@ -114,14 +120,7 @@ def mirrored_sky(
     Returns:
         Shape ``(..., 3)``, of the unit of the sky; differentiable in all three.
     """
-    level = roughness.expand(directions.shape[:-1]).reshape(-1) * (len(skies) - 1)
-    level, toward = level.clamp(0, len(skies) - 1), directions.reshape(-1, 3)
-    total = torch.zeros_like(toward)
-    for number, sky in enumerate(skies):
-        share = 1 - (level - number).abs()
-        (near,) = (share > 0).nonzero(as_tuple=True)
-        total = total.index_add(0, near, share[near, None] * look_up(sky, toward[near]))
-    return total.reshape(directions.shape)
+    return look_up_between(skies, directions, roughness * (len(skies) - 1))
 
 
 def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:

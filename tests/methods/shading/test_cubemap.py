@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from graycard.methods.shading import from_latitudes, look_up, solid_angles, texel_directions, to_latitudes
-from graycard.methods.shading._cubemap import turned_texels
+from graycard.methods.shading._cubemap import look_up_between, turned_texels
 
 
 def sphere(seed: int, count: int = 4000) -> torch.Tensor:
@@ -80,6 +80,49 @@ def test_gradients() -> None:
     texels = torch.rand(6, 3, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(5))
     at = sphere(6, 12).requires_grad_()
     assert torch.autograd.gradcheck(look_up, (texels.requires_grad_(), at))
+
+
+def skies_of(sizes: tuple[int, ...]) -> list[torch.Tensor]:
+    draw = torch.Generator().manual_seed(8)
+    return [torch.rand(6, size, size, 2, generator=draw, dtype=torch.float64) for size in sizes]
+
+
+def test_between_two_skies_it_is_linear() -> None:
+    """In numbers of either side of each, at it, and beyond the ends."""
+    skies, at = skies_of((4, 2, 3)), sphere(9, 60).reshape(5, 12, 3)
+    levels = torch.tensor([-0.5, 0.0, 0.3, 0.99, 1.0, 1.2, 1.8, 2.0, 2.5, 9.0, 0.5, 1.5], dtype=torch.float64)
+    number = levels.clamp(0, 2)
+    shares = [(1 - (number - k).abs()).clamp(min=0)[:, None] for k in range(3)]
+    expected = sum(share * look_up(sky, at) for share, sky in zip(shares, skies, strict=True))
+    torch.testing.assert_close(look_up_between(skies, at, levels), expected, rtol=0, atol=1e-12)
+
+
+def test_gradients_between_skies() -> None:
+    skies, at = skies_of((2, 3)), sphere(10, 9).requires_grad_()
+    levels = torch.linspace(0.1, 0.9, 9, dtype=torch.float64).requires_grad_()
+
+    def value(*parts: torch.Tensor) -> torch.Tensor:
+        return look_up_between(parts[2:], parts[0], parts[1])
+
+    assert torch.autograd.gradcheck(value, (at, levels, *(sky.requires_grad_() for sky in skies)))
+
+
+def test_a_level_at_a_sky_or_beyond_the_ends_stays() -> None:
+    skies, at = skies_of((2, 3, 2)), sphere(11, 4)
+    levels = torch.tensor([0.0, 1.0, 2.5, -1.0], dtype=torch.float64).requires_grad_()
+    look_up_between(skies, at, levels).sum().backward()
+    assert levels.grad is not None
+    assert levels.grad.tolist() == [0, 0, 0, 0]
+
+
+def test_in_no_direction_nothing_is_seen() -> None:
+    assert look_up(skies_of((2,))[0], torch.empty(0, 3)).shape == (0, 2)
+
+
+def test_of_numbers_that_are_none_something_is_seen() -> None:
+    """Whoever fits then says that the fit has no way on; nothing outside of the texels is read."""
+    none = torch.full((2, 3), np.nan)
+    assert look_up_between(skies_of((2, 3)), none, none[:, 0]).shape == (2, 2)
 
 
 def test_latitudes_and_back() -> None:
