@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``goris``: an object is taken out together with its mirror image (GOR-IS, CVPR 2026)."""
+"""``goris``: an object is removed together with its reflection (GOR-IS, CVPR 2026)."""
 
 from graycard.methods.goris._method import GorisMethod as GorisMethod
 from graycard.methods.goris._scene import GlossyScene as GlossyScene

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Colours that change with the view, fitted to pictures of a scene: then no ray has to be traced any more."""
+"""Radiance alone, fitted to pictures of a scene, so that no ray has to be traced to draw it."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,10 +28,10 @@ BETWEEN = 2
 def distilled(
     parameters: Parameters, capture: Capture, settings: GorisSettings, seed: int, progress: Progress
 ) -> Parameters:
-    """Coloured surfels that look like a scene from its training cameras and from between them.
+    """Radiance-only surfels that look like a scene from its training cameras and from between them.
 
-    A new fit in colours, as the paper has it: only pictures count, and geometry is found anew, for what a
-    mirror shows needs a room behind it when no ray is traced.
+    A new fit of radiance alone, as the paper has it: only pictures count, and geometry is found anew, for a
+    reflection needs a room behind the mirror when no ray is traced.
 
     Args:
         parameters: Of the scene.
@@ -41,7 +41,7 @@ def distilled(
         progress: Called now and then.
 
     Raises:
-        MethodError: The fit has no way on.
+        MethodError: The loss or a gradient is not finite.
     """
     cameras = [view.camera for view in capture.train]
     extent = scene_extent(cameras)
@@ -62,9 +62,9 @@ def _pictured(parameters: Parameters, camera: Camera, settings: GorisSettings, e
 
 
 def cameras_between(cameras: Sequence[Camera], count: int) -> list[Camera]:
-    """Cameras, and so many more on the way from each to its nearest neighbour, evenly spaced; no way twice.
+    """Cameras, and ``count`` more between each and its nearest neighbour, evenly spaced, each pair once.
 
-    Positions go straight, rotations by the shortest way; lenses and sizes are those of the first of the two.
+    Positions are interpolated linearly, rotations spherically; intrinsics are those of the first of the two.
     """
     positions = np.array([camera.position for camera in cameras])
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reflections of rough surfaces: what a mirror would show, blurred on the screen (GOR-IS, its S1.3)."""
+"""Reflections in rough surfaces: those of a mirror, blurred in screen space (GOR-IS, its S1.3)."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -11,7 +11,7 @@ from torch.nn.functional import avg_pool2d, conv2d, interpolate, pad
 Reading = Literal["paper", "release"]
 """``paper``: each level is a Gaussian blur of the one before, at half its size; the network knows roughness
 and the depth of the pixel. ``release``, as its code has it: a box, in which pixels count by how alike their
-normals are; the network knows how far the mirrored ray went, and one over depth. The code's network is
+normals are; the network knows how far the reflected ray went, and one over depth. The code's network is
 U-shaped; here both readings have the paper's."""
 
 LEVELS = 5

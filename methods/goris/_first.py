@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much glossy surfaces reflect before the first step with light: what photographs allow (inferred).
+"""Initial F0, diffuse radiance and environment map of glossy surfaces, from the photographs (inferred).
 
-A point of a glossy surface is seen in several views. What it scatters is the same in all of them, what it
-reflects is F (L + V E): radiance L and transmittance V of the mirrored ray are traced, and with F0 given F is
-known, so that the surroundings E are a linear least squares fit, of the differences between views. Both terms
-look alike to a fit that steps downhill: begun with F0 of 0.5 on wood, or 0.1 on steel, it stays near to that.
+A point of a glossy surface is seen in several views. Its diffuse radiance is the same in all of them, its
+specular radiance is F (L + V E): radiance L and transmittance V of the reflected ray are traced, and with F0
+given F is known, so that the environment E is a linear least squares fit to the differences between views.
+Gradient descent hardly tells the terms apart: begun with F0 of 0.5 on wood, or 0.1 on steel, it stays there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +16,9 @@ from scipy.optimize import nnls
 
 from graycard.methods.goris._model import (
     REGION,
-    Mirrored,
+    Reflection,
     drawn_buffers,
-    mirrored_colours,
+    reflected_radiance,
 )
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
@@ -28,47 +28,47 @@ from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import decode
 
 CANDIDATES = (0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Of F0, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and
-more, most metals 0.5 to 0.9."""
+"""F0 that are tried, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and more,
+most metals 0.5 to 0.9."""
 SLACK = 1.04
-"""Of the metals, or of the others, the geometric mean is taken of those whose error is no more than so many
-times their least: between them photographs do not decide."""
+"""Of the metals, or of the others, the geometric mean is taken of all candidates whose residual is no more
+than this many times the least of its kind: photographs do not decide between them."""
 LEAST_METAL, METAL_SLACK, METAL_SHARE = 0.4, 1.07, 0.85
-"""Metals reflect so much or more on average, little else reflects a third of it, and a weak mirror of bright
-surroundings explains a metal's photographs nearly as well. It is a metal if the best fit of a metal's F0
-leaves no more than so many times the least error, which is mostly of what was traced, and takes off at least
-this share of what the best takes off the squares, for noise draws errors level and not these."""
+"""Metals have F0 of 0.4 and more, little else has a third of it, and a weak mirror of bright surroundings
+explains a metal's photographs nearly as well. It is a metal if the best candidate of these leaves at most
+``METAL_SLACK`` times the least residual (residuals are mostly errors of traced rays), and explains at least
+``METAL_SHARE`` of the variance that the best of all explains (noise makes residuals alike, not these)."""
 LEAST_EXPLAINED = 0.05
-"""Of the squares of all differences between views: with less there is noise and little else."""
+"""Least share of the variance between views that a candidate has to explain: with less it is mostly noise."""
 LEAST_MET = 0.02
-"""Share of the clear sightings whose mirrored ray meets a surfel: with less, surroundings take up any F0."""
+"""Least share of the clear sightings whose reflected ray meets a surfel: an environment fits any F0."""
 _MET = 0.5
 _CLEAR = 0.05
-"""F0 is told by clear sightings, whose mirrored ray surfels stop or let pass but for so much: where edges are
-mirrored, what was traced is most often wrong. The surroundings are of all, as some parts of them are seen in
-half-open rays alone."""
+"""F0 is estimated from clear sightings, whose reflected ray has a transmittance within this of 0 or 1: traced
+radiance is least reliable at edges. The environment is fitted to all, as parts of it are seen by half-open
+rays alone."""
 _SIZE = 6
-"""Texels along the side of a face of the surroundings that are fitted."""
+"""Texels along the side of a face of the environment map that is fitted."""
 _DOUBT = 1e-3
-"""Of the mean square of reflections: how much surroundings that are not the mean of photographs cost."""
+"""Weight of the ridge towards the mean of the photographs, relative to the mean square of reflections."""
 _NEAR = 0.02
-"""A point whose depth differs from what a view sees there by no more than this share is what it sees."""
+"""Relative difference in depth within which a point is the one that a view sees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sightings:
-    """Glossy surfels in photographs: M times that one was seen."""
+    """Observations of glossy surfels in photographs, M in all."""
 
     surfel: np.ndarray
-    """Shape ``(M,)``: which one."""
+    """Shape ``(M,)``: which surfel."""
     colour: np.ndarray
     """Shape ``(M, 3)``: of the photograph, linear, exposed."""
     radiance: np.ndarray
-    """Shape ``(M, 3)``: along the mirrored ray, of surfels, as much as they cover."""
+    """Shape ``(M, 3)``: traced along the reflected ray, premultiplied by coverage."""
     passed: np.ndarray
-    """Shape ``(M,)``: what passes them."""
+    """Shape ``(M,)``: transmittance of that ray."""
     direction: np.ndarray
-    """Shape ``(M, 3)``: of the mirrored ray, world, unit."""
+    """Shape ``(M, 3)``: of the reflected ray, world, unit."""
     grazing: np.ndarray
     """Shape ``(M,)``: (1 - cosine)^5, see :func:`graycard.methods.goris._model.fresnel`."""
 
@@ -79,7 +79,7 @@ class Sightings:
 
 @dataclass(frozen=True, eq=False)
 class FirstLight:
-    """Before the first step with light."""
+    """Initial values of light transport."""
 
     f0: float
     """Of all glossy surfels."""
@@ -88,17 +88,19 @@ class FirstLight:
     surfels: torch.Tensor
     """Numbers of the surfels that were seen, shape ``(S,)``."""
     diffuse: torch.Tensor
-    """What each of them scatters, shape ``(S, 3)``, linear, exposed, 0 or more."""
+    """Diffuse radiance of each of them, shape ``(S, 3)``, linear, exposed, 0 or more."""
 
 
 def first_light(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> FirstLight | None:
-    """What photographs allow; None where glossy surfels are seen again too seldom to tell the surroundings,
-    next to nothing is mirrored but these, which take up any F0, or views differ by noise alone.
+    """Estimate initial values from the photographs.
+
+    None where glossy surfels are seen by too few views to determine the environment, where next to nothing
+    else is reflected, which would fit any F0, or where views differ by noise alone.
 
     Args:
-        values: Parameters by name, regions as priors have them.
+        values: Parameters by name, regions as told by priors.
         shots: The training views.
         settings: Of the method.
         extent: Of the scene, metres.
@@ -125,7 +127,7 @@ def first_light(
 
 
 def found_f0(found: Sightings) -> float | None:
-    """The F0 of glossy surfels; None where sightings do not tell, see :func:`first_light`."""
+    """The F0 of glossy surfels; None where sightings do not determine it, see :func:`first_light`."""
     clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
     _, number, count = np.unique(clear.surfel, return_inverse=True, return_counts=True)
     clear = clear.take(count[number] > 1)
@@ -138,14 +140,14 @@ def found_f0(found: Sightings) -> float | None:
 
 
 def likeliest(errors: Sequence[float], matte: float) -> float | None:
-    """The F0 that photographs speak for most, the mean of those between which they do not decide.
+    """The F0 that fits the photographs best, the geometric mean of those between which they do not decide.
 
     Args:
-        errors: Root mean squares that each of the :data:`CANDIDATES` leaves, above 0.
-        matte: The same if nothing is reflected: all differences between views.
+        errors: Residual of each of the :data:`CANDIDATES`, root mean square, above 0.
+        matte: The same if nothing is reflected: of all differences between views.
 
     Returns:
-        None if no candidate explains any differences to speak of.
+        None if no candidate explains :data:`LEAST_EXPLAINED` of the variance.
     """
     squares, candidates = np.square(errors), np.asarray(CANDIDATES)
     metal = candidates >= LEAST_METAL
@@ -159,13 +161,13 @@ def likeliest(errors: Sequence[float], matte: float) -> float | None:
 
 
 def _basis(found: Sightings) -> np.ndarray:
-    """What each texel of the surroundings counts in each direction, ``(M, T)``."""
+    """Weight of each texel of the environment map in each direction, ``(M, T)``."""
     texels = torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1)
     return look_up(texels, _float(found.direction)).numpy()
 
 
 def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
-    """The error that is left, of :func:`_error`, and surroundings ``(T, 3)``, none below 0."""
+    """The residual, see :func:`_error`, and the non-negative environment ``(T, 3)``."""
     strength = _fresnel(f0, found)
     seen_through = _between_views((strength * found.passed)[:, None] * basis, found.surfel)
     left = _between_views(found.colour - strength[:, None] * found.radiance, found.surfel)
@@ -197,35 +199,35 @@ def _between_views(values: np.ndarray, surfel: np.ndarray) -> np.ndarray:
 def sightings(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> Sightings:
-    """Where photographs show the centres of glossy surfels, unless something is in front of them."""
+    """Observations of the centres of glossy surfels in photographs, where they are not occluded."""
     (glossy,) = (values[REGION][:, 0] < 0).nonzero(as_tuple=True)
     parts = []
     for shot in shots:
         view = shot.photograph
         buffers = drawn_buffers(values, view.camera, view.sky, settings)
         masked = replace(buffers, glossy=shot.glossy * (1 - shot.target))
-        mirrored = mirrored_colours(values, masked, settings, extent)
+        reflection = reflected_radiance(values, masked, settings, extent)
         depth = np.where(buffers.drawn.alpha > 0.5, buffers.drawn.depth, np.inf)
         which, rows = _seen_at(values[CENTRES][glossy].numpy(), shot, depth)
         place = np.full(depth.size, -1)
-        place[mirrored.rows.numpy()] = np.arange(len(mirrored.rows))
+        place[reflection.rows.numpy()] = np.arange(len(reflection.rows))
         kept = place[rows] >= 0
         normal, linear = buffers.normal.reshape(-1, 3), decode(view.encoded).reshape(-1, 3)
         rays, rows = torch.from_numpy(place[rows[kept]]), torch.from_numpy(rows[kept])
-        parts.append(_sighted(glossy.numpy()[which[kept]], linear[rows], normal[rows], _at(mirrored, rays)))
+        parts.append(_sighted(glossy.numpy()[which[kept]], linear[rows], normal[rows], _at(reflection, rays)))
     return Sightings(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _at(mirrored: Mirrored, rays: torch.Tensor) -> Mirrored:
-    parts = (mirrored.rows, mirrored.directions, mirrored.radiance, mirrored.passed, mirrored.depth)
-    return Mirrored(*(part[rays] for part in parts))
+def _at(reflection: Reflection, rays: torch.Tensor) -> Reflection:
+    parts = (reflection.rows, reflection.directions, reflection.radiance, reflection.passed, reflection.depth)
+    return Reflection(*(part[rays] for part in parts))
 
 
 def _sighted(
-    surfel: np.ndarray, colour: torch.Tensor, normal: torch.Tensor, mirrored: Mirrored
+    surfel: np.ndarray, colour: torch.Tensor, normal: torch.Tensor, reflection: Reflection
 ) -> tuple[np.ndarray, ...]:
-    cosine = (normal * mirrored.directions).sum(dim=-1).clamp(0, 1)
-    parts = (colour, mirrored.radiance, mirrored.passed[:, 0], mirrored.directions, (1 - cosine) ** 5)
+    cosine = (normal * reflection.directions).sum(dim=-1).clamp(0, 1)
+    parts = (colour, reflection.radiance, reflection.passed[:, 0], reflection.directions, (1 - cosine) ** 5)
     return surfel, *(part.double().numpy() for part in parts)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The first stage: surfels of everything, the object included, and how glossy surfaces send light on."""
+"""The first stage: surfels of the whole scene, the object included, then light transport by glossy ones."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -49,24 +49,24 @@ from graycard.methods.surfels import (
 
 METHOD = "goris"
 FIRST_FRESNEL, FIRST_ROUGHNESS, FIRST_DIFFUSE = 0.3, 0.3, 0.5
-"""Of all surfels before light is sent on (released code: 0.5 for all); the last a share of the colour."""
+"""Initial values of all surfels (released code: 0.5 for all); the last is a share of the colour."""
 FIRST_REGION = 0.9
-"""The same of the region where no prior tells glossy surfaces (released code)."""
+"""Initial region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
-"""What priors say is believed but for this."""
+"""Initial regions and diffuse radiance keep this far from 0 and 1, whose logits are infinite."""
 FRESNEL_RATE, FOUND_FRESNEL_RATE = Rate(2e-2, 5e-3), Rate(6e-3, 1.5e-3)
-"""Learning rates of the Fresnel term: steps downhill lead away from what :func:`first_light` has found."""
+"""Learning rates of f0: gradients lead away from what :func:`first_light` has found."""
 CENTRES_RATE = Rate(8e-5, 5e-6)
-"""Of places while light is sent on, in extents: in colours alone they end at 1 % of where they begin.
+"""Learning rate of positions in the steps with light transport, in extents of the scene.
 
-They begin again higher than they ended, as most steps are still to come."""
+It starts above where the radiance-only steps ended (1 % of their start), as most steps are still to come."""
 _SURE_OF_OBJECT = 0.01
-"""What masks of the object say, too: less than ``least_effect``, or a surfel that no view shows were half in
-doubt to be the object's, and all that mirrors it."""
+"""The same of labels: less than ``least_effect``, or whatever reflects a surfel that no view sees would be
+masked as reflecting the object."""
 
 
 def as_glossy_as_told(settings: GorisSettings, shots: Sequence[Shot]) -> GorisSettings:
-    """In colours alone where a prior says that nothing is glossy: no light is to be sent on."""
+    """Settings for radiance only where a prior says that nothing is glossy, else unchanged."""
     matte = settings.matte_in_colours and all(shot.told and not shot.glossy.any() for shot in shots)
     return replace(settings, radiance_share=1.0, transport=False) if matte else settings
 
@@ -79,7 +79,7 @@ def fit_colours(
     progress: Progress,
     flat: FlatSurface | None = None,
 ) -> Parameters:
-    """Coloured surfels that show the training photographs.
+    """Fit radiance alone: surfels with spherical harmonics that show the training photographs.
 
     Args:
         capture: It.
@@ -87,10 +87,10 @@ def fit_colours(
         settings: Of the method.
         seed: Of all that is random.
         progress: Told of steps.
-        flat: A surface on which surfels begin; None: where stereo says.
+        flat: A surface on which surfels are initialised; None: by stereo alone.
 
     Raises:
-        MethodError: There are too few sparse points, or the fit has no way on.
+        MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     pictures = [
@@ -114,10 +114,10 @@ def fit_colours(
 def fit_light(
     coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int, progress: Progress
 ) -> Parameters:
-    """How coloured surfels send light on; they move on as well.
+    """Fit light transport, and go on with geometry and radiance.
 
     Raises:
-        MethodError: The fit has no way on.
+        MethodError: The loss or a gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     start = with_light(coloured, shots, settings, seed)
@@ -134,10 +134,10 @@ def fit_light(
 
 
 def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int) -> Parameters:
-    """Coloured surfels with what light needs, as it is before the first step (inferred but for the region).
+    """Surfels with the initial parameters of light transport (inferred but for the region).
 
-    Diffuse radiance is the colour from everywhere; regions and labels are the share of what each surfel gives
-    to photographs that lies in masks.
+    Diffuse radiance starts at the colour of degree 0; regions and labels at the share of a surfel's blending
+    weights in the photographs that lies in masks.
     """
     surfels = surfels_of(coloured.surfels)
     cameras = [shot.photograph.camera for shot in shots]
@@ -165,7 +165,7 @@ def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSetti
 
 
 def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Parameters:
-    """Surfels that reflect, scatter and are surrounded by what was found."""
+    """Surfels with f0, diffuse radiance and environment map as they were found."""
     if found is None:
         return start
     diffuse, fresnel = (start.surfels[name].clone() for name in (DIFFUSE, FRESNEL))
@@ -181,12 +181,12 @@ def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Paramet
 def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
     """Learning rates by the names of parameters (inferred).
 
-    Geometry goes on as slowly as in colours alone it ended; what is new is as fast as a short fit needs.
+    Geometry and radiance go on at the rates that they ended with; new parameters as a short fit needs.
 
     Args:
         extent: Of the scene, metres.
         settings: Of the method.
-        found: Whether Fresnel terms begin as photographs allow, or as a stage before has fitted them.
+        found: Whether f0 was found by :func:`first_light`, or fitted by a stage before.
     """
     rates = learning_rates(extent, settings)
     rates = {name: Rate(rate.end or rate.start) for name, rate in rates.items()}

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a flat glossy surface is: at the height at which the views' masks of it agree (inferred).
+"""The plane of a flat glossy surface: at the height at which the views' outlines of it agree (inferred).
 
-Stereo looks for what looks alike in two views, and of a mirror that is what it shows: a metal table is found
-where its floor is. But the outline of the table is its own. Its normal is a prior's; for each of many heights
-along it the outline in one view is carried over to others by way of the plane, as silhouettes are in space
-carving (Kutulakos and Seitz 2000).
+Stereo matches what looks alike in two views, which on a mirror is its reflection: a metal table is found at
+the depth of the reflected floor. But the outline of the table is its own. The normal is a prior's; for each
+of many heights along it the outline in one view is projected to other views by way of the plane, as
+silhouettes are in space carving (Kutulakos and Seitz 2000).
 """
 
 from collections.abc import Sequence
@@ -22,50 +22,51 @@ from graycard.methods.removal import points_in_picture
 from graycard.methods.surfels import plane_depth
 
 SPREAD = 25.0
-"""Degrees from the common normal within which a pixel is of the flat surface."""
+"""Degrees from the common normal within which a pixel belongs to the flat surface."""
 LEAST_FLAT = 0.75
-"""Share of the glossy pixels that have to be, or the surface is curved, or there are several."""
+"""Share of the glossy pixels that have to belong to it, or the surface is curved, or there are several."""
 MOST_TURN = 2.5
-"""Degrees (root mean square) by which the normal may turn with the place on the surface, or it is curved: on
-tables of 1.4 m that is a sag of 3 cm, as much as the error of depth that stereo makes anyway. A prior's
-errors differ from view to view and leave less than 1 degree of turn."""
+"""Degrees (root mean square) by which the normal may turn with position on the surface, or it is curved: on
+tables of 1.4 m that is a sag of 3 cm, as much as the error of depth by stereo. A prior's errors differ from
+view to view and leave less than 1 degree."""
 LEAST_AGREEMENT = 0.7
-"""Overlap (intersection over union) of outlines below which no height is believed."""
+"""Overlap (intersection over union) of outlines below which no height is accepted."""
 APART, LESS, MORE_WRONG = 0.1, 0.01, 1.3
-"""A height is believed if all that are farther from it than this share of the range have so much less
-overlap, or so many times as much that does not overlap: where a surface fills the pictures its outlines tell
-little."""
+"""A height is accepted if all heights farther from it than ``APART`` of the range have an overlap less by
+``LESS``, or ``MORE_WRONG`` times as much that does not overlap: where a surface fills the pictures, its
+outlines tell little."""
 HEIGHTS, FINER = 48, 21
-"""That are tried over the range of the sparse points and a quarter beyond, and then around the best."""
+"""Heights that are tried over the range of the sparse points and a quarter beyond, then around the best."""
 _BEYOND = 0.25
 _EVERY = 3
-"""Pixels: how densely outlines are carried over."""
+"""Pixels between those of an outline that are projected."""
 _PARTNERS = 7
-"""Views at most to which each outline is carried."""
+"""Views at most to which each outline is projected."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Outline:
-    """Of the flat surface in one view."""
+    """Outline of the flat surface in one view."""
 
     camera: Camera
     inside: np.ndarray
-    """Shape ``(H, W)``, bool. Objects on the surface hide parts of it, so it is the convex hull of what is
-    seen: the hull of a picture is the picture of the hull."""
+    """Shape ``(H, W)``, bool: the convex hull of what is visible, as objects on the surface occlude parts of
+    it. Hulls are preserved by projection."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatSurface:
-    """What the training views see of a flat glossy surface."""
+    """A flat glossy surface in the training views."""
 
     mirrors: list[np.ndarray]
-    """Of each view, shape ``(H, W)``, bool: what is glossy and does not face another way. Glazed things on a
-    table do, and are coloured and not glossy: mirrored rays meet what is rough, so the table shows them."""
+    """Of each view, shape ``(H, W)``, bool: what is glossy and does not face another way. Glazed objects on a
+    table do: they count as rough, as reflected rays meet rough surfels alone, so that the table reflects
+    them."""
     depths: list[np.ndarray]
     """z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface."""
 
     def alone(self, shots: Sequence[Shot]) -> list[Shot]:
-        """The views, with nothing else in them that is glossy."""
+        """The views with this surface as the only glossy one."""
         masks = [torch.from_numpy(mask.astype(np.float32)) for mask in self.mirrors]
         return [replace(shot, glossy=shot.glossy * mask) for shot, mask in zip(shots, masks, strict=True)]
 
@@ -75,10 +76,10 @@ def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | Non
 
     Args:
         shots: The training views, with a prior's masks and normals.
-        points: Shape ``(M, 3)``, world, metres: the sparse points, between which heights are looked for.
+        points: Shape ``(M, 3)``, world, metres: the sparse points, whose range is searched.
 
     Returns:
-        None where no prior tells normals or glossy surfaces, they are not flat, no height is believed, or
+        None where no prior tells normals or glossy surfaces, they are not flat, no height is accepted, or
         there are no points.
     """
     glossy, normals, known = [], [], []
@@ -127,7 +128,7 @@ def _hull(flat: np.ndarray) -> np.ndarray:
 
 
 def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray) -> float | None:
-    """At which outlines agree best, metres along the normal; None if they hardly do, or nearly anywhere."""
+    """Height of the best overlap, metres along the normal; None if it is low, or as high nearly anywhere."""
     margin = _BEYOND * np.ptp(known)
     heights = np.linspace(known.min() - margin, known.max() + margin, HEIGHTS)
     agree = np.array([agreement(outlines, normal, height) for height in heights])
@@ -142,10 +143,10 @@ def _height(outlines: Sequence[_Outline], normal: np.ndarray, known: np.ndarray)
 
 
 def _turn(places: np.ndarray, normals: np.ndarray, common: np.ndarray) -> float:
-    """How much normals turn with the place, degrees (root mean square).
+    """How much normals turn with position, degrees (root mean square).
 
-    Each normal's part across the common one, shape ``(N, 2)``, is fitted by a linear function of the place
-    along the plane: of a sphere it is one, and errors that have nothing to do with the place drop out.
+    The components of normals along the plane are fitted by a linear function of position: on a sphere they
+    are one, and errors that do not depend on position drop out.
     """
     along = np.linalg.svd(common[None])[2][1:]
     place = (places - places.mean(axis=0)) @ along.T
@@ -155,7 +156,7 @@ def _turn(places: np.ndarray, normals: np.ndarray, common: np.ndarray) -> float:
 
 
 def agreement(outlines: Sequence[_Outline], normal: np.ndarray, height: float) -> float:
-    """Intersection over union of outlines and of those that other views have, carried over by a plane.
+    """Intersection over union of outlines and of those of other views, projected by way of a plane.
 
     Args:
         outlines: One a view.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``goris`` (GOR-IS, CVPR 2026): an object is taken out together with its mirror image."""
+"""``goris`` (GOR-IS, CVPR 2026): an object is removed together with its reflection."""
 
 from pathlib import Path
 
@@ -18,9 +18,9 @@ from graycard.methods.surfels import SurfelScene
 
 
 class GorisMethod:
-    """Surfels, some of them glossy: what these show is traced, so it goes when the object goes."""
+    """Surfels, some of them glossy: their reflections are traced, so the object's goes with the object."""
 
-    summary = "surfels whose glossy ones show what mirrored rays meet; the object goes with its mirror image"
+    summary = "surfels whose glossy ones reflect traced light; the object is removed with its reflection"
     needs: tuple[str, ...] = ()
     asks = ASKS
     settings_type = GorisSettings
@@ -28,12 +28,12 @@ class GorisMethod:
     def fit(
         self, capture: Capture, priors: Priors, settings: GorisSettings, seed: int, progress: Progress
     ) -> GorisScene:
-        """Fit surfels and how they send light on, take the object's out, and fit what is left.
+        """Fit surfels and light transport, remove the object's surfels, and fit what is left.
 
         Raises:
             MethodError: The capture names no object or its masks are not sound, there are too few sparse
-                points, photographs are black or not finite, an answer of the prior is not sound, or the fit
-                has no way on.
+                points, photographs are black or not finite, an answer of the prior is not sound, or the loss
+                or a gradient is not finite.
         """
         masks = checked_for_removal(capture, priors, settings, seed, METHOD)
         shots = shots_of(capture, priors, masks, settings)

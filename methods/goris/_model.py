@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a picture comes about: surfels are drawn as layers, and glossy pixels show what mirrored rays meet."""
+"""The image formation: surfels are rasterised into a G-buffer, and glossy pixels reflect traced radiance."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from torch.nn.functional import normalize
 from graycard import Camera
 from graycard.methods.goris._filter import filtered, pyramid, translated
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.shading import mirrored_skies, mirrored_sky
+from graycard.methods.shading import prefiltered_skies, reflected_sky
 from graycard.methods.splat import (
     GEOMETRY,
     FeatureMaps,
@@ -29,30 +29,30 @@ from graycard.methods.surfels import COEFFICIENTS, DETAIL, colours, composed, de
 DIFFUSE, FRESNEL, ROUGHNESS, REGION, LABEL = "diffuse", "f0", "roughness", "region", "label"
 """Names of the parameters of surfels, all logits: of diffuse radiance over :data:`BRIGHTEST`, encoded,
 ``(N, 3)``; of reflectance at normal incidence ``(N, 3)``; of roughness ``(N, 1)``; of the region ``(N, 1)``,
-1 where a surface is rough and 0 where it is glossy; and of how much a surfel is the object's ``(N, 1)``."""
+1 where a surface is rough and 0 where it is glossy; and of the object's label ``(N, 1)``."""
 SURROUNDINGS = "surroundings"
-"""Name of a parameter that is no surfel's: logarithm of exposed radiance, cubemap ``(6, N, N, 3)``."""
+"""Name of the environment map: logarithm of exposed radiance, cubemap ``(6, N, N, 3)``."""
 BRIGHTEST = 1.5
-"""Diffuse radiance of a surfel, encoded, at most: in the released code photographs are divided by it."""
+"""Greatest diffuse radiance of a surfel, encoded: the released code divides photographs by it."""
 LEAST_COVER = 1e-3
-"""Of a pixel, by surfels: with less its layers are no longer divided by it."""
+"""Coverage of a pixel by surfels: layers are divided by no less."""
 LEAST_GLOSS = 0.02
 """Share of a pixel that has to be glossy for a ray to be traced."""
 
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """What a camera sees of surfels, before light is sent on; H x W pixels."""
+    """The G-buffer of a view; H x W pixels."""
 
     camera: Camera
     rays: torch.Tensor
     """Shape ``(H, W, 3)``, float64, world, unit: from the camera through the middles of the pixels."""
     drawn: Maps
-    """Of geometry; of its features the first three are encoded colours, the others diffuse radiance."""
+    """Geometry; of its features the first three are encoded colours, the others encoded diffuse radiance."""
     rough: torch.Tensor
-    """Shape ``(H, W, 3)``, encoded: the picture were everything rough, over the sky."""
+    """Shape ``(H, W, 3)``, encoded: radiance of spherical harmonics over the sky, as if all were rough."""
     diffuse: torch.Tensor
-    """Shape ``(H, W, 3)``, linear, exposed: what surfaces scatter, whatever the direction of view."""
+    """Shape ``(H, W, 3)``, linear, exposed: diffuse radiance, which does not depend on the view."""
     f0: torch.Tensor
     """Shape ``(H, W, 3)``."""
     roughness: torch.Tensor
@@ -74,10 +74,10 @@ def drawn_buffers(
     settings: GorisSettings,
     offsets: torch.Tensor | None = None,
 ) -> Buffers:
-    """Draw surfels.
+    """Rasterise surfels into a G-buffer.
 
-    Colours and diffuse radiance move geometry, the other attributes do not (the released code lets the
-    Fresnel term move it too).
+    Colours and diffuse radiance have gradients with respect to geometry, other attributes do not (in the
+    released code f0 has them, too).
 
     Args:
         values: Parameters by name.
@@ -126,23 +126,23 @@ def _points(drawn: Maps, camera: Camera, rays: torch.Tensor) -> torch.Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Mirrored:
-    """What the mirrored rays of R pixels meet."""
+class Reflection:
+    """What the reflected rays of R glossy pixels meet."""
 
     rows: torch.Tensor
     """Shape ``(R,)``: numbers of the pixels, row by row."""
     directions: torch.Tensor
     """Shape ``(R, 3)``, world, unit, away from the surface."""
     radiance: torch.Tensor
-    """Shape ``(R, C)``: of surfels, as much as they cover of the ray; linear and exposed, or any feature."""
+    """Shape ``(R, C)``: linear and exposed, or any feature, premultiplied by coverage."""
     passed: torch.Tensor
-    """Shape ``(R, 1)``: what passes all surfels."""
+    """Shape ``(R, 1)``: transmittance."""
     depth: torch.Tensor
-    """Shape ``(R, 1)``: how far rays go, metres; 0 where they meet nothing."""
+    """Shape ``(R, 1)``: distance that rays go, metres; 0 where they meet nothing."""
 
 
-def mirrored_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
-    """Numbers of the glossy pixels, and the rays that a mirror would send on from there.
+def reflected_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
+    """Indices of the glossy pixels, and the rays that start there in mirror direction.
 
     ``w - 2 (w . n) n`` with the view ray w; differentiable in points and normals.
     """
@@ -153,12 +153,13 @@ def mirrored_rays(buffers: Buffers) -> tuple[torch.Tensor, Rays]:
     return rows, Rays(buffers.points.reshape(-1, 3)[rows], normalize(away, dim=-1))
 
 
-def mirrored_colours(
+def reflected_radiance(
     values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
-) -> Mirrored:
-    """Radiance along mirrored rays.
+) -> Reflection:
+    """Radiance along reflected rays.
 
-    Harmonics are sums: their coefficients are blended along the ray, and seen in its direction afterwards.
+    Coefficients of spherical harmonics are blended along the ray and evaluated in its direction afterwards,
+    which is the same, as both are linear.
 
     Args:
         values: Parameters by name.
@@ -169,18 +170,18 @@ def mirrored_colours(
     count = (settings.traced_degree + 1) ** 2
     met_by = traced_surfels(values, settings)
     coefficients = torch.cat([met_by[COEFFICIENTS], met_by[DETAIL]], dim=1)[:, :count]
-    rows, rays = mirrored_rays(buffers)
+    rows, rays = reflected_rays(buffers)
     met = trace(surfels_of(met_by), rays, coefficients.flatten(1), near=settings.near * extent)
     blended = met.features.unflatten(-1, (count, 3))
     encoded = spherical_harmonics_colours(blended, rays.directions, np.zeros(3), settings.traced_degree)
     cover = (1 - met.transmittance)[:, None]
     mean = encoded / cover.clamp(min=LEAST_COVER) + 0.5
     radiance = cover * decode(mean).clamp(min=0)
-    return Mirrored(rows, rays.directions, radiance, met.transmittance[:, None], met.depth[:, None])
+    return Reflection(rows, rays.directions, radiance, met.transmittance[:, None], met.depth[:, None])
 
 
 def traced_surfels(values: Mapping[str, torch.Tensor], settings: GorisSettings) -> dict[str, torch.Tensor]:
-    """Parameters of the surfels that mirrored rays meet, by name."""
+    """Parameters of the surfels that reflected rays meet, by name."""
     names = (*GEOMETRY, COEFFICIENTS, DETAIL, REGION, LABEL)
     if settings.traced == "all":
         return {name: values[name] for name in names}
@@ -188,40 +189,40 @@ def traced_surfels(values: Mapping[str, torch.Tensor], settings: GorisSettings) 
     return {name: values[name][rough] for name in names}
 
 
-def mirrored_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, near: float) -> Mirrored:
-    """Features ``(N, C)`` of surfels along mirrored rays, ``near`` metres away or more."""
-    rows, rays = mirrored_rays(buffers)
+def reflected_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, near: float) -> Reflection:
+    """Features ``(N, C)`` of surfels, blended along reflected rays from ``near`` metres on."""
+    rows, rays = reflected_rays(buffers)
     met = trace(surfels, rays, features, near=near)
-    return Mirrored(rows, rays.directions, met.features, met.transmittance[:, None], met.depth[:, None])
+    return Reflection(rows, rays.directions, met.features, met.transmittance[:, None], met.depth[:, None])
 
 
-def fresnel(buffers: Buffers, mirrored: Mirrored) -> torch.Tensor:
+def fresnel(buffers: Buffers, reflection: Reflection) -> torch.Tensor:
     """Schlick's Fresnel term of the glossy pixels, shape ``(R, 3)``; the cosine gets no gradient."""
-    normal = buffers.normal.detach().reshape(-1, 3)[mirrored.rows]
-    cosine = (normal * mirrored.directions.detach()).sum(dim=-1, keepdim=True).clamp(0, 1)
-    f0 = buffers.f0.reshape(-1, 3)[mirrored.rows]
+    normal = buffers.normal.detach().reshape(-1, 3)[reflection.rows]
+    cosine = (normal * reflection.directions.detach()).sum(dim=-1, keepdim=True).clamp(0, 1)
+    f0 = buffers.f0.reshape(-1, 3)[reflection.rows]
     return f0 + (1 - f0) * (1 - cosine) ** 5
 
 
 def blurred(
     values: Mapping[str, torch.Tensor],
     buffers: Buffers,
-    mirrored: Mirrored,
+    reflection: Reflection,
     settings: GorisSettings,
     extent: float,
 ) -> torch.Tensor:
-    """Radiance and what passes, as blurred as roughness asks for, shape ``(R, C + 1)``.
+    """Radiance and transmittance, blurred in screen space by roughness, shape ``(R, C + 1)``.
 
-    Pixels without a ray do not count: blurred images are divided by the blurred share of pixels with one.
+    Blurred images are normalised by the blurred mask of pixels with a ray.
     """
-    sharp = torch.cat([mirrored.radiance, mirrored.passed], dim=-1)
-    if settings.filter == "none" or len(mirrored.rows) == 0:
+    sharp = torch.cat([reflection.radiance, reflection.passed], dim=-1)
+    if settings.filter == "none" or len(reflection.rows) == 0:
         return sharp
     height, width = buffers.roughness.shape
     counted = torch.cat([sharp, sharp.new_ones(len(sharp), 1)], dim=-1)
-    levels = pyramid(_image(counted, mirrored.rows, height, width), settings.filter, buffers.normal)
-    blur = translated(values, buffers.roughness, _distances(buffers, mirrored, settings, extent))
-    soft = filtered(levels, blur).flatten(0, 1)[mirrored.rows]
+    levels = pyramid(_image(counted, reflection.rows, height, width), settings.filter, buffers.normal)
+    blur = translated(values, buffers.roughness, _distances(buffers, reflection, settings, extent))
+    soft = filtered(levels, blur).flatten(0, 1)[reflection.rows]
     return soft[:, :-1] / soft[:, -1:].clamp(min=LEAST_COVER)
 
 
@@ -232,30 +233,34 @@ def _image(pixels: torch.Tensor, rows: torch.Tensor, height: int, width: int) ->
 
 
 @torch.no_grad()
-def _distances(buffers: Buffers, mirrored: Mirrored, settings: GorisSettings, extent: float) -> torch.Tensor:
-    """What the network is told beside roughness, see :data:`Reading`; in extents of the scene."""
+def _distances(
+    buffers: Buffers, reflection: Reflection, settings: GorisSettings, extent: float
+) -> torch.Tensor:
+    """Inputs of the network beside roughness, see :data:`Reading`; in extents of the scene."""
     drawn = buffers.drawn
     depth = torch.where(drawn.alpha > 0, drawn.depth, extent)[..., None] / extent
     if settings.filter == "paper":
         return depth
-    return torch.cat([_image(mirrored.depth / extent, mirrored.rows, *drawn.alpha.shape), 1 / depth], dim=-1)
+    return torch.cat(
+        [_image(reflection.depth / extent, reflection.rows, *drawn.alpha.shape), 1 / depth], dim=-1
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a photograph shows, and what it is made of."""
+    """A rendered picture and its parts."""
 
     buffers: Buffers
     encoded: torch.Tensor
     """Shape ``(H, W, 3)``."""
     reflected: torch.Tensor
-    """Shape ``(H, W, 3)``, linear, exposed: the glossy term; 0 where nothing is glossy."""
+    """Shape ``(H, W, 3)``, linear, exposed: the specular term; 0 where nothing is glossy."""
 
 
 def picture_of(
     values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
 ) -> Picture:
-    """Send light on, and mix pixels of what is rough and what is glossy.
+    """Transport light along reflected rays, and mix rough and glossy radiance by the region.
 
     Args:
         values: Parameters by name.
@@ -278,24 +283,26 @@ def _reflected(
 ) -> torch.Tensor:
     if not settings.transport:
         return torch.zeros_like(buffers.diffuse)
-    mirrored = mirrored_colours(values, buffers, settings, extent)
-    light, passed = blurred(values, buffers, mirrored, settings, extent).split([3, 1], dim=-1)
-    roughness = buffers.roughness.flatten()[mirrored.rows]
-    sky = mirrored_sky(mirrored_skies(values[SURROUNDINGS].exp()), mirrored.directions, roughness)
-    reflected = fresnel(buffers, mirrored) * (light + passed * sky)
-    return _image(reflected, mirrored.rows, *buffers.roughness.shape)
+    reflection = reflected_radiance(values, buffers, settings, extent)
+    light, passed = blurred(values, buffers, reflection, settings, extent).split([3, 1], dim=-1)
+    roughness = buffers.roughness.flatten()[reflection.rows]
+    sky = reflected_sky(prefiltered_skies(values[SURROUNDINGS].exp()), reflection.directions, roughness)
+    reflected = fresnel(buffers, reflection) * (light + passed * sky)
+    return _image(reflected, reflection.rows, *buffers.roughness.shape)
 
 
 @torch.no_grad()
 def effect_of(
     values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
 ) -> torch.Tensor:
-    """Share of an even light that pixels return by way of the object, shape ``(H, W)``, 0 to 1.
+    """Share of unit radiance that pixels reflect by way of the object, shape ``(H, W)``, 0 to 1.
 
-    The transport of colours with labels in their place (the paper's lighting-aware mask).
+    Light transport with labels in place of radiance (the paper's lighting-aware mask).
     """
     met_by = traced_surfels(values, settings)
-    mirrored = mirrored_features(surfels_of(met_by), met_by[LABEL].sigmoid(), buffers, settings.near * extent)
-    soft = blurred(values, buffers, mirrored, settings, extent)[:, :1]
-    returned = (fresnel(buffers, mirrored) * soft).mean(dim=-1, keepdim=True)
-    return _image(returned, mirrored.rows, *buffers.roughness.shape)[..., 0] * buffers.glossy
+    reflection = reflected_features(
+        surfels_of(met_by), met_by[LABEL].sigmoid(), buffers, settings.near * extent
+    )
+    soft = blurred(values, buffers, reflection, settings, extent)[:, :1]
+    returned = (fresnel(buffers, reflection) * soft).mean(dim=-1, keepdim=True)
+    return _image(returned, reflection.rows, *buffers.roughness.shape)[..., 0] * buffers.glossy

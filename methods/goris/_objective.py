@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What steps of the first stage lower: first of colours alone, then of light that is sent on."""
+"""Losses of the first stage: of radiance alone, and with light transport."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import colours, composed, disagreement
 
 DEGREE_EVERY = 1 / 10
-"""Share of the steps in colours alone after which the next degree of the harmonics is fitted too."""
+"""Share of the radiance-only steps after which the next degree of the spherical harmonics is fitted, too."""
 _INSIDE = 1e-4
 _SOBEL = 8.0
 """Sobel's difference on a ramp that rises by one a pixel."""
@@ -32,9 +32,9 @@ _SOBEL = 8.0
 
 @dataclass(frozen=True, eq=False)
 class RadianceObjective:
-    """Of colours that change with the view, as ``2dgs``, and of a prior's normals on glossy surfaces.
+    """Radiance only, as ``2dgs``, and the prior's normals on glossy surfaces.
 
-    Without these, what is seen in a mirror becomes a room behind it, and no later step fills that in again.
+    Without these a reflection becomes a room behind the mirror, which no later step removes.
     """
 
     shots: Sequence[Shot]
@@ -42,7 +42,7 @@ class RadianceObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
-        """What is to be lowered at a step."""
+        """The loss of a step."""
         settings = self.settings
         shot, share = self.shots[view_at(step, len(self.shots), self.seed)], step / settings.radiance_steps
         view = shot.photograph
@@ -65,7 +65,7 @@ class RadianceObjective:
 
 @dataclass(frozen=True, eq=False)
 class LightObjective:
-    """Of pictures in which glossy surfaces show what mirrored rays meet."""
+    """Pictures with light transport."""
 
     shots: Sequence[Shot]
     settings: GorisSettings
@@ -74,7 +74,7 @@ class LightObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
-        """What is to be lowered at a step, counted from the first with light."""
+        """The loss of a step, counted from the first with light transport."""
         settings = self.settings
         shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
         view = shot.photograph
@@ -90,14 +90,14 @@ class LightObjective:
 def surface_loss(
     buffers: Buffers, shot: Shot, settings: GorisSettings, step: int, kept: torch.Tensor | float = 1.0
 ) -> torch.Tensor:
-    """What holds surfaces and the region of glossy ones in every stage.
+    """Regularisers of surfaces and of the region, in all stages with light transport.
 
     Args:
         buffers: Of the view.
         shot: It.
         settings: Of the method.
-        step: Counted from the first with light.
-        kept: Shape ``(H, W)``: which pixels of the photograph are believed.
+        step: Counted from the first with light transport.
+        kept: Shape ``(H, W)``: 1 where the photograph is not masked out.
     """
     drawn = buffers.drawn
     weights = settings.normal_weight, settings.distortion_weight
@@ -112,12 +112,12 @@ def surface_loss(
 
 
 def cover_loss(drawn: Maps, settings: GorisSettings) -> torch.Tensor:
-    """What shines through all surfels."""
+    """Mean transmittance of pixels."""
     return settings.cover_weight * (1 - drawn.alpha.mean())
 
 
 def normal_prior_weight(settings: GorisSettings, step: int) -> float:
-    """Of the prior's normals after so many steps with light."""
+    """Weight of the prior's normals after some steps with light transport."""
     first, last = settings.normal_prior_weight, settings.least_normal_prior_weight
     share = min(1.0, step / (settings.decay_share * settings.iterations))
     if first <= last:
@@ -133,7 +133,7 @@ def normal_difference(normal: torch.Tensor, shot: Shot, kept: torch.Tensor | flo
     Args:
         normal: Shape ``(H, W, 3)``, world, unit.
         shot: Of a view.
-        kept: Shape ``(H, W)``: how much pixels count.
+        kept: Shape ``(H, W)``: weights of pixels.
     """
     if shot.normal is None:
         return torch.zeros(())
@@ -142,12 +142,12 @@ def normal_difference(normal: torch.Tensor, shot: Shot, kept: torch.Tensor | flo
 
 
 def label_loss(buffers: Buffers, shot: Shot) -> torch.Tensor:
-    """Mean cross entropy between drawn labels and the mask of the object."""
+    """Mean cross entropy between rendered labels and the mask of the object."""
     return binary_cross_entropy(buffers.label.clamp(_INSIDE, 1 - _INSIDE), shot.target)
 
 
 def surface_unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
-    """Mean steps of f0, roughness, normals and those of depth between glossy neighbours but for edges.
+    """Edge-aware smoothness of f0, roughness, normals and normals of depth on glossy surfaces.
 
     ``|d x| exp(-8 |d i|)`` with differences d of neighbours, of the means over channels: Sobel's, which the
     released code takes, are eight times as large.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The second stage: the object is taken out, what was behind it is painted, and the rest stays."""
+"""The second stage: the object is removed, what was behind it is inpainted, and the rest is kept."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -53,12 +53,12 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import SKY, decode, depth_layer, encode, sky_basis, with_colours
 
 MOST_DOUBTFUL = 0.5
-"""Share of what a glossy surfel gives to photographs, in which these show the object or what is next to it,
-beyond which it goes with the object."""
+"""Share of a glossy surfel's blending weights in the photographs within the widened masks of the object,
+beyond which it is removed with the object."""
 _SURE = 1e-3
-"""Of painted shares of 0 and 1, whose logits are infinite."""
+"""Inpainted shares keep this far from 0 and 1, whose logits are infinite."""
 _GLOSSY = 0.5
-"""Share of a painted pixel from which on it is filled in as a material."""
+"""Glossy share of an inpainted pixel from which on it is inpainted as a material."""
 
 
 def without_object(
@@ -71,20 +71,20 @@ def without_object(
     seed: int,
     progress: Progress,
 ) -> Parameters:
-    """Take the object out of what the first stage has fitted.
+    """Remove the object from what the first stage has fitted.
 
     Args:
         capture: The photographs.
-        fitted: Of the first stage.
+        fitted: Parameters after the first stage.
         shots: The training views.
-        priors: Fill in radiance and the layers of materials.
+        priors: They inpaint radiance and materials.
         settings: Of the method.
         seed: Of the order of views, and of new surfels.
         progress: Called now and then.
 
     Raises:
-        MethodError: No surfel is the object's or all are, the prior's answer is not sound, or the fit has no
-            way on.
+        MethodError: No surfel is the object's or all are, the prior's answer is not sound, or the loss or a
+            gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
     labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
@@ -111,11 +111,11 @@ def without_object(
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:
-    """Which glossy surfels give most of what they give to photographs where these show the object or what is
-    next to it, shape ``(N,)``, bool.
+    """Which glossy surfels have most of their blending weights within the widened masks of the object, shape
+    ``(N,)``, bool.
 
-    They have taken on its colours, no other pixels tell theirs, and a painter would go on with them. What is
-    rough looks the same from everywhere: next to the object it is as right as elsewhere.
+    They have taken on its colours, as no other pixels constrain them, and an inpainting would go on with
+    them. Rough surfels look the same from all views: next to the object they are as right as elsewhere.
     """
     glossy = fitted.surfels[REGION][:, 0] < 0
     cameras = [shot.photograph.camera for shot in shots]
@@ -126,7 +126,7 @@ def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> to
 def _effects(
     values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
 ) -> list[np.ndarray]:
-    """Where views show the object by reflection, shape ``(H, W)``, bool."""
+    """The lighting-aware mask of each view, shape ``(H, W)``, bool."""
     found = []
     with torch.no_grad():
         for shot in shots:
@@ -140,7 +140,7 @@ def _effects(
 def _drawn(
     values: Mapping[str, torch.Tensor], settings: GorisSettings, extent: float
 ) -> Callable[[Camera], Shown]:
-    """What cameras see: the picture, and the layers that materials are painted in."""
+    """A renderer of the picture and of the layers that are inpainted as materials."""
 
     @torch.no_grad()
     def draw(camera: Camera) -> Shown:
@@ -156,7 +156,7 @@ def _drawn(
 
 
 def material_layers(picture: Picture) -> dict[str, torch.Tensor]:
-    """The layers of :data:`LAYERS`: diffuse radiance in display range, the others in their unit."""
+    """The layers of :data:`LAYERS`: diffuse radiance linear and exposed, the others in their unit."""
     buffers = picture.buffers
     parts = (buffers.diffuse, buffers.f0, buffers.roughness, buffers.glossy, buffers.normal)
     return dict(zip(LAYERS, parts, strict=True))
@@ -165,12 +165,12 @@ def material_layers(picture: Picture) -> dict[str, torch.Tensor]:
 def with_painted_wall(
     left: Parameters, taken: int, wall: Wall, settings: GorisSettings, seed: int
 ) -> Parameters:
-    """What is left, with new surfels on the wall behind the object, as it was painted.
+    """What is left, with new surfels on the surface behind the object as it was inpainted.
 
     Args:
         left: Surfels of everything else.
-        taken: How many surfels the object had: as many may be new.
-        wall: Points behind the object.
+        taken: How many surfels the object had: at most as many are new.
+        wall: Points of the surface behind the object.
         settings: Of the method.
         seed: Of which points become surfels.
     """
@@ -192,7 +192,7 @@ def with_painted_wall(
 def _painted(wall: Wall) -> np.ndarray:
     """Encoded colours, encoded diffuse radiance, f0, roughness and gloss of points, shape ``(M, 11)``.
 
-    Where only colours were painted what is new is rough.
+    New surfels are rough where only radiance was inpainted.
     """
     count, colours = len(wall.points), encode(_float(wall.colours)).numpy()
     if not wall.layers:
@@ -204,18 +204,18 @@ def _painted(wall: Wall) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What a training view is to show when the object is gone; H x W pixels, float32."""
+    """Targets of a training view without the object; H x W pixels, float32."""
 
     kept: torch.Tensor
-    """Shape ``(H, W)``: 1 where the photograph is believed."""
+    """Shape ``(H, W)``: 1 where the photograph is not masked out."""
     rough: torch.Tensor
-    """Shape ``(H, W)``: 1 in the hole where the painted picture is believed."""
+    """Shape ``(H, W)``: 1 in the hole where it is inpainted as radiance."""
     glossy: torch.Tensor
-    """Shape ``(H, W)``: 1 in the hole where painted materials are."""
+    """Shape ``(H, W)``: 1 in the hole where it is inpainted as materials."""
     encoded: torch.Tensor
-    """Shape ``(H, W, 3)``: the photograph where it is believed, else what surfels show or was painted."""
+    """Shape ``(H, W, 3)``: the photograph, or where it is masked out what surfels show or was inpainted."""
     layers: Mapping[str, torch.Tensor]
-    """Painted materials; diffuse radiance is encoded."""
+    """Inpainted materials; diffuse radiance is encoded."""
 
 
 def _aim(target: Target) -> Aim:
@@ -236,7 +236,7 @@ def _float(values: np.ndarray) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class RemovalObjective:
-    """Of photographs where they are believed, and of what was painted where the object was."""
+    """Photographs where they are not masked out, and the inpainting where the object was."""
 
     shots: Sequence[Shot]
     aims: Sequence[Aim]
@@ -247,14 +247,14 @@ class RemovalObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
-        """What is to be lowered at a step, counted from the first without the object."""
+        """The loss of a step, counted from the first without the object."""
         settings = self.settings
         number = view_at(step, len(self.shots), self.seed)
         shot, aim = self.shots[number], self.aims[number]
         view = shot.photograph
         buffers = drawn_buffers(values, view.camera, view.sky, settings)
         picture = picture_of(values, buffers, settings, self.extent)
-        # the photograph where it is believed; the object itself would be in the windows of SSIM around it
+        # not the photograph itself: the object would be in windows of SSIM that reach out of the hole
         seen = photometric_map(picture.encoded, aim.encoded, settings.ssim_share)
         loss = (seen * aim.kept[..., None]).mean() + settings.hole_weight * painted_loss(
             picture, aim, settings
@@ -263,9 +263,9 @@ class RemovalObjective:
 
 
 def painted_loss(picture: Picture, aim: Aim, settings: GorisSettings) -> torch.Tensor:
-    """How far holes are from what was painted: colours where they are rough, else materials.
+    """Difference of holes from the inpainting: of radiance where they are rough, else of materials.
 
-    The paper compares colours by LPIPS, whose weights do not come with it; here as photographs are compared.
+    The paper compares radiance by LPIPS, whose weights do not come with it; here as photographs are compared.
     """
     loss = torch.zeros(())
     for drawn in (picture.encoded, picture.buffers.rough):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The decomposition of ``goris``: surfels whose glossy ones show what mirrored rays meet, with and without
-the object.
+"""The decomposition of ``goris``: surfels, of which glossy ones reflect traced radiance, with and without the
+object.
 """
 
 from collections.abc import Sequence
@@ -31,13 +31,13 @@ from graycard.methods.surfels import (
 
 METHOD = "goris"
 LAYERS = frozenset({"radiance", "diffuse", "specular", "f0", "roughness", "glossy", "normal", "depth"})
-"""What it provides."""
+"""Layers that it provides."""
 _BEFORE, _AFTER, _DISTILLED = "before/", "after/", "distilled/"
 
 
 @dataclass(frozen=True, eq=False)
 class GlossyScene:
-    """Surfels of which some are glossy."""
+    """Surfels with light transport, of which some are glossy."""
 
     parameters: Parameters
     settings: GorisSettings
@@ -48,14 +48,14 @@ class GlossyScene:
 
     @property
     def provides(self) -> frozenset[str]:
-        """The picture, what it is made of, materials and geometry."""
+        """Radiance and its diffuse and specular parts, materials and geometry."""
         return LAYERS
 
     @torch.no_grad()
     def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
         """Layers as any camera sees them.
 
-        What is rough is all diffuse: ``specular`` is 0 there, ``roughness`` 1 and ``f0`` 0, in proportion.
+        Rough surfaces are all diffuse: in proportion ``specular`` is 0 there, ``roughness`` 1 and ``f0`` 0.
         Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
         normal faces the camera.
 
@@ -70,7 +70,7 @@ class GlossyScene:
         return {name: found[name] for name in layers}
 
     def _layers(self, picture: Picture) -> dict[str, np.ndarray]:
-        """But for geometry."""
+        """All but geometry."""
         buffers, share = picture.buffers, picture.buffers.glossy[..., None]
         rough = decode(buffers.rough)
         specular = share * picture.reflected
@@ -87,7 +87,7 @@ class GlossyScene:
         return {name: image.numpy() for name, image in found.items()}
 
     def lights(self) -> tuple[Light, ...] | None:
-        """None: it looks for none."""
+        """None: it estimates none."""
         return None
 
     def save(self, folder: Path) -> None:
@@ -105,15 +105,15 @@ class GlossyScene:
 
 @dataclass(frozen=True, eq=False)
 class GorisScene(Emptied):
-    """Surfels with the object, and without it and its mirror image."""
+    """Surfels with the object, and without it and its reflection."""
 
     before: GlossyScene
     after: GlossyScene
     distilled: SurfelScene | None = None
-    """``after`` as colours that change with the view; None: rays are traced."""
+    """``after`` as radiance alone; None: rays are traced."""
 
     def remove(self, object_id: int) -> Decomposition:
-        """The scene without the object and its mirror image.
+        """The scene without the object and its reflection.
 
         Raises:
             MethodError: It is another object than the one that the capture names.
@@ -124,8 +124,8 @@ class GorisScene(Emptied):
     def save(self, folder: Path) -> None:
         """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
 
-        Viewers trace no rays: the PLY has colours alone, and of glossy surfaces what they scatter. In their
-        own colours, of the first stage, the object would still be mirrored.
+        Viewers trace no rays: the PLY has radiance alone, of glossy surfaces the diffuse one. The colours of
+        their radiance-only steps would still show the reflection of the object.
 
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
@@ -139,7 +139,7 @@ class GorisScene(Emptied):
 
 
 def _scattered(scene: GlossyScene) -> Parameters:
-    """Coloured surfels, glossy ones in their diffuse radiance from everywhere."""
+    """Surfels with radiance alone, which for glossy ones is their diffuse radiance."""
     own = dict(scene.parameters.surfels)
     glossy = own[REGION][:, 0] < 0
     even = (BRIGHTEST * own[DIFFUSE].sigmoid() - 0.5) / SH_DC

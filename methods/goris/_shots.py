@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The training views as a fit looks at them, and what priors say of them."""
+"""The training views as a fit takes them, and the priors' answers for them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.surfels import Photograph, exposed_photograph, photographs
 
 LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
-"""What is filled in where a surface is glossy, besides radiance."""
+"""Layers that are inpainted where a surface is glossy, besides radiance."""
 ASKS = (
     Ask("inpainting", ("radiance", *LAYERS)),
     Ask("mask", ("glossy", "target"), optional=True),
@@ -27,12 +27,12 @@ class Shot:
 
     photograph: Photograph
     glossy: torch.Tensor
-    """Shape ``(H, W)``: 1 where a prior says that reflections are seen, or anywhere if none is asked; 0 on
-    the object. It goes anyway, and what is glossy shows itself by reflection no more, see ``traced``."""
+    """Shape ``(H, W)``: 1 where a prior says that a surface is glossy, or anywhere if none is asked; 0 on the
+    object. It is removed anyway, and reflected rays do not meet glossy surfels, see ``traced``."""
     told: bool
     """Whether a prior was asked for ``glossy``."""
     target: torch.Tensor
-    """Shape ``(H, W)``: 1 where the object is seen."""
+    """Shape ``(H, W)``: 1 where the object is visible."""
     normal: torch.Tensor | None = None
     """Shape ``(H, W, 3)``, world, unit, or zero where a prior knows nothing; None without one."""
 

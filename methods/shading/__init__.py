@@ -38,6 +38,6 @@ from graycard.methods.shading._smoothness import unevenness_but_for_edges as une
 from graycard.methods.shading._surroundings import Surroundings as Surroundings
 from graycard.methods.shading._surroundings import even_sky as even_sky
 from graycard.methods.shading._surroundings import lit_by_surroundings as lit_by_surroundings
-from graycard.methods.shading._surroundings import mirrored_skies as mirrored_skies
-from graycard.methods.shading._surroundings import mirrored_sky as mirrored_sky
+from graycard.methods.shading._surroundings import prefiltered_skies as prefiltered_skies
+from graycard.methods.shading._surroundings import reflected_sky as reflected_sky
 from graycard.methods.shading._surroundings import surroundings_of as surroundings_of

@@ -52,10 +52,10 @@ def surroundings_of(sky: torch.Tensor) -> Surroundings:
     Returns:
         Linear in the sky, and differentiable.
     """
-    return Surroundings(_filtered(_texels(sky), _matte_kernel(sky.shape[1])), mirrored_skies(sky))
+    return Surroundings(_filtered(_texels(sky), _matte_kernel(sky.shape[1])), prefiltered_skies(sky))
 
 
-def mirrored_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
+def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
     """What :class:`Surroundings` holds for glossy surfaces, where no matte one is lit.
 
     Args:
@@ -100,20 +100,20 @@ def lit_by_surroundings(
     """
     cosine = (normal * eye).sum(dim=-1)
     mirrored = 2 * cosine[..., None] * normal - eye
-    sky = mirrored_sky(surroundings.skies, mirrored, material.roughness)
+    sky = reflected_sky(surroundings.skies, mirrored, material.roughness)
     scale, offset = even_sky(material.roughness, cosine).unbind(dim=-1)
     returned = material.f0 * scale[..., None] + offset[..., None]
     diffuse = material.diffuse / torch.pi * look_up(surroundings.irradiance, normal)
     return Lobes(diffuse, returned * sky)
 
 
-def mirrored_sky(
+def reflected_sky(
     skies: Sequence[torch.Tensor], directions: torch.Tensor, roughness: torch.Tensor
 ) -> torch.Tensor:
     """What surfaces of a roughness mirror: linear between the two filtered skies that are nearest to it.
 
     Args:
-        skies: Of :func:`mirrored_skies`.
+        skies: Of :func:`prefiltered_skies`.
         directions: Shape ``(..., 3)``, world, unit: of mirrored rays.
         roughness: Shape ``(...)``, 0 to 1.
 

@@ -191,7 +191,7 @@ def test_bad_input_is_refused_before_any_fit(
         ("sky_weight", np.inf, "expected finite weights of 0 or more"),
         ("weights", np.nan, "expected finite weights of 0 or more"),
         ("hole_weight", np.nan, "expected a finite hole_weight of 0 or more"),
-        ("radiance_share", 1.0, "expected steps in which light is sent on, got none"),
+        ("radiance_share", 1.0, "expected steps with light transport, got none"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(name: str, value: float, says: str):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Glossy surfels show what mirrored rays meet: a mirrored scene, numbers by hand, finite differences."""
+"""Glossy surfels show what reflected rays meet: a mirrored scene, numbers by hand, finite differences."""
 
 from dataclasses import replace
 
@@ -32,8 +32,8 @@ from graycard.methods.goris._model import (
     drawn_buffers,
     effect_of,
     fresnel,
-    mirrored_colours,
-    mirrored_features,
+    reflected_features,
+    reflected_radiance,
 )
 from graycard.methods.goris._objective import (
     LightObjective,
@@ -73,7 +73,7 @@ def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld):
         points=torch.from_numpy(camera.position + distance * rays).float(),
     )
     as_seen = 0.5 + 0.4 * torch.sin(5 * boards[CENTRES])  # smooth: the order of discs in a plane is open
-    found = mirrored_features(surfels_of(boards), as_seen, plane, NEAR)
+    found = reflected_features(surfels_of(boards), as_seen, plane, NEAR)
     drawn = rasterize(_below(surfels_of(boards)), camera, as_seen)
     assert float(drawn.alpha.max()) > 0.99
     error = (found.radiance.reshape(144, 176, 3) - drawn.features).square().mean()
@@ -95,8 +95,8 @@ def test_what_a_mirrored_ray_meets_is_seen_in_its_direction(world: GlossyWorld):
     coefficients[:, 2] = 0.2  # the harmonic of degree 1 that goes with -x
     values = world.changed(**{DETAIL: coefficients})
     buffers, _ = seen(values, world.cameras[1])
-    turned = mirrored_colours(values, buffers, with_settings(traced_degree=1), EXTENT)
-    plain = mirrored_colours(values, buffers, with_settings(traced_degree=0), EXTENT)
+    turned = reflected_radiance(values, buffers, with_settings(traced_degree=1), EXTENT)
+    plain = reflected_radiance(values, buffers, with_settings(traced_degree=0), EXTENT)
     opaque = turned.passed[:, 0] < 1e-3
     assert opaque.sum() > 20
     rises = (encode(turned.radiance) - encode(plain.radiance))[opaque, 0]
@@ -156,23 +156,23 @@ def test_a_mirror_to_an_even_sky_returns_its_fresnel_term(world: GlossyWorld):
         if blur == "release":
             values |= translation_parameters("release", 0)
         buffers, picture = seen(values, camera, settings)
-        mirrored = mirrored_colours(values, buffers, settings, EXTENT)
-        view = torch.from_numpy(camera.rays()).float().reshape(-1, 3)[mirrored.rows]
-        cosine = -(view * buffers.normal.reshape(-1, 3)[mirrored.rows]).sum(dim=-1, keepdim=True)
+        reflection = reflected_radiance(values, buffers, settings, EXTENT)
+        view = torch.from_numpy(camera.rays()).float().reshape(-1, 3)[reflection.rows]
+        cosine = -(view * buffers.normal.reshape(-1, 3)[reflection.rows]).sum(dim=-1, keepdim=True)
         expected = 0.4 + 0.6 * (1 - cosine) ** 5
-        torch.testing.assert_close(fresnel(buffers, mirrored), expected.expand(-1, 3), atol=1e-4, rtol=1e-4)
-        found = picture.reflected.reshape(-1, 3)[mirrored.rows]
-        lit = mirrored.passed[:, 0] > 0.999
+        torch.testing.assert_close(fresnel(buffers, reflection), expected.expand(-1, 3), atol=1e-4, rtol=1e-4)
+        found = picture.reflected.reshape(-1, 3)[reflection.rows]
+        lit = reflection.passed[:, 0] > 0.999
         torch.testing.assert_close(found[lit], 2 * expected.expand(-1, 3)[lit], atol=0.01, rtol=0.01)
 
 
 def test_the_effect_of_the_object_is_where_its_mirror_image_is(world: GlossyWorld):
-    """Pixels whose mirrored ray meets the object return by way of it what they reflect; no others do."""
+    """Pixels whose reflected ray meets the object return by way of it what they reflect; no others do."""
     values, camera = world.parameters.all, world.cameras[0]
     buffers, _ = seen(values, camera)
     effect = effect_of(values, buffers, SETTINGS, EXTENT)
     theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
-    met = mirrored_features(surfels_of(values), theirs, buffers, NEAR)
+    met = reflected_features(surfels_of(values), theirs, buffers, NEAR)
     share = torch.zeros(36 * 44).index_put((met.rows,), met.radiance[:, 0]).reshape(36, 44)
     inside = (share > 0.99) & (buffers.glossy > 0.99)
     assert inside.sum() > 10
@@ -187,7 +187,7 @@ def test_the_effect_of_the_object_is_where_its_mirror_image_is(world: GlossyWorl
 def test_no_ray_is_traced_for_rough_pixels(world: GlossyWorld):
     values = world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], 12.0)})
     buffers, picture = seen(values, world.cameras[0], with_settings(filter="paper"))
-    found = mirrored_colours(values, buffers, SETTINGS, EXTENT)
+    found = reflected_radiance(values, buffers, SETTINGS, EXTENT)
     assert float(buffers.glossy.max()) < LEAST_GLOSS
     assert len(found.rows) == 0
     assert not picture.reflected.any()
@@ -409,10 +409,11 @@ def test_glossy_surfaces_do_not_mirror_each_other_but_on_request(world: GlossyWo
     values, camera = world.changed(**{REGION: region}), world.cameras[0]
     buffers, _ = seen(world.parameters.all, camera)
     rough, everything = (
-        mirrored_colours(values, buffers, with_settings(traced=traced), EXTENT) for traced in ("rough", "all")
+        reflected_radiance(values, buffers, with_settings(traced=traced), EXTENT)
+        for traced in ("rough", "all")
     )
     theirs = torch.from_numpy((world.part == OBJECT).astype(np.float32))[:, None]
-    met = mirrored_features(surfels_of(values), theirs, buffers, NEAR).radiance[:, 0] > 0.99
+    met = reflected_features(surfels_of(values), theirs, buffers, NEAR).radiance[:, 0] > 0.99
     assert met.sum() > 10
     assert float((rough.passed[met] > 0.99).float().mean()) > 0.7, "but for the board behind"
     assert float(everything.passed[met].max()) < 0.02
@@ -422,7 +423,7 @@ def test_where_everything_is_glossy_mirrors_show_the_surroundings(world: GlossyW
     """No surfel is left to be met: every ray passes."""
     values = world.changed(**{REGION: torch.full_like(world.parameters.all[REGION], -6.0)})
     buffers, picture = seen(values, world.cameras[0], with_settings(filter="paper"))
-    found = mirrored_colours(values, buffers, SETTINGS, EXTENT)
+    found = reflected_radiance(values, buffers, SETTINGS, EXTENT)
     assert (found.passed == 1).all()
     assert not found.radiance.any()
     assert picture.encoded.isfinite().all()
