@@ -43,6 +43,7 @@ def solid_angles(size: int) -> np.ndarray:
     return np.diff(np.diff(corner, axis=0), axis=1)
 
 
+@lru_cache(maxsize=8)
 def turned_texels(size: int) -> torch.Tensor:
     """Where each texel goes when the cube is turned so that a face becomes the first, shape ``(6, 6 size²)``.
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import torch
-from torch.nn.functional import avg_pool2d, linear, normalize
+from torch.nn.functional import avg_pool2d, normalize
 
 from graycard.methods.shading._cubemap import (
     look_up,
@@ -52,7 +52,7 @@ def surroundings_of(sky: torch.Tensor) -> Surroundings:
     Returns:
         Linear in the sky, and differentiable.
     """
-    return Surroundings(_filtered(_texels(sky), _matte_kernel(sky.shape[1])), prefiltered_skies(sky))
+    return Surroundings(_filtered(_from_each_face(sky), _matte_kernel(sky.shape[1])), prefiltered_skies(sky))
 
 
 def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
@@ -64,27 +64,30 @@ def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
     Returns:
         One cubemap for each of the :data:`ROUGHNESSES`.
     """
-    texels = _texels(sky)
-    return (sky, *(_filtered(texels, kernel) for kernel in _glossy_kernels(sky.shape[1])))
+    around = _from_each_face(sky)
+    return (sky, *(_filtered(around, kernel) for kernel in _glossy_kernels(sky.shape[1])))
 
 
-def _texels(sky: torch.Tensor) -> torch.Tensor:
-    return sky.reshape(-1, sky.shape[-1])
+def _from_each_face(sky: torch.Tensor) -> torch.Tensor:
+    """The texels of a sky with the cube turned so that each face in its turn is the first, ``(T, 6, 3)``."""
+    size, channels = sky.shape[1], sky.shape[-1]
+    order = turned_texels(size).argsort(dim=1).T.reshape(-1)
+    return sky.reshape(-1, channels).index_select(0, order).reshape(-1, 6, channels)
 
 
-def _filtered(texels: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:
-    """A cubemap of ``kernel @ texels``."""
-    size = round((len(kernel) / 6) ** 0.5)
-    return _integrals(kernel.to(texels.dtype), texels).reshape(6, size, size, -1)
+def _filtered(around: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:
+    """A cubemap of which each face is filtered by the kernel of the first.
 
+    Args:
+        around: Of :func:`_from_each_face`.
+        kernel: Shape ``(N², T)``, of :func:`_kernel`.
 
-def _integrals(kernel: torch.Tensor, texels: torch.Tensor) -> torch.Tensor:
-    """``kernel @ texels``, of shapes ``(M, T)`` and ``(T, C)``, three times as fast for few channels.
-
-    Products of large matrices with three columns are slow, with three rows in a piece they are not.
+    Returns:
+        Shape ``(6, N, N, 3)``.
     """
-    rows = linear(texels.T.contiguous(), kernel)
-    return torch.stack(rows.unbind(), dim=-1)
+    size = round(len(kernel) ** 0.5)
+    faces = kernel.to(around.dtype) @ around.flatten(1)
+    return faces.reshape(size, size, *around.shape[1:]).permute(2, 0, 1, 3)
 
 
 def lit_by_surroundings(
@@ -166,8 +169,8 @@ def _glossy_kernels(size: int) -> tuple[torch.Tensor, ...]:
 def _kernel(size: int, own: int, points: int, alpha: float | None) -> torch.Tensor:
     """Integrals over texels of the sky of what a surface returns along its normal, up to a factor.
 
-    Shape ``(6 own², 6 size²)``, float32; of a matte surface without ``alpha``. The rows of a face are those
-    of the first with the cube turned.
+    Shape ``(own², 6 size²)``, float32, for normals through the texels of the first face; of a matte surface
+    without ``alpha``.
     """
     per_side = max(1, points // size)
     axes, directions = (
@@ -180,8 +183,7 @@ def _kernel(size: int, own: int, points: int, alpha: float | None) -> torch.Tens
         avg_pool2d((_lobe(some @ directions.T, alpha) * angles).reshape(faces), per_side).flatten(1)
         for some in axes.split(max(1, _AT_ONCE // len(directions)))
     ]
-    first = torch.cat(parts) * per_side**2
-    return torch.cat([first[:, turned] for turned in turned_texels(size)])
+    return torch.cat(parts) * per_side**2
 
 
 def _lobe(cosine: torch.Tensor, alpha: float | None) -> torch.Tensor:

@@ -16,7 +16,8 @@ from graycard.methods.shading import (
     surroundings_of,
     texel_directions,
 )
-from graycard.methods.shading._surroundings import _integrals
+from graycard.methods.shading._cubemap import turned_texels
+from graycard.methods.shading._surroundings import _filtered, _from_each_face
 from graycard.synth import Ball, LambertGGX, Matte, Scene, Thing
 from graycard.synth._scene import Material as TrueMaterial
 from graycard.synth._sky import Window, recorded, room
@@ -36,13 +37,15 @@ def metal(roughness: float, count: int, color: float = 1.0) -> Material:
     return Material(torch.full((count, 3), color, dtype=torch.float64), full, torch.ones_like(full))
 
 
-def test_a_kernel_is_applied_as_a_matrix_is() -> None:
-    """Values and gradients."""
+def test_the_kernel_of_one_face_serves_all() -> None:
+    """As the matrix of the kernels of all faces, which are that of the first with the cube turned."""
     draw = torch.Generator().manual_seed(3)
-    kernel, texels = (torch.rand(shape, generator=draw, dtype=torch.float64) for shape in ((7, 24), (24, 3)))
-    texels.requires_grad_()
-    torch.testing.assert_close(_integrals(kernel, texels), kernel @ texels)
-    assert torch.autograd.gradcheck(lambda t: _integrals(kernel, t), texels)
+    kernel = torch.rand((4, 54), generator=draw, dtype=torch.float64)
+    sky = torch.rand((6, 3, 3, 3), generator=draw, dtype=torch.float64).requires_grad_()
+    matrix = torch.cat([kernel[:, turned] for turned in turned_texels(3)])
+    expected = (matrix @ sky.reshape(54, 3)).reshape(6, 2, 2, 3)
+    torch.testing.assert_close(_filtered(_from_each_face(sky), kernel), expected)
+    assert torch.autograd.gradcheck(lambda s: _filtered(_from_each_face(s), kernel), sky)
 
 
 @pytest.mark.parametrize("size", [5, 16, 32])
