@@ -12,8 +12,8 @@ Filter = Literal[Reading, "none"]
 Decay = Literal["exponential", "linear"]
 Traced = Literal["rough", "all"]
 LARGEST_SKY = 256
-"""Texels along a side of the environment map, as in the paper: to prefilter it takes 2.8 GiB and, on one core,
-a second a step."""
+"""Texels along a side of the environment map, as in the paper: to prefilter it takes 2.8 GiB and a second a
+step on one core."""
 
 
 _WEIGHTS = (
