@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An object is taken out of pictures, as rivals of GOR-IS do it: colours alone, no light and no material."""
+"""Removal of an object by radiance alone, the baselines of GOR-IS: no light transport and no materials."""
 
 from graycard.methods.removal._behind import Shown as Shown
 from graycard.methods.removal._behind import points_in_picture as points_in_picture

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is behind an object: what other views saw of it, and what none has ever seen."""
+"""The background behind an object: what other views have seen of it, and what none has."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from graycard.methods.removal._target import widened
 from graycard.methods.surfels import all_colours, coloured_layers
 
 NEAR = 0.02
-"""A point whose depth differs from what a view sees there by no more than this share is what it sees."""
+"""Relative difference in depth within which a point is the one that a view sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +21,7 @@ class Behind:
 
     view: View
     doubt: np.ndarray
-    """Shape ``(H, W)``, bool: the object and what is next to it, where the photograph is not believed."""
+    """Shape ``(H, W)``, bool: the object and what is next to it, where the photograph is masked out."""
     hole: np.ndarray
     """Shape ``(H, W)``, bool: part of ``doubt`` that no other view has seen behind the object."""
     picture: np.ndarray

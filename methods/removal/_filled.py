@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Holes filled in by a prior, and what filled views say of the space behind the object."""
+"""Holes that a prior inpaints, and the points of the background that inpainted views show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from graycard.methods.splat import depth_to_normals
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """Points behind the object, as the filled views show them."""
+    """Points of the background behind the object, as inpainted views show them."""
 
     points: np.ndarray
     """Shape ``(M, 3)``, world, metres."""
@@ -33,7 +33,7 @@ class Wall:
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What a training view is to show when the object is gone."""
+    """The target of a training view without the object."""
 
     behind: Behind
     picture: np.ndarray
@@ -49,7 +49,7 @@ def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tup
 
     Args:
         behind: The training views.
-        priors: Fill in radiance.
+        priors: They inpaint radiance.
         references: Views that are filled in and tell the others, those with the largest holes; 0: all views
             are, and none tells another.
 
@@ -64,11 +64,11 @@ def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tup
 
 
 def filled_views(behind: Sequence[Behind], priors: Priors, most: int = 0) -> dict[int, Target]:
-    """The views with the largest holes, filled in, by the numbers of the views.
+    """The views with the largest holes, inpainted, by the numbers of the views.
 
     Args:
         behind: The training views.
-        priors: Fill in radiance, and what other layers there are.
+        priors: They inpaint radiance, and other layers if there are any.
         most: No more views than these; 0: all that have a hole.
 
     Raises:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``grouping``: which surfels are the object's is learnt, and what was behind it grows from its rim."""
+"""``grouping``: identities of surfels are learnt, and the background behind the object grows from its rim."""
 
 from pathlib import Path
 
@@ -50,14 +50,16 @@ from graycard.methods.surfels import (
 
 
 class GroupingMethod:
-    """Surfels learn whose they are, and every view is painted for itself (Gaussian Grouping, Ye et al. 2024).
+    """Surfels learn identities, and every view is inpainted for itself (Gaussian Grouping, Ye et al. 2024).
 
     Unlike :class:`RemovalMethod` it has no points behind the object: new surfels begin as the mean of those
     that are left next to it, and are densified.
     """
 
     name = "grouping"
-    summary = "2D Gaussian surfels that learn which are the object's; every view painted (Gaussian Grouping)"
+    summary = (
+        "2D Gaussian surfels with learnt identities; every view inpainted (Gaussian Grouping)"
+    )
     needs = ()
     asks = ASKS
     settings_type = GroupingSettings
@@ -65,7 +67,7 @@ class GroupingMethod:
     def fit(
         self, capture: Capture, priors: Priors, settings: GroupingSettings, seed: int, progress: Progress
     ) -> RemovalScene:
-        """Fit surfels and identities, take the object's out, and fit what is left to what it is to show.
+        """Fit surfels and identities, remove the object's, and fit the rest to inpainted views.
 
         Raises:
             MethodError: As of :meth:`RemovalMethod.fit`.
@@ -99,10 +101,10 @@ def identified(
     progress: Progress,
     method: str,
 ) -> Parameters:
-    """Surfels of everything, the object included, and whose they are.
+    """Surfels of the whole scene, the object included, and their identities.
 
     Raises:
-        MethodError: There are too few sparse points, or the fit has no way on.
+        MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
     views, classes = photographs(capture, settings), [torch.from_numpy(mask).long() for mask in masks]
     extent = scene_extent([view.camera for view in views])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Removal in colours alone, as GOR-IS is compared with; and nothing removed at all."""
+"""Radiance-only removal, the baselines of GOR-IS; and nothing removed at all."""
 
 from pathlib import Path
 
@@ -31,10 +31,12 @@ _FEWEST = 2
 
 
 class RemovalMethod:
-    """Coloured surfels; those of the object are taken out, and what was behind it is painted."""
+    """Radiance-only surfels; those of the object are removed, and what was behind it is inpainted."""
 
     name = "removal"
-    summary = "2D Gaussian surfels without the object; three views painted by a prior tell what was behind it"
+    summary = (
+        "2D Gaussian surfels without the object; three inpainted views tell what was behind it"
+    )
     needs = ()
     asks = ASKS
     settings_type: type[RemovalSettings] = RemovalSettings
@@ -42,12 +44,12 @@ class RemovalMethod:
     def fit(
         self, capture: Capture, priors: Priors, settings: RemovalSettings, seed: int, progress: Progress
     ) -> RemovalScene:
-        """Fit surfels to the photographs, take the object's out, and fit what is left to what it is to show.
+        """Fit surfels to the photographs, remove the object's, and fit the rest to inpainted views.
 
         Raises:
             MethodError: The capture names no object or its masks are not sound, there are too few sparse
-                points, photographs are black or not finite, the prior's answer is not sound, or the fit has
-                no way on.
+                points, photographs are black or not finite, the prior's answer is not sound, or the loss or
+                a gradient is not finite.
         """
         masks = checked_for_removal(capture, priors, settings, seed, self.name)
         before = first_stage(capture, settings, seed, progress, self.name)
@@ -71,18 +73,20 @@ class RemovalMethod:
 
 
 class PerViewMethod(RemovalMethod):
-    """Every view is painted for itself (as SPIn-NeRF: Mirzaei et al. 2023)."""
+    """Every view is inpainted for itself (as SPIn-NeRF: Mirzaei et al. 2023)."""
 
     name = "removal-per-view"
-    summary = "2D Gaussian surfels without the object, every view painted by a prior for itself (SPIn-NeRF)"
+    summary = "2D Gaussian surfels without the object, every view inpainted for itself (SPIn-NeRF)"
     settings_type = PerViewSettings
 
 
 class OneReferenceMethod(RemovalMethod):
-    """One view is painted and tells the others (as InFusion and GScream)."""
+    """One view is inpainted and tells the others (as InFusion and GScream)."""
 
     name = "removal-one-reference"
-    summary = "2D Gaussian surfels without the object; one view painted by a prior tells the rest (InFusion)"
+    summary = (
+        "2D Gaussian surfels without the object; one inpainted view tells the rest (InFusion)"
+    )
     settings_type = OneReferenceSettings
 
 
@@ -145,5 +149,5 @@ def wall_surfels(
 
 
 def pixel_weights(target: Target, hole_weight: float) -> np.ndarray:
-    """How much the pixels of a view count, shape ``(H, W)``: where nobody knows what is there, not at all."""
+    """Weights of the pixels of a view in the loss, shape ``(H, W)``: 0 where nothing is known."""
     return np.where(target.known, hole_weight, np.where(target.behind.doubt, 0.0, 1.0))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Coloured surfels with an object, and without it."""
+"""Radiance-only surfels with an object, and without it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class Emptied:
 
 @dataclass(frozen=True, eq=False)
 class RemovalScene(Emptied):
-    """Coloured surfels with the object, and without it."""
+    """Radiance-only surfels with the object, and without it."""
 
     before: SurfelScene
     after: SurfelScene

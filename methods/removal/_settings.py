@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Settings of the ways to take an object out of coloured surfels."""
+"""Settings of radiance-only removal."""
 
 from dataclasses import dataclass
 from math import inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the ways to take an object out have in common: surfels of everything, then of what is to be left."""
+"""The stages that all radiance-only removals share: surfels of the whole scene, then without the object."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -60,7 +60,7 @@ def checked(capture: Capture, settings: SurfelSettings, seed: int, method: str) 
 def checked_for_removal(
     capture: Capture, priors: Priors, settings: StagedSettings, seed: int, method: str
 ) -> list[np.ndarray]:
-    """As :func:`checked`, of a capture whose object can be taken out; its masks as the settings want them.
+    """As :func:`checked`, of a capture whose object can be removed; its masks as the settings want them.
 
     Raises:
         MethodError: It cannot, masks are not sound, or no prior fills in holes.
@@ -77,7 +77,7 @@ def checked_for_removal(
 def first_stage(
     capture: Capture, settings: SurfelSettings, seed: int, progress: Progress, method: str
 ) -> Parameters:
-    """Surfels of everything, the object included."""
+    """Surfels of the whole scene, the object included."""
     start = sparse_start(capture, settings, seed)
     rules = density_rules(settings.surfels)
     return fit_surfels(method, capture, settings, seed, progress, start=start, rules=rules)
@@ -116,11 +116,11 @@ def second_stage(
 
 
 def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photograph:
-    """What a view is to show, as a fit looks at it; the object's photographs are not believed any more.
+    """The target of a view as a fit takes it, in place of the photograph that shows the object.
 
     Args:
         target: Of the view.
-        weight: Shape ``(H, W)``: how much each pixel counts.
+        weight: Shape ``(H, W)``: of the pixels in the loss.
         settings: Of the sky.
     """
     camera = target.behind.view.camera
