@@ -57,9 +57,7 @@ class GroupingMethod:
     """
 
     name = "grouping"
-    summary = (
-        "2D Gaussian surfels with learnt identities; every view inpainted (Gaussian Grouping)"
-    )
+    summary = "2D Gaussian surfels with learnt identities; every view inpainted (Gaussian Grouping)"
     needs = ()
     asks = ASKS
     settings_type = GroupingSettings

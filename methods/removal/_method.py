@@ -34,9 +34,7 @@ class RemovalMethod:
     """Radiance-only surfels; those of the object are removed, and what was behind it is inpainted."""
 
     name = "removal"
-    summary = (
-        "2D Gaussian surfels without the object; three inpainted views tell what was behind it"
-    )
+    summary = "2D Gaussian surfels without the object; three inpainted views tell what was behind it"
     needs = ()
     asks = ASKS
     settings_type: type[RemovalSettings] = RemovalSettings
@@ -84,9 +82,7 @@ class OneReferenceMethod(RemovalMethod):
     """One view is inpainted and tells the others (as InFusion and GScream)."""
 
     name = "removal-one-reference"
-    summary = (
-        "2D Gaussian surfels without the object; one inpainted view tells the rest (InFusion)"
-    )
+    summary = "2D Gaussian surfels without the object; one inpainted view tells the rest (InFusion)"
     settings_type = OneReferenceSettings
 
 
