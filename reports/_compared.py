@@ -50,9 +50,9 @@ def compare_track(
         standings |= {(metric.id, m.method): m for m in methods}
         axes[metric.id] = axis_of_standings(methods, metric.unit)
         verdicts[metric.id] = (
-            judge(metric, found, comparison)
+            judge(metric, found, comparison, record.variants)
             if found and comparison
-            else judge_without_intervals(metric, methods)
+            else judge_without_intervals(metric, methods, record.variants)
         )
     return Compared(verdicts, standings, axes)
 

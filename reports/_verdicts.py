@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who is best by a metric, by how much, and how sure that is: the comparison of a run in words."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,12 +30,23 @@ class Verdict:
     """Those that cannot be told from the leader."""
 
 
-def judge(metric: gc.MetricRecord, found: gc.MetricComparison, comparison: gc.Comparison) -> Verdict:
+def judge(
+    metric: gc.MetricRecord,
+    found: gc.MetricComparison,
+    comparison: gc.Comparison,
+    variants: Collection[str] = (),
+) -> Verdict:
     """The verdict on one metric of one track.
 
-    Only methods that compete and have a score of every scene can lead.
+    Only methods that compete and have a score of every scene can lead; variants neither lead nor are rivals.
+
+    Args:
+        metric: Which one.
+        found: How methods compare by it.
+        comparison: Of the run.
+        variants: See :attr:`graycard.RunRecord.variants`.
     """
-    order = _in_order(metric, found.methods)
+    order = _in_order(metric, found.methods, variants)
     if not order:
         return _nobody(found.methods)
     first, n = order[0], count(order[0].scenes, "scene")
@@ -56,9 +67,11 @@ def judge(metric: gc.MetricRecord, found: gc.MetricComparison, comparison: gc.Co
     return Verdict("clear", "clear lead", first.method, value, lead, evidence)
 
 
-def judge_without_intervals(metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding]) -> Verdict:
+def judge_without_intervals(
+    metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding], variants: Collection[str] = ()
+) -> Verdict:
     """The same for a run without a comparison: who is best is known, not whether that is significant."""
-    order = _in_order(metric, methods)
+    order = _in_order(metric, methods, variants)
     if not order:
         return _nobody(methods)
     first, value = order[0], format_value(_mean(order[0]), metric.unit)
@@ -88,9 +101,12 @@ def _alone(methods: Sequence[gc.MethodStanding]) -> str:
     return "no rival with every scene" if partial else "no rival"
 
 
-def _in_order(metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding]) -> list[gc.MethodStanding]:
+def _in_order(
+    metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding], variants: Collection[str]
+) -> list[gc.MethodStanding]:
     """Competing methods with a score of every scene, the best first."""
     whole = [m for m in methods if m.competes and m.mean is not None and m.scenes == m.expected]
+    whole = [m for m in whole if m.method not in variants]
     return sorted(whole, key=_mean, reverse=metric.higher_is_better)
 
 

@@ -2,7 +2,7 @@
 """All that the score sheets of a run say about which method is better."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -70,19 +70,14 @@ def _table(run: gc.RunRecord, track: str, metric: gc.MetricRecord) -> gc.MetricC
         return None
     present = {result.job.method for result in run.results if result.job.track == track}
     rows = [_row(method, readings) for method in run.methods if method.name in present]
-    names = {method.name for method in run.methods}
+    variants = run.variants
     candidates = [
-        Candidate(r.method.name, not r.method.sees, r.by_scene, _is_variant(r.method, names)) for r in rows
+        Candidate(r.method.name, not r.method.sees, r.by_scene, r.method.name in variants) for r in rows
     ]
     pairs = compare_pairs(candidates, metric.higher_is_better)
     ranks = _ranks(candidates, pairs, len(scenes), metric.higher_is_better)
     standings = tuple(_standing(row, len(scenes), ranks.get(row.method.name)) for row in rows)
     return gc.MetricComparison(track, metric.id, standings, pairs)
-
-
-def _is_variant(method: gc.MethodRecord, names: Collection[str]) -> bool:
-    """Whether its method stands in the table with settings of its own too."""
-    return method.entry != method.name and method.entry in names
 
 
 _Readings = Mapping[tuple[str, str], Sequence[gc.Score | None]]

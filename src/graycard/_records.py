@@ -220,6 +220,12 @@ class RunRecord:
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
 
+    @property
+    def variants(self) -> frozenset[str]:
+        """Rows that are a method with settings of their own, while the method stands in the run as itself."""
+        names = {method.name for method in self.methods}
+        return frozenset(m.name for m in self.methods if m.entry != m.name and m.entry in names)
+
 
 def read_score_sheet(path: Path) -> ScoreSheet:
     """The scores in a file that ``graycard score --json`` wrote.

@@ -65,6 +65,18 @@ def test_ties_are_all_of_the_leaders_group() -> None:
     assert (found.kind, found.words, found.tied) == ("tied", "tied with b and c", ("b", "c"))
 
 
+def test_variants_of_a_method_neither_lead_nor_are_rivals() -> None:
+    """They stand in the tables: who is best is asked of methods."""
+    methods = [stands("a-x", 10.0), stands("a", 9.0), stands("a-y", 8.5), stands("b", 8.0, 2)]
+    found = gc.MetricComparison("dark", UP.id, tuple(methods), (pair("a", "b", "better"),))
+    comparison = gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
+    verdict = judge(UP, found, comparison, ("a-x", "a-y"))
+    assert (verdict.kind, verdict.leader, verdict.value) == ("clear", "a", "9.00")
+    assert verdict.lead == "1.00 dB (0.50 to 2.00) ahead of b"
+    assert judge_without_intervals(UP, methods, ("a-x", "a-y")).leader == "a"
+    assert judge_without_intervals(UP, methods).leader == "a-x"
+
+
 def test_too_few_scenes_say_how_many_are_needed() -> None:
     methods = [stands("a", 9.0, scenes=2, expected=2), stands("b", 8.0, scenes=2, expected=2)]
     few = pair("a", "b", "too few scenes", interval=None, p_mean=None, p_mean_holm=None)

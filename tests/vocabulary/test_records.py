@@ -28,6 +28,13 @@ def test_a_score_is_found_by_name():
         SHEET.score("n")
 
 
+def test_variants_are_rows_beside_their_method():
+    rows = [("a", "a"), ("a-slow", "a"), ("b-slow", "b"), ("old", "")]
+    methods = tuple(gc.MethodRecord(name, "one", (), entry) for name, entry in rows)
+    run = gc.RunRecord("s", 1, (), methods, (), (), {}, "2026-11-21T09:47:14+00:00", 1.0)
+    assert run.variants == {"a-slow"}
+
+
 def test_a_misspelt_or_missing_key(tmp_path: Path):
     data = gc.encode(SHEET)
     gc.write_json(tmp_path / "a.json", {**data, "trak": 1})
