@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from graycard import Camera, Capture, Progress
 from graycard.methods.goris._model import drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.splat import Parameters, Plan, initial_state, scene_extent, train
+from graycard.methods.splat import Checkpoint, Parameters, Plan, initial_state, scene_extent, train
 from graycard.methods.surfels import (
     Objective,
     Photograph,
@@ -26,7 +26,12 @@ BETWEEN = 2
 
 
 def distilled(
-    parameters: Parameters, capture: Capture, settings: GorisSettings, seed: int, progress: Progress
+    parameters: Parameters,
+    capture: Capture,
+    settings: GorisSettings,
+    seed: int,
+    progress: Progress,
+    saved: Checkpoint | None = None,
 ) -> Parameters:
     """Radiance-only surfels that look like a scene from its training cameras and from between them.
 
@@ -39,6 +44,7 @@ def distilled(
         settings: Of the method; as many steps as the first stage has.
         seed: Of all that is random.
         progress: Called now and then.
+        saved: Where the fit is saved: this stage in a file beside it.
 
     Raises:
         MethodError: The loss or a gradient is not finite.
@@ -46,9 +52,9 @@ def distilled(
     cameras = [view.camera for view in capture.train]
     extent = scene_extent(cameras)
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
-    plan = Plan(
-        settings.iterations, learning_rates(extent, settings), extent, density_rules(settings.surfels)
-    )
+    checkpoint = saved and saved.beside("distilled", (view.encoded for view in views))
+    rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
+    plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)
     state = initial_state(sparse_start(capture, settings, seed), seed)
     return train(state, plan, Objective(views, alone, seed), progress).parameters

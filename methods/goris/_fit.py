@@ -27,6 +27,7 @@ from graycard.methods.splat import (
     CENTRES,
     LOGITS,
     SH_DC,
+    Checkpoint,
     Parameters,
     Plan,
     Rate,
@@ -42,12 +43,10 @@ from graycard.methods.surfels import (
     decode,
     density_rules,
     encode,
-    fit_checkpoint,
     learning_rates,
     sparse_start,
 )
 
-METHOD = "goris"
 FIRST_FRESNEL, FIRST_ROUGHNESS, FIRST_DIFFUSE = 0.3, 0.3, 0.5
 """Initial values of all surfels (released code: 0.5 for all); the last is a share of the colour."""
 FIRST_REGION = 0.9
@@ -77,7 +76,9 @@ def fit_colours(
     settings: GorisSettings,
     seed: int,
     progress: Progress,
+    *,
     flat: FlatSurface | None = None,
+    saved: Checkpoint | None = None,
 ) -> Parameters:
     """Fit radiance alone: surfels with spherical harmonics that show the training photographs.
 
@@ -88,23 +89,18 @@ def fit_colours(
         seed: Of all that is random.
         progress: Told of steps.
         flat: A surface on which surfels are initialised; None: by stereo alone.
+        saved: Where the fit is saved, and goes on from; None: nowhere.
 
     Raises:
         MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
-    pictures = [
-        (shot.photograph.camera, picture)
-        for shot in shots
-        for picture in (shot.photograph.encoded, shot.glossy, shot.normal)
-        if picture is not None
-    ]
     plan = Plan(
         settings.radiance_steps,
         learning_rates(extent, settings),
         extent,
         density_rules(settings.surfels),
-        fit_checkpoint(METHOD, settings, seed, pictures, settings.radiance_steps),
+        saved,
     )
     known = None if flat is None else flat.depths
     state = initial_state(sparse_start(capture, settings, seed, known), seed)
@@ -112,9 +108,22 @@ def fit_colours(
 
 
 def fit_light(
-    coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int, progress: Progress
+    coloured: Parameters,
+    shots: Sequence[Shot],
+    settings: GorisSettings,
+    seed: int,
+    progress: Progress,
+    saved: Checkpoint | None = None,
 ) -> Parameters:
     """Fit light transport, and go on with geometry and radiance.
+
+    Args:
+        coloured: Of :func:`fit_colours`.
+        shots: The training views.
+        settings: Of the method.
+        seed: Of the order of views, and of the blur's network.
+        progress: Called now and then.
+        saved: Where the fit is saved: this stage in a file beside it.
 
     Raises:
         MethodError: The loss or a gradient is not finite.
@@ -128,7 +137,7 @@ def fit_light(
     if settings.light_steps == 0:
         return start
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
-    plan = Plan(settings.light_steps, rates, extent)
+    plan = Plan(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 

@@ -11,10 +11,10 @@ from graycard.methods.goris._flat import flat_surface
 from graycard.methods.goris._remove import without_object
 from graycard.methods.goris._scene import METHOD, GlossyScene, GorisScene, load_scene
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import ASKS, shots_of
+from graycard.methods.goris._shots import ASKS, looked_at, shots_of
 from graycard.methods.removal import checked_for_removal
 from graycard.methods.splat import Parameters, scene_extent
-from graycard.methods.surfels import SurfelScene
+from graycard.methods.surfels import SurfelScene, fit_checkpoint
 
 
 class GorisMethod:
@@ -37,13 +37,14 @@ class GorisMethod:
         """
         masks = checked_for_removal(capture, priors, settings, seed, METHOD)
         shots = shots_of(capture, priors, masks, settings)
+        saved = fit_checkpoint(METHOD, settings, seed, looked_at(shots))
         settings = as_glossy_as_told(settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
         shots = shots if flat is None else flat.alone(shots)
-        coloured = fit_colours(capture, shots, settings, seed, progress, flat)
-        before = fit_light(coloured, shots, settings, seed, progress)
+        coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
+        before = fit_light(coloured, shots, settings, seed, progress, saved)
         after = without_object(
-            capture, before, shots, priors, settings=settings, seed=seed, progress=progress
+            capture, before, shots, priors, settings=settings, seed=seed, progress=progress, saved=saved
         )
         cameras = [view.camera for view in capture.train]
         extent = scene_extent(cameras)
@@ -53,7 +54,7 @@ class GorisMethod:
 
         colours = None
         if settings.distilled:
-            fitted = distilled(after, capture, settings, seed, progress)
+            fitted = distilled(after, capture, settings, seed, progress, saved)
             colours = SurfelScene(METHOD, fitted, capture.exposure)
         assert capture.target is not None, "it was checked"
         return GorisScene(scene(before), scene(after), capture.target, colours)

@@ -38,6 +38,7 @@ from graycard.methods.removal import (
     with_hull,
 )
 from graycard.methods.splat import (
+    Checkpoint,
     Look,
     Parameters,
     Plan,
@@ -70,6 +71,7 @@ def without_object(
     settings: GorisSettings,
     seed: int,
     progress: Progress,
+    saved: Checkpoint | None = None,
 ) -> Parameters:
     """Remove the object from what the first stage has fitted.
 
@@ -81,6 +83,7 @@ def without_object(
         settings: Of the method.
         seed: Of the order of views, and of new surfels.
         progress: Called now and then.
+        saved: Where the fit is saved: this stage in a file beside it.
 
     Raises:
         MethodError: No surfel is the object's or all are, the prior's answer is not sound, or the loss or a
@@ -105,8 +108,10 @@ def without_object(
     rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY):
         rates.pop(name)
-    objective = RemovalObjective(shots, [_aim(target) for target in targets], settings, extent, seed)
-    plan = Plan(settings.second_steps, rates, extent)
+    aims = [_aim(target) for target in targets]
+    objective = RemovalObjective(shots, aims, settings, extent, seed)
+    checkpoint = saved and saved.beside("removal", (part for aim in aims for part in aim.parts))
+    plan = Plan(settings.second_steps, rates, extent, checkpoint=checkpoint)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 
 
@@ -216,6 +221,11 @@ class Aim:
     """Shape ``(H, W, 3)``: the photograph, or where it is masked out what surfels show or was inpainted."""
     layers: Mapping[str, torch.Tensor]
     """Inpainted materials; diffuse radiance is encoded."""
+
+    @property
+    def parts(self) -> tuple[torch.Tensor, ...]:
+        """All of it."""
+        return self.kept, self.rough, self.glossy, self.encoded, *self.layers.values()
 
 
 def _aim(target: Target) -> Aim:

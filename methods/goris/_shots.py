@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from graycard import Capture, MethodError
+from graycard import Camera, Capture, MethodError
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.surfels import Photograph, exposed_photograph, photographs
@@ -55,6 +55,16 @@ def shots_of(
     return [
         _shot(capture, priors, number, photograph, masks[number], settings)
         for number, photograph in enumerate(seen)
+    ]
+
+
+def looked_at(shots: Sequence[Shot]) -> list[tuple[Camera, torch.Tensor]]:
+    """All that a first stage depends on in its views: a checkpoint of others is refused."""
+    return [
+        (shot.photograph.camera, picture)
+        for shot in shots
+        for picture in (shot.photograph.encoded, shot.glossy, shot.target, shot.normal)
+        if picture is not None
     ]
 
 

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fit that was cut off goes on where it stopped, and ends with the same bits."""
 
+import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,19 @@ class Checkpoint:
     def __post_init__(self) -> None:
         if self.every < 1:
             raise ValueError(f"expected a checkpoint every 1 or more steps, got {self.every}")
+
+    def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = ()) -> "Checkpoint":
+        """Where another stage of the same fit is saved: a file of its own, next to this one.
+
+        Args:
+            stage: Its name, which ends that of the file.
+            looked_at: What it depends on besides: a checkpoint of others is refused.
+        """
+        digest = hashlib.sha256()
+        for values in looked_at:
+            digest.update(values.contiguous().numpy().tobytes())
+        path = self.path.with_name(f"{self.path.name}.{stage}")
+        return replace(self, path=path, identity=f"{self.identity} {stage} {digest.hexdigest()}")
 
 
 def save_state(checkpoint: Checkpoint, state: FitState) -> None:

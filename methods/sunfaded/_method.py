@@ -9,7 +9,7 @@ import torch
 
 from graycard import Capture, Progress
 from graycard.methods._contract import Priors
-from graycard.methods.splat import Checkpoint, Parameters, Plan, initial_state, scene_extent, train
+from graycard.methods.splat import Parameters, Plan, initial_state, scene_extent, train
 from graycard.methods.sunfaded._guess import (
     GEOMETRY_ASKS,
     Guess,
@@ -80,18 +80,11 @@ def _fitted(
     objective = Objective(views, lit, settings, seed)
     if asked and settings.geometry_prior == "albedo":
         until = max(1, round(ENDS[settings.schedule][Stage.JOINT] * settings.iterations))
-        first = replace(plan, until=until, checkpoint=_beside(plan.checkpoint))
+        first = replace(plan, until=until, checkpoint=plan.checkpoint and plan.checkpoint.beside("lit"))
         state = train(state, first, objective, progress)
         albedos = drawn_albedos(capture, state.parameters.all, settings)
         objective = replace(objective, guesses=guesses(capture, priors, albedos))
     return train(state, plan, objective, progress).parameters
-
-
-def _beside(checkpoint: Checkpoint | None) -> Checkpoint | None:
-    """Where the stages before the albedo's prior are saved."""
-    if checkpoint is None:
-        return None
-    return replace(checkpoint, path=checkpoint.path.with_name(f"{checkpoint.path.name}.lit"))
 
 
 def _plan(

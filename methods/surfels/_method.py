@@ -164,7 +164,6 @@ def fit_checkpoint(
     settings: Any,
     seed: int,
     views: Iterable[tuple[Camera, torch.Tensor]],
-    steps: int | None = None,
 ) -> Checkpoint | None:
     """Where a fit is saved; None if its settings name no file.
 
@@ -173,14 +172,13 @@ def fit_checkpoint(
         settings: With ``checkpoint``, the file, and ``iterations``.
         seed: Of the fit.
         views: Cameras and pictures that are fitted: a checkpoint of others is refused.
-        steps: Of the stage that is saved; ``iterations`` by default.
     """
     if not settings.checkpoint:
         return None
     digest = hashlib.sha256()
     for camera, picture in views:
         digest.update(camera.digest.encode() + picture.numpy().tobytes())
-    every = max(1, (steps or settings.iterations) // SAVES)
+    every = max(1, settings.iterations // SAVES)
     identity = f"{_chosen(method, settings, seed)} {digest.hexdigest()}"
     return Checkpoint(Path(settings.checkpoint), every, identity)
 

@@ -126,18 +126,20 @@ def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
         found.remove(2)
 
 
+class NothingGlossy:
+    """A prior to which all is rough, and faces up."""
+
+    def answer(self, question: methods.Question) -> np.ndarray:
+        if question.kind == "mask":
+            return np.zeros(question.image.shape[:2], bool)
+        return np.tile([0.0, 0.0, 1.0], (*question.image.shape[:2], 1))
+
+
 def test_priors_that_know_more_are_asked(scene: Path):
     """With a mask and normals; where nothing is glossy all steps are in colours, and nothing reflects."""
-
-    class Nothing:
-        def answer(self, question: methods.Question) -> np.ndarray:
-            if question.kind == "mask":
-                return np.zeros(question.image.shape[:2], bool)
-            return np.tile([0.0, 0.0, 1.0], (*question.image.shape[:2], 1))
-
     capture = gc.open_capture(scene / "capture", check=False)
     known = told(scene, PriorSpec("classical"))
-    models = {**known.models, "mask": Nothing(), "normal": Nothing()}
+    models = {**known.models, "mask": NothingGlossy(), "normal": NothingGlossy()}
     found = GorisMethod().fit(capture, replace(known, models=models), QUICK, 0, gc.silent)
     layers = found.render(capture.test[0].camera, ["glossy", "specular"])
     assert float(layers["glossy"].max()) == float(layers["specular"].max()) == 0
@@ -146,6 +148,68 @@ def test_priors_that_know_more_are_asked(scene: Path):
     found = GorisMethod().fit(capture, priors, divided, 0, gc.silent)
     assert found.before.settings.light_steps == QUICK.light_steps
     assert float(found.render(capture.test[0].camera, ["glossy"])["glossy"].max()) < 0.1
+
+
+@pytest.mark.parametrize("stage", ["", ".light", ".removal", ".distilled"])
+def test_a_fit_that_was_cut_off_goes_on(scene: Path, tmp_path: Path, stage: str):
+    """In any of its stages, and ends with the same bits; what was done is not done again."""
+
+    class KilledError(Exception):
+        pass
+
+    path, steps = tmp_path / "fit", []
+
+    def kill(done: float, doing: str) -> None:
+        if (tmp_path / f"fit{stage}").exists():
+            raise KilledError
+
+    capture = gc.open_capture(scene / "capture", check=False)
+    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
+    settings = replace(QUICK, distilled=True)
+    saved = replace(settings, checkpoint=str(path))
+    with pytest.raises(KilledError):
+        method.fit(capture, priors, saved, 0, kill)
+    whole = method.fit(capture, priors, settings, 0, lambda *_: steps.append(1))
+    every = len(steps)
+    resumed = method.fit(capture, priors, saved, 0, lambda *_: steps.append(1))
+    assert len(steps) - every < every
+    assert whole.distilled is not None
+    assert resumed.distilled is not None
+    for ours, theirs in ((whole.after, resumed.after), (whole.distilled, resumed.distilled)):
+        for name, values in ours.parameters.all.items():
+            assert torch.equal(values, theirs.parameters.all[name]), name
+
+
+def test_a_checkpoint_of_other_masks_or_another_inpainting_is_refused(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    capture, saved = (
+        gc.open_capture(scene / "capture", check=False),
+        replace(QUICK, checkpoint=str(tmp_path / "f")),
+    )
+    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
+    method.fit(capture, priors, saved, 0, gc.silent)
+    others = told(scene, PriorSpec("oracle", 4, overrides=UNTOLD))
+    with pytest.raises(
+        gc.MethodError, match=r"f.removal to hold a fit of these photographs.*got one of others"
+    ):
+        method.fit(capture, others, saved, 0, gc.silent)
+    masks = gc.Capture.target_mask
+    monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
+    with pytest.raises(gc.MethodError, match="got one of others"):
+        method.fit(capture, priors, saved, 0, gc.silent)
+
+
+def test_where_nothing_is_glossy_a_fit_goes_on_as_well(scene: Path, tmp_path: Path):
+    """All steps are radiance only there, which the settings do not say."""
+    capture = gc.open_capture(scene / "capture", check=False)
+    known = told(scene, PriorSpec("classical"))
+    priors = replace(known, models={**known.models, "mask": NothingGlossy()})
+    saved = replace(QUICK, checkpoint=str(tmp_path / "fit"))
+    one, two = (
+        GorisMethod().fit(capture, priors, saved, 0, gc.silent).after.parameters.all for _ in range(2)
+    )
+    assert all(torch.equal(values, two[name]) for name, values in one.items())
 
 
 def test_bad_input_is_refused_before_any_fit(
