@@ -42,9 +42,11 @@ from graycard.methods import (
     Guest,
     Method,
     Priors,
+    Staged,
     asks_of,
     blame,
     load_method,
+    resumed_time,
     settings_of,
     write_predictions,
 )
@@ -72,6 +74,9 @@ class FitSpec:
     donor: Path | None = None
     """The scene, ``DATASET/<track>/<scene>``, whose object the truth shows in this one: it is fitted too, and
     its object put in. None: that is left out."""
+    stages: Path | None = None
+    """A folder, of this code alone, in which a :class:`graycard.methods.Staged` method saves what other fits
+    go on from; None: nothing is saved but where the settings say so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +127,9 @@ def fit_scene(
         if save is not None:
             writable_folder(save)
         start = time.perf_counter()
-        decomposition = _fitted(spec, guard, capture, priors, progress)
-        elapsed, peak = time.perf_counter() - start, peak_memory_mib()
+        with resumed_time() as resumed:
+            decomposition = _fitted(spec, guard, capture, priors, progress)
+        elapsed, peak = time.perf_counter() - start + resumed.seconds, peak_memory_mib()
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
             changes = replace(changes, guest=_guest(spec, donor, guard, copies, changes, progress))
@@ -152,7 +158,10 @@ def _fitted(
     seed_everything(spec.seed)
     with closed(guard), blame(spec.method):
         method = load_method(spec.method)
-        return method.fit(capture, priors, settings_of(method, spec.settings), spec.seed, progress)
+        settings = settings_of(method, spec.settings)
+        if spec.stages is not None and isinstance(method, Staged) and not settings.checkpoint:
+            settings = replace(settings, checkpoint=f"{spec.stages}/")
+        return method.fit(capture, priors, settings, spec.seed, progress)
 
 
 def _guest(

@@ -84,6 +84,8 @@ class FitJob:
     """Folder of all jobs of the run, whose predictions are none of this method's business."""
     donor: Path | None = None
     """The scene whose object is put in; None: none is."""
+    stages: Path | None = None
+    """Where fits of the same code leave stages that others go on from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +124,8 @@ def run_fit(job: FitJob) -> Outcome:
             (job.folder / DONE).unlink(missing_ok=True)
             made = job.job
             priors = decode(PriorSpec, made.priors)
-            spec = FitSpec(made.entry, made.settings, made.seed, job.scene, made.method, priors, job.donor)
+            handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
+            spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
             with _threads(job.threads):
                 fitted = fit_scene(spec, job.folder / "predictions", silent, jobs=job.jobs, own=job.folder)
             write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))

@@ -4,6 +4,7 @@
     RUN/dataset/<track>/<scene>/{capture,truth}
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
     RUN/run.json comparison.json suite.json
+    RUN/stages/<code>/   what fits leave for each other while the run goes on
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -11,6 +12,7 @@ same scores as one that was not.
 
 import hashlib
 import re
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -60,6 +62,8 @@ from graycard.eval.statistics import compare_run
 from graycard.methods.priors import truth_of, weights_of
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
+STAGES = "stages"
+
 
 def run_bench(
     suite: Suite,
@@ -101,6 +105,7 @@ def run_bench(
     fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
+    shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
     outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
     record = RunRecord(
@@ -185,7 +190,8 @@ def _plan(
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
                 name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
-                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor))
+                stages = run / STAGES / known.fingerprint[:12]
+                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages))
     return plan
 
 

@@ -15,6 +15,7 @@ from graycard.methods._contract import Method as Method
 from graycard.methods._contract import NoSettings as NoSettings
 from graycard.methods._contract import Relightable as Relightable
 from graycard.methods._contract import Removable as Removable
+from graycard.methods._contract import Staged as Staged
 from graycard.methods._contract import Surrounded as Surrounded
 from graycard.methods._contract import asks_of as asks_of
 from graycard.methods._predict import Changes as Changes
@@ -34,3 +35,6 @@ from graycard.methods._registry import listings as listings
 from graycard.methods._registry import load_method as load_method
 from graycard.methods._registry import offers as offers
 from graycard.methods._registry import settings_of as settings_of
+from graycard.methods._resumed import Resumed as Resumed
+from graycard.methods._resumed import add_resumed as add_resumed
+from graycard.methods._resumed import resumed_time as resumed_time

@@ -200,6 +200,22 @@ class NoSettings:
 
 
 @runtime_checkable
+class Staged(Method, Protocol):
+    """A method that saves the stages of a fit, for itself when it is cut off and for others that share them.
+
+    Its settings have ``checkpoint``. Where that ends with a slash it is a folder, in which each stage is
+    saved under a name that says all that the stage depends on, and no more: so fits that differ in later
+    stages alone find the earlier ones there, and end with the same bits as without. It tells the time of what
+    it finds by :func:`graycard.methods.add_resumed`.
+    """
+
+    @property
+    def staged(self) -> bool:
+        """True."""
+        ...
+
+
+@runtime_checkable
 class Asking(Method, Protocol):
     """A method that asks a prior; one without ``asks`` asks nothing."""
 

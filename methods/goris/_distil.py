@@ -52,7 +52,8 @@ def distilled(
     cameras = [view.camera for view in capture.train]
     extent = scene_extent(cameras)
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
-    checkpoint = saved and saved.beside("distilled", (view.encoded for view in views))
+    chosen = str(replace(settings, checkpoint=""))
+    checkpoint = saved and saved.beside("distilled", (view.encoded for view in views), chosen)
     rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
     plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)

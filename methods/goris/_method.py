@@ -23,6 +23,7 @@ class GorisMethod:
     summary = "surfels whose glossy ones reflect traced light; the object is removed with its reflection"
     needs: tuple[str, ...] = ()
     asks = ASKS
+    staged = True
     settings_type = GorisSettings
 
     def fit(
@@ -35,9 +36,9 @@ class GorisMethod:
                 points, photographs are black or not finite, an answer of the prior is not sound, or the loss
                 or a gradient is not finite.
         """
-        masks = checked_for_removal(capture, priors, settings, seed, METHOD)
+        masks = checked_for_removal(capture, priors, settings.first, seed, METHOD)
         shots = shots_of(capture, priors, masks, settings)
-        saved = fit_checkpoint(METHOD, settings, seed, looked_at(shots))
+        saved = fit_checkpoint(METHOD, settings.first, seed, looked_at(shots))
         settings = as_glossy_as_told(settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
         shots = shots if flat is None else flat.alone(shots)

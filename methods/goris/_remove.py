@@ -110,7 +110,8 @@ def without_object(
         rates.pop(name)
     aims = [_aim(target) for target in targets]
     objective = RemovalObjective(shots, aims, settings, extent, seed)
-    checkpoint = saved and saved.beside("removal", (part for aim in aims for part in aim.parts))
+    looked_at = (part for aim in aims for part in aim.parts)
+    checkpoint = saved and saved.beside("removal", looked_at, str(replace(settings, checkpoint="")))
     plan = Plan(settings.second_steps, rates, extent, checkpoint=checkpoint)
     return train(initial_state(start, seed), plan, objective, progress).parameters
 

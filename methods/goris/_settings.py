@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Settings of ``goris``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Literal
 
@@ -16,6 +16,10 @@ LARGEST_SKY = 256
 step on one core."""
 
 
+_LATER = (
+    "second_share", "references", "hole_weight", "effect_mask", "least_effect", "doubtful_go",
+    "material_inpainting", "distilled",
+)  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
 )  # fmt: skip
@@ -129,6 +133,12 @@ class GorisSettings(RemovalSettings):
         weights = {name: getattr(self, name) for name in _WEIGHTS}
         if not all(0 <= weight < inf for weight in weights.values()):
             raise ValueError(f"expected finite weights of 0 or more, got {weights}")
+
+    @property
+    def first(self) -> "GorisSettings":
+        """The same first stage, with everything later as it is by default: what its checkpoints depend on."""
+        later = {part.name: part.default for part in fields(self) if part.name in _LATER}
+        return replace(self, **later)  # pyright: ignore[reportArgumentType]
 
     @property
     def radiance_steps(self) -> int:

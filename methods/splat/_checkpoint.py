@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from safetensors import SafetensorError, safe_open
@@ -32,34 +32,51 @@ class Checkpoint:
     """Steps."""
     identity: str
     """Says what the fit depends on: method, settings, seed, photographs. A state of another is refused."""
+    shared: bool = False
+    """Whether the path is a folder of fits, each in a file that its identity names: whoever has the same goes
+    on from it."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
             raise ValueError(f"expected a checkpoint every 1 or more steps, got {self.every}")
 
-    def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = ()) -> "Checkpoint":
+    @property
+    def file(self) -> Path:
+        """Where the state is."""
+        if not self.shared:
+            return self.path
+        return self.path / f"{hashlib.sha256(self.identity.encode()).hexdigest()[:20]}.safetensors"
+
+    def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = (), chosen: str = "") -> "Checkpoint":
         """Where another stage of the same fit is saved: a file of its own, next to this one.
 
         Args:
             stage: Its name, which ends that of the file.
             looked_at: What it depends on besides: a checkpoint of others is refused.
+            chosen: The same of settings, in words.
         """
         digest = hashlib.sha256()
         for values in looked_at:
             digest.update(values.contiguous().numpy().tobytes())
-        path = self.path.with_name(f"{self.path.name}.{stage}")
+        digest.update(chosen.encode())
+        path = self.path if self.shared else self.path.with_name(f"{self.path.name}.{stage}")
         return replace(self, path=path, identity=f"{self.identity} {stage} {digest.hexdigest()}")
 
 
-def save_state(checkpoint: Checkpoint, state: FitState) -> None:
+def save_state(checkpoint: Checkpoint, state: FitState, spent_s: float = 0.0) -> None:
     """Write the whole state as one safetensors file with JSON in its header, whole or not at all.
+
+    Args:
+        checkpoint: Where to.
+        state: After some step.
+        spent_s: Seconds that the fit took up to there.
 
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    facts = json.dumps({"step": state.step, "identity": checkpoint.identity})
+    facts = json.dumps({"step": state.step, "identity": checkpoint.identity, "spent_s": spent_s})
     tensors = {name: values.contiguous() for name, values in _flat(state).items()}
-    write_bytes(checkpoint.path, save(tensors, metadata={**FORMAT, "fit": facts}))
+    write_bytes(checkpoint.file, save(tensors, metadata={**FORMAT, "fit": facts}))
 
 
 def load_state(checkpoint: Checkpoint) -> FitState | None:
@@ -68,19 +85,34 @@ def load_state(checkpoint: Checkpoint) -> FitState | None:
     Raises:
         MethodError: The file is damaged, or is of another fit.
     """
-    if not checkpoint.path.exists():
+    saved = load_saved(checkpoint)
+    return None if saved is None else saved.state
+
+
+class Saved(NamedTuple):
+    """What a checkpoint holds."""
+
+    state: FitState
+    spent_s: float
+    """Seconds that the fit took up to there."""
+
+
+def load_saved(checkpoint: Checkpoint) -> Saved | None:
+    """As :func:`load_state`, with the time that it took."""
+    path = checkpoint.file
+    if not path.exists():
         return None
     try:
-        with safe_open(checkpoint.path, framework="pt") as file:
+        with safe_open(path, framework="pt") as file:
             facts = _facts(file.metadata())
             # Copies: kernels may round differently on memory that is aligned differently.
             tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-        state = _unflat(facts["step"], tensors)
+        saved = Saved(_unflat(facts["step"], tensors), float(facts.get("spent_s", 0.0)))
     except _BROKEN as cause:
-        raise _broken(checkpoint.path, cause) from cause
+        raise _broken(path, cause) from cause
     if facts["identity"] != checkpoint.identity:
-        raise _of_another(checkpoint.path)
-    return state
+        raise _of_another(path)
+    return saved
 
 
 def check_saved(path: Path, begins: str) -> None:

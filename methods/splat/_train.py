@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop of a fit: look, move, now and then add and take away surfels; resume where it was cut off."""
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import torch
 
 from graycard import Progress
-from graycard.methods.splat._checkpoint import Checkpoint, load_state, save_state
+from graycard.methods._resumed import add_resumed
+from graycard.methods.splat._checkpoint import Checkpoint, load_saved, save_state
 from graycard.methods.splat._densify import DensityRules, densify, prune, reset_opacity
 from graycard.methods.splat._optimise import (
     FitState,
@@ -84,14 +86,16 @@ def train(state: FitState, plan: Plan, objective: Objective, progress: Progress)
         MethodError: A loss or a gradient is not finite, or the checkpoint is damaged or of another fit.
         OutputError: The checkpoint cannot be written.
     """
-    saved = None if plan.checkpoint is None else load_state(plan.checkpoint)
-    state = state if saved is None else saved
+    saved = None if plan.checkpoint is None else load_saved(plan.checkpoint)
+    state, before = (state, 0.0) if saved is None else saved
+    add_resumed(before)
+    began = time.perf_counter()
     while state.step < plan.last:
         progress(state.step / plan.steps, f"fitting {len(state.parameters)} surfels")
         state = train_step(state, plan, objective)
-        stops = plan.until is not None and state.step == plan.last
-        if plan.checkpoint is not None and (stops or state.step % plan.checkpoint.every == 0):
-            save_state(plan.checkpoint, state)
+        ends = state.step == plan.last
+        if plan.checkpoint is not None and (ends or state.step % plan.checkpoint.every == 0):
+            save_state(plan.checkpoint, state, before + time.perf_counter() - began)
     return state
 
 

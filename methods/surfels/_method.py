@@ -4,6 +4,7 @@
 import hashlib
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -165,11 +166,11 @@ def fit_checkpoint(
     seed: int,
     views: Iterable[tuple[Camera, torch.Tensor]],
 ) -> Checkpoint | None:
-    """Where a fit is saved; None if its settings name no file.
+    """Where a fit is saved; None if its settings name neither a file nor a folder.
 
     Args:
         method: Its name.
-        settings: With ``checkpoint``, the file, and ``iterations``.
+        settings: With ``checkpoint`` and ``iterations``.
         seed: Of the fit.
         views: Cameras and pictures that are fitted: a checkpoint of others is refused.
     """
@@ -180,7 +181,7 @@ def fit_checkpoint(
         digest.update(camera.digest.encode() + picture.numpy().tobytes())
     every = max(1, settings.iterations // SAVES)
     identity = f"{_chosen(method, settings, seed)} {digest.hexdigest()}"
-    return Checkpoint(Path(settings.checkpoint), every, identity)
+    return Checkpoint(Path(settings.checkpoint), every, identity, _is_folder(settings))
 
 
 def check_checkpoint(method: str, settings: Any, seed: int) -> None:
@@ -188,16 +189,21 @@ def check_checkpoint(method: str, settings: Any, seed: int) -> None:
 
     Args:
         method: Its name, as for :func:`fit_checkpoint`.
-        settings: With ``checkpoint``, the file.
+        settings: With ``checkpoint``.
         seed: Of the fit.
 
     Raises:
         MethodError: The file is damaged, or is of another method, other settings or another seed.
     """
-    if settings.checkpoint:
+    if settings.checkpoint and not _is_folder(settings):
         check_saved(Path(settings.checkpoint), _chosen(method, settings, seed))
 
 
 def _chosen(method: str, settings: Any, seed: int) -> str:
     """A hash of what a fit depends on besides what it looks at."""
-    return hashlib.sha256(json.dumps([method, seed, encode(settings)]).encode()).hexdigest()
+    chosen = encode(replace(settings, checkpoint=""))
+    return hashlib.sha256(json.dumps([method, seed, chosen]).encode()).hexdigest()
+
+
+def _is_folder(settings: Any) -> bool:
+    return settings.checkpoint.endswith("/")

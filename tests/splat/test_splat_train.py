@@ -17,6 +17,7 @@ import torch
 from safetensors.torch import load_file
 
 import graycard as gc
+from graycard import methods
 from graycard.methods import splat
 from graycard.methods.splat import _stages
 
@@ -278,6 +279,35 @@ def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
     assert saved.step == 4
     for name, values in fit(whole).parameters.all.items():
         assert torch.equal(values, fit(plan).parameters.all[name]), name
+
+
+def test_fits_that_depend_on_the_same_share_a_folder(tmp_path: Path):
+    """A step of one is not done by another, and its time counts; who depends on other things begins anew."""
+    mine = splat.Checkpoint(tmp_path / "stages", 1000, "mine", shared=True)
+    plan = splat.Plan(6, {"albedo": splat.Rate(5e-2, 1e-2)}, 1.0, checkpoint=mine)
+    steps: list[float] = []
+
+    def fit(checkpoint: splat.Checkpoint) -> splat.FitState:
+        def count(done: float, doing: str) -> None:
+            steps.append(done)
+
+        state = splat.initial_state(some_parameters(), 0)
+        return splat.train(state, replace(plan, checkpoint=checkpoint), far_from_zero, count)
+
+    with methods.resumed_time() as nothing:
+        first = fit(mine)
+    with methods.resumed_time() as found:
+        second = fit(mine)
+    assert len(steps) == 6
+    assert nothing.seconds == 0 < found.seconds
+    for name, values in first.parameters.all.items():
+        assert torch.equal(values, second.parameters.all[name]), name
+    fit(replace(mine, identity="yours"))
+    fit(mine.beside("later"))
+    fit(mine.beside("later", [torch.ones(1)]))
+    fit(mine.beside("later", chosen="otherwise"))
+    assert len(steps) == 5 * 6
+    assert len(list(mine.path.iterdir())) == 5
 
 
 def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():

@@ -200,6 +200,32 @@ def test_a_checkpoint_of_other_masks_or_another_inpainting_is_refused(
         method.fit(capture, priors, saved, 0, gc.silent)
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"references": 1, "hole_weight": 0.5},
+        {"effect_mask": False, "doubtful_go": False},
+        {"distilled": True},
+    ],
+    ids=lambda changes: "-".join(changes),
+)
+def test_fits_that_differ_later_share_the_first_stage(
+    scene: Path, tmp_path: Path, changes: dict[str, object]
+):
+    """And end with the same bits as alone."""
+    capture = gc.open_capture(scene / "capture", check=False)
+    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
+    saving = replace(QUICK, checkpoint=f"{tmp_path}/")
+    method.fit(capture, priors, saving, 0, gc.silent)
+    doing: list[float] = []
+    changed = replace(saving, **changes)  # pyright: ignore[reportArgumentType]
+    shared = method.fit(capture, priors, changed, 0, lambda done, what: doing.append(done))
+    assert len(doing) == changed.second_steps + (changed.iterations if changed.distilled else 0)
+    alone = method.fit(capture, priors, replace(changed, checkpoint=""), 0, gc.silent)
+    for name, values in alone.after.parameters.all.items():
+        assert torch.equal(values, shared.after.parameters.all[name]), name
+
+
 def test_where_nothing_is_glossy_a_fit_goes_on_as_well(scene: Path, tmp_path: Path):
     """All steps are radiance only there, which the settings do not say."""
     capture = gc.open_capture(scene / "capture", check=False)

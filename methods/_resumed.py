@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time of a fit that was spent before: what was found on disk counts as much as what was done now."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Resumed:
+    """What fits found on disk."""
+
+    seconds: float = 0.0
+    """Wall time that it took when it was done."""
+
+
+_FOUND: ContextVar[Resumed | None] = ContextVar("resumed", default=None)
+
+
+@contextmanager
+def resumed_time() -> Iterator[Resumed]:
+    """Add up the time of what fits within the block find on disk instead of doing it again."""
+    found = Resumed()
+    token = _FOUND.set(found)
+    try:
+        yield found
+    finally:
+        _FOUND.reset(token)
+
+
+def add_resumed(seconds: float) -> None:
+    """Say that what was found on disk took so long; nobody may be listening."""
+    found = _FOUND.get()
+    if found is not None:
+        found.seconds += seconds
