@@ -35,7 +35,7 @@ class Even:
         return None
 
     def save(self, folder: Path) -> None:
-        folder.mkdir()
+        folder.mkdir(exist_ok=True)
         (folder / "checkpoint").write_text(self.checkpoint)
 
 
