@@ -36,7 +36,7 @@ class GorisMethod:
                 points, photographs are black or not finite, an answer of the prior is not sound, or the loss
                 or a gradient is not finite.
         """
-        masks = checked_for_removal(capture, priors, settings.first, seed, METHOD)
+        masks = checked_for_removal(capture, priors, settings, seed, METHOD, settings.first)
         shots = shots_of(capture, priors, masks, settings)
         saved = fit_checkpoint(METHOD, settings.first, seed, looked_at(shots))
         settings = as_glossy_as_told(settings, shots)

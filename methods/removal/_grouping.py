@@ -70,7 +70,7 @@ class GroupingMethod:
         Raises:
             MethodError: As of :meth:`RemovalMethod.fit`.
         """
-        masks = checked_for_removal(capture, priors, settings, seed, self.name)
+        masks = checked_for_removal(capture, priors, settings, seed, self.name, settings)
         fitted = identified(capture, masks, settings, seed, progress, self.name)
         theirs, before = named_surfels(fitted, settings), without_identities(fitted)
         left, gone = before.take(~theirs), before.surfels[CENTRES][theirs]

@@ -13,9 +13,11 @@ from graycard.methods.removal._scene import RemovalScene, load_scene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
 from graycard.methods.removal._stages import (
     ASKS,
+    FIRST,
     checked,
     checked_for_removal,
     decomposition,
+    first_settings,
     first_stage,
     second_stage,
     shown,
@@ -37,6 +39,7 @@ class RemovalMethod:
     summary = "2D Gaussian surfels without the object; three inpainted views tell what was behind it"
     needs = ()
     asks = ASKS
+    staged = True
     settings_type: type[RemovalSettings] = RemovalSettings
 
     def fit(
@@ -49,8 +52,8 @@ class RemovalMethod:
                 points, photographs are black or not finite, the prior's answer is not sound, or the loss or
                 a gradient is not finite.
         """
-        masks = checked_for_removal(capture, priors, settings, seed, self.name)
-        before = first_stage(capture, settings, seed, progress, self.name)
+        masks = checked_for_removal(capture, priors, settings, seed, FIRST, first_settings(settings))
+        before = first_stage(capture, settings, seed, progress)
         cameras = [view.camera for view in capture.train]
         theirs = target_surfels(surfels_of(before.surfels), cameras, masks, settings.least_inside)
         left = before.take(~theirs)
@@ -92,6 +95,7 @@ class KeepMethod:
     name = "do-nothing"
     summary = "2D Gaussian surfels from which nothing is removed"
     needs = ()
+    staged = True
     settings_type = SurfelSettings
 
     def fit(
@@ -102,8 +106,8 @@ class KeepMethod:
         Raises:
             MethodError: As of :meth:`RemovalMethod.fit`.
         """
-        checked(capture, settings, seed, self.name)
-        parameters = first_stage(capture, settings, seed, progress, self.name)
+        checked(capture, settings, seed, FIRST, first_settings(settings))
+        parameters = first_stage(capture, settings, seed, progress)
         return decomposition(self.name, capture, parameters, parameters)
 
     def load(self, folder: Path) -> RemovalScene:

@@ -2,7 +2,7 @@
 """The stages that all radiance-only removals share: surfels of the whole scene, then without the object."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import torch
@@ -44,8 +44,26 @@ ASKS = (Ask("inpainting", ("radiance",)), Ask("mask", ("target",), optional=True
 """The second only where ``object_masks`` says so."""
 
 
-def checked(capture: Capture, settings: SurfelSettings, seed: int, method: str) -> list[np.ndarray]:
+FIRST = "2dgs"
+"""What the first stage of all radiance-only removals is: they share what it saves."""
+
+
+def first_settings(settings: SurfelSettings) -> SurfelSettings:
+    """The settings of ``2dgs`` for the first stage."""
+    return SurfelSettings(**{part.name: getattr(settings, part.name) for part in fields(SurfelSettings)})
+
+
+def checked(
+    capture: Capture, settings: SurfelSettings, seed: int, method: str, first: SurfelSettings
+) -> list[np.ndarray]:
     """The masks of the object of a capture that can be fitted.
+
+    Args:
+        capture: The photographs.
+        settings: Of all stages.
+        seed: Of the fit.
+        method: Whose name a checkpoint of the first stage has.
+        first: Settings that such a checkpoint depends on.
 
     Raises:
         MethodError: It cannot, or its masks are not sound.
@@ -53,19 +71,24 @@ def checked(capture: Capture, settings: SurfelSettings, seed: int, method: str) 
     masks = target_masks(capture, settings.grow if isinstance(settings, StagedSettings) else 0.0)
     check_places(capture)
     check_photographs(capture)
-    check_checkpoint(method, settings, seed)
+    check_checkpoint(method, first, seed)
     return masks
 
 
 def checked_for_removal(
-    capture: Capture, priors: Priors, settings: StagedSettings, seed: int, method: str
+    capture: Capture,
+    priors: Priors,
+    settings: StagedSettings,
+    seed: int,
+    method: str,
+    first: SurfelSettings,
 ) -> list[np.ndarray]:
     """As :func:`checked`, of a capture whose object can be removed; its masks as the settings want them.
 
     Raises:
         MethodError: It cannot, masks are not sound, or no prior fills in holes.
     """
-    granted = checked(capture, settings, seed, method)
+    granted = checked(capture, settings, seed, method, first)
     priors.require("inpainting")
     if settings.object_masks == "capture":
         return granted
@@ -74,13 +97,11 @@ def checked_for_removal(
     return masks
 
 
-def first_stage(
-    capture: Capture, settings: SurfelSettings, seed: int, progress: Progress, method: str
-) -> Parameters:
-    """Surfels of the whole scene, the object included."""
-    start = sparse_start(capture, settings, seed)
-    rules = density_rules(settings.surfels)
-    return fit_surfels(method, capture, settings, seed, progress, start=start, rules=rules)
+def first_stage(capture: Capture, settings: SurfelSettings, seed: int, progress: Progress) -> Parameters:
+    """Surfels of the whole scene, the object included, as ``2dgs`` fits them."""
+    own = first_settings(settings)
+    start, rules = sparse_start(capture, own, seed), density_rules(own.surfels)
+    return fit_surfels(FIRST, capture, own, seed, progress, start=start, rules=rules)
 
 
 def second_stage(

@@ -260,6 +260,27 @@ def test_the_scene_with_its_object_is_that_of_the_first_stage(scene: Path):
         np.testing.assert_array_equal(found.render(camera, [name])[name], kept.render(camera, [name])[name])
 
 
+def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
+    """As files in a folder, and with the same bits as alone."""
+    capture, doing = gc.open_capture(scene / "capture", check=False), []
+    quick = {"iterations": 12, "surfels": 400, "fill": 0.0}
+    saving = quick | {"checkpoint": f"{tmp_path}/"}
+    plain = load_method("2dgs")
+    plain.fit(capture, methods.Priors(), methods.settings_of(plain, saving), 0, gc.silent)
+    for name in ("do-nothing", "removal", "removal-per-view", "removal-one-reference"):
+        method, asks = load_method(name), methods.asks_of(load_method(name))
+        priors = told(scene, asks, PriorSpec("oracle", 0)) if asks else methods.Priors()
+        alone, shared = (methods.settings_of(method, chosen) for chosen in (quick, saving))
+        doing.clear()
+        found = method.fit(capture, priors, shared, 0, lambda done, _: doing.append(done))
+        assert len(doing) == (0 if name == "do-nothing" else RemovalSettings(**quick).second_steps)
+        expected = method.fit(capture, priors, alone, 0, gc.silent)
+        assert isinstance(found, RemovalScene)
+        assert isinstance(expected, RemovalScene)
+        for part, values in expected.after.parameters.all.items():
+            assert torch.equal(values, found.after.parameters.all[part]), (name, part)
+
+
 def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
     """Where the object is seen: half as far as with it, with what the truth says is behind."""
     capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
