@@ -2,7 +2,6 @@
 """Fit one method on one scene: the same for the command line, a process pool, and a cluster."""
 
 import random
-import resource
 import sys
 import time
 from collections.abc import Mapping
@@ -29,6 +28,7 @@ from graycard import (
     with_derived,
     writable_folder,
 )
+from graycard._memory import peak_memory_mib
 from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.benchmarks._guest import check_donor, guest_of
@@ -75,7 +75,7 @@ class FitSpec:
     """The scene, ``DATASET/<track>/<scene>``, whose object the truth shows in this one: it is fitted too, and
     its object put in. None: that is left out."""
     stages: Path | None = None
-    """A folder, of this code alone, in which a :class:`graycard.methods.Staged` method saves what other fits
+    """``RUN/stages/<code>/<capture>``, where a :class:`graycard.methods.Staged` method saves what other fits
     go on from; None: nothing is saved but where the settings say so."""
 
 
@@ -113,7 +113,7 @@ def fit_scene(
         DatasetError: The scene is missing or damaged, or the donor is not where its object comes from.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    guard = closed_to_fits(spec.scene, own, jobs, spec.donor)
+    guard = closed_to_fits(spec.scene, own, jobs, spec.donor, spec.stages)
     with closed(guard):  # a module's own code runs when it is imported
         method = load_method(spec.method)
         settings_of(method, spec.settings)
@@ -129,7 +129,8 @@ def fit_scene(
         start = time.perf_counter()
         with resumed_time() as resumed:
             decomposition = _fitted(spec, guard, capture, priors, progress)
-        elapsed, peak = time.perf_counter() - start + resumed.seconds, peak_memory_mib()
+        elapsed = time.perf_counter() - start + resumed.seconds
+        peak = max(peak_memory_mib(), resumed.peak_mib)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
             changes = replace(changes, guest=_guest(spec, donor, guard, copies, changes, progress))
@@ -139,7 +140,7 @@ def fit_scene(
             name = spec.label or spec.method
             write_predictions(decomposition, capture, name, predictions, progress, changes)
             elapsed += time.perf_counter() - start
-            peak = peak if donor is not None else peak_memory_mib()
+            peak = peak if donor is not None else max(peak_memory_mib(), resumed.peak_mib)
             with blame(spec.method):
                 cost = Cost(elapsed, peak, _counts(decomposition, capture))
             if save is not None:
@@ -159,7 +160,8 @@ def _fitted(
     with closed(guard), blame(spec.method):
         method = load_method(spec.method)
         settings = settings_of(method, spec.settings)
-        if spec.stages is not None and isinstance(method, Staged) and not settings.checkpoint:
+        staged = isinstance(method, Staged) and method.staged
+        if spec.stages is not None and staged and not settings.checkpoint:
             settings = replace(settings, checkpoint=f"{spec.stages}/")
         return method.fit(capture, priors, settings, spec.seed, progress)
 
@@ -282,19 +284,6 @@ def seed_everything(seed: int) -> None:
     np.random.seed(seed)  # noqa: NPY002 -- third-party methods draw from the legacy global state
     if "torch" in sys.modules:
         sys.modules["torch"].manual_seed(seed)
-
-
-def peak_memory_mib() -> float:
-    """The most memory that this process has held, MiB.
-
-    On Linux from the kernel's high-water mark: what ``getrusage`` says is inherited from the parent.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
-        return int(lines["VmHWM"].split()[0]) / 2**10
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10
 
 
 def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:

@@ -33,7 +33,13 @@ class Guard:
     """What is closed, and what was tried."""
 
     def __init__(
-        self, dataset: Path, jobs: Path | None = None, own: Path | None = None, *, other: Path | None = None
+        self,
+        dataset: Path,
+        jobs: Path | None = None,
+        own: Path | None = None,
+        *,
+        other: Path | None = None,
+        stages: Path | None = None,
     ) -> None:
         """Close every ``truth/`` of a dataset, and the jobs of a run but one.
 
@@ -42,11 +48,14 @@ class Guard:
             jobs: Where predictions of other methods lie, one of which may be the truth itself.
             own: The folder in ``jobs`` that stays open.
             other: Another dataset, which a guest comes from.
+            stages: ``RUN/stages/<code>/<capture>``, which stays open; other stages of the run are closed.
         """
         datasets = [dataset] if other is None else [dataset, other]
         self._datasets = [os.path.realpath(place) for place in datasets]
         self._jobs = os.path.realpath(jobs) if jobs is not None else None
         self._own = os.path.realpath(own) if own is not None else None
+        self._stages = os.path.realpath(stages) if stages is not None else None
+        self._all_stages = os.path.realpath(stages.parents[1]) if stages is not None else None
         self.refused: list[str] = []
         """Paths that were refused, in order, each once."""
 
@@ -57,6 +66,8 @@ class Guard:
             if _inside(real, dataset):
                 parts = os.path.relpath(real, dataset).split(os.sep)
                 return len(parts) > 2 and parts[2] == "truth"
+        if _inside(real, self._all_stages):
+            return not _inside(real, self._stages)
         return _inside(real, self._jobs) and not _inside(real, self._own)
 
     def moves(self, path: str) -> bool:
@@ -75,7 +86,7 @@ class Guard:
                 which it starts. Relative paths and links are followed from there and from here.
         """
         words = repr(command)
-        closed = [place for place in (*self._datasets, self._jobs) if place]
+        closed = [place for place in (*self._datasets, self._jobs, self._all_stages) if place]
         if any(place in words for place in closed):
             return True
         starts = [os.getcwd(), *(text for text in map(_text, command) if text and os.path.isdir(text))]
@@ -158,11 +169,15 @@ def copied_capture(folder: Path) -> Iterator[Capture]:
 
 
 def closed_to_fits(
-    scene: Path, own: Path | None = None, jobs: Path | None = None, donor: Path | None = None
+    scene: Path,
+    own: Path | None = None,
+    jobs: Path | None = None,
+    donor: Path | None = None,
+    stages: Path | None = None,
 ) -> Guard:
     """The guard of a fit on ``DATASET/<track>/<scene>``, and on the scene that a guest comes from."""
     other = None if donor is None else Path(donor).absolute().parents[1]
-    return Guard(Path(scene).absolute().parents[1], jobs, own, other=other)
+    return Guard(Path(scene).absolute().parents[1], jobs, own, other=other, stages=stages)
 
 
 def _inside(path: str, folder: str | None) -> bool:

@@ -4,7 +4,7 @@
     RUN/dataset/<track>/<scene>/{capture,truth}
     RUN/jobs/<track>/<scene>/<method>-<seed>-<hash>/   job.json predictions/ scores.json
     RUN/run.json comparison.json suite.json
-    RUN/stages/<code>/   what fits leave for each other while the run goes on
+    RUN/stages/<code>/<capture>/   what fits leave for each other until all are done
 
 What is there and whole is reused, so a run that was cut off goes on where it stopped, and ends with the
 same scores as one that was not.
@@ -105,7 +105,8 @@ def run_bench(
     fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
-    shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
+    if not any(outcome.reason for outcome in fitted):
+        shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
     outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
     record = RunRecord(
@@ -190,9 +191,15 @@ def _plan(
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
                 name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
-                stages = run / STAGES / known.fingerprint[:12]
+                stages = _stages(run, known, folder, threads)
                 plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages))
     return plan
+
+
+def _stages(run: Path, known: Introduction, scene: Path, threads: int) -> Path:
+    """Where fits leave stages for others: of the same code on the same capture, with as many threads."""
+    capture = sha256(scene / "capture" / "manifest.json")[:12]
+    return run / STAGES / known.fingerprint[:12] / f"{capture}-{threads}"
 
 
 def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time of a fit that was spent before: what was found on disk counts as much as what was done now."""
+"""Time and memory of a fit that were spent before: what was found on disk counts as what was done now."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +13,8 @@ class Resumed:
 
     seconds: float = 0.0
     """Wall time that it took when it was done."""
+    peak_mib: float = 0.0
+    """The most memory that a process held which did it."""
 
 
 _FOUND: ContextVar[Resumed | None] = ContextVar("resumed", default=None)
@@ -20,7 +22,7 @@ _FOUND: ContextVar[Resumed | None] = ContextVar("resumed", default=None)
 
 @contextmanager
 def resumed_time() -> Iterator[Resumed]:
-    """Add up the time of what fits within the block find on disk instead of doing it again."""
+    """Add up the cost of what fits within the block find on disk instead of doing it again."""
     found = Resumed()
     token = _FOUND.set(found)
     try:
@@ -29,8 +31,9 @@ def resumed_time() -> Iterator[Resumed]:
         _FOUND.reset(token)
 
 
-def add_resumed(seconds: float) -> None:
-    """Say that what was found on disk took so long; nobody may be listening."""
+def add_resumed(seconds: float, peak_mib: float = 0.0) -> None:
+    """Say that what was found on disk took so long, and so much memory; nobody may be listening."""
     found = _FOUND.get()
     if found is not None:
         found.seconds += seconds
+        found.peak_mib = max(found.peak_mib, peak_mib)

@@ -44,15 +44,16 @@ def compare_track(
     verdicts: dict[str, Verdict] = {}
     standings: dict[tuple[str, str], gc.MethodStanding] = {}
     axes: dict[str, Axis | None] = {}
+    variants = record.variants_on(track)
     for metric in metrics:
         found = _find(comparison, track, metric.id)
         methods = found.methods if found else _bare_standings(record, track, metric.id)
         standings |= {(metric.id, m.method): m for m in methods}
         axes[metric.id] = axis_of_standings(methods, metric.unit)
         verdicts[metric.id] = (
-            judge(metric, found, comparison, record.variants)
+            judge(metric, found, comparison, variants)
             if found and comparison
-            else judge_without_intervals(metric, methods, record.variants)
+            else judge_without_intervals(metric, methods, variants)
         )
     return Compared(verdicts, standings, axes)
 

@@ -44,26 +44,26 @@ def judge(
         metric: Which one.
         found: How methods compare by it.
         comparison: Of the run.
-        variants: See :attr:`graycard.RunRecord.variants`.
+        variants: See :meth:`graycard.RunRecord.variants_on`.
     """
-    order = _in_order(metric, found.methods, variants)
+    methods = [m for m in found.methods if m.method not in variants]
+    order = _in_order(metric, methods)
     if not order:
-        return _nobody(found.methods)
+        return _nobody(methods)
     first, n = order[0], count(order[0].scenes, "scene")
     value = format_value(_mean(first), metric.unit)
     if len(order) == 1:
-        return Verdict("alone", _alone(found.methods), first.method, value, evidence=n)
+        return Verdict("alone", _alone(methods), first.method, value, evidence=n)
     pair = _pair(found, first.method, order[1].method)
     lead = _lead(metric, first, order[1], pair)
     few = pair is not None and pair.verdict == "too few scenes"
     if pair is None or few:
         words = f"too few scenes to tell: {comparison.least_scenes} needed"
         return Verdict("too few", words, first.method, value, lead, n)
-    tied = tuple(m.method for m in order[1:] if m.rank == first.rank)
+    tied = tuple(m.method for m in order[1:] if _ties(found, first.method, m.method))
     evidence = _evidence(pair, first.scenes)
-    if tied or pair.verdict == "tie":
-        names = tied or (order[1].method,)
-        return Verdict("tied", f"tied with {_list(names)}", first.method, value, lead, evidence, names)
+    if tied:
+        return Verdict("tied", f"tied with {_list(tied)}", first.method, value, lead, evidence, tied)
     return Verdict("clear", "clear lead", first.method, value, lead, evidence)
 
 
@@ -71,7 +71,8 @@ def judge_without_intervals(
     metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding], variants: Collection[str] = ()
 ) -> Verdict:
     """The same for a run without a comparison: who is best is known, not whether that is significant."""
-    order = _in_order(metric, methods, variants)
+    methods = [m for m in methods if m.method not in variants]
+    order = _in_order(metric, methods)
     if not order:
         return _nobody(methods)
     first, value = order[0], format_value(_mean(order[0]), metric.unit)
@@ -101,17 +102,20 @@ def _alone(methods: Sequence[gc.MethodStanding]) -> str:
     return "no rival with every scene" if partial else "no rival"
 
 
-def _in_order(
-    metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding], variants: Collection[str]
-) -> list[gc.MethodStanding]:
+def _in_order(metric: gc.MetricRecord, methods: Sequence[gc.MethodStanding]) -> list[gc.MethodStanding]:
     """Competing methods with a score of every scene, the best first."""
     whole = [m for m in methods if m.competes and m.mean is not None and m.scenes == m.expected]
-    whole = [m for m in whole if m.method not in variants]
     return sorted(whole, key=_mean, reverse=metric.higher_is_better)
 
 
 def _mean(standing: gc.MethodStanding) -> float:
     return float("nan") if standing.mean is None else standing.mean
+
+
+def _ties(found: gc.MetricComparison, first: str, second: str) -> bool:
+    """Whether two methods cannot be told apart: ranks would say so of variants too."""
+    pair = _pair(found, first, second)
+    return pair is not None and pair.verdict == "tie"
 
 
 def _pair(found: gc.MetricComparison, first: str, second: str) -> gc.PairDifference | None:

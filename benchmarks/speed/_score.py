@@ -13,8 +13,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import graycard as gc
-from graycard._memory import keep_freed_memory
-from graycard.benchmarks._fit import FitSpec, fit_scene, peak_memory_mib
+from graycard._memory import keep_freed_memory, peak_memory_mib
+from graycard.benchmarks._fit import FitSpec, fit_scene
 from graycard.eval import score_predictions, scores_of
 from graycard.synth import RenderSettings, SceneSpec, families, render_scene
 

@@ -70,7 +70,7 @@ def _table(run: gc.RunRecord, track: str, metric: gc.MetricRecord) -> gc.MetricC
         return None
     present = {result.job.method for result in run.results if result.job.track == track}
     rows = [_row(method, readings) for method in run.methods if method.name in present]
-    variants = run.variants
+    variants = run.variants_on(track)
     candidates = [
         Candidate(r.method.name, not r.method.sees, r.by_scene, r.method.name in variants) for r in rows
     ]

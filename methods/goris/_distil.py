@@ -9,6 +9,7 @@ import torch
 from scipy.spatial.transform import Rotation, Slerp
 
 from graycard import Camera, Capture, Progress
+from graycard.methods.goris._fit import own_stage
 from graycard.methods.goris._model import drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.splat import Checkpoint, Parameters, Plan, initial_state, scene_extent, train
@@ -52,8 +53,7 @@ def distilled(
     cameras = [view.camera for view in capture.train]
     extent = scene_extent(cameras)
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
-    chosen = str(replace(settings, checkpoint=""))
-    checkpoint = saved and saved.beside("distilled", (view.encoded for view in views), chosen)
+    checkpoint = own_stage(saved, "distilled", (view.encoded for view in views), settings)
     rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
     plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The first stage: surfels of the whole scene, the object included, then light transport by glossy ones."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -140,6 +140,22 @@ def fit_light(
     plan = Plan(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), plan, objective, progress).parameters
+
+
+def own_stage(
+    saved: Checkpoint | None, stage: str, looked_at: Iterable[torch.Tensor], settings: GorisSettings
+) -> Checkpoint | None:
+    """Where a stage is saved that depends on all settings; None in a folder, as no other fit would share it.
+
+    Args:
+        saved: Where the first stage is saved.
+        stage: Its name.
+        looked_at: What it depends on besides settings and the first stage.
+        settings: Of the method.
+    """
+    if saved is None or saved.shared:
+        return None
+    return saved.beside(stage, looked_at, str(replace(settings, checkpoint="")))
 
 
 def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int) -> Parameters:

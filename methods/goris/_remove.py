@@ -9,7 +9,7 @@ import torch
 
 from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
-from graycard.methods.goris._fit import light_rates
+from graycard.methods.goris._fit import light_rates, own_stage
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -111,8 +111,9 @@ def without_object(
     aims = [_aim(target) for target in targets]
     objective = RemovalObjective(shots, aims, settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
-    checkpoint = saved and saved.beside("removal", looked_at, str(replace(settings, checkpoint="")))
-    plan = Plan(settings.second_steps, rates, extent, checkpoint=checkpoint)
+    plan = Plan(
+        settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
+    )
     return train(initial_state(start, seed), plan, objective, progress).parameters
 
 

@@ -63,9 +63,14 @@ def looked_at(shots: Sequence[Shot]) -> list[tuple[Camera, torch.Tensor]]:
     return [
         (shot.photograph.camera, picture)
         for shot in shots
-        for picture in (shot.photograph.encoded, shot.glossy, shot.target, shot.normal)
+        for picture in (shot.photograph.encoded, shot.glossy, shot.target, _asked(shot), shot.normal)
         if picture is not None
     ]
+
+
+def _asked(shot: Shot) -> torch.Tensor:
+    """What priors were asked: to be told that all is glossy is more than not to ask."""
+    return torch.tensor([shot.told, shot.normal is not None])
 
 
 def _shot(

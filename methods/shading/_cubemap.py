@@ -43,7 +43,6 @@ def solid_angles(size: int) -> np.ndarray:
     return np.diff(np.diff(corner, axis=0), axis=1)
 
 
-@lru_cache(maxsize=8)
 def turned_texels(size: int) -> torch.Tensor:
     """Where each texel goes when the cube is turned so that a face becomes the first, shape ``(6, 6 size²)``.
 
@@ -74,15 +73,16 @@ def look_up_between(
 
     Args:
         cubemaps: Each of shape ``(6, N, N, C)``, with an N of its own.
-        directions: Shape ``(..., 3)``, world, of any length above 0.
+        directions: Shape ``(..., 3)``, world, of any length above 0; what is seen in others is NaN, and has
+            no part in gradients of the cubemaps.
         levels: Shape ``(...)``: number of a cubemap, or a place between two; beyond the ends those there.
 
     Returns:
         Shape ``(..., C)``, differentiable in all, once.
     """
     sizes = tuple(cubemap.shape[1] for cubemap in cubemaps)
-    dtype = torch.promote_types(cubemaps[0].dtype, directions.dtype)
     texels = torch.cat([cubemap.reshape(-1, cubemap.shape[-1]) for cubemap in cubemaps])
+    dtype = torch.promote_types(torch.promote_types(texels.dtype, directions.dtype), levels.dtype)
     toward, place = directions.reshape(-1, 3), levels.expand(directions.shape[:-1]).reshape(-1)
     found = cast(torch.Tensor, _Seen.apply(texels.to(dtype), toward.to(dtype), place.to(dtype), sizes))
     return found.reshape(*directions.shape[:-1], cubemaps[0].shape[-1])

@@ -57,7 +57,7 @@ def seen(texels, bordered, sizes, directions, levels, axes, found):
     begins = _begins(sizes)
     for row in range(len(directions)):
         lower, toward = _levels(levels, row, len(sizes))
-        found[row] = 0
+        found[row] = 0 * directions[row].sum()  # NaN where a direction is none
         for other in range(2 if toward > 0 else 1):
             number, share = lower + other, toward if other else 1 - toward
             size = sizes[number]
@@ -94,8 +94,12 @@ def seen_backward(
     begins = _begins(sizes)
     for row in range(len(directions)):
         lower, toward = _levels(levels, row, len(sizes))
-        to_directions[row] = 0
-        to_levels[row] = 0
+        longest = max(abs(directions[row, 0]), abs(directions[row, 1]), abs(directions[row, 2]))
+        known = 0 < longest < np.inf and not np.isnan(directions[row].sum() + toward)
+        to_directions[row] = 0 if known else np.nan
+        to_levels[row] = 0 if known else np.nan
+        if not known:
+            continue
         for other in range(2 if toward > 0 else 1):
             number, share = lower + other, toward if other else 1 - toward
             size = sizes[number]

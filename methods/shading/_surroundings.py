@@ -70,9 +70,14 @@ def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
 
 def _from_each_face(sky: torch.Tensor) -> torch.Tensor:
     """The texels of a sky with the cube turned so that each face in its turn is the first, ``(T, 6, 3)``."""
-    size, channels = sky.shape[1], sky.shape[-1]
-    order = turned_texels(size).argsort(dim=1).T.reshape(-1)
-    return sky.reshape(-1, channels).index_select(0, order).reshape(-1, 6, channels)
+    channels = sky.shape[-1]
+    texels = sky.reshape(-1, channels).index_select(0, _order_from_each_face(sky.shape[1]))
+    return texels.reshape(-1, 6, channels)
+
+
+@lru_cache(maxsize=8)
+def _order_from_each_face(size: int) -> torch.Tensor:
+    return turned_texels(size).argsort(dim=1).T.reshape(-1)
 
 
 def _filtered(around: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:

@@ -12,7 +12,7 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from graycard import MethodError, write_bytes
+from graycard import MethodError, OutputError, write_bytes
 from graycard.methods.splat._optimise import FitState, Moments, Screen
 from graycard.methods.splat._parameters import Parameters
 
@@ -35,6 +35,9 @@ class Checkpoint:
     shared: bool = False
     """Whether the path is a folder of fits, each in a file that its identity names: whoever has the same goes
     on from it."""
+    anew: bool = False
+    """Whether a file that is damaged or of another fit is written anew instead of refused; so is one that is
+    ``shared``."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -50,9 +53,11 @@ class Checkpoint:
     def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = (), chosen: str = "") -> "Checkpoint":
         """Where another stage of the same fit is saved: a file of its own, next to this one.
 
+        The stage is begun anew where the file is of another one: the first file has shown whose it is.
+
         Args:
             stage: Its name, which ends that of the file.
-            looked_at: What it depends on besides: a checkpoint of others is refused.
+            looked_at: What it depends on besides.
             chosen: The same of settings, in words.
         """
         digest = hashlib.sha256()
@@ -60,23 +65,40 @@ class Checkpoint:
             digest.update(values.contiguous().numpy().tobytes())
         digest.update(chosen.encode())
         path = self.path if self.shared else self.path.with_name(f"{self.path.name}.{stage}")
-        return replace(self, path=path, identity=f"{self.identity} {stage} {digest.hexdigest()}")
+        return replace(self, path=path, identity=f"{self.identity} {stage} {digest.hexdigest()}", anew=True)
 
 
-def save_state(checkpoint: Checkpoint, state: FitState, spent_s: float = 0.0) -> None:
+class Spent(NamedTuple):
+    """What a fit took up to some step."""
+
+    seconds: float = 0.0
+    peak_mib: float = 0.0
+    """The most memory that its process held."""
+
+
+NOTHING_SPENT = Spent()
+
+
+def save_state(checkpoint: Checkpoint, state: FitState, spent: Spent = NOTHING_SPENT) -> None:
     """Write the whole state as one safetensors file with JSON in its header, whole or not at all.
 
     Args:
         checkpoint: Where to.
         state: After some step.
-        spent_s: Seconds that the fit took up to there.
+        spent: What the fit took up to there.
 
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    facts = json.dumps({"step": state.step, "identity": checkpoint.identity, "spent_s": spent_s})
+    facts = json.dumps({"step": state.step, "identity": checkpoint.identity, "spent": spent})
     tensors = {name: values.contiguous() for name, values in _flat(state).items()}
-    write_bytes(checkpoint.file, save(tensors, metadata={**FORMAT, "fit": facts}))
+    data = save(tensors, metadata={**FORMAT, "fit": facts})
+    try:
+        write_bytes(checkpoint.file, data)
+    except OutputError as error:
+        if not (checkpoint.shared and isinstance(error.__cause__, FileNotFoundError)):
+            raise
+        write_bytes(checkpoint.file, data)  # another run that has ended has just cleared the folder away
 
 
 def load_state(checkpoint: Checkpoint) -> FitState | None:
@@ -93,24 +115,33 @@ class Saved(NamedTuple):
     """What a checkpoint holds."""
 
     state: FitState
-    spent_s: float
-    """Seconds that the fit took up to there."""
+    spent: Spent
 
 
 def load_saved(checkpoint: Checkpoint) -> Saved | None:
-    """As :func:`load_state`, with the time that it took."""
+    """As :func:`load_state`, with what it took."""
     path = checkpoint.file
     if not path.exists():
         return None
+    try:
+        return _read(path, checkpoint.identity)
+    except MethodError:
+        if checkpoint.shared or checkpoint.anew:
+            return None
+        raise
+
+
+def _read(path: Path, identity: str) -> Saved:
     try:
         with safe_open(path, framework="pt") as file:
             facts = _facts(file.metadata())
             # Copies: kernels may round differently on memory that is aligned differently.
             tensors = {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
-        saved = Saved(_unflat(facts["step"], tensors), float(facts.get("spent_s", 0.0)))
+        saved = Saved(_unflat(facts["step"], tensors), Spent(*facts["spent"]))
+        mine = facts["identity"] == identity
     except _BROKEN as cause:
         raise _broken(path, cause) from cause
-    if facts["identity"] != checkpoint.identity:
+    if not mine:
         raise _of_another(path)
     return saved
 

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import torch
 
 from graycard import Progress
+from graycard._memory import peak_memory_mib
 from graycard.methods._resumed import add_resumed
-from graycard.methods.splat._checkpoint import Checkpoint, load_saved, save_state
+from graycard.methods.splat._checkpoint import NOTHING_SPENT, Checkpoint, Spent, load_saved, save_state
 from graycard.methods.splat._densify import DensityRules, densify, prune, reset_opacity
 from graycard.methods.splat._optimise import (
     FitState,
@@ -87,15 +88,16 @@ def train(state: FitState, plan: Plan, objective: Objective, progress: Progress)
         OutputError: The checkpoint cannot be written.
     """
     saved = None if plan.checkpoint is None else load_saved(plan.checkpoint)
-    state, before = (state, 0.0) if saved is None else saved
-    add_resumed(before)
+    state, before = (state, NOTHING_SPENT) if saved is None else saved
+    add_resumed(before.seconds, before.peak_mib)
     began = time.perf_counter()
     while state.step < plan.last:
         progress(state.step / plan.steps, f"fitting {len(state.parameters)} surfels")
         state = train_step(state, plan, objective)
         ends = state.step == plan.last
         if plan.checkpoint is not None and (ends or state.step % plan.checkpoint.every == 0):
-            save_state(plan.checkpoint, state, before + time.perf_counter() - began)
+            seconds = before.seconds + time.perf_counter() - began
+            save_state(plan.checkpoint, state, Spent(seconds, max(before.peak_mib, peak_memory_mib())))
     return state
 
 

@@ -43,7 +43,9 @@ class SurfelMethod:
 
     summary = "2D Gaussian surfels with view-dependent colour, from photographs and sparse points"
     needs = ()
+    staged = True
     settings_type = SurfelSettings
+    staged = True
 
     def fit(
         self, capture: Capture, priors: Priors, settings: SurfelSettings, seed: int, progress: Progress

@@ -34,7 +34,8 @@ class SurfelSettings:
     distortion_start: float = 0.1
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty. With a slash at the end, a
-    folder for many fits: each goes on from what another has left there that depends on the same."""
+    folder for many fits of one capture by one version of graycard: each goes on from what another has left
+    there that depends on the same."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

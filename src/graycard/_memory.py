@@ -2,8 +2,10 @@
 """How much memory is touched at a time, and what becomes of it when it is freed."""
 
 import ctypes
+import resource
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 BLOCK = 1 << 14
 """Numbers of a block: several arrays of them fit the nearest cache."""
@@ -36,3 +38,16 @@ def blocks(count: int) -> Iterator[slice]:
         [(0, 16384), (16384, 20000)]
     """
     return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
+
+
+def peak_memory_mib() -> float:
+    """The most memory that this process has held, MiB.
+
+    On Linux from the kernel's high-water mark: what ``getrusage`` says is inherited from the parent.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+        return int(lines["VmHWM"].split()[0]) / 2**10
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -220,11 +220,11 @@ class RunRecord:
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
 
-    @property
-    def variants(self) -> frozenset[str]:
-        """Rows that are a method with settings of their own, while the method stands in the run as itself."""
-        names = {method.name for method in self.methods}
-        return frozenset(m.name for m in self.methods if m.entry != m.name and m.entry in names)
+    def variants_on(self, track: str) -> frozenset[str]:
+        """Rows of a track that are a method with settings of their own, while it stands there as itself."""
+        names = {result.job.method for result in self.results if result.job.track == track}
+        rows = [method for method in self.methods if method.name in names]
+        return frozenset(m.name for m in rows if m.entry != m.name and m.entry in names)
 
 
 def read_score_sheet(path: Path) -> ScoreSheet:

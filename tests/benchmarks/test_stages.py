@@ -11,7 +11,7 @@ import graycard as gc
 from graycard.benchmarks import FitSpec, fit_scene
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
 
-BEFORE_S = 1000.0
+BEFORE_S, BEFORE_MIB = 1000.0, 1e6
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,23 @@ class Staged(Unstaged):
         if settings.checkpoint.endswith("/"):
             left = Path(settings.checkpoint) / "stage"
             if left.exists():
-                add_resumed(BEFORE_S)
+                add_resumed(BEFORE_S, BEFORE_MIB)
             gc.write_bytes(left, b"done")
+
+
+class Off(Unstaged):
+    """A method that says it has no stages."""
+
+    staged = False
+
+
+class Peeks(Unstaged):
+    """A method that looks for what others have left."""
+
+    staged = True
+
+    def found(self, settings: Settings) -> None:
+        (Path(settings.checkpoint).parents[1] / "other" / "stage").read_text()
 
 
 @pytest.fixture
@@ -80,10 +95,12 @@ def method(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
 
 @pytest.mark.parametrize("method", ["Staged"], indirect=True)
 def test_what_is_found_counts_as_time_of_the_fit(method: str, make_scene, tmp_path: Path) -> None:
-    spec = FitSpec(method, {}, 0, make_scene(), stages=tmp_path / "stages")
-    first, second = (fit_scene(spec, tmp_path / name, gc.silent).cost.wall_s for name in ("a", "b"))
-    assert first < BEFORE_S / 2
-    assert BEFORE_S < second < 1.5 * BEFORE_S
+    spec = FitSpec(method, {}, 0, make_scene(), stages=tmp_path / "stages" / "code" / "capture")
+    first, second = (fit_scene(spec, tmp_path / name, gc.silent).cost for name in ("a", "b"))
+    assert first.wall_s < BEFORE_S / 2
+    assert first.peak_memory_mib < BEFORE_MIB
+    assert BEFORE_S < second.wall_s < 1.5 * BEFORE_S
+    assert second.peak_memory_mib == BEFORE_MIB
 
 
 @pytest.mark.parametrize(
@@ -92,7 +109,7 @@ def test_what_is_found_counts_as_time_of_the_fit(method: str, make_scene, tmp_pa
 def test_only_who_asks_for_it_and_was_told_nothing_gets_the_folder(
     method: str, given: str, make_scene, tmp_path: Path
 ) -> None:
-    stages = tmp_path / "stages"
+    stages = tmp_path / "stages" / "code" / "capture"
     spec = FitSpec(method, {"checkpoint": given}, 0, make_scene(), stages=stages)
     fit_scene(spec, tmp_path / "p", gc.silent, tmp_path / "saved")
     told = (tmp_path / "saved" / "checkpoint").read_text()
@@ -104,8 +121,27 @@ def test_nobody_needs_to_listen() -> None:
     with resumed_time() as outer:
         add_resumed(1.0)
         with resumed_time() as inner:
-            add_resumed(2.0)
-    assert (outer.seconds, inner.seconds) == (1.0, 2.0)
+            add_resumed(2.0, 7.0)
+            add_resumed(3.0, 5.0)
+    assert (outer.seconds, inner.seconds, inner.peak_mib) == (1.0, 5.0, 7.0)
+
+
+@pytest.mark.parametrize("method", ["Off"], indirect=True)
+def test_who_says_that_it_is_not_staged_is_not(method: str, make_scene, tmp_path: Path) -> None:
+    stages = tmp_path / "stages" / "code" / "capture"
+    fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", gc.silent, tmp_path / "s")
+    assert (tmp_path / "s" / "checkpoint").read_text() == ""
+
+
+@pytest.mark.parametrize("method", ["Peeks"], indirect=True)
+def test_stages_of_others_are_closed(method: str, make_scene, tmp_path: Path) -> None:
+    (tmp_path / "stages" / "other").mkdir(parents=True)
+    (tmp_path / "stages" / "other" / "stage").write_text(
+        "what a row that was handed the truth has made of it"
+    )
+    stages = tmp_path / "stages" / "code" / "capture"
+    with pytest.raises(gc.MethodError, match="truth is closed"):
+        fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", gc.silent)
 
 
 def test_goris_is_staged_and_what_comes_later_is_no_part_of_its_first_stage() -> None:

@@ -61,7 +61,7 @@ def test_where_less_is_better_a_lead_is_still_positive() -> None:
 
 def test_ties_are_all_of_the_leaders_group() -> None:
     methods = [stands("a", 9.0), stands("b", 8.0), stands("c", 7.0), stands("d", 1.0, 2)]
-    found = compared(UP, methods, pair("a", "b", "tie"))
+    found = compared(UP, methods, pair("a", "b", "tie"), pair("a", "c", "tie"), pair("a", "d", "better"))
     assert (found.kind, found.words, found.tied) == ("tied", "tied with b and c", ("b", "c"))
 
 
@@ -73,6 +73,12 @@ def test_variants_of_a_method_neither_lead_nor_are_rivals() -> None:
     verdict = judge(UP, found, comparison, ("a-x", "a-y"))
     assert (verdict.kind, verdict.leader, verdict.value) == ("clear", "a", "9.00")
     assert verdict.lead == "1.00 dB (0.50 to 2.00) ahead of b"
+    level = gc.MetricComparison(  # a variant that is level with both gives both one rank
+        "dark", UP.id, (methods[0], methods[1], stands("b", 8.0)), (pair("a", "b", "better"),)
+    )
+    assert judge(UP, level, comparison, ("a-x",)).kind == "clear"
+    part = gc.MetricComparison("dark", UP.id, (stands("a", 9.0), stands("a-x", 9.0, None, scenes=7)), ())
+    assert judge(UP, part, comparison, ("a-x",)).words == "no rival"
     assert judge_without_intervals(UP, methods, ("a-x", "a-y")).leader == "a"
     assert judge_without_intervals(UP, methods).leader == "a-x"
 

@@ -308,6 +308,11 @@ def test_fits_that_depend_on_the_same_share_a_folder(tmp_path: Path):
     fit(mine.beside("later", chosen="otherwise"))
     assert len(steps) == 5 * 6
     assert len(list(mine.path.iterdir())) == 5
+    assert found.peak_mib > 1
+    mine.file.write_bytes(b"")  # what is damaged is no reason for others to fail
+    fit(mine)
+    assert len(steps) == 6 * 6
+    assert splat.load_state(mine) is not None
 
 
 def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():

@@ -31,8 +31,11 @@ def test_a_score_is_found_by_name():
 def test_variants_are_rows_beside_their_method():
     rows = [("a", "a"), ("a-slow", "a"), ("b-slow", "b"), ("old", "")]
     methods = tuple(gc.MethodRecord(name, "one", (), entry) for name, entry in rows)
-    run = gc.RunRecord("s", 1, (), methods, (), (), {}, "2026-11-21T09:47:14+00:00", 1.0)
-    assert run.variants == {"a-slow"}
+    jobs = [gc.Job("dark", "s", name, 0, {}) for name, _ in rows] + [gc.Job("tabletop", "s", "a-slow", 0, {})]
+    results = tuple(gc.JobResult(job, "h", "f", "done") for job in jobs)
+    run = gc.RunRecord("s", 1, (), methods, (), results, {}, "2026-11-21T09:47:14+00:00", 1.0)
+    assert run.variants_on("dark") == {"a-slow"}
+    assert run.variants_on("tabletop") == frozenset(), "its method is not there as itself"
 
 
 def test_a_misspelt_or_missing_key(tmp_path: Path):

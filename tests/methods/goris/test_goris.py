@@ -45,13 +45,13 @@ from graycard.methods.goris._remove import (
     without_object,
 )
 from graycard.methods.goris._scene import LAYERS, _scattered
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._shots import Shot, looked_at
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.priors._spec import Override
 from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
 from graycard.methods.splat import CENTRES, SH_DC, Rate
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, plane_depth
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, fit_checkpoint, plane_depth
 from sparse_points import with_points
 
 QUICK = GorisSettings(iterations=12, surfels=400, fill=0.0, sky_size=2)
@@ -180,20 +180,21 @@ def test_a_fit_that_was_cut_off_goes_on(scene: Path, tmp_path: Path, stage: str)
             assert torch.equal(values, theirs.parameters.all[name]), name
 
 
-def test_a_checkpoint_of_other_masks_or_another_inpainting_is_refused(
+def test_a_later_stage_that_depends_on_other_things_begins_anew_and_other_masks_are_refused(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    capture, saved = (
-        gc.open_capture(scene / "capture", check=False),
-        replace(QUICK, checkpoint=str(tmp_path / "f")),
-    )
+    """Another inpainting and other weights of it; masks are what the first stage depends on."""
+    capture = gc.open_capture(scene / "capture", check=False)
+    saved = replace(QUICK, checkpoint=str(tmp_path / "f"))
     priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
     method.fit(capture, priors, saved, 0, gc.silent)
     others = told(scene, PriorSpec("oracle", 4, overrides=UNTOLD))
-    with pytest.raises(
-        gc.MethodError, match=r"f.removal to hold a fit of these photographs.*got one of others"
-    ):
-        method.fit(capture, others, saved, 0, gc.silent)
+    for asked, settings in ((others, saved), (priors, replace(saved, hole_weight=0.1))):
+        found = method.fit(capture, asked, settings, 0, gc.silent).after.parameters.all
+        alone = method.fit(
+            capture, asked, replace(settings, checkpoint=""), 0, gc.silent
+        ).after.parameters.all
+        assert all(torch.equal(values, found[name]) for name, values in alone.items())
     masks = gc.Capture.target_mask
     monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
     with pytest.raises(gc.MethodError, match="got one of others"):
@@ -224,6 +225,19 @@ def test_fits_that_differ_later_share_the_first_stage(
     alone = method.fit(capture, priors, replace(changed, checkpoint=""), 0, gc.silent)
     for name, values in alone.after.parameters.all.items():
         assert torch.equal(values, shared.after.parameters.all[name]), name
+
+
+def test_to_be_told_that_all_is_glossy_is_more_than_not_to_be_told(world: GlossyWorld):
+    """Masks are alike, but regions, initial light and the loss are not: no stage is shared."""
+    untold = [replace(shot, told=False) for shot in shots_of_world(world)]
+    told_so = [replace(shot, told=True) for shot in untold]
+    files = [
+        fit_checkpoint("goris", replace(QUICK, checkpoint="stages/"), 0, looked_at(shots))
+        for shots in (untold, told_so)
+    ]
+    assert files[0] is not None
+    assert files[1] is not None
+    assert files[0].file != files[1].file
 
 
 def test_where_nothing_is_glossy_a_fit_goes_on_as_well(scene: Path, tmp_path: Path):

@@ -119,10 +119,22 @@ def test_in_no_direction_nothing_is_seen() -> None:
     assert look_up(skies_of((2,))[0], torch.empty(0, 3)).shape == (0, 2)
 
 
-def test_of_numbers_that_are_none_something_is_seen() -> None:
-    """Whoever fits then says that the fit has no way on; nothing outside of the texels is read."""
-    none = torch.full((2, 3), np.nan)
-    assert look_up_between(skies_of((2, 3)), none, none[:, 0]).shape == (2, 2)
+@pytest.mark.parametrize("wrong", [0.0, np.nan, np.inf])
+def test_in_no_direction_nan_is_seen_and_texels_have_no_part_in_it(wrong: float) -> None:
+    skies, at = [sky.requires_grad_() for sky in skies_of((2, 3))], sphere(12, 3)
+    at[1] = wrong
+    at.requires_grad_()
+    seen = look_up_between(skies, at, torch.full((3,), 0.5, dtype=torch.float64))
+    assert seen.isnan().any(dim=1).tolist() == [False, True, False]
+    gradients = torch.autograd.grad(seen.sum(), [at, *skies])
+    assert gradients[0].isnan().any(dim=1).tolist() == [False, True, False]
+    assert all(gradient.isfinite().all() for gradient in gradients[1:])
+
+
+def test_at_no_level_nan_is_seen() -> None:
+    levels = torch.tensor([0.5, np.nan], dtype=torch.float64)
+    seen = look_up_between(skies_of((2, 3)), sphere(13, 2), levels)
+    assert seen.isnan().any(dim=1).tolist() == [False, True]
 
 
 def test_latitudes_and_back() -> None:
