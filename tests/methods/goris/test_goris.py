@@ -11,6 +11,7 @@ import torch
 from scipy.ndimage import maximum_filter
 
 import graycard as gc
+from glossy_captures import QUICK, UNTOLD, NothingGlossy, told
 from glossy_sheets import (
     EXTENT,
     FLOOR,
@@ -45,48 +46,19 @@ from graycard.methods.goris._remove import (
     without_object,
 )
 from graycard.methods.goris._scene import LAYERS, _scattered
-from graycard.methods.goris._shots import Shot, looked_at
-from graycard.methods.priors import PriorSpec, make_priors
-from graycard.methods.priors._spec import Override
+from graycard.methods.goris._shots import Shot
+from graycard.methods.priors import PriorSpec
 from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
 from graycard.methods.splat import CENTRES, SH_DC, Rate
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, fit_checkpoint, plane_depth
-from sparse_points import with_points
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, plane_depth
 
-QUICK = GorisSettings(iterations=12, surfels=400, fill=0.0, sky_size=2)
 UP = np.array([0.0, 0.0, 1.0])
-UNTOLD = {kind: Override(source="none") for kind in ("mask", "normal")}
 
 
 @pytest.fixture(scope="module")
 def world() -> GlossyWorld:
     return glossy_world()
-
-
-@pytest.fixture(scope="module")
-def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = write_tiny(tmp_path_factory.mktemp("goris"), track="tabletop", train=4, test=1)
-    with_points(folder)
-    return folder
-
-
-def with_emptied(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """A polished floor behind the object, which scatters half of what is seen there."""
-    even = np.ones_like(layers["radiance"])
-    emptied = {
-        "diffuse": 0.5 * layers["counterfactual.radiance"],
-        "f0": 0.04 * even,
-        "roughness": 0.2 * even[..., 0],
-        "normal": even * (0, 0, 1),
-    }
-    return {**layers, **{f"counterfactual.{name}": values for name, values in emptied.items()}}
-
-
-def told(scene: Path, spec: PriorSpec) -> methods.Priors:
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
-    known = {view.name: with_emptied(truth.layers(truth.view(view.name))) for view in capture.train}
-    return make_priors(spec, GorisMethod.asks, capture, known, ())
 
 
 @pytest.mark.parametrize(
@@ -126,15 +98,6 @@ def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
         found.remove(2)
 
 
-class NothingGlossy:
-    """A prior to which all is rough, and faces up."""
-
-    def answer(self, question: methods.Question) -> np.ndarray:
-        if question.kind == "mask":
-            return np.zeros(question.image.shape[:2], bool)
-        return np.tile([0.0, 0.0, 1.0], (*question.image.shape[:2], 1))
-
-
 def test_priors_that_know_more_are_asked(scene: Path):
     """With a mask and normals; where nothing is glossy all steps are in colours, and nothing reflects."""
     capture = gc.open_capture(scene / "capture", check=False)
@@ -148,108 +111,6 @@ def test_priors_that_know_more_are_asked(scene: Path):
     found = GorisMethod().fit(capture, priors, divided, 0, gc.silent)
     assert found.before.settings.light_steps == QUICK.light_steps
     assert float(found.render(capture.test[0].camera, ["glossy"])["glossy"].max()) < 0.1
-
-
-@pytest.mark.parametrize("stage", ["", ".light", ".removal", ".distilled"])
-def test_a_fit_that_was_cut_off_goes_on(scene: Path, tmp_path: Path, stage: str):
-    """In any of its stages, and ends with the same bits; what was done is not done again."""
-
-    class KilledError(Exception):
-        pass
-
-    path, steps = tmp_path / "fit", []
-
-    def kill(done: float, doing: str) -> None:
-        if (tmp_path / f"fit{stage}").exists():
-            raise KilledError
-
-    capture = gc.open_capture(scene / "capture", check=False)
-    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
-    settings = replace(QUICK, distilled=True)
-    saved = replace(settings, checkpoint=str(path))
-    with pytest.raises(KilledError):
-        method.fit(capture, priors, saved, 0, kill)
-    whole = method.fit(capture, priors, settings, 0, lambda *_: steps.append(1))
-    every = len(steps)
-    resumed = method.fit(capture, priors, saved, 0, lambda *_: steps.append(1))
-    assert len(steps) - every < every
-    assert whole.distilled is not None
-    assert resumed.distilled is not None
-    for ours, theirs in ((whole.after, resumed.after), (whole.distilled, resumed.distilled)):
-        for name, values in ours.parameters.all.items():
-            assert torch.equal(values, theirs.parameters.all[name]), name
-
-
-def test_a_later_stage_that_depends_on_other_things_begins_anew_and_other_masks_are_refused(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Another inpainting and other weights of it; masks are what the first stage depends on."""
-    capture = gc.open_capture(scene / "capture", check=False)
-    saved = replace(QUICK, checkpoint=str(tmp_path / "f"))
-    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
-    method.fit(capture, priors, saved, 0, gc.silent)
-    others = told(scene, PriorSpec("oracle", 4, overrides=UNTOLD))
-    for asked, settings in ((others, saved), (priors, replace(saved, hole_weight=0.1))):
-        found = method.fit(capture, asked, settings, 0, gc.silent).after.parameters.all
-        alone = method.fit(
-            capture, asked, replace(settings, checkpoint=""), 0, gc.silent
-        ).after.parameters.all
-        assert all(torch.equal(values, found[name]) for name, values in alone.items())
-    masks = gc.Capture.target_mask
-    monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
-    with pytest.raises(gc.MethodError, match="got one of others"):
-        method.fit(capture, priors, saved, 0, gc.silent)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"references": 1, "hole_weight": 0.5},
-        {"effect_mask": False, "doubtful_go": False},
-        {"distilled": True},
-    ],
-    ids=lambda changes: "-".join(changes),
-)
-def test_fits_that_differ_later_share_the_first_stage(
-    scene: Path, tmp_path: Path, changes: dict[str, object]
-):
-    """And end with the same bits as alone."""
-    capture = gc.open_capture(scene / "capture", check=False)
-    priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
-    saving = replace(QUICK, checkpoint=f"{tmp_path}/")
-    method.fit(capture, priors, saving, 0, gc.silent)
-    doing: list[float] = []
-    changed = replace(saving, **changes)  # pyright: ignore[reportArgumentType]
-    shared = method.fit(capture, priors, changed, 0, lambda done, what: doing.append(done))
-    assert len(doing) == changed.second_steps + (changed.iterations if changed.distilled else 0)
-    alone = method.fit(capture, priors, replace(changed, checkpoint=""), 0, gc.silent)
-    for name, values in alone.after.parameters.all.items():
-        assert torch.equal(values, shared.after.parameters.all[name]), name
-
-
-def test_to_be_told_that_all_is_glossy_is_more_than_not_to_be_told(world: GlossyWorld):
-    """Masks are alike, but regions, initial light and the loss are not: no stage is shared."""
-    untold = [replace(shot, told=False) for shot in shots_of_world(world)]
-    told_so = [replace(shot, told=True) for shot in untold]
-    files = [
-        fit_checkpoint("goris", replace(QUICK, checkpoint="stages/"), 0, looked_at(shots))
-        for shots in (untold, told_so)
-    ]
-    assert files[0] is not None
-    assert files[1] is not None
-    assert files[0].file != files[1].file
-
-
-def test_where_nothing_is_glossy_a_fit_goes_on_as_well(scene: Path, tmp_path: Path):
-    """All steps are radiance only there, which the settings do not say."""
-    capture = gc.open_capture(scene / "capture", check=False)
-    known = told(scene, PriorSpec("classical"))
-    priors = replace(known, models={**known.models, "mask": NothingGlossy()})
-    saved = replace(QUICK, checkpoint=str(tmp_path / "fit"))
-    one, two = (
-        GorisMethod().fit(capture, priors, saved, 0, gc.silent).after.parameters.all for _ in range(2)
-    )
-    assert all(torch.equal(values, two[name]) for name, values in one.items())
 
 
 def test_bad_input_is_refused_before_any_fit(
