@@ -45,7 +45,6 @@ class SurfelMethod:
     needs = ()
     staged = True
     settings_type = SurfelSettings
-    staged = True
 
     def fit(
         self, capture: Capture, priors: Priors, settings: SurfelSettings, seed: int, progress: Progress
