@@ -22,6 +22,7 @@ from graycard.benchmarks._suites import SuiteMethod as SuiteMethod
 from graycard.benchmarks._suites import load_suite as load_suite
 from graycard.benchmarks._suites import narrow as narrow
 from graycard.benchmarks._suites import suite_names as suite_names
+from graycard.benchmarks._suites import with_predictions as with_predictions
 from graycard.benchmarks._validity import RULES as RULES
 from graycard.benchmarks._validity import Validity as Validity
 from graycard.benchmarks._validity import check_result as check_result

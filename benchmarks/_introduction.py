@@ -13,6 +13,7 @@ from typing import Any
 
 from graycard import MethodError, decode, dumps, encode, silent
 from graycard.benchmarks._guard import Guard, closed
+from graycard.benchmarks._handed_in import HANDED_IN, check_folder
 from graycard.benchmarks._jobs import Outcome, guarded
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks._workers import run_all
@@ -57,19 +58,25 @@ def introduce(
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: One does not load, or does not take its settings or its priors.
+        PredictionError: There is no folder of predictions that are handed in.
     """
-    foreign = [Meeting(m, dataset, jobs) for m in methods if m.name not in BUILT_IN]
-    met = iter(run_all(meet, foreign, at_a_time, silent, timeout_s=timeout_s) if foreign else ())
-    return [introduction_of(m) if m.name in BUILT_IN else _heard(next(met)) for m in methods]
+    foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
+    meetings = [Meeting(method, dataset, jobs) for method in foreign]
+    met = iter(run_all(meet, meetings, at_a_time, silent, timeout_s=timeout_s) if foreign else ())
+    return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 
 
 def introduction_of(method: SuiteMethod) -> Introduction:
-    """What one method says of itself; it is imported.
+    """What one method says of itself; it is imported. Of predictions of other code: that they are such.
 
     Raises:
         UnknownNameError: It does not exist.
         MethodError: It does not load, or does not take its settings or its priors.
+        PredictionError: There is no folder of predictions.
     """
+    if method.predictions:
+        check_folder(method.predictions)
+        return Introduction(HANDED_IN, (), {}, (), "")
     loaded = load_method(method.name)
     settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
     check_priors(method.priors, asks)

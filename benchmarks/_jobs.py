@@ -34,6 +34,7 @@ from graycard import (
     write_json,
 )
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
+from graycard.benchmarks._handed_in import take_predictions
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.eval import score_predictions
 from graycard.methods import words_of
@@ -86,6 +87,8 @@ class FitJob:
     """The scene whose object is put in; None: none is."""
     stages: Path | None = None
     """Where fits of the same code leave stages that others go on from."""
+    given: Path | None = None
+    """Predictions of other code, taken in place of a fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +97,14 @@ class Done:
 
     job: Job
     job_hash: str
-    cost: Cost
-    access: Access
+    cost: Cost | None
+    """None, as ``access``, where predictions of other code were taken: neither is known."""
+    access: Access | None
+
+    @property
+    def fitted(self) -> Fitted | None:
+        """What is to be recorded; None where nothing was fitted."""
+        return Fitted(self.cost, self.access) if self.cost and self.access else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,16 +131,25 @@ def run_fit(job: FitJob) -> Outcome:
             if found is not None:
                 return found
             (job.folder / DONE).unlink(missing_ok=True)
-            made = job.job
-            priors = decode(PriorSpec, made.priors)
-            handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
-            spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
-            with _threads(job.threads):
-                fitted = fit_scene(spec, job.folder / "predictions", silent, jobs=job.jobs, own=job.folder)
-            write_json(job.folder / DONE, Done(made, job.job_hash, fitted.cost, fitted.access))
-            return Outcome(value=fitted)
+            done = Done(job.job, job.job_hash, *_made(job))
+            write_json(job.folder / DONE, done)
+            return Outcome(value=done.fitted)
 
     return guarded(work, job.folder / ERROR)
+
+
+def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
+    """Make the predictions of a job, and give what that cost and saw; take them where they are given."""
+    made, predictions = job.job, job.folder / "predictions"
+    if job.given is not None:
+        take_predictions(job.given, predictions, made)
+        return None, None
+    priors = decode(PriorSpec, made.priors)
+    handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
+    spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
+    with _threads(job.threads):
+        fitted = fit_scene(spec, predictions, silent, jobs=job.jobs, own=job.folder)
+    return fitted.cost, fitted.access
 
 
 def run_score(job: FitJob) -> Outcome:
@@ -165,7 +183,7 @@ def fit_at_hand(job: FitJob) -> Outcome | None:
         whole = open_predictions(job.folder / "predictions").is_whole()
     except GraycardError:
         return None
-    return Outcome(reused=True, value=Fitted(done.cost, done.access)) if whole else None
+    return Outcome(reused=True, value=done.fitted) if whole else None
 
 
 def score_at_hand(job: FitJob) -> Outcome | None:

@@ -34,7 +34,7 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
     summary = f"{known.summary} ({changed})" if changed else known.summary
-    return MethodRecord(method.row, summary, known.needs, method.name, method.slack)
+    return MethodRecord(method.row, summary, known.needs, method.entry, method.slack)
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:

@@ -28,6 +28,7 @@ from graycard import (
     dumps,
     encode,
     open_truth,
+    predictions_hash,
     sha256,
     writable_folder,
     write_json,
@@ -83,12 +84,14 @@ def run_bench(
         jobs: Number of fits at a time.
         progress: Called after each job.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
-        timeout_s: A fit or scoring that takes longer has failed; None for no limit.
+        timeout_s: A fit or scoring that takes longer has failed, stages that a fit found done left out; None
+            for no limit.
         whole: What the suite was narrowed from: what ``run.json`` has of its other parts stays in it.
 
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: A method does not load, or does not take its settings.
+        PredictionError: There is no folder of predictions that are handed in.
         RunError: A scene could not be rendered, the folder holds a run of another suite, or ``jobs`` < 1.
         OutputError: The folder cannot be written to, or the disk is full.
     """
@@ -185,14 +188,15 @@ def _plan(
     for spec, folder in scenes:
         for method, known in zip(suite.methods, introductions, strict=True):
             donor = donors.get(folder) if method.composes else None
-            sees = [*_seen(method, known, folder), *_of_guest(folder, donor)]
+            given = Path(method.predictions, spec.track, folder.name) if method.predictions else None
+            sees = [*_seen(method, known, folder), *_of_guest(folder, donor), *_of_given(given)]
             priors = encode(method.priors) if known.asks else {}
             for seed in suite.seeds:
-                job = Job(spec.track, folder.name, method.row, seed, known.settings, method.name, priors)
+                job = Job(spec.track, folder.name, method.row, seed, known.settings, method.entry, priors)
                 name = job_hash(job, sees, known.fingerprint)
                 where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
                 stages = _stages(run, known, folder, threads)
-                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages))
+                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages, given))
     return plan
 
 
@@ -216,6 +220,11 @@ def _of_guest(scene: Path, donor: Path | None) -> list[str]:
         return []
     of_donor = [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
     return [*of_donor, sha256(scene / "truth" / "composition" / "composition.json")]
+
+
+def _of_given(given: Path | None) -> list[str]:
+    """The hash of predictions of other code; where there are none yet, the job fails and is tried again."""
+    return [] if given is None else [predictions_hash(given)]
 
 
 def _part(progress: Progress, stage: int, doing: str) -> Progress:

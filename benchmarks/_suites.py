@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError, decode
+from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, families, scene_name
 
@@ -34,15 +35,33 @@ class SuiteMethod:
     scene that it comes from, by a fit of its own beside that of the job."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline: a fit of many steps ends elsewhere on another processor."""
+    predictions: str = ""
+    """A folder with predictions of other code, ``<track>/<scene>/`` in it: nothing is fitted, ``name`` is a
+    name of its own. Empty: the method is fitted."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.slack < math.inf:
             raise ValueError(f"expected a slack of 1 or more for {self.row}, got {self.slack}")
+        if self.predictions and (self.settings or self.priors != PriorSpec() or self.composes):
+            raise ValueError(
+                f"expected no settings, priors or compositions of {self.row}, whose predictions are handed "
+                "in, got some: they change nothing there. Leave them out"
+            )
+        if self.predictions and self.name in BUILT_IN:
+            raise ValueError(
+                f"expected a name of their own for predictions that are handed in, got {self.name!r}, which "
+                f"graycard fits itself. Call them {self.name}-official, say"
+            )
 
     @property
     def row(self) -> str:
         """The row of a table."""
         return self.label or self.name
+
+    @property
+    def entry(self) -> str:
+        """What is loaded; empty where predictions are handed in."""
+        return "" if self.predictions else self.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +95,12 @@ class Suite:
                     f"expected {what} in suite {self.name!r}, each once (a second variant of a method needs "
                     f"a label of its own), got {list(values)}"
                 )
+        given = [method.row for method in self.methods if method.predictions]
+        if given and len(self.seeds) > 1:
+            raise RecordError(
+                f"expected one seed in suite {self.name!r}, as predictions of {', '.join(given)} are handed "
+                f"in, got {list(self.seeds)}. Hand in those of each seed as a row of its own"
+            )
 
     def render_of(self, scene: SceneSpec) -> RenderSettings:
         """How a scene of this suite is photographed."""
@@ -137,6 +162,29 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
     chosen = {m.row: m for name in methods for m in _named(suite, name)}
     return replace(suite, scenes=scenes, methods=tuple(chosen.values()) or suite.methods)
+
+
+def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:
+    """A suite with rows of predictions that other code has made.
+
+    Args:
+        suite: What the rows are added to.
+        rows: ``NAME=FOLDER`` each, with ``<track>/<scene>/`` in the folder.
+
+    Raises:
+        RecordError: A row is not of this form, or one of this name is there.
+    """
+    return replace(suite, methods=(*suite.methods, *map(_handed_in, rows)))
+
+
+def _handed_in(row: str) -> SuiteMethod:
+    name, _, folder = row.partition("=")
+    if not name or not folder:
+        raise RecordError(f"expected predictions as NAME=FOLDER, got {row!r}. Mend --predictions")
+    try:
+        return SuiteMethod(name, predictions=folder)
+    except ValueError as cause:
+        raise RecordError(str(cause)) from cause
 
 
 def _named(suite: Suite, name: str) -> list[SuiteMethod]:

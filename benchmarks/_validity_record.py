@@ -176,8 +176,7 @@ def access_breaches(run: RunRecord) -> list[Breach]:
     for result in (r for r in run.results if r.status == "done"):
         where, access = place_of(result), result.access
         if access is None or access.guard != GUARD:
-            got = "no record" if access is None else access.guard
-            what = f"expected a record that truth was closed by {GUARD}, got {got}. Fit it again"
+            what = f"expected a record that truth was closed by {GUARD}, got {_evidence(result)}"
             found.append(Breach("truth", where, what, unknown=True))
             continue
         if access.refused:
@@ -188,6 +187,15 @@ def access_breaches(run: RunRecord) -> list[Breach]:
             what = f"expected a fit that is handed what its row declares, got also {', '.join(extra)}"
             found.append(Breach("truth", where, what))
     return found
+
+
+def _evidence(result: JobResult) -> str:
+    """What a fit has of the guard's, where that is not enough, and what to do."""
+    if result.access is not None:
+        return f"{result.access.guard}. Fit it again"
+    if not result.job.entry:
+        return "predictions of other code, which nobody watched. To be valid the run has to do without them"
+    return "no record. Fit it again"
 
 
 def _is_declared(name: str, declared: set[str]) -> bool:

@@ -142,7 +142,7 @@ def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -
 
 def _other_method(result: JobResult, method: SuiteMethod) -> Iterator[Breach]:
     job = result.job
-    wanted: dict[str, Any] = {"entry": method.name, "settings": method.settings}
+    wanted: dict[str, Any] = {"entry": method.entry, "settings": method.settings}
     found = {"entry": job.entry, "settings": job.settings}
     if job.priors or method.priors != PriorSpec():
         wanted["priors"], found["priors"] = method.priors, job.priors

@@ -110,10 +110,12 @@ class Bench:
     methods: tuple[str, ...] = ()
     """Only these rows, or all rows of these methods; also methods that are not in the suite, by name or
     module:attribute."""
+    predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=FOLDER")] = ()
+    """Also rows of these names, whose predictions other code has made: FOLDER/<track>/<scene>/ each."""
     jobs: int | None = None
     """Fits at a time; as many as there are cores by default."""
     timeout: float | None = None
-    """Seconds after which a fit has failed; no limit by default."""
+    """Seconds after which a fit has failed, stages that it found done left out; no limit by default."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
     """The run folder; runs/<suite> by default."""
     dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
@@ -121,16 +123,16 @@ class Bench:
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Run it; a job or a score that failed makes the exit code 1."""
-        from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores
+        from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores, with_predictions
         from graycard.reports import write_report
         from graycard.synth import find_llvm
 
         whole = load_suite(self.suite)
-        suite = narrow(whole, self.tracks, self.methods)
+        suite = with_predictions(narrow(whole, self.tracks, self.methods), self.predictions)
         run = self.out or Path("runs") / suite.name
         screen.advise(find_llvm().advice)
         jobs = usable_cores() if self.jobs is None else self.jobs
-        part_of = whole if self.tracks or self.methods else None
+        part_of = whole if self.tracks or self.methods or self.predictions else None
         with screen.progress() as progress:
             record = run_bench(
                 suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, whole=part_of

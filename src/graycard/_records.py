@@ -97,7 +97,8 @@ class Job:
     settings: Mapping[str, Any]
     """The method's settings, resolved."""
     entry: str = ""
-    """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one."""
+    """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one. Empty where
+    predictions of other code were handed in."""
     priors: Mapping[str, Any] = field(default_factory=dict)
     """Where the answers of priors come from, resolved; empty for a method that asks for none."""
 
@@ -174,7 +175,7 @@ class MethodRecord:
     sees: tuple[str, ...]
     """What it is handed beyond the capture; empty for a method that competes."""
     entry: str = ""
-    """What is loaded: a name in the registry, or ``module:attribute``."""
+    """What is loaded: a name in the registry, or ``module:attribute``; empty as in :class:`Job`."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline that is made of this run."""
 
