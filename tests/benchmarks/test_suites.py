@@ -44,9 +44,7 @@ TRACK_OF = {"claims-matte": "tabletop", "claims-robust": "tabletop"}
 def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
     suite = load_suite(name)
     tracks = {scene.track for scene in suite.scenes}
-    assert tracks == (
-        set(gc.TRACKS) if "-" not in name else {TRACK_OF.get(name) or name.removeprefix("claims-")}
-    )
+    assert tracks == (set(gc.TRACKS) if "-" not in name else {TRACK_OF.get(name) or name.partition("-")[2]})
     for scene in suite.scenes:
         assert scene.seed < 1000  # from there on seeds are for tuning
         settings = suite.render_of(scene)
@@ -63,6 +61,14 @@ def test_claims_of_a_track_are_tried_on_the_scenes_of_all_claims(name: str, trac
     assert list(one.scenes) == scenes
     assert [one.render_of(s) for s in scenes] == [every.render_of(s) for s in scenes]
     assert one.ceilings == {track: every.ceilings[track]}
+
+
+def test_bounds_are_looked_for_on_scenes_that_judge() -> None:
+    bounds, judging = load_suite("bounds-tabletop"), load_suite("claims-tabletop")
+    assert all(scene in judging.scenes for scene in bounds.scenes)
+    assert [bounds.render_of(s) for s in bounds.scenes] == [judging.render_of(s) for s in bounds.scenes]
+    rows = {method.row: method for method in judging.methods}
+    assert all(method == rows[method.row] for method in bounds.methods if method.row in rows)
 
 
 def test_a_track_and_a_family_may_have_samples_of_their_own(tmp_path: Path) -> None:
