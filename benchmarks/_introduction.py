@@ -13,7 +13,6 @@ from typing import Any
 
 from graycard import MethodError, decode, dumps, encode, silent
 from graycard.benchmarks._guard import Guard, closed
-from graycard.benchmarks._handed_in import HANDED_IN, check_folder
 from graycard.benchmarks._jobs import Outcome, guarded
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks._workers import run_all
@@ -58,7 +57,6 @@ def introduce(
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: One does not load, or does not take its settings or its priors.
-        PredictionError: There is no folder of predictions that are handed in.
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs) for method in foreign]
@@ -72,11 +70,10 @@ def introduction_of(method: SuiteMethod) -> Introduction:
     Raises:
         UnknownNameError: It does not exist.
         MethodError: It does not load, or does not take its settings or its priors.
-        PredictionError: There is no folder of predictions.
     """
     if method.predictions:
-        check_folder(method.predictions)
-        return Introduction(HANDED_IN, (), {}, (), "")
+        says = f"Predictions of other code, submitted ({method.predictions}): what they saw is not known"
+        return Introduction(says, (), {}, (), "")
     loaded = load_method(method.name)
     settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
     check_priors(method.priors, asks)

@@ -34,8 +34,8 @@ from graycard import (
     write_json,
 )
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
-from graycard.benchmarks._handed_in import take_predictions
 from graycard.benchmarks._sources import scoring_fingerprint
+from graycard.benchmarks._submitted import Given, take_predictions
 from graycard.eval import score_predictions
 from graycard.methods import words_of
 from graycard.methods.priors import PriorSpec
@@ -87,7 +87,7 @@ class FitJob:
     """The scene whose object is put in; None: none is."""
     stages: Path | None = None
     """Where fits of the same code leave stages that others go on from."""
-    given: Path | None = None
+    given: Given | None = None
     """Predictions of other code, taken in place of a fit."""
 
 
@@ -178,6 +178,8 @@ def fit_at_hand(job: FitJob) -> Outcome | None:
     """The outcome of a fit that has been done and whose predictions are intact; else None."""
     done = _read_or_none(Done, job.folder / DONE)
     if done is None or done.job_hash != job.job_hash:
+        return None
+    if job.given is None and done.fitted is None:
         return None
     try:
         whole = open_predictions(job.folder / "predictions").is_whole()

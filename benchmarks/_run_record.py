@@ -34,7 +34,7 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
     summary = f"{known.summary} ({changed})" if changed else known.summary
-    return MethodRecord(method.row, summary, known.needs, method.entry, method.slack)
+    return MethodRecord(method.row, summary, known.needs, method.entry, method.slack, method.predictions)
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
@@ -96,6 +96,8 @@ def record_before(run: Path, suite: Suite) -> RunRecord | None:
 def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     """A record with those results of an earlier one that this one has not, on scenes that are the same.
 
+    Of a row that is now another method, or of predictions in another folder, nothing is kept.
+
     Its time is that of both, for both were spent on the folder; unless the later one measured nothing.
 
     Args:
@@ -107,8 +109,14 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
     kept = [s for s in before.scenes if truths.get((s.track, s.scene), s.truth_sha256) == s.truth_sha256]
     same = {(s.track, s.scene) for s in kept}
     keys = {_key(r.job) for r in record.results}
-    old = [r for r in before.results if _key(r.job) not in keys and (r.job.track, r.job.scene) in same]
     names = {m.name for m in record.methods}
+    origins = {m.name: (m.entry, m.predictions) for m in (*before.methods, *record.methods)}
+    others = {m.name for m in before.methods if origins[m.name] != (m.entry, m.predictions)}
+    old = [
+        r
+        for r in before.results
+        if _key(r.job) not in keys and (r.job.track, r.job.scene) in same and r.job.method not in others
+    ]
     scenes = record.scenes + tuple(s for s in kept if (s.track, s.scene) not in truths)
     methods = record.methods + tuple(m for m in before.methods if m.name not in names)
     rows = {name: place for place, name in enumerate(method.row for method in suite.methods)}
@@ -128,13 +136,14 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
-    """Whether each job of a record is in the earlier one by its hash: made by the same code from the same.
+    """Whether each fit of a record is in the earlier one by its hash: made by the same code from the same.
 
     That its results lay in the folder is not enough: a bench that was killed leaves results there which
     no record tells of, and the environment of the record before is not theirs.
     """
     known = {(_key(result.job), result.job_hash) for result in before.results}
-    return all((_key(result.job), result.job_hash) in known for result in record.results)
+    fits = [result for result in record.results if result.job.entry]
+    return all((_key(result.job), result.job_hash) in known for result in fits)
 
 
 def _key(job: Job) -> tuple[str, str, str, int]:

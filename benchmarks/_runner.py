@@ -28,7 +28,6 @@ from graycard import (
     dumps,
     encode,
     open_truth,
-    predictions_hash,
     sha256,
     writable_folder,
     write_json,
@@ -55,6 +54,7 @@ from graycard.benchmarks._run_record import (
     scene_record,
 )
 from graycard.benchmarks._sources import environment, usable_cores
+from graycard.benchmarks._submitted import check_folder, given_for
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.benchmarks.claims import claims_of_suite, judge_claims
@@ -91,7 +91,7 @@ def run_bench(
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: A method does not load, or does not take its settings.
-        PredictionError: There is no folder of predictions that are handed in.
+        PredictionError: Submitted predictions are of no scene of the suite.
         RunError: A scene could not be rendered, the folder holds a run of another suite, or ``jobs`` < 1.
         OutputError: The folder cannot be written to, or the disk is full.
     """
@@ -99,6 +99,9 @@ def run_bench(
         raise RunError(f"expected 1 or more jobs at a time, got {jobs}. Mend --jobs")
     started, clock = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
     dataset = dataset or run / "dataset"
+    for method in suite.methods:
+        if method.predictions:
+            check_folder(method.predictions, [(spec.track, scene_name(spec)) for spec in suite.scenes])
     known = introduce(suite.methods, dataset, run / "jobs", jobs, timeout_s)  # fails before any work
     run = writable_folder(run)
     before = record_before(run, suite)
@@ -108,7 +111,7 @@ def run_bench(
     fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
-    if not any(outcome.reason for outcome in fitted):
+    if not any(outcome.reason for fit, outcome in zip(fits, fitted, strict=True) if fit.given is None):
         shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
     outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
@@ -126,7 +129,13 @@ def run_bench(
         wall_s=round(time.perf_counter() - clock, 2),
         suite_sha256=_keep(whole or suite, run),
     )
-    reused = all(outcome.reused for outcome in (*fitted, *scored))
+    own = [
+        o
+        for jobs, found in ((fits, fitted), (done, scored))
+        for job, o in zip(jobs, found, strict=True)
+        if job.given is None
+    ]
+    reused = all(outcome.reused for outcome in own)
     if before is not None and reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
@@ -188,8 +197,12 @@ def _plan(
     for spec, folder in scenes:
         for method, known in zip(suite.methods, introductions, strict=True):
             donor = donors.get(folder) if method.composes else None
-            given = Path(method.predictions, spec.track, folder.name) if method.predictions else None
-            sees = [*_seen(method, known, folder), *_of_guest(folder, donor), *_of_given(given)]
+            given = given_for(method.predictions, spec.track, folder.name) if method.predictions else None
+            sees = [
+                *_seen(method, known, folder),
+                *_of_guest(folder, donor),
+                *([given.sha256] if given else []),
+            ]
             priors = encode(method.priors) if known.asks else {}
             for seed in suite.seeds:
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.entry, priors)
@@ -220,11 +233,6 @@ def _of_guest(scene: Path, donor: Path | None) -> list[str]:
         return []
     of_donor = [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
     return [*of_donor, sha256(scene / "truth" / "composition" / "composition.json")]
-
-
-def _of_given(given: Path | None) -> list[str]:
-    """The hash of predictions of other code; where there are none yet, the job fails and is tried again."""
-    return [] if given is None else [predictions_hash(given)]
 
 
 def _part(progress: Progress, stage: int, doing: str) -> Progress:

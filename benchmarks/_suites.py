@@ -36,22 +36,20 @@ class SuiteMethod:
     slack: float = 1.0
     """Factor on the tolerances of a baseline: a fit of many steps ends elsewhere on another processor."""
     predictions: str = ""
-    """A folder with predictions of other code, ``<track>/<scene>/`` in it: nothing is fitted, ``name`` is a
-    name of its own. Empty: the method is fitted."""
+    """A folder with predictions of other code, ``<track>/<scene>/`` in it, relative to where graycard runs:
+    nothing is fitted, and ``name`` is that of no method. Empty: the method is fitted."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.slack < math.inf:
             raise ValueError(f"expected a slack of 1 or more for {self.row}, got {self.slack}")
-        if self.predictions and (self.settings or self.priors != PriorSpec() or self.composes):
+        fitted = self.settings or self.label or self.composes or self.priors != PriorSpec()
+        if self.predictions and fitted:
             raise ValueError(
-                f"expected no settings, priors or compositions of {self.row}, whose predictions are handed "
-                "in, got some: they change nothing there. Leave them out"
+                f"expected a name and a folder of submitted predictions, {self.name}, got settings, a label, "
+                "priors or compositions as well: they change nothing there. Leave them out"
             )
         if self.predictions and self.name in BUILT_IN:
-            raise ValueError(
-                f"expected a name of their own for predictions that are handed in, got {self.name!r}, which "
-                f"graycard fits itself. Call them {self.name}-official, say"
-            )
+            raise ValueError(_taken(self.name))
 
     @property
     def row(self) -> str:
@@ -60,7 +58,7 @@ class SuiteMethod:
 
     @property
     def entry(self) -> str:
-        """What is loaded; empty where predictions are handed in."""
+        """What is loaded; empty where predictions are submitted."""
         return "" if self.predictions else self.name
 
 
@@ -98,8 +96,8 @@ class Suite:
         given = [method.row for method in self.methods if method.predictions]
         if given and len(self.seeds) > 1:
             raise RecordError(
-                f"expected one seed in suite {self.name!r}, as predictions of {', '.join(given)} are handed "
-                f"in, got {list(self.seeds)}. Hand in those of each seed as a row of its own"
+                f"expected one seed in suite {self.name!r}, which has submitted predictions "
+                f"({', '.join(given)}), got {list(self.seeds)}. Give the suite one"
             )
 
     def render_of(self, scene: SceneSpec) -> RenderSettings:
@@ -174,17 +172,25 @@ def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:
     Raises:
         RecordError: A row is not of this form, or one of this name is there.
     """
-    return replace(suite, methods=(*suite.methods, *map(_handed_in, rows)))
+    for row in rows:
+        suite = replace(suite, methods=(*suite.methods, _submitted(row, suite)))
+    return suite
 
 
-def _handed_in(row: str) -> SuiteMethod:
+def _submitted(row: str, suite: Suite) -> SuiteMethod:
     name, _, folder = row.partition("=")
     if not name or not folder:
         raise RecordError(f"expected predictions as NAME=FOLDER, got {row!r}. Mend --predictions")
-    try:
-        return SuiteMethod(name, predictions=folder)
-    except ValueError as cause:
-        raise RecordError(str(cause)) from cause
+    if name in BUILT_IN or any(name in (method.row, method.name) for method in suite.methods):
+        raise RecordError(f"{_taken(name)}. Mend --predictions")
+    return SuiteMethod(name, predictions=folder)
+
+
+def _taken(name: str) -> str:
+    return (
+        f"expected a name of their own for submitted predictions, got {name!r}, which is that of a "
+        f"method or of a row. Call them {name}-official, say"
+    )
 
 
 def _named(suite: Suite, name: str) -> list[SuiteMethod]:

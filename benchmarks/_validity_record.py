@@ -194,7 +194,7 @@ def _evidence(result: JobResult) -> str:
     if result.access is not None:
         return f"{result.access.guard}. Fit it again"
     if not result.job.entry:
-        return "predictions of other code, which nobody watched. To be valid the run has to do without them"
+        return "predictions of other code, which nobody watched. `graycard bench` without them drops the row"
     return "no record. Fit it again"
 
 

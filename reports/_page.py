@@ -64,6 +64,8 @@ class Page:
     """Scores above their ceiling of methods that were handed nothing."""
     handed_above: str
     """How many scores of references are above theirs; empty for none."""
+    submitted: tuple[str, ...]
+    """Rows of predictions of other code."""
     claims: ClaimsSection | None
     """What papers claim; None where that was not judged."""
     counted: str
@@ -109,6 +111,7 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
         comparison_fault=fault,
         leaks=tuple(score for score in above if not score.handed),
         handed_above=count(handed, "score") if handed else "",
+        submitted=record.submitted,
         claims=claims_section(run),
         counted=", ".join(parts),
         failures=tuple(failure for track in tracks for failure in track.failures),

@@ -19,6 +19,8 @@ class MethodHead:
     summary: str
     sees: tuple[str, ...]
     """What it is handed beyond the capture; empty for a method that competes."""
+    submitted: bool = False
+    """Whether other code made the predictions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +110,11 @@ def leaderboard(
     """
     headline = [m for m in metrics if m.headline]
     present = {r.job.method for r in results}
-    heads = [MethodHead(m.name, m.summary, m.sees) for m in record.methods if m.name in present]
+    heads = [
+        MethodHead(m.name, m.summary, m.sees, bool(m.predictions))
+        for m in record.methods
+        if m.name in present
+    ]
     rows = {
         h: tuple(compared.dress(_cell(results, h.name, m), m.id, h.name) for m in headline) for h in heads
     }

@@ -78,6 +78,8 @@ class Compare:
             self._show(screen, table, by_id[table.metric])
         write_json(self.run_folder / COMPARISON, found)
         write_optional_json(self.json, found)
+        if record.submitted:
+            screen.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
         _say(screen, found)
         return OK
 

@@ -128,7 +128,9 @@ class Bench:
         from graycard.synth import find_llvm
 
         whole = load_suite(self.suite)
-        suite = with_predictions(narrow(whole, self.tracks, self.methods), self.predictions)
+        rows = with_predictions(whole, self.predictions)
+        given = [method.row for method in rows.methods[len(whole.methods) :]]
+        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
         run = self.out or Path("runs") / suite.name
         screen.advise(find_llvm().advice)
         jobs = usable_cores() if self.jobs is None else self.jobs

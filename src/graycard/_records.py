@@ -98,7 +98,7 @@ class Job:
     """The method's settings, resolved."""
     entry: str = ""
     """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one. Empty where
-    predictions of other code were handed in."""
+    predictions of other code were submitted."""
     priors: Mapping[str, Any] = field(default_factory=dict)
     """Where the answers of priors come from, resolved; empty for a method that asks for none."""
 
@@ -144,7 +144,8 @@ class JobResult:
     sheet: ScoreSheet | None = None
     cost: Cost | None = None
     access: Access | None = None
-    """What the fit could see; None in the record of a graycard that did not close the truth."""
+    """What the fit could see; None in the record of a graycard that did not close the truth, and, as
+    ``cost``, where predictions of other code were submitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +179,8 @@ class MethodRecord:
     """What is loaded: a name in the registry, or ``module:attribute``; empty as in :class:`Job`."""
     slack: float = 1.0
     """Factor on the tolerances of a baseline that is made of this run."""
+    predictions: str = ""
+    """The folder from which predictions of other code were taken; empty for a method that was fitted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,8 +227,14 @@ class RunRecord:
     def variants_on(self, track: str) -> frozenset[str]:
         """Rows of a track that are a method with settings of their own, while it stands there as itself."""
         names = {result.job.method for result in self.results if result.job.track == track}
-        rows = [method for method in self.methods if method.name in names]
-        return frozenset(m.name for m in rows if m.entry != m.name and m.entry in names)
+        rows = [method for method in self.methods if method.name in names and not method.predictions]
+        own = {method.name for method in rows}
+        return frozenset(m.name for m in rows if m.entry != m.name and m.entry in own)
+
+    @property
+    def submitted(self) -> tuple[str, ...]:
+        """Rows whose predictions other code has made: what that saw is not known."""
+        return tuple(method.name for method in self.methods if method.predictions)
 
 
 def read_score_sheet(path: Path) -> ScoreSheet:

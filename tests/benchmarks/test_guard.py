@@ -327,8 +327,12 @@ def test_what_a_method_needs_is_handed_and_named(scene: Path, tmp_path: Path):
 def test_a_fit_of_which_access_is_not_known_is_done_again(scene: Path, tmp_path: Path):
     job = gc.Job("dark", scene.name, "gray", 0, {}, "gray")
     fit = FitJob(job, "hash", scene, tmp_path / "job", 1)
-    gc.write_json(tmp_path / "job" / "job.json", {"job": job, "job_hash": "hash", "cost": gc.Cost(1.0, 1.0)})
+    gc.finish_predictions(tmp_path / "job" / "predictions", gc.Predictions("gray", "dark", scene.name))
+    done = {"job": job, "job_hash": "hash", "cost": gc.Cost(1.0, 1.0)}
+    gc.write_json(tmp_path / "job" / "job.json", done)
     assert fit_at_hand(fit) is None
+    gc.write_json(tmp_path / "job" / "job.json", done | {"access": gc.Access(GUARD, "")})
+    assert fit_at_hand(fit) is not None
 
 
 def test_a_damaged_capture_is_named_by_the_folder_that_is_known(scene: Path, tmp_path: Path):

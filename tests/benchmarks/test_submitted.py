@@ -12,7 +12,7 @@ import pytest
 import graycard as gc
 from graycard.__main__ import main
 from graycard.benchmarks import SuiteMethod, check_result, load_suite, with_predictions
-from graycard.benchmarks._handed_in import take_predictions
+from graycard.benchmarks._submitted import Given, given_for, take_predictions
 
 JOB = gc.Job("dark", "tiny-0000", "official", 0, {})
 
@@ -56,12 +56,15 @@ def test_predictions_stand_beside_the_methods(
         assert sheet.method == "official"
         assert sheet.scores == rival.scores, "they are the very same predictions"
     assert len(results_of(run)) == 3
-    assert "official" in (run / "report" / "index.html").read_text()
+    page = (run / "report" / "index.html").read_text()
+    assert '<span class="badge">submitted</span>' in page
+    assert "Made by other code and submitted: official" in page
     comparison = gc.read_comparison(run)
     assert comparison
     assert "official" in {m.method for m in comparison.find("dark", "albedo.psnr.channel").methods}
     assert gc.open_predictions(run / results_of(run)["dark"].folder / "predictions").is_whole()
     validity = check_result(run)
+    assert validity.exit_code != 0
     assert {b.rule for b in validity.breaches if b.unknown} == {"truth"}
     assert all("predictions of other code" in b.what for b in validity.breaches if b.rule == "truth")
     assert {b.rule for b in validity.breaches if not b.unknown} <= {"origin"}, "the checkout is under work"
@@ -77,8 +80,11 @@ def test_they_are_taken_anew_when_they_change_and_missed_where_they_are_not(
     run, suite = tmp_path / "run", suite_of()
     assert bench_with(tiny_run, run, given, suite) == 0
     before = results_of(run)
+    kept = [run / before["dark"].folder / name for name in ("job.json", "scores.json")]
+    times = [path.stat().st_mtime_ns for path in kept]
     assert bench_with(tiny_run, run, given, suite) == 0
-    assert results_of(run) == before, "nothing has changed"
+    assert results_of(run) == before
+    assert [path.stat().st_mtime_ns for path in kept] == times, "nothing has changed"
     (folder,) = given.glob("dark/*")
     for path in folder.glob("views/*.exr"):
         layers = gc.read_layers(path)
@@ -95,6 +101,19 @@ def test_they_are_taken_anew_when_they_change_and_missed_where_they_are_not(
     assert "tabletop" in capsys.readouterr().err
 
 
+def test_a_row_goes_when_it_is_left_out_and_the_rest_is_as_it_was(
+    tiny_run: Path, tmp_path: Path, given: Path, suite_of: Callable[..., Path]
+):
+    run, suite = tmp_path / "run", suite_of()
+    assert bench_with(tiny_run, run, given, suite) == 0
+    before, record = gc.read_run(tiny_run), gc.read_run(run)
+    assert (record.environment, record.started) == (before.environment, before.started), "nothing was fitted"
+    assert main(["bench", str(suite), "--out", str(run), "--tracks", "dark", "--methods", "gray"]) == 0
+    assert len(results_of(run)) == 3, "a part of a suite leaves the others as they are"
+    assert main(["bench", str(suite), "--out", str(run)]) == 0
+    assert gc.read_run(run) == before
+
+
 def write_given(folder: Path, **index: object) -> Path:
     folder.mkdir(parents=True)
     (folder / "lights.json").write_text("[]")
@@ -104,39 +123,85 @@ def write_given(folder: Path, **index: object) -> Path:
     return folder
 
 
-def test_a_copy_is_whole_and_replaces_what_was_there(tmp_path: Path):
+@pytest.fixture
+def place(tmp_path: Path) -> Path:
+    """Where predictions of the job's scene lie in a folder of those of many."""
+    return tmp_path / "given" / JOB.track / JOB.scene
+
+
+def given_at(place: Path) -> Given:
+    return given_for(str(place.parents[1]), JOB.track, JOB.scene)
+
+
+def test_a_copy_is_whole_and_replaces_what_was_there(place: Path, tmp_path: Path):
     folder = tmp_path / "predictions"
     (folder / "views").mkdir(parents=True)
     (folder / "views" / "old.exr").write_text("")
-    given = write_given(tmp_path / "given")
-    (given / ".partial").write_text("")
-    take_predictions(given, folder, JOB)
+    (write_given(place) / ".partial").write_text("")
+    take_predictions(given_at(place), folder, JOB)
     assert sorted(p.name for p in folder.iterdir()) == ["lights.json", "predictions.json"]
     found = gc.open_predictions(folder)
     assert found.method == "official"
     assert found.is_whole()
 
 
+def test_a_link_to_a_whole_scene_is_followed(place: Path, tmp_path: Path):
+    place.parent.mkdir(parents=True)
+    place.symlink_to(write_given(tmp_path / "elsewhere"))
+    take_predictions(given_at(place), tmp_path / "predictions", JOB)
+    assert gc.open_predictions(tmp_path / "predictions").lights() == ()
+
+
 @pytest.mark.parametrize(
     ("index", "message"),
     [
         ({"scene": "other"}, "expected predictions of dark/tiny-0000 in .*, got those of dark/other"),
-        ({"files": {"lights.json": "0" * 64}}, "expected the files that .* lists"),
+        ({"files": {"lights.json": "0" * 64}}, "expected lights.json in .* with SHA-256 000000000000…"),
+        ({"files": {"views/a.exr": "0" * 64}}, "expected views/a.exr in .*, got none"),
         ({"sceen": 1}, "sceen"),
     ],
 )
-def test_what_is_not_of_this_scene_is_refused(tmp_path: Path, index: dict[str, object], message: str):
-    given = write_given(tmp_path / "given", **index)
+def test_what_is_not_of_this_scene_is_refused(
+    place: Path, tmp_path: Path, index: dict[str, object], message: str
+):
+    write_given(place, **index)
     with pytest.raises(gc.PredictionError, match=message):
-        take_predictions(given, tmp_path / "predictions", JOB)
+        take_predictions(given_at(place), tmp_path / "predictions", JOB)
     assert not (tmp_path / "predictions").exists()
 
 
-def test_a_full_disk_is_no_fault_of_the_predictions(tmp_path: Path, small_disk: Path):
-    given = write_given(tmp_path / "given")
-    (given / "lights.json").write_bytes(bytes(400_000))
+def test_a_linked_part_is_refused_and_not_left_out(place: Path, tmp_path: Path):
+    (tmp_path / "views").mkdir()
+    (write_given(place) / "views").symlink_to(tmp_path / "views")
+    with pytest.raises(gc.PredictionError, match="got a link to a folder, views"):
+        take_predictions(given_at(place), tmp_path / "predictions", JOB)
+
+
+def test_what_changes_while_the_bench_runs_is_not_taken_for_what_was_there(place: Path, tmp_path: Path):
+    given = given_at(write_given(place))
+    (place / "lights.json").write_text("[ ]")
+    with pytest.raises(gc.PredictionError, match="to stay as it was when the bench began"):
+        take_predictions(given, tmp_path / "predictions", JOB)
+    assert not (tmp_path / "predictions" / "predictions.json").exists()
+
+
+def test_what_cannot_be_read_is_a_fault_of_the_predictions(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def unreadable(path: Path) -> str:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    write_given(place)
+    monkeypatch.setattr("graycard._files.sha256", unreadable)
+    assert given_at(place).sha256 == "", "the job of this scene says why"
+    with pytest.raises(gc.PredictionError, match=r"lights.json, got: Permission denied"):
+        take_predictions(given_at(place), tmp_path / "predictions", JOB)
+
+
+def test_a_full_disk_is_no_fault_of_the_predictions(place: Path, small_disk: Path):
+    (write_given(place) / "lights.json").write_bytes(bytes(400_000))
     with pytest.raises(gc.OutputError, match="full disk"):
-        take_predictions(given, small_disk / "predictions", JOB)
+        take_predictions(given_at(place), small_disk / "predictions", JOB)
 
 
 @pytest.mark.parametrize(
@@ -144,9 +209,10 @@ def test_a_full_disk_is_no_fault_of_the_predictions(tmp_path: Path, small_disk: 
     [
         ("mine", "expected predictions as NAME=FOLDER, got 'mine'"),
         ("=folder", "expected predictions as NAME=FOLDER"),
-        ("gray=folder", "expected a name of their own for predictions that are handed in, got 'gray'"),
-        ("mine=nowhere", "expected a folder with predictions of other code, .* at nowhere, got nothing"),
-        ("mine=README", "at README, got a file"),
+        ("gray=folder", "expected a name of their own for submitted predictions, got 'gray'"),
+        ("mine=nowhere", r"/nowhere, as dark/corridor-\d+/predictions.json, got nothing"),
+        ("mine=README", "/README, as .*, got a file"),
+        ("mine=.", "got a folder of README"),
     ],
 )
 def test_rows_that_cannot_be_are_met_before_any_work(
@@ -170,15 +236,16 @@ def test_a_suite_takes_predictions_of_one_seed_and_without_settings(suite_of: Ca
         SuiteMethod("a", predictions="x"),
         SuiteMethod("b", predictions="y"),
     )
-    with pytest.raises(gc.RecordError, match=r"each once .* got \[.*'a', 'a'\]"):
-        with_predictions(suite, ["a=x", "a=y"])
+    for row in ("a=y", "retinex=y"):
+        with pytest.raises(gc.RecordError, match=f"expected a name of their own .* got '{row[:-2]}'"):
+            with_predictions(suite, ["a=x", row])
     path = suite_of()
     text = path.read_text() + '[[methods]]\nname = "a"\npredictions = "x"\n'
     path.write_text(text)
     assert load_suite(str(path)).methods[-1] == SuiteMethod("a", predictions="x")
     path.write_text(text + "settings = { steps = 3 }\n")
-    with pytest.raises(gc.RecordError, match="expected no settings, priors or compositions of a"):
+    with pytest.raises(gc.RecordError, match="got settings, a label, priors or compositions as well"):
         load_suite(str(path))
     path.write_text("seeds = [0, 1]\n" + text)
-    with pytest.raises(gc.RecordError, match="expected one seed in suite 'tiny', as predictions of a"):
+    with pytest.raises(gc.RecordError, match="expected one seed in suite 'tiny', which has submitted"):
         load_suite(str(path))
