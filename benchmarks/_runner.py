@@ -215,8 +215,9 @@ def _plan(
 
 def _stages(run: Path, known: Introduction, scene: Path, threads: int) -> Path:
     """Where fits leave stages for others: of the same code on the same capture, with as many threads."""
+    code = hashlib.sha256(known.fingerprint.encode()).hexdigest()[:12]
     capture = sha256(scene / "capture" / "manifest.json")[:12]
-    return run / STAGES / known.fingerprint[:12] / f"{capture}-{threads}"
+    return run / STAGES / code / f"{capture}-{threads}"
 
 
 def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:

@@ -9,6 +9,8 @@ import pytest
 
 import graycard as gc
 from graycard.benchmarks import FitSpec, fit_scene
+from graycard.benchmarks._introduction import Introduction
+from graycard.benchmarks._runner import _stages
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
 
 BEFORE_S, BEFORE_MIB = 1000.0, 1e6
@@ -142,6 +144,15 @@ def test_stages_of_others_are_closed(method: str, make_scene, tmp_path: Path) ->
     stages = tmp_path / "stages" / "code" / "capture"
     with pytest.raises(gc.MethodError, match="truth is closed"):
         fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", gc.silent)
+
+
+def test_stages_are_found_by_the_same_code_on_the_same_capture_alone(make_scene, tmp_path: Path) -> None:
+    def place(code: str, scene: Path, threads: int = 1) -> Path:
+        return _stages(tmp_path, Introduction("", (), {}, (), f"graycard 0.1.0 {code}"), scene, threads)
+
+    scene, other = make_scene(), make_scene(scene="tiny-0001")
+    assert place("a1", scene) == place("a1", scene)
+    assert len({place("a1", scene), place("a2", scene), place("a1", other), place("a1", scene, 2)}) == 4
 
 
 def test_goris_is_staged_and_what_comes_later_is_no_part_of_its_first_stage() -> None:
