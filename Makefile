@@ -3,7 +3,6 @@
 #   make bench [SUITE=demo]   set up, run a suite, say where its report is
 #   make test                 set up, run the tests
 #   make check                the tests, and lint, format, types
-#   make coverage             the tests, and which lines they run: at least 90 %, in up to twice the time
 #   make gate                 run the smoke suite and compare it with the committed baseline
 
 SUITE ?= demo
@@ -11,7 +10,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test coverage check lint gate clean
+.PHONY: help bench test check lint gate clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -20,10 +19,7 @@ bench: .venv/installed
 	$(BIN)/graycard bench $(SUITE) --out runs/$(SUITE)
 
 test: .venv/installed-test
-	$(BIN)/python -m pytest -n auto --durations=25
-
-coverage: .venv/installed-test
-	$(BIN)/python -m pytest -n auto --cov --cov-report=term-missing:skip-covered
+	$(BIN)/python -m pytest -n auto --cov --cov-report=term-missing:skip-covered --durations=25
 
 check: lint test
 
