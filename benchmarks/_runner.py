@@ -35,6 +35,7 @@ from graycard import (
 from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
+    Outcome,
     RenderJob,
     fit_at_hand,
     run_fit,
@@ -111,7 +112,7 @@ def run_bench(
     fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
     fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
     done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
-    if not any(outcome.reason for fit, outcome in zip(fits, fitted, strict=True) if fit.given is None):
+    if not any(outcome.reason for outcome in _of_fits(fits, fitted)):
         shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
     scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
     outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
@@ -129,13 +130,7 @@ def run_bench(
         wall_s=round(time.perf_counter() - clock, 2),
         suite_sha256=_keep(whole or suite, run),
     )
-    own = [
-        o
-        for jobs, found in ((fits, fitted), (done, scored))
-        for job, o in zip(jobs, found, strict=True)
-        if job.given is None
-    ]
-    reused = all(outcome.reused for outcome in own)
+    reused = all(outcome.reused for outcome in (*_of_fits(fits, fitted), *_of_fits(done, scored)))
     if before is not None and reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
         record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
@@ -146,6 +141,11 @@ def run_bench(
     if claims := claims_of_suite(record.suite):
         write_json(run / CLAIMS, judge_claims(record, run, claims))
     return record
+
+
+def _of_fits(jobs: Sequence[FitJob], outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """Outcomes of what was fitted here: submitted predictions measure nothing and leave no stages."""
+    return [outcome for job, outcome in zip(jobs, outcomes, strict=True) if job.given is None]
 
 
 def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
