@@ -161,8 +161,8 @@ def own_stage(
 def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int) -> Parameters:
     """Surfels with the initial parameters of light transport (inferred but for the region).
 
-    Diffuse radiance starts at the colour of degree 0; regions and labels at the share of a surfel's blending
-    weights in the photographs that lies in masks.
+    Diffuse radiance starts at half the encoded colour of degree 0; regions and labels at the share of a
+    surfel's blending weights in the photographs that lies in masks.
     """
     surfels = surfels_of(coloured.surfels)
     cameras = [shot.photograph.camera for shot in shots]
@@ -206,7 +206,8 @@ def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Paramet
 def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
     """Learning rates by the names of parameters (inferred).
 
-    Geometry and radiance go on at the rates that they ended with; new parameters as a short fit needs.
+    Geometry and radiance go on at the rates that they ended with, opacities at a fifth of theirs; new
+    parameters as a short fit needs.
 
     Args:
         extent: Of the scene, metres.

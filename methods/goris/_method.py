@@ -9,12 +9,12 @@ from graycard.methods.goris._distil import distilled
 from graycard.methods.goris._fit import as_glossy_as_told, fit_colours, fit_light
 from graycard.methods.goris._flat import flat_surface
 from graycard.methods.goris._remove import without_object
-from graycard.methods.goris._scene import METHOD, GlossyScene, GorisScene, load_scene
+from graycard.methods.goris._scene import METHOD, DistilledScene, GlossyScene, GorisScene, load_scene
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import ASKS, looked_at, shots_of
 from graycard.methods.removal import checked_for_removal
 from graycard.methods.splat import Parameters, scene_extent
-from graycard.methods.surfels import SurfelScene, fit_checkpoint
+from graycard.methods.surfels import fit_checkpoint
 
 
 class GorisMethod:
@@ -44,7 +44,7 @@ class GorisMethod:
         shots = shots if flat is None else flat.alone(shots)
         coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
         before = fit_light(coloured, shots, settings, seed, progress, saved)
-        after = without_object(
+        removed = without_object(
             capture, before, shots, priors, settings=settings, seed=seed, progress=progress, saved=saved
         )
         cameras = [view.camera for view in capture.train]
@@ -55,10 +55,11 @@ class GorisMethod:
 
         colours = None
         if settings.distilled:
-            fitted = distilled(after, capture, settings, seed, progress, saved)
-            colours = SurfelScene(METHOD, fitted, capture.exposure)
+            fitted = distilled(removed.parameters, capture, settings, seed, progress, saved)
+            colours = DistilledScene(METHOD, fitted, capture.exposure)
         assert capture.target is not None, "it was checked"
-        return GorisScene(scene(before), scene(after), capture.target, colours)
+        after = scene(removed.parameters)
+        return GorisScene(scene(before), after, capture.target, colours, removed.changed)
 
     def load(self, folder: Path) -> GorisScene:
         """A saved decomposition.

@@ -236,7 +236,7 @@ def _image(pixels: torch.Tensor, rows: torch.Tensor, height: int, width: int) ->
 def _distances(
     buffers: Buffers, reflection: Reflection, settings: GorisSettings, extent: float
 ) -> torch.Tensor:
-    """Inputs of the network beside roughness, see :data:`Reading`; in extents of the scene."""
+    """Inputs of the network beside roughness, see :data:`Reading`: in extents or their inverse."""
     drawn = buffers.drawn
     depth = torch.where(drawn.alpha > 0, drawn.depth, extent)[..., None] / extent
     if settings.filter == "paper":

@@ -112,7 +112,7 @@ def surface_loss(
 
 
 def cover_loss(drawn: Maps, settings: GorisSettings) -> torch.Tensor:
-    """Mean transmittance of pixels."""
+    """Mean transmittance of pixels, weighted."""
     return settings.cover_weight * (1 - drawn.alpha.mean())
 
 

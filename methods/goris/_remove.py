@@ -62,6 +62,28 @@ _GLOSSY = 0.5
 """Glossy share of an inpainted pixel from which on it is inpainted as a material."""
 
 
+@dataclass(frozen=True, eq=False)
+class Changed:
+    """What a removal changed in a training view; H x W pixels."""
+
+    doubted: np.ndarray
+    """Shape ``(H, W)``, bool: the photograph is masked out, as it shows the object, what is next to it, or
+    the object by way of a glossy surface (the paper's lighting-aware mask)."""
+    unseen: np.ndarray
+    """Shape ``(H, W)``, bool: part of ``doubted`` that no other view has seen behind the object, so it is
+    inpainted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Removed:
+    """What the second stage leaves."""
+
+    parameters: Parameters
+    """Surfels without the object, and the environment."""
+    changed: Mapping[str, Changed]
+    """By the name of each training view."""
+
+
 def without_object(
     capture: Capture,
     fitted: Parameters,
@@ -72,7 +94,7 @@ def without_object(
     seed: int,
     progress: Progress,
     saved: Checkpoint | None = None,
-) -> Parameters:
+) -> Removed:
     """Remove the object from what the first stage has fitted.
 
     Args:
@@ -114,7 +136,8 @@ def without_object(
     plan = Plan(
         settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
     )
-    return train(initial_state(start, seed), plan, objective, progress).parameters
+    after = train(initial_state(start, seed), plan, objective, progress).parameters
+    return Removed(after, {one.view.name: Changed(one.doubt, one.hole) for one in behind})
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:

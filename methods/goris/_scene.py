@@ -3,8 +3,8 @@
 object.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from graycard import decode as decode_json
 from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
+from graycard.methods.goris._remove import Changed
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.removal import Emptied
 from graycard.methods.splat import SH_DC, Parameters, arrays_of, parameters_from
@@ -33,6 +34,7 @@ METHOD = "goris"
 LAYERS = frozenset({"radiance", "diffuse", "specular", "f0", "roughness", "glossy", "normal", "depth"})
 """Layers that it provides."""
 _BEFORE, _AFTER, _DISTILLED = "before/", "after/", "distilled/"
+_DOUBTED, _UNSEEN = "doubted/", "unseen/"
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,14 +105,25 @@ class GlossyScene:
         return {"settings": encode(self.settings), "exposure": self.exposure, "extent": self.extent}
 
 
+class DistilledScene(SurfelScene):
+    """The result as radiance alone: its surfels lie where colours need them, behind mirrors, too."""
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Radiance: its normals and depths would be those of reflections."""
+        return frozenset({"radiance"})
+
+
 @dataclass(frozen=True, eq=False)
 class GorisScene(Emptied):
     """Surfels with the object, and without it and its reflection."""
 
     before: GlossyScene
     after: GlossyScene
-    distilled: SurfelScene | None = None
+    distilled: DistilledScene | None = None
     """``after`` as radiance alone; None: rays are traced."""
+    changed: Mapping[str, Changed] = field(default_factory=dict)
+    """What the removal changed, by the name of each training view; empty where an older graycard saved it."""
 
     def remove(self, object_id: int) -> Decomposition:
         """The scene without the object and its reflection.
@@ -134,6 +147,8 @@ class GorisScene(Emptied):
         if self.distilled is not None:
             parts[_DISTILLED] = self.distilled.parameters
         arrays = {part + name: a for part, p in parts.items() for name, a in arrays_of(p).items()}
+        arrays |= {_DOUBTED + view: masks.doubted for view, masks in self.changed.items()}
+        arrays |= {_UNSEEN + view: masks.unseen for view, masks in self.changed.items()}
         store(folder, METHOD, {**self.before._facts, "target": self.target}, arrays)
         export_colours(folder, parts[_DISTILLED] if self.distilled is not None else _scattered(self.after))
 
@@ -162,5 +177,7 @@ def load_scene(folder: Path) -> GorisScene:
         return parameters_from({k.removeprefix(part): a for k, a in arrays.items() if k.startswith(part)})
 
     before, after = (GlossyScene(parameters(part), settings, exposure, extent) for part in (_BEFORE, _AFTER))
-    colours = SurfelScene(METHOD, parameters(_DISTILLED), exposure) if settings.distilled else None
-    return GorisScene(before, after, int(facts["target"]), colours)
+    colours = DistilledScene(METHOD, parameters(_DISTILLED), exposure) if settings.distilled else None
+    views = sorted(name.removeprefix(_DOUBTED) for name in arrays if name.startswith(_DOUBTED))
+    changed = {view: Changed(arrays[_DOUBTED + view], arrays[_UNSEEN + view]) for view in views}
+    return GorisScene(before, after, int(facts["target"]), colours, changed)

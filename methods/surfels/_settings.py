@@ -20,7 +20,7 @@ class SurfelSettings:
     degree: int = 3
     """Of the spherical harmonics of each surfel's colour, 0 to 3."""
     sky_degree: int = 0
-    """Of those of what is seen past all surfels, 0 to 3."""
+    """Of those of what is seen past all surfels, 0 to 3; nothing is lit by it."""
     ssim_share: float = 0.2
     """Of the photometric loss, the rest is the mean absolute difference (Kerbl et al. 2023)."""
     cover_weight: float = 0.05

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """``goris`` on captures: the whole way, what is painted where, and what it says of itself."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.ndimage import maximum_filter
 
 import graycard as gc
 from glossy_captures import QUICK, UNTOLD, NothingGlossy, told
+from glossy_rooms import Painter, knowing, write_room
 from glossy_sheets import (
     EXTENT,
     FLOOR,
@@ -23,7 +25,7 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import methods
-from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _method, _remove
+from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _fit, _method, _remove
 from graycard.methods.goris._distil import cameras_between, distilled
 from graycard.methods.goris._fit import light_rates, with_light
 from graycard.methods.goris._flat import FlatSurface
@@ -52,8 +54,6 @@ from graycard.methods.removal import Target, Wall
 from graycard.methods.removal._behind import Behind
 from graycard.methods.splat import CENTRES, SH_DC, Rate
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, plane_depth
-
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @pytest.fixture(scope="module")
@@ -94,6 +94,7 @@ def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
     np.testing.assert_array_equal(loaded.remove(3).render(camera, ["radiance"])["radiance"], without)
     np.testing.assert_array_equal(loaded.render(camera, ["specular"])["specular"], layers["specular"])
     assert (loaded.distilled is not None) is settings.distilled
+    assert loaded.remove(3).provides == ({"radiance"} if settings.distilled else LAYERS)
     with pytest.raises(gc.MethodError, match=r"expected the object that was fitted \(3\), got 2"):
         found.remove(2)
 
@@ -287,69 +288,9 @@ def test_the_object_in_a_photograph_says_nothing_to_what_is_beside_it(world: Glo
     assert torch.equal(*gradients)
 
 
-@dataclass(frozen=True)
-class Painter:
-    """Answers with the world without its object, exactly."""
-
-    world: GlossyWorld
-
-    def answer(self, question: methods.Question) -> np.ndarray:
-        left = self.world.parameters.take(torch.from_numpy(self.world.part != OBJECT))
-        layers = GlossyScene(left, SETTINGS, 1.0, EXTENT).render(question.view.camera, sorted(LAYERS))
-        return layers[question.of].astype(np.float64)
-
-
 @pytest.fixture(scope="module")
 def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> gc.Capture:
     return write_room(world, tmp_path_factory.mktemp("room"))
-
-
-def write_room(world: GlossyWorld, folder: Path) -> gc.Capture:
-    """Photographs of the world, with masks of its object and sparse points on all that is in it."""
-    views = tuple(gc.View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
-    for view, shot in zip(views, shots_of_world(world), strict=True):
-        encoded = shot.photograph.encoded
-        gc.write_rgb(folder / f"photographs/{view.name}.exr", decode(encoded).clamp(min=0).numpy())
-        ids = 3 * (shot.target.numpy() > 0.5).astype(np.uint32)
-        gc.write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
-    gc.write_index(folder, gc.Capture("tabletop", "room", views, 1.0, light_on_camera=False, target=3))
-    places = world.parameters.surfels[CENTRES].double().numpy()
-    seen = []
-    for number, camera in enumerate(world.cameras):
-        pixels, depth = camera.project(places)
-        inside = (depth > 0) & (pixels > 0).all(axis=1) & (pixels < (camera.width, camera.height)).all(axis=1)
-        (which,) = inside.nonzero()
-        seen.append((which, np.full(len(which), number), pixels[which]))
-    which, views, pixels = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    points = gc.Points(places, (255 * surfel_colours(world)).astype(np.uint8), which, views, pixels)
-    gc.write_points(folder / "points.ply", points)
-    gc.seal(folder, gc.Manifest("graycard-capture", 1, "tabletop", "room", {"name": "tests"}, {}, {}))
-    return gc.open_capture(folder, check=False)
-
-
-def surfel_colours(world: GlossyWorld) -> np.ndarray:
-    """Encoded, shape ``(N, 3)``."""
-    return (world.parameters.surfels[COEFFICIENTS][:, 0] * SH_DC + 0.5).clamp(0, 1).numpy()
-
-
-@dataclass(frozen=True)
-class Told:
-    """Answers with what the world's own pictures say of glossy surfaces or of normals."""
-
-    shots: Mapping[str, Shot]
-
-    def answer(self, question: methods.Question) -> np.ndarray:
-        shot = self.shots[question.view.name]
-        if question.kind == "mask":
-            return shot.glossy.numpy() > 0.5
-        assert shot.normal is not None
-        return np.where(shot.normal.square().sum(dim=-1, keepdim=True) > 0.5, shot.normal, UP).astype(float)
-
-
-def knowing(world: GlossyWorld, room: gc.Capture) -> methods.Priors:
-    """Priors that tell what is glossy, its normals, and what was behind the object."""
-    known = Told(dict(zip((view.name for view in room.train), shots_of_world(world), strict=True)))
-    return methods.Priors(models={"inpainting": Painter(world), "mask": known, "normal": known})
 
 
 def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
@@ -376,6 +317,58 @@ def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
     heights = surfels[CENTRES][surfels[REGION][:, 0] < 0, 2]
     assert len(heights) > 50
     assert float(((heights - 0.2).abs() < 0.03).float().mean()) > 0.7
+
+
+@pytest.mark.parametrize(("name", "module"), [("flat_start", _method), ("first_light", _fit)])
+def test_what_is_switched_off_is_not_looked_for(
+    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch, name: str, module: ModuleType
+):
+    """Flat surfaces, and what photographs allow light to begin with."""
+    asked: list[str] = []
+    looks = "flat_surface" if name == "flat_start" else "first_light"
+    monkeypatch.setattr(module, looks, lambda *_: asked.append(name))
+    settings = GorisSettings(iterations=8, surfels=600, sky_size=2)
+    for switch in (True, False):
+        changed = replace(settings, **{name: switch})  # pyright: ignore[reportArgumentType]
+        GorisMethod().fit(room, knowing(world, room), changed, 0, gc.silent)
+        assert len(asked) == 1
+
+
+@dataclass
+class Asked:
+    """Passes on what it is asked."""
+
+    painter: Painter
+    layers: set[str] = field(default_factory=set)
+    views: set[str] = field(default_factory=set)
+
+    def answer(self, question: methods.Question) -> np.ndarray:
+        self.layers.add(question.of)
+        self.views.add(question.view.name)
+        return self.painter.answer(question)
+
+
+def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say(
+    world: GlossyWorld, room: gc.Capture
+):
+    found = []
+    for changes in ({}, {"material_inpainting": False}, {"references": 1}, {"references": 0}):
+        asked, settings = Asked(Painter(world)), with_settings(**{"iterations": 4, "references": 2} | changes)
+        priors = methods.Priors(models={"inpainting": asked})
+        without_object(
+            room,
+            world.parameters,
+            shots_of_world(world),
+            priors,
+            settings=settings,
+            seed=0,
+            progress=gc.silent,
+        )
+        found.append((len(asked.views), asked.layers))
+    materials = {"diffuse", "f0", "roughness", "glossy", "normal"}
+    assert [views for views, _ in found] == [2, 2, 1, 4]
+    assert [bool(materials & layers) for _, layers in found] == [True, False, True, True]
+    assert materials <= found[0][1]
 
 
 def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: GlossyWorld, room: gc.Capture):
@@ -439,7 +432,7 @@ def test_what_photographs_show_next_to_the_object_stays_if_the_paper_is_followed
         settings = with_settings(iterations=4, grow=0.05, doubtful_go=doubtful_go)
         after = without_object(
             room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
-        )
+        ).parameters
         floor = after.surfels[CENTRES][:, 2].abs() < 0.02
         left.append(int(floor.sum()))
     assert left[1] > left[0]
@@ -451,7 +444,7 @@ def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyW
     settings, shots = with_settings(iterations=80, grow=0.03), shots_of_world(world)
     after = without_object(
         room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
-    )
+    ).parameters
     assert torch.equal(after.shared[SURROUNDINGS], world.parameters.shared[SURROUNDINGS])
     assert float(after.surfels[LABEL].sigmoid().max()) < settings.least_inside
     true = GlossyScene(world.parameters.take(torch.from_numpy(world.part != OBJECT)), settings, 1.0, EXTENT)

@@ -63,8 +63,8 @@ def world() -> GlossyWorld:
 def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld, width: float, detail: float):
     """Rays traced from an exact plane, against the boards below the floor, drawn by the rasteriser.
 
-    Where discs of one plane overlap, rays and the rasteriser mix them in orders of their own: their colours are
-    then alike, and steep only where discs are apart. What gets through depends on no order.
+    Where discs of one plane overlap, rays and the rasteriser mix them in orders of their own: their colours
+    are then alike, and steep only where discs are apart. What gets through depends on no order.
     """
     seen_by = world.cameras[0]
     camera = gc.Camera.from_fov(176, 144, 55, seen_by.camera_to_world)  # discs are then wider than pixels
@@ -414,6 +414,40 @@ def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWor
     for name, gradient in zip(names, found, strict=True):
         assert gradient.isfinite().all(), name
         assert gradient.any(), name
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights"],
+)
+def test_the_loss_is_linear_in_each_weight(world: GlossyWorld, name: str):
+    """Nothing at 0, twice as much at twice the weight, of surfels that each term disapproves of."""
+    draws = torch.Generator().manual_seed(0)
+    wrong = {
+        part: values + 0.5 * torch.randn(values.shape, generator=draws)
+        for part, values in world.parameters.all.items()
+        if part in (ROUGHNESS, REGION, LABEL, SURROUNDINGS)
+    }
+    values = world.changed(**wrong)
+    shots = [replace(shot, normal=shot.normal.flip(-1)) for shot in shots_of_world(world)]
+    found = []
+    for factor in (0.0, 1.0, 2.0):
+        settings = with_settings(**{name: factor})
+        found.append(float(LightObjective(shots, settings, EXTENT, 0)(values, 0).loss.detach()))
+    assert found[1] - found[0] > 1e-4
+    assert found[2] - found[0] == pytest.approx(2 * (found[1] - found[0]), rel=1e-3)
+
+
+def test_steps_in_colours_alone_have_the_factor_on_weights_too(world: GlossyWorld):
+    shots = [replace(shot, normal=shot.normal.flip(-1)) for shot in shots_of_world(world)]
+    found = [
+        float(
+            RadianceObjective(shots, with_settings(weights=factor), 0)(world.parameters.all, 0).loss.detach()
+        )
+        for factor in (0.0, 1.0, 2.0)
+    ]
+    assert found[1] - found[0] > 1e-3
+    assert found[2] - found[0] == pytest.approx(2 * (found[1] - found[0]), rel=1e-3)
 
 
 def test_glossy_surfaces_do_not_mirror_each_other_but_on_request(world: GlossyWorld):

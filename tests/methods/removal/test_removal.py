@@ -249,6 +249,30 @@ def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
         found.remove(2)
 
 
+def test_they_differ_in_how_many_views_are_inpainted(scene: Path):
+    """One, those that are asked for, or each that has a hole."""
+    capture, found = gc.open_capture(scene / "capture", check=False), {}
+
+    class Asked:
+        def __init__(self, painter: methods.PriorModel) -> None:
+            self.painter, self.views = painter, set()
+
+        def answer(self, question: methods.Question) -> np.ndarray:
+            self.views.add(question.view.name)
+            return self.painter.answer(question)
+
+    for name in ("removal-one-reference", "removal", "removal-per-view", "grouping"):
+        method = load_method(name)
+        quick = {"iterations": 12, "surfels": 400, "fill": 0.0} | HASTY.get(name, {})
+        quick |= {"references": 2} if name == "removal" else {}
+        priors = told(scene, methods.asks_of(method), PriorSpec("oracle", 1))
+        asked = Asked(priors.models["inpainting"])
+        told_so = replace(priors, models={"inpainting": asked})
+        method.fit(capture, told_so, methods.settings_of(method, quick), 0, gc.silent)
+        found[name] = len(asked.views)
+    assert found == {"removal-one-reference": 1, "removal": 2, "removal-per-view": 4, "grouping": 4}
+
+
 def test_the_scene_with_its_object_is_that_of_the_first_stage(scene: Path):
     """The second stage changes nothing of it, the sky included."""
     capture = gc.open_capture(scene / "capture", check=False)
