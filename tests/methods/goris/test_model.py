@@ -45,6 +45,7 @@ from graycard.methods.goris._objective import (
     surface_unevenness,
 )
 from graycard.methods.goris._settings import Filter
+from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, encode, sky_basis
 
@@ -416,6 +417,14 @@ def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWor
         assert gradient.any(), name
 
 
+def told_wrong_normals(world: GlossyWorld) -> list[Shot]:
+    """Shots whose normals have their axes exchanged."""
+    return [
+        replace(shot, normal=None if shot.normal is None else shot.normal.flip(-1))
+        for shot in shots_of_world(world)
+    ]
+
+
 @pytest.mark.parametrize(
     "name",
     ["normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights"],
@@ -429,7 +438,7 @@ def test_the_loss_is_linear_in_each_weight(world: GlossyWorld, name: str):
         if part in (ROUGHNESS, REGION, LABEL, SURROUNDINGS)
     }
     values = world.changed(**wrong)
-    shots = [replace(shot, normal=shot.normal.flip(-1)) for shot in shots_of_world(world)]
+    shots = told_wrong_normals(world)
     found = []
     for factor in (0.0, 1.0, 2.0):
         settings = with_settings(**{name: factor})
@@ -439,7 +448,7 @@ def test_the_loss_is_linear_in_each_weight(world: GlossyWorld, name: str):
 
 
 def test_steps_in_colours_alone_have_the_factor_on_weights_too(world: GlossyWorld):
-    shots = [replace(shot, normal=shot.normal.flip(-1)) for shot in shots_of_world(world)]
+    shots = told_wrong_normals(world)
     found = [
         float(
             RadianceObjective(shots, with_settings(weights=factor), 0)(world.parameters.all, 0).loss.detach()
