@@ -9,16 +9,18 @@ from pathlib import Path
 import graycard as gc
 from graycard.reports._write import report_of
 
-RECORDS = ("run.json", "suite.json", gc.CLAIMS)
-"""Files of a run that are kept, without the white space of their layout. All but the first may be missing.
-The comparison is none of them: it follows from the first."""
+SUITE = "suite.json"
+RECORDS = ("run.json", SUITE, gc.CLAIMS)
+"""Files of a run that are kept. All but the first may be missing. The comparison is none of them: it follows
+from the first."""
 PAGE = "index.html"
 
 
 def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[str] | None = None) -> float:
     """Write a folder that says what a run found, small enough for a repository.
 
-    The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run.
+    The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run. Where on a
+    machine the scenes stood is left out.
 
     Args:
         run: The run folder, with its scenes and predictions, of which the report shows pictures.
@@ -36,7 +38,13 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     files = {name: Path(run) / name for name in RECORDS}
     content = {PAGE: report_of(Path(run), pictures)}
     records = {name: json.loads(path.read_bytes()) for name, path in files.items() if path.is_file()}
+    records["run.json"]["scenes"] = [
+        scene | {"folder": f"dataset/{scene['track']}/{scene['scene']}"}
+        for scene in records["run.json"]["scenes"]
+    ]
     content |= {name: _packed(record) for name, record in records.items()}
+    if SUITE in records:
+        content[SUITE] = files[SUITE].read_bytes()  # run.json has its hash
     if gc.CLAIMS in records and records[gc.CLAIMS].get("run_sha256") == gc.sha256(files["run.json"]):
         beside = hashlib.sha256(content["run.json"]).hexdigest()  # the same numbers, laid out otherwise
         content[gc.CLAIMS] = _packed(records[gc.CLAIMS] | {"run_sha256": beside})

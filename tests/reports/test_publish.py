@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What of a run is kept and shown."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,11 @@ from graycard.reports import publish_run, write_report
 
 
 def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Path, tmp_path: Path):
-    (tiny_run / "suite.json").write_text("{}\n")
+    (tiny_run / "suite.json").write_text('{ "as": "it was written" }\n')
     size = publish_run(tiny_run, tmp_path / "out", 100, ["gray"])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "run.json", "suite.json"]
-    for name in ("run.json", "suite.json"):
-        assert gc.read_json(tmp_path / "out" / name) == gc.read_json(tiny_run / name)
+    assert gc.sha256(tmp_path / "out" / "suite.json") == gc.sha256(tiny_run / "suite.json")
+    assert gc.read_json(tmp_path / "out" / "run.json") == gc.read_json(tiny_run / "run.json")
     assert gc.read_run(tmp_path / "out") == gc.read_run(tiny_run)
     assert size == pytest.approx(sum(p.stat().st_size for p in (tmp_path / "out").iterdir()) / 2**20)
     page, whole = (path.read_text() for path in (tmp_path / "out" / "index.html", write_report(tiny_run)))
@@ -30,6 +31,22 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
     for text in (page, whole):  # the tables have all methods
         assert text.count('scope="row"') > 50
         assert "Reflectance changes in steps" in text
+
+
+def test_where_the_dataset_stood_is_nobodys_business(
+    tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    shutil.copytree(tiny_run, tmp_path / "run")
+    record = gc.read_json(tiny_run / "run.json")
+    folders = [scene["folder"] for scene in record["scenes"]]
+    for scene in record["scenes"]:
+        scene["folder"] = str(tiny_run / scene["folder"])
+    gc.write_json(tmp_path / "run" / "run.json", record)
+    publish_run(tmp_path / "run", tmp_path / "out", 100)
+    assert str(tmp_path) not in (tmp_path / "out" / "run.json").read_text()
+    kept = gc.read_json(tmp_path / "out" / "run.json")["scenes"]
+    assert [scene["folder"] for scene in kept] == folders
 
 
 def test_the_ledger_is_of_the_run_beside_it_as_it_was_of_the_run(
@@ -67,3 +84,18 @@ def test_a_folder_in_use_is_left_alone(tiny_run: Path, tmp_path: Path):
 def test_a_method_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
     with pytest.raises(gc.RecordError, match=r"expected pictures of methods of the run \(truth, .*got grey"):
         publish_run(tiny_run, tmp_path / "out", 100, ["grey"])
+
+
+PUBLISHED = sorted(
+    path for path in (Path(__file__).parents[2] / "reports" / "published").iterdir() if path.is_dir()
+)
+
+
+@pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
+def test_what_is_published_is_of_one_run(folder: Path):
+    """Suite, record and ledger are those of each other, and say nothing of a machine's folders."""
+    run, ledger = gc.read_run(folder), gc.read_ledger(folder)
+    assert gc.sha256(folder / "suite.json") == run.suite_sha256
+    assert ledger is not None
+    assert ledger.run_sha256 == gc.sha256(folder / "run.json")
+    assert [scene.folder for scene in run.scenes] == [f"dataset/{s.track}/{s.scene}" for s in run.scenes]
