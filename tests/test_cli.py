@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 
 import graycard as gc
+from fault_planting import reseal
 from graycard.__main__ import main
 from graycard._commands import COMMANDS
 from graycard.methods.priors import parse_priors
 from graycard.synth import find_llvm, use_renderer
 from graycard.synth.families._corridor import Corridor
+from sparse_points import with_points
 
 ROOT = Path(__file__).parents[1]
 Capture = pytest.CaptureFixture[str]
@@ -173,6 +175,20 @@ def test_a_reader_that_has_seen_enough_is_no_traceback():
         assert process.stderr is not None
         process.stdout.close()
         assert "Traceback" not in process.stderr.read()
+
+
+def test_what_chosen_priors_do_not_answer_is_said(
+    write_tiny: Callable[..., Path], tmp_path: Path, capsys: Capture
+):
+    scene = write_tiny(tmp_path / "d", track="tabletop", train=4, test=1)
+    with_points(scene)
+    reseal(scene)
+    quick = ["--iterations", "4", "--surfels", "200", "--fill", "0"]
+    out = ["--out", str(tmp_path / "p"), "--priors", "classical"]
+    assert main(["fit", "removal", str(scene), *out, *quick]) == 0
+    assert "classical answers nothing of mask, which removal can ask for" in " ".join(
+        capsys.readouterr().err.split()
+    )
 
 
 def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):

@@ -4,6 +4,7 @@
 from graycard.methods.priors._build import check_priors as check_priors
 from graycard.methods.priors._build import make_priors as make_priors
 from graycard.methods.priors._build import truth_of as truth_of
+from graycard.methods.priors._build import unanswered as unanswered
 from graycard.methods.priors._build import weights_of as weights_of
 from graycard.methods.priors._spec import WORST as WORST
 from graycard.methods.priors._spec import KindSpec as KindSpec

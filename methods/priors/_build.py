@@ -59,6 +59,11 @@ def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:
         )
 
 
+def unanswered(spec: PriorSpec, asks: Sequence[Ask]) -> tuple[PriorKind, ...]:
+    """The kinds that a method can ask for and nothing answers: it works without them."""
+    return tuple(ask.kind for ask in asks if ask.optional and not _answers(spec, ask))
+
+
 def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
     """Names of the true layers that the oracle of a spec is handed, and ``lights`` for the true lights.
 

@@ -84,7 +84,8 @@ class Fit:
         from graycard._dataset import check_scene
         from graycard._json import encode
         from graycard.benchmarks import FitSpec, fit_scene, load_for
-        from graycard.methods.priors import parse_priors
+        from graycard.methods import asks_of
+        from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 
         for folder in (self.scene, self.donor):
             if folder is not None:
@@ -96,6 +97,10 @@ class Fit:
         with screen.progress() as progress:
             cost = fit_scene(spec, self.out, progress, self.save).cost
         screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
+        if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
+            screen.advise(
+                f"{self.priors} answers nothing of {', '.join(lacking)}, which {self.method} can ask for"
+            )
         return OK
 
 

@@ -18,6 +18,7 @@ from graycard.methods.priors import (
     check_priors,
     make_priors,
     truth_of,
+    unanswered,
     weights_of,
 )
 
@@ -218,3 +219,17 @@ def test_weights_are_hashed_again_when_they_change(tmp_path: Path):
 def test_methods_that_declare_no_asks_ask_nothing(scene):
     assert methods.asks_of(methods.load_method("gray")) == ()
     assert make_priors(PriorSpec(), (), scene.capture, {}) == methods.Priors()
+
+
+def test_what_nothing_answers_is_named_where_it_is_optional():
+    asks = (
+        Ask("inpainting", ("radiance",)),
+        Ask("mask", ("glossy",), optional=True),
+        Ask("normal", optional=True),
+    )
+    assert unanswered(PriorSpec("classical"), asks) == ("mask",)
+    assert unanswered(PriorSpec("oracle", 2), asks) == ()
+    assert unanswered(PriorSpec("none", overrides={"inpainting": Override("classical")}), asks) == (
+        "mask",
+        "normal",
+    )
