@@ -22,7 +22,7 @@ from graycard.methods.goris._model import (
 )
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shots import Shot
-from graycard.methods.removal import points_in_picture
+from graycard.methods.removal import NEAR, points_in_picture
 from graycard.methods.shading import look_up, texel_directions
 from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import decode
@@ -51,8 +51,6 @@ _SIZE = 6
 """Texels along the side of a face of the environment map that is fitted."""
 _DOUBT = 1e-3
 """Weight of the ridge towards the mean of the photographs, relative to the mean square of reflections."""
-_NEAR = 0.02
-"""Relative difference in depth within which a point is the one that a view sees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +203,7 @@ def sightings(
     for shot in shots:
         view = shot.photograph
         buffers = drawn_buffers(values, view.camera, view.sky, settings)
-        masked = replace(buffers, glossy=shot.glossy * (1 - shot.target))
+        masked = replace(buffers, glossy=shot.glossy)
         reflection = reflected_radiance(values, masked, settings, extent)
         depth = np.where(buffers.drawn.alpha > 0.5, buffers.drawn.depth, np.inf)
         which, rows = _seen_at(values[CENTRES][glossy].numpy(), shot, depth)
@@ -235,7 +233,7 @@ def _seen_at(places: np.ndarray, shot: Shot, depth: np.ndarray) -> tuple[np.ndar
     """Numbers of the places that a view sees, and the numbers of their pixels, row by row."""
     camera = shot.photograph.camera
     numbers, rows, columns, z = points_in_picture(camera, places)
-    seen = np.abs(z / depth[rows, columns] - 1) <= _NEAR
+    seen = np.abs(z / depth[rows, columns] - 1) <= NEAR
     return numbers[seen], (rows * camera.width + columns)[seen]
 
 

@@ -17,8 +17,8 @@ step on one core."""
 
 
 _LATER = (
-    "second_share", "references", "hole_weight", "effect_mask", "least_effect", "doubtful_go",
-    "material_inpainting", "distilled",
+    "grow", "least_inside", "second_share", "references", "hole_weight", "effect_mask", "least_effect",
+    "doubtful_go", "material_inpainting", "distilled",
 )  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Removal of an object by radiance alone, the baselines of GOR-IS: no light transport and no materials."""
 
+from graycard.methods.removal._behind import NEAR as NEAR
 from graycard.methods.removal._behind import Shown as Shown
 from graycard.methods.removal._behind import points_in_picture as points_in_picture
 from graycard.methods.removal._behind import views_behind as views_behind

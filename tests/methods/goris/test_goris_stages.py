@@ -76,7 +76,7 @@ def test_a_later_stage_that_depends_on_other_things_begins_anew_and_other_masks_
 @pytest.mark.parametrize(
     "changes",
     [
-        {"references": 1, "hole_weight": 0.5},
+        {"references": 1, "hole_weight": 0.5, "grow": 0.04, "least_inside": 0.4},
         {"effect_mask": False, "doubtful_go": False},
         {"distilled": True},
     ],
