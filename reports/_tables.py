@@ -184,13 +184,14 @@ def failures(results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]
 
 
 def warnings(results: Sequence[gc.JobResult]) -> tuple[Trouble, ...]:
-    """Everything that the scores of these jobs warn of, each warning once a job."""
-    found: dict[Trouble, None] = {}
+    """Everything that the scores of these jobs warn of, the metrics of one warning in one line."""
+    found: dict[tuple[str, str, str], list[str]] = {}
     for result in results:
         for score in result.sheet.scores if result.sheet else ():
             where = f"{result.job.scene}, seed {result.job.seed}"
-            found |= {Trouble(result.job.method, where, score.metric, w): None for w in score.warnings}
-    return tuple(found)
+            for warning in dict.fromkeys(score.warnings):
+                found.setdefault((result.job.method, where, warning), []).append(score.metric)
+    return tuple(Trouble(name, where, ", ".join(ids), why) for (name, where, why), ids in found.items())
 
 
 def _cell(

@@ -183,6 +183,8 @@ def test_job_without_scores_is_a_failure() -> None:
 def test_warnings_are_told_once() -> None:
     warned = make_score(UP, 1.0, warnings=("careful", "careful"))
     assert [w.reason for w in warnings([make_result("x", "a", warned)])] == ["careful"]
+    both = make_result("x", "a", warned, make_score(DOWN, 1.0, warnings=("careful", "late")))
+    assert [(w.what, w.reason) for w in warnings([both])] == [("a.up, b.down", "careful"), ("b.down", "late")]
 
 
 def test_scene_without_this_metric_is_no_failure() -> None:
