@@ -23,12 +23,7 @@ from graycard.reports._tables import (
     metrics_of,
     told_rows,
 )
-
-_TRACKS = {
-    "dark": "the main light is mounted on the camera and moves with it",
-    "tabletop": "objects on a glossy surface, one of which is to be removed",
-    "multilight": "several local lights and an environment",
-}
+from graycard.reports._tracks import headline_of, words_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +52,8 @@ class Page:
     date: str
     tracks: tuple[TrackSection, ...]
     summary: tuple[SummaryRow, ...]
+    silent: str
+    """Titles of the metrics that no competing method provides on any track."""
     comparison: gc.Comparison | None
     comparison_fault: str
     """Why there are no intervals; empty where there are."""
@@ -95,6 +92,8 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
     above = comparison.above_ceiling if comparison else ()
     handed = sum(bool(score.handed) for score in above)
     verdicts = {(t.name, metric): v for t in tracks for metric, v in t.compared.verdicts.items()}
+    left_out = {(t.name, head.id) for t in tracks for head in t.board.left_out}
+    summary, silent = summary_rows(record.metrics, verdicts, [(t.name, t.anchor) for t in tracks], left_out)
     parts = (
         count(len(tracks), "track"),
         count(len(record.scenes), "scene"),
@@ -106,7 +105,8 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
         version=record.suite_version,
         date=format_date(record.started),
         tracks=tracks,
-        summary=summary_rows(record.metrics, verdicts, [(t.name, t.anchor) for t in tracks]),
+        summary=summary,
+        silent=silent,
         comparison=comparison,
         comparison_fault=fault,
         leaks=tuple(score for score in above if not score.handed),
@@ -144,14 +144,14 @@ def _track(
     results = [r for r in record.results if r.job.track == name]
     metrics = metrics_of(record, results)
     compared = compare_track(comparison, record, name, metrics)
-    board = leaderboard(record, results, metrics, compared)
+    board = leaderboard(record, results, headline_of(name, metrics), compared)
     rows, silent = told_rows(metric_rows(results, board.methods, metrics))
     scenes = [s for s in record.scenes if s.track == name]
     seeds = len({r.job.seed for r in results})
     return TrackSection(
         anchor=anchor,
         name=name,
-        about=_TRACKS.get(name, ""),
+        about=words_of(name).about,
         counted=count(len(scenes), "scene") + (f" × {count(seeds, 'seed')}" if seeds > 1 else ""),
         board=board,
         compared=compared,

@@ -190,14 +190,29 @@ def test_cells_say_who_is_tied_with_whom() -> None:
 def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
     verdict = Verdict("alone", "no rival", "a", "1")
     found = {("dark", "a.side"): verdict, ("dark", "a.up"): verdict, ("table", "n.down"): verdict}
-    rows = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
+    rows, _ = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
     assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry (normals)", "n.down")]
     assert [[bool(c.verdict) for c in r.cells] for r in rows] == [[True, False], [False, True]]
     assert part_of("some_new_part") == "Some new part"
-    (only,) = summary_rows([SIDE], found, [("dark", "t1")])
+    (only,), _ = summary_rows([SIDE], found, [("dark", "t1")])
     assert only.metric.id == "a.side"
     depth = replace(SIDE, id="d", group="depth")
-    assert len(summary_rows([UP, depth], {**found, ("dark", "d"): verdict}, [("dark", "t1")])) == 1
+    assert len(summary_rows([UP, depth], {**found, ("dark", "d"): verdict}, [("dark", "t1")])[0]) == 1
+
+
+def test_summary_has_rows_of_what_a_track_asks_and_none_that_nobody_provides() -> None:
+    mirror = replace(SIDE, id="counterfactual.residual.mirror.specular", group="counterfactual")
+    removal = replace(UP, id="counterfactual.psnr", group="counterfactual")
+    lead, nobody = Verdict("alone", "no rival", "a", "1"), Verdict("nobody", "no method provides it")
+    found = {("tabletop", m.id): lead for m in (UP, removal, mirror)} | {("tabletop", DOWN.id): nobody}
+    tracks = [("tabletop", "t1"), ("dark", "t2")]
+    left_out = {("tabletop", DOWN.id)}
+    rows, silent = summary_rows([removal, UP, DOWN, mirror], found, tracks, left_out)
+    assert [r.part for r in rows] == ["Removal", "Removal of the reflection", "Albedo"]
+    assert silent == "Down"
+    elsewhere, silent = summary_rows([DOWN], {**found, ("dark", DOWN.id): lead}, tracks, left_out)
+    assert [[c.verdict for c in r.cells] for r in elsewhere] == [[nobody, lead]]
+    assert silent == ""
 
 
 def test_help_says_what_is_ignored_and_what_counts_as_no_change() -> None:
