@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole content of a report, before any HTML."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from graycard.reports._compared import Compared, compare_track
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
 from graycard.reports._pictures import KNEE, LEVELS, STEP
+from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._scene_section import SceneSection, scene_section
 from graycard.reports._summary import SummaryRow, summary_rows
 from graycard.reports._tables import (
@@ -63,6 +64,8 @@ class Page:
     """How many scores of references are above theirs; empty for none."""
     submitted: tuple[str, ...]
     """Rows of predictions of other code."""
+    priors: Mapping[str, PriorBadge]
+    """What priors told a row, by its name; rows without priors are not in it."""
     claims: ClaimsSection | None
     """What papers claim; None where that was not judged."""
     counted: str
@@ -112,6 +115,7 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
         leaks=tuple(score for score in above if not score.handed),
         handed_above=count(handed, "score") if handed else "",
         submitted=record.submitted,
+        priors=prior_badges(record),
         claims=claims_section(run),
         counted=", ".join(parts),
         failures=tuple(failure for track in tracks for failure in track.failures),

@@ -9,6 +9,7 @@ from graycard.reports._cells import Cell, breakdown_text, is_better, pool, read_
 from graycard.reports._compared import Compared
 from graycard.reports._format import format_value
 from graycard.reports._help import MetricHead, explain_rules, metric_head
+from graycard.reports._priors import PriorBadge, prior_badges
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,8 @@ class MethodHead:
     """What it is handed beyond the capture; empty for a method that competes."""
     submitted: bool = False
     """Whether other code made the predictions."""
+    priors: PriorBadge | None = None
+    """What priors told it; None for a row without priors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,9 +212,9 @@ def _cell(
 
 def _heads(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> list[MethodHead]:
     """The methods with a job among the results, in the order of the run."""
-    present = {r.job.method for r in results}
+    present, badges = {r.job.method for r in results}, prior_badges(record)
     return [
-        MethodHead(m.name, m.summary, m.sees, bool(m.predictions))
+        MethodHead(m.name, m.summary, m.sees, bool(m.predictions), badges.get(m.name))
         for m in record.methods
         if m.name in present
     ]
