@@ -43,6 +43,8 @@ class MetricHead:
     """A difference that the gate still lets pass."""
     here: str = ""
     """The worst and best value of this table, and whose they are."""
+    counts: bool = True
+    """Whether it counts for the order of a leaderboard: fewer than two methods cannot be compared."""
 
 
 def metric_head(record: gc.MetricRecord) -> MetricHead:

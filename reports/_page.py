@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole content of a report, before any HTML."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from graycard.reports._compared import Compared, compare_track
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
 from graycard.reports._pictures import KNEE, LEVELS, STEP
+from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._scene_section import SceneSection, scene_section
 from graycard.reports._summary import SummaryRow, summary_rows
 from graycard.reports._tables import (
@@ -23,12 +24,7 @@ from graycard.reports._tables import (
     metrics_of,
     told_rows,
 )
-
-_TRACKS = {
-    "dark": "the main light is mounted on the camera and moves with it",
-    "tabletop": "objects on a glossy surface, one of which is to be removed",
-    "multilight": "several local lights and an environment",
-}
+from graycard.reports._tracks import headline_of, words_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +53,8 @@ class Page:
     date: str
     tracks: tuple[TrackSection, ...]
     summary: tuple[SummaryRow, ...]
+    silent: str
+    """Titles of the metrics that no competing method provides on any track."""
     comparison: gc.Comparison | None
     comparison_fault: str
     """Why there are no intervals; empty where there are."""
@@ -66,6 +64,8 @@ class Page:
     """How many scores of references are above theirs; empty for none."""
     submitted: tuple[str, ...]
     """Rows of predictions of other code."""
+    priors: Mapping[str, PriorBadge]
+    """What priors told a row, by its name; rows without priors are not in it."""
     claims: ClaimsSection | None
     """What papers claim; None where that was not judged."""
     counted: str
@@ -95,6 +95,8 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
     above = comparison.above_ceiling if comparison else ()
     handed = sum(bool(score.handed) for score in above)
     verdicts = {(t.name, metric): v for t in tracks for metric, v in t.compared.verdicts.items()}
+    left_out = {(t.name, head.id) for t in tracks for head in t.board.left_out}
+    summary, silent = summary_rows(record.metrics, verdicts, [(t.name, t.anchor) for t in tracks], left_out)
     parts = (
         count(len(tracks), "track"),
         count(len(record.scenes), "scene"),
@@ -106,12 +108,14 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
         version=record.suite_version,
         date=format_date(record.started),
         tracks=tracks,
-        summary=summary_rows(record.metrics, verdicts, [(t.name, t.anchor) for t in tracks]),
+        summary=summary,
+        silent=silent,
         comparison=comparison,
         comparison_fault=fault,
         leaks=tuple(score for score in above if not score.handed),
         handed_above=count(handed, "score") if handed else "",
         submitted=record.submitted,
+        priors=prior_badges(record),
         claims=claims_section(run),
         counted=", ".join(parts),
         failures=tuple(failure for track in tracks for failure in track.failures),
@@ -144,14 +148,14 @@ def _track(
     results = [r for r in record.results if r.job.track == name]
     metrics = metrics_of(record, results)
     compared = compare_track(comparison, record, name, metrics)
-    board = leaderboard(record, results, metrics, compared)
+    board = leaderboard(record, results, headline_of(name, metrics), compared)
     rows, silent = told_rows(metric_rows(results, board.methods, metrics))
     scenes = [s for s in record.scenes if s.track == name]
     seeds = len({r.job.seed for r in results})
     return TrackSection(
         anchor=anchor,
         name=name,
-        about=_TRACKS.get(name, ""),
+        about=words_of(name).about,
         counted=count(len(scenes), "scene") + (f" × {count(seeds, 'seed')}" if seeds > 1 else ""),
         board=board,
         compared=compared,

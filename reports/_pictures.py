@@ -21,6 +21,9 @@ PEAK = 2.0**16
 LEVELS = 1 + round(math.log1p(PEAK / KNEE) / STEP)
 """Number of codes."""
 
+ENLARGED = 2
+"""CSS pixels of a pixel, where there is room: a whole number keeps pixels square and equal."""
+
 MAP_LEVELS = 64
 """Colours of a map in a picture: neighbours differ less than an eye sees, and the file is smaller."""
 
@@ -36,6 +39,11 @@ class Picture:
     alt: str
     linear: str = ""
     """Data URI of :func:`linear_codes`, for a script; empty for a picture that has no exposure."""
+
+    @property
+    def shown(self) -> tuple[int, int]:
+        """Width and height on a screen that has room, in CSS pixels."""
+        return ENLARGED * self.width, ENLARGED * self.height
 
 
 def shrink(image: np.ndarray, max_side: int) -> np.ndarray:

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The first screen: for each part of a decomposition and each track who is best, by how much, how surely."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import graycard as gc
 from graycard.reports._format import format_name
 from graycard.reports._help import MetricHead, metric_head
+from graycard.reports._tracks import words_of
 from graycard.reports._verdicts import Verdict
 
 _PARTS = {"counterfactual": "Removal", "normal": "Geometry (normals)", "depth": "Geometry (depth)"}
@@ -41,19 +42,41 @@ def summary_rows(
     metrics: Sequence[gc.MetricRecord],
     verdicts: Mapping[tuple[str, str], Verdict],
     tracks: Sequence[tuple[str, str]],
-) -> tuple[SummaryRow, ...]:
-    """A row for each group of metrics that has a headline metric; for each group, where none is a headline.
+    left_out: Collection[tuple[str, str]] = (),
+) -> tuple[tuple[SummaryRow, ...], str]:
+    """A row for each group of metrics that has a headline metric, and for each that a track asks for itself.
+
+    Where no metric is a headline, each group has a row.
 
     Args:
         metrics: Of the run.
         verdicts: By track and id of the metric.
         tracks: Names and anchors.
+        left_out: Tracks and metrics that no competing method provides there.
+
+    Returns:
+        The rows, and the titles of the metrics that have none as they are left out on all tracks.
     """
-    seen = [m for m in metrics if any((track, m.id) in verdicts for track, _ in tracks)]
-    seen = [m for m in seen if m.headline] or seen
-    rows = []
-    for group in dict.fromkeys(m.group for m in seen):
-        chosen = next(m for m in seen if m.group == group)
-        cells = tuple(SummaryCell(t, anchor, verdicts.get((t, chosen.id))) for t, anchor in tracks)
-        rows.append(SummaryRow(part_of(group), metric_head(chosen), cells))
-    return tuple(rows)
+    own = {name: part for track, _ in tracks for name, part in words_of(track).headline.items()}
+    told: list[SummaryRow] = []
+    silent: list[str] = []
+    for metric in _chosen(metrics, {name for _, name in verdicts}, own):
+        found = {track: verdicts.get((track, metric.id)) for track, _ in tracks}
+        if all((track, metric.id) in left_out for track, verdict in found.items() if verdict):
+            silent.append(metric.title)
+            continue
+        cells = tuple(SummaryCell(track, anchor, found[track]) for track, anchor in tracks)
+        told.append(SummaryRow(own.get(metric.id, part_of(metric.group)), metric_head(metric), cells))
+    return tuple(told), ", ".join(silent)
+
+
+def _chosen(
+    metrics: Sequence[gc.MetricRecord], judged: Collection[str], own: Collection[str]
+) -> list[gc.MetricRecord]:
+    """Of each group its first headline metric, then those that a track asks for itself."""
+    seen = [m for m in metrics if m.id in judged]
+    general = [m for m in seen if m.headline] or seen
+    first = {m.group: m for m in reversed(general)}
+    more = [m for m in seen if m.id in own and m is not first.get(m.group)]
+    groups = dict.fromkeys(m.group for m in [*general, *more])
+    return [m for g in groups for m in ([first[g]] if g in first else []) + [n for n in more if n.group == g]]

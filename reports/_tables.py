@@ -9,6 +9,7 @@ from graycard.reports._cells import Cell, breakdown_text, is_better, pool, read_
 from graycard.reports._compared import Compared
 from graycard.reports._format import format_value
 from graycard.reports._help import MetricHead, explain_rules, metric_head
+from graycard.reports._priors import PriorBadge, prior_badges
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +22,8 @@ class MethodHead:
     """What it is handed beyond the capture; empty for a method that competes."""
     submitted: bool = False
     """Whether other code made the predictions."""
+    priors: PriorBadge | None = None
+    """What priors told it; None for a row without priors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,8 @@ class Leaderboard:
     references: tuple[Standing, ...]
     axes: tuple[tuple[str, str] | None, ...] = ()
     """The ends of the axis of the interval plots, by metric."""
+    left_out: tuple[MetricHead, ...] = ()
+    """Headline metrics that no competing method provides: they have no column."""
 
     @property
     def methods(self) -> tuple[MethodHead, ...]:
@@ -93,43 +98,40 @@ def metrics_of(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> tuple[g
 
 def told_rows(rows: Sequence[MetricRow]) -> tuple[tuple[MetricRow, ...], str]:
     """The rows that say something, and the titles of those that no method provides."""
-    quiet = [r for r in rows if all(c.status in ("not provided", "not run") for c in r.cells)]
+    quiet = [r for r in rows if not any(map(_provides, r.cells))]
     return tuple(r for r in rows if r not in quiet), ", ".join(r.metric.title for r in quiet)
 
 
 def leaderboard(
     record: gc.RunRecord,
     results: Sequence[gc.JobResult],
-    metrics: Sequence[gc.MetricRecord],
+    headline: Sequence[gc.MetricRecord],
     compared: Compared,
 ) -> Leaderboard:
     """Methods in the order of their mean place over the headline metrics; references apart.
 
     Only methods with a job among ``results`` have a row. A cell without the whole count of scenes
-    takes the last place: to fail a hard scene must not pay.
+    takes the last place: to fail a hard scene must not pay. A column that one method alone provides does
+    not count: it would give that method a first place without a rival, and all others the last.
     """
-    headline = [m for m in metrics if m.headline]
-    present = {r.job.method for r in results}
-    heads = [
-        MethodHead(m.name, m.summary, m.sees, bool(m.predictions))
-        for m in record.methods
-        if m.name in present
-    ]
-    rows = {
-        h: tuple(compared.dress(_cell(results, h.name, m), m.id, h.name) for m in headline) for h in heads
-    }
-    competing = {h: cells for h, cells in rows.items() if not h.sees}
-    order = {h: _mean_place(h, competing, headline) for h in competing}
+    heads = _heads(record, results)
+    rivals = [h for h in heads if not h.sees]
+    shown = [m for m in headline if not _is_silent(results, rivals, m)]
+    columns = {m: {h: compared.dress(_cell(results, h.name, m), m.id, h.name) for h in heads} for m in shown}
+    rows = {h: tuple(columns[m][h] for m in shown) for h in heads}
+    competing = {h: rows[h] for h in rivals}
+    counted = [sum(_provides(columns[m][h]) for h in rivals) > 1 for m in shown]
+    order = {h: _mean_place(h, competing, shown, counted) for h in competing}
     ranked = sorted(competing, key=lambda h: order[h])
-    columns = [{h: cells[i] for h, cells in rows.items()} for i in range(len(headline))]
-    here = [_range_of(c, m.higher_is_better) for c, m in zip(columns, headline, strict=True)]
     return Leaderboard(
-        tuple(replace(metric_head(m), here=text) for m, text in zip(headline, here, strict=True)),
         tuple(
-            Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, headline)) for h in ranked
+            replace(metric_head(m), here=_range_of(columns[m], m.higher_is_better), counts=counts)
+            for m, counts in zip(shown, counted, strict=True)
         ),
+        tuple(Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, shown)) for h in ranked),
         tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
-        tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in headline),
+        tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in shown),
+        tuple(metric_head(m) for m in headline if m not in shown),
     )
 
 
@@ -184,13 +186,14 @@ def failures(results: Sequence[gc.JobResult], metrics: Sequence[gc.MetricRecord]
 
 
 def warnings(results: Sequence[gc.JobResult]) -> tuple[Trouble, ...]:
-    """Everything that the scores of these jobs warn of, each warning once a job."""
-    found: dict[Trouble, None] = {}
+    """Everything that the scores of these jobs warn of, the metrics of one warning in one line."""
+    found: dict[tuple[str, str, str], list[str]] = {}
     for result in results:
         for score in result.sheet.scores if result.sheet else ():
             where = f"{result.job.scene}, seed {result.job.seed}"
-            found |= {Trouble(result.job.method, where, score.metric, w): None for w in score.warnings}
-    return tuple(found)
+            for warning in dict.fromkeys(score.warnings):
+                found.setdefault((result.job.method, where, warning), []).append(score.metric)
+    return tuple(Trouble(name, where, ", ".join(ids), why) for (name, where, why), ids in found.items())
 
 
 def _cell(
@@ -205,6 +208,32 @@ def _cell(
     if run == every or cell.status != "scored":
         return cell
     return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
+
+
+def _heads(record: gc.RunRecord, results: Sequence[gc.JobResult]) -> list[MethodHead]:
+    """The methods with a job among the results, in the order of the run."""
+    present, badges = {r.job.method for r in results}, prior_badges(record)
+    return [
+        MethodHead(m.name, m.summary, m.sees, bool(m.predictions), badges.get(m.name))
+        for m in record.methods
+        if m.name in present
+    ]
+
+
+def _is_silent(
+    results: Sequence[gc.JobResult], methods: Sequence[MethodHead], metric: gc.MetricRecord
+) -> bool:
+    """Whether these methods have said that they do not provide it, and nothing else.
+
+    A job that failed as a whole says nothing of single metrics.
+    """
+    sheets = [r.sheet for r in results if r.sheet and r.job.method in {h.name for h in methods}]
+    return {s.status for sheet in sheets for s in sheet.scores if s.metric == metric.id} == {"not provided"}
+
+
+def _provides(cell: Cell) -> bool:
+    """Whether a method has tried it: to fail is no way out of a comparison."""
+    return cell.status in ("scored", "failed")
 
 
 def _range_of(cells: Mapping[MethodHead, Cell], higher_is_better: bool) -> str:
@@ -240,8 +269,9 @@ def _mean_place(
     method: MethodHead,
     competing: dict[MethodHead, tuple[Cell, ...]],
     metrics: Sequence[gc.MetricRecord],
+    counted: Sequence[bool],
 ) -> float:
-    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics)]
+    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics) if counted[i]]
     return sum(places) / max(len(places), 1)
 
 

@@ -13,10 +13,14 @@ from graycard.reports._explanations import EXPLAINS
 from graycard.reports._format import format_name, format_number
 from graycard.reports._page import Page
 from graycard.reports._pictures import gradient
+from graycard.reports._scene_section import ScenePictures
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_NAMED_SCENES = 8
 """With more, the bar at the top names tracks alone."""
+
+CELL_PADDING, LEAST_CELL = 10, 176
+"""Of a gallery, in CSS pixels: beside a picture, and as wide as names and scales need."""
 
 
 def render_page(page: Page) -> str:
@@ -31,7 +35,9 @@ def render_page(page: Page) -> str:
     environment.filters["words"] = format_name
     environment.filters["number"] = format_number
     bars = "".join(f".bar.{name} {{ background: {gradient(name)}; }}\n" for name in COLOUR_MAPS)
-    style, script = _asset("report.css") + bars, _asset("report.js")
+    shown = [s.pictures for track in page.tracks for s in track.scenes if s.pictures]
+    widths = "".join(f".across-{n} {{ max-width: {n}px; }}\n" for n in sorted(set(map(gallery_width, shown))))
+    style, script = _asset("report.css") + bars + widths, _asset("report.js")
     return environment.get_template("report.html.j2").render(
         page=page,
         style=Markup(style),
@@ -39,8 +45,16 @@ def render_page(page: Page) -> str:
         policy=content_policy(style, script),
         linear=linear_sources(page),
         explains=EXPLAINS,
+        gallery_width=gallery_width,
         few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
     )
+
+
+def gallery_width(pictures: ScenePictures) -> int:
+    """CSS pixels that the gallery of a scene needs for its pictures side by side."""
+    tiles = [row.truth for view in pictures.gallery.views for row in view.rows]
+    widest = max((tile.picture.shown[0] for tile in tiles if tile.picture), default=0)
+    return (len(pictures.methods) + 1) * max(widest + CELL_PADDING, LEAST_CELL)
 
 
 def linear_sources(page: Page) -> dict[str, int]:

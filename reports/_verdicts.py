@@ -25,7 +25,7 @@ class Verdict:
     lead: str = ""
     """By how much, and over whom; empty without a rival."""
     evidence: str = ""
-    """The p value and the number of scenes."""
+    """The p value with and without Holm's correction, and the number of scenes."""
     tied: tuple[str, ...] = ()
     """Those that cannot be told from the leader."""
 
@@ -146,9 +146,24 @@ def _ahead(metric: gc.MetricRecord, first: float, second: float, rival: str, int
 
 
 def _evidence(pair: gc.PairDifference, scenes: int) -> str:
-    """The larger p value of the two tests that must agree, and the number of scenes."""
-    found = [p for p in (pair.p_rank, pair.p_mean_holm) if p is not None]
-    return f"{format_p(max(found))}, n = {scenes}" if found else f"n = {scenes}"
+    """The larger p value of the two tests that must agree, and the number of scenes.
+
+    It is told as it decides, and as it is of this pair alone where that is another number: intervals are of
+    pairs alone, and so is what claims come down to.
+    """
+    infinite = pair.p_mean_holm is None  # there is no mean then, and ranks alone decide
+    decides = _larger(pair.p_rank_holm if infinite else pair.p_rank, pair.p_mean_holm)
+    own = _larger(pair.p_rank, pair.p_mean)
+    if decides is None or own is None:
+        return f"n = {scenes}"
+    told = f"{format_p(decides)} after Holm's correction"
+    if format_p(own) != format_p(decides):
+        told += f", {format_p(own).removeprefix('p = ').removeprefix('p ')} for this pair alone"
+    return f"{told}, n = {scenes}"
+
+
+def _larger(*found: float | None) -> float | None:
+    return max((p for p in found if p is not None), default=None)
 
 
 def _list(names: Sequence[str]) -> str:

@@ -39,6 +39,7 @@
     canvas.width = width;
     canvas.height = height;
     canvas.className = image.className;
+    canvas.style.setProperty("--shown", `${image.getAttribute("width")}px`);
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", image.alt);
     const context = canvas.getContext("2d");
@@ -105,6 +106,12 @@
   });
   // A focus that scrolls the page moves the name away from its help after the help was placed.
   document.addEventListener("scroll", () => { if (explained) placeTip(explained); }, { capture: true, passive: true });
+
+  // The bar at the top has as many lines as its names need; what sticks below it has to know.
+  const bar = document.querySelector("nav");
+  const measure = () => document.documentElement.style.setProperty("--bar", `${bar.offsetHeight}px`);
+  window.addEventListener("resize", measure);
+  measure();
 
   const scenes = [...document.querySelectorAll(".scene")].filter((scene) => scene.querySelector(".controls"));
   scenes.forEach(switchViews);

@@ -3,6 +3,7 @@
 
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -106,3 +107,23 @@ def test_without_script_pictures_and_both_views_are_there(browser: Browser, tiny
     assert page.locator("img[data-linear]").first.is_visible()
     assert not page.locator(".controls").first.is_visible()
     page.close()
+
+
+def test_bar_wraps_and_pictures_keep_whole_pixels(browser: Browser, make_run: Any) -> None:
+    """A name of the bar is never beyond the edge; what sticks stands below it; a pixel is two wide."""
+    run, record = make_run()
+    long = replace(record.scenes[0], scene="a-scene-whose-name-needs-all-of-the-width-that-a-window-has-" * 2)
+    gc.write_json(run / "run.json", replace(record, scenes=(*record.scenes, long)))
+    heard: list[str] = []
+    page = open_report(browser, write_report(run), heard, viewport={"width": 1300, "height": 900})
+    assert page.evaluate("document.documentElement.scrollWidth") <= 1300
+    edges = [link.bounding_box() for link in page.locator("nav a").all()]
+    assert all(box and box["x"] >= 0 and box["x"] + box["width"] <= 1300 for box in edges)
+    height = page.evaluate("document.querySelector('nav').offsetHeight")
+    assert height > 60
+    top = page.evaluate("getComputedStyle(document.querySelector('.controls')).top")
+    assert top == f"{height}px"
+    sizes = "[...document.querySelectorAll('.view:not([hidden]) .gallery .pixels')].map((e) => e.offsetWidth)"
+    assert set(page.evaluate(sizes)) == {2 * 28}
+    page.close()
+    assert heard == []

@@ -131,6 +131,37 @@ def test_no_reference_to_any_host_or_file(outline: Outline, tiny_report: str) ->
         assert all(v.startswith(("data:image/png;base64,", "#")) for v in values)
 
 
+def test_tabletop_tells_at_the_top_what_it_asks(make_run: MakeRun) -> None:
+    """Claims come before scenes in the bar, as on the page, and what no method provides has no column."""
+    run, record = make_run()
+    residual = "counterfactual.residual.mirror.specular"
+    asked = replace(record.metrics[2], id=residual, title="Left over <mirror>", unit="1", headline=False)
+    results = tuple(
+        replace(r, sheet=replace(r.sheet, scores=tuple(_unscored(s, residual) for s in r.sheet.scores)))
+        if r.sheet
+        else r
+        for r in record.results
+    )
+    metrics = tuple(asked if m.id == "counterfactual.psnr" else m for m in record.metrics)
+    gc.write_json(run / "run.json", replace(record, metrics=metrics, results=results))
+    html = write_report(run).read_text(encoding="utf-8")
+    summary = html[html.index('<section class="summary"') : html.index('<section class="track"')]
+    assert "Removal of the reflection" in summary
+    assert "Provided by no competing method: Light position error." in Outline(html).words
+    boards = re.findall(r'<table class="scores leaderboard">.*?</table>', html, re.S)
+    assert ["Left over &lt;mirror&gt;" in board for board in boards] == [False, True, False]
+    assert not any("Light position error" in board for board in boards)
+    assert Outline(html).words.count("no competing method provides them: Light position error") == 3
+
+
+def _unscored(score: gc.Score, residual: str) -> gc.Score:
+    if score.metric == "counterfactual.psnr":
+        return replace(score, metric=residual)
+    if score.metric == "light.position":
+        return replace(score, status="not provided", value=None, per_view={}, warnings=())
+    return score
+
+
 def test_policy_holds_the_hash_of_the_script(outline: Outline) -> None:
     (meta,) = outline.all("meta", **{"http-equiv": "Content-Security-Policy"})
     assert "default-src 'none'" in str(meta["content"])

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 import graycard as gc
+import graycard.eval as ge
 from graycard.reports._cells import Reading, pool, read_metric
 from graycard.reports._compared import compare_track
 from graycard.reports._tables import (
@@ -18,6 +19,7 @@ from graycard.reports._tables import (
     view_rows,
     warnings,
 )
+from graycard.reports._tracks import headline_of, words_of
 
 UP = gc.MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
 DOWN = gc.MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
@@ -45,7 +47,8 @@ def make_board(results: list[gc.JobResult], sees: dict[str, tuple[str, ...]] | N
     methods = tuple(gc.MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
     record = gc.RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
     metrics = metrics_of(record, results)
-    return leaderboard(record, results, metrics, compare_track(None, record, "dark", metrics))
+    compared = compare_track(None, record, "dark", metrics)
+    return leaderboard(record, results, headline_of("dark", metrics), compared)
 
 
 def test_mean_is_over_scenes_not_over_jobs() -> None:
@@ -132,6 +135,54 @@ def test_equal_values_share_their_place() -> None:
     assert [(s.place, s.cells[0].best) for s in board.competing] == [(1, True), (1, True)]
 
 
+def test_column_of_one_method_alone_does_not_count_for_the_places() -> None:
+    """Without a rival a first place is no merit, and a last one no fault."""
+    board = make_board(
+        [
+            make_result("flat", "a", make_score(UP, 1), make_score(DOWN, 9)),
+            make_result("good", "a", make_score(UP, 9), make_score(DOWN, "not provided")),
+            make_result("fair", "a", make_score(UP, 5), make_score(DOWN, "not provided")),
+        ]
+    )
+    assert [m.counts for m in board.metrics] == [True, False]
+    assert [(s.place, s.method.name) for s in board.competing] == [(1, "good"), (2, "fair"), (3, "flat")]
+
+
+def test_to_fail_is_no_way_out_of_a_column() -> None:
+    board = make_board(
+        [
+            make_result("x", "a", make_score(UP, 5), make_score(DOWN, "failed", reason="r")),
+            make_result("y", "a", make_score(UP, 5), make_score(DOWN, 1)),
+        ]
+    )
+    assert [m.counts for m in board.metrics] == [True, True]
+    assert [(s.place, s.method.name) for s in board.competing] == [(1, "y"), (2, "x")]
+
+
+def test_column_that_no_competing_method_provides_is_left_out() -> None:
+    results = [
+        make_result("oracle", "a", make_score(UP, 9), make_score(DOWN, 0)),
+        make_result("x", "a", make_score(UP, 5), make_score(DOWN, "not provided")),
+    ]
+    board = make_board(results, sees={"oracle": ("normal",)})
+    assert [m.id for m in board.metrics] == ["a.up"]
+    assert [m.id for m in board.left_out] == ["b.down"]
+    assert [len(s.cells) for s in board.competing + board.references] == [1, 1]
+    broken = make_board([*results, make_result("y", "a", failed="boom")], sees={"oracle": ("normal",)})
+    assert [m.id for m in broken.left_out] == ["b.down"]
+    alone = make_board(results[:1], sees={"oracle": ("normal",)})
+    assert ([m.id for m in alone.metrics], alone.left_out) == (["a.up", "b.down"], ())
+
+
+def test_tabletop_is_asked_whether_reflection_and_shadow_are_gone() -> None:
+    ids = ("counterfactual.residual.mirror.specular", "counterfactual.residual.shadow.diffuse")
+    metrics = [UP, SIDE, *(replace(SIDE, id=i) for i in ids)]
+    assert [m.id for m in headline_of("tabletop", metrics)] == ["a.up", *ids]
+    assert [m.id for m in headline_of("dark", metrics)] == ["a.up"]
+    table = {m.id for m in ge.metrics()}
+    assert {i for track in gc.TRACKS for i in words_of(track).headline} <= table
+
+
 def test_best_needs_a_value() -> None:
     board = make_board([make_result("x", "a", make_score(UP, "failed", reason="r"))])
     assert not board.competing[0].cells[0].best
@@ -183,6 +234,8 @@ def test_job_without_scores_is_a_failure() -> None:
 def test_warnings_are_told_once() -> None:
     warned = make_score(UP, 1.0, warnings=("careful", "careful"))
     assert [w.reason for w in warnings([make_result("x", "a", warned)])] == ["careful"]
+    both = make_result("x", "a", warned, make_score(DOWN, 1.0, warnings=("careful", "late")))
+    assert [(w.what, w.reason) for w in warnings([both])] == [("a.up, b.down", "careful"), ("b.down", "late")]
 
 
 def test_scene_without_this_metric_is_no_failure() -> None:

@@ -21,6 +21,7 @@ from graycard.reports._verdicts import Verdict, judge, judge_without_intervals
 
 UP = gc.MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
 DOWN = gc.MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
+EVIDENCE = "p = 0.030 after Holm's correction, 0.010 for this pair alone, n = 8"
 SIDE = gc.MetricRecord("a.side", "Side", "albedo", "1", False, 0.0, "h", False, 0.1)
 
 
@@ -45,8 +46,33 @@ def compared(metric: gc.MetricRecord, methods: list[gc.MethodStanding], *pairs: 
 def test_clear_lead_names_the_larger_of_both_p_values() -> None:
     found = compared(UP, [stands("b", 20.0, 2), stands("a", 21.0)], pair("a", "b", "better"))
     assert found == Verdict(
-        "clear", "clear lead", "a", "21.00", "1.00 dB (0.50 to 2.00) ahead of b", "p = 0.030, n = 8"
+        "clear",
+        "clear lead",
+        "a",
+        "21.00",
+        "1.00 dB (0.50 to 2.00) ahead of b",
+        "p = 0.030 after Holm's correction, 0.010 for this pair alone, n = 8",
     )
+
+
+@pytest.mark.parametrize(
+    ("chances", "told"),
+    [
+        ({"p_rank": 0.04}, "p = 0.040 after Holm's correction"),  # ranks decide uncorrected: no other number
+        ({"p_mean": 1e-5, "p_rank": 1e-6, "p_mean_holm": 0.12},
+         "p = 0.12 after Holm's correction, < 0.001 for this pair alone"),
+        ({"p_mean": None, "p_mean_holm": None, "p_rank": 0.008, "p_rank_holm": 0.06},
+         "p = 0.060 after Holm's correction, 0.008 for this pair alone"),  # a mean is infinite
+    ],
+)  # fmt: skip
+def test_p_is_told_as_it_decides_and_as_it_is_of_the_pair_alone(chances: dict[str, Any], told: str) -> None:
+    tie = pair("a", "b", "tie", **chances)
+    assert compared(UP, [stands("b", 20.0), stands("a", 21.0)], tie).evidence == f"{told}, n = 8"
+
+
+def test_pair_without_any_test_has_its_scenes_alone() -> None:
+    level = pair("a", "b", "tie", p_rank=None, p_rank_holm=None, p_mean=None, p_mean_holm=None)
+    assert compared(UP, [stands("b", 20.0), stands("a", 20.0)], level).evidence == "n = 8"
 
 
 def test_where_less_is_better_a_lead_is_still_positive() -> None:
@@ -153,7 +179,7 @@ def test_cells_say_who_is_tied_with_whom() -> None:
     track = compare_track(comparison, record, "dark", [UP])
     cells = [track.dress(Cell("scored", "x", 1.0, ("below",)), UP.id, m.method) for m in methods]
     assert [c.notes for c in cells] == [
-        ("tied with b, p = 0.030, n = 8", "below"), ("tied with a", "below"), ("below",),
+        (f"tied with b, {EVIDENCE}", "below"), ("tied with a", "below"), ("below",),
     ]  # fmt: skip
     assert all(c.plot for c in cells)
     failed = Cell("failed", "failed")
@@ -164,14 +190,29 @@ def test_cells_say_who_is_tied_with_whom() -> None:
 def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
     verdict = Verdict("alone", "no rival", "a", "1")
     found = {("dark", "a.side"): verdict, ("dark", "a.up"): verdict, ("table", "n.down"): verdict}
-    rows = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
+    rows, _ = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
     assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry (normals)", "n.down")]
     assert [[bool(c.verdict) for c in r.cells] for r in rows] == [[True, False], [False, True]]
     assert part_of("some_new_part") == "Some new part"
-    (only,) = summary_rows([SIDE], found, [("dark", "t1")])
+    (only,), _ = summary_rows([SIDE], found, [("dark", "t1")])
     assert only.metric.id == "a.side"
     depth = replace(SIDE, id="d", group="depth")
-    assert len(summary_rows([UP, depth], {**found, ("dark", "d"): verdict}, [("dark", "t1")])) == 1
+    assert len(summary_rows([UP, depth], {**found, ("dark", "d"): verdict}, [("dark", "t1")])[0]) == 1
+
+
+def test_summary_has_rows_of_what_a_track_asks_and_none_that_nobody_provides() -> None:
+    mirror = replace(SIDE, id="counterfactual.residual.mirror.specular", group="counterfactual")
+    removal = replace(UP, id="counterfactual.psnr", group="counterfactual")
+    lead, nobody = Verdict("alone", "no rival", "a", "1"), Verdict("nobody", "no method provides it")
+    found = {("tabletop", m.id): lead for m in (UP, removal, mirror)} | {("tabletop", DOWN.id): nobody}
+    tracks = [("tabletop", "t1"), ("dark", "t2")]
+    left_out = {("tabletop", DOWN.id)}
+    rows, silent = summary_rows([removal, UP, DOWN, mirror], found, tracks, left_out)
+    assert [r.part for r in rows] == ["Removal", "Removal of the reflection", "Albedo"]
+    assert silent == "Down"
+    elsewhere, silent = summary_rows([DOWN], {**found, ("dark", DOWN.id): lead}, tracks, left_out)
+    assert [[c.verdict for c in r.cells] for r in elsewhere] == [[nobody, lead]]
+    assert silent == ""
 
 
 def test_help_says_what_is_ignored_and_what_counts_as_no_change() -> None:
@@ -209,7 +250,7 @@ def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, gc.RunReco
     first = html[html.index('<section class="summary"') : html.index('<section class="track"')]
     for part in (
         '<a href="#track-1">retinex</a>', "clear lead", "26.00 dB", "7.60 dB (0.50 to 2.00) ahead of gray",
-        "p = 0.030, n = 8", "too few scenes to tell: 6 needed", "A rule &lt;in words&gt;.",
+        EVIDENCE.replace("'", "&#39;"), "too few scenes to tell: 6 needed", "A rule &lt;in words&gt;.",
         "truth has leaked",
         "1 score of references that were handed truth",
     ):  # fmt: skip

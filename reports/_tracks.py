@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a report says of each track: what it is about, and by which metrics it is told at the top."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import graycard as gc
+
+
+@dataclass(frozen=True, slots=True)
+class TrackWords:
+    """A track in words."""
+
+    about: str = ""
+    headline: Mapping[str, str] = field(default_factory=dict)
+    """Metrics that answer what this track asks, beside the headline metrics of all: id, and which part of the
+    answer it is."""
+
+
+_TRACKS = {
+    "dark": TrackWords("the main light is mounted on the camera and moves with it"),
+    "tabletop": TrackWords(
+        "objects on a glossy surface, one of which is to be removed, with its reflection and its shadow",
+        {
+            "counterfactual.residual.mirror.specular": "Removal of the reflection",
+            "counterfactual.residual.shadow.diffuse": "Removal of the shadow",
+        },
+    ),
+    "multilight": TrackWords("several local lights and an environment"),
+}
+
+
+def words_of(track: str) -> TrackWords:
+    """What is said of a track; nothing of an unknown one."""
+    return _TRACKS.get(track, TrackWords())
+
+
+def headline_of(track: str, metrics: Sequence[gc.MetricRecord]) -> list[gc.MetricRecord]:
+    """The metrics of a track's leaderboard: those that are headlines anywhere, and its own."""
+    return [m for m in metrics if m.headline or m.id in words_of(track).headline]
