@@ -74,21 +74,38 @@ class Compare:
                 raise UnknownNameError("metric of this run", name, by_id)
         wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
         found = compare_run(record)
-        for table in (t for t in found.metrics if t.metric in wanted):
+        tables = [table for table in found.metrics if table.metric in wanted]
+        shown = [table for table in tables if self.metrics or _is_contested(table)]
+        for table in shown:
             self._show(screen, table, by_id[table.metric])
         write_json(self.run_folder / COMPARISON, found)
         write_optional_json(self.json, found)
         if record.submitted:
             screen.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
+        _say_skipped(screen, [table for table in tables if table not in shown])
         _say(screen, found)
         return OK
 
     def _show(self, screen: Screen, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"
         screen.out.print(f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better")
-        screen.out.print(_standings(table))
+        screen.out.print(_standings(table, metric.higher_is_better))
         if self.pairs and table.pairs:
             screen.out.print(_pairs(table))
+
+
+def _is_contested(table: MetricComparison) -> bool:
+    """Whether a method that competes has a value."""
+    return any(method.competes and method.mean is not None for method in table.methods)
+
+
+def _say_skipped(screen: Screen, tables: list[MetricComparison]) -> None:
+    if tables:
+        names = " ".join(dict.fromkeys(table.metric for table in tables))
+        screen.out.print(
+            f"skipped: {len(tables)} table{'s' * (len(tables) != 1)} in which no method that competes has a "
+            f"value: --metrics {names}"
+        )
 
 
 def _say(screen: Screen, found: Comparison) -> None:
@@ -99,19 +116,30 @@ def _say(screen: Screen, found: Comparison) -> None:
                 f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
                 f"{found.margins[above.unit]:g} are left to chance"
             )
-    pairs = [pair for table in found.metrics for pair in table.pairs]
+    every = [(table, pair) for table in found.metrics for pair in table.pairs]
+    pairs = [pair for table, pair in every if _compete(table, pair)]
     few = sum(pair.verdict == "too few scenes" for pair in pairs)
     tied = sum(pair.verdict == "tie" for pair in pairs)
     decided = len(pairs) - few - tied
+    handed = len(every) - len(pairs)
     screen.out.print(
-        f"compare: {len(pairs)} pairs, {decided} decided, {tied} tied, {few} with fewer than the "
-        f"{found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
+        f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
     )
 
 
-def _standings(table: MetricComparison) -> Table:
+def _compete(table: MetricComparison, pair: PairDifference) -> bool:
+    """Whether neither of two methods is handed truth: only such pairs have a verdict to show."""
+    return {pair.first, pair.second} <= {method.method for method in table.methods if method.competes}
+
+
+def _standings(table: MetricComparison, higher_is_better: bool) -> Table:
+    """The best mean first, those without one last."""
     shown = new_table("rank", "method", "mean", "95 % interval", "scenes", "scene sd", "seed sd", "ceiling")
-    for row in sorted(table.methods, key=lambda m: (m.rank is None, m.rank or 0)):
+    known = [row for row in table.methods if row.mean is not None]
+    known.sort(key=lambda row: row.mean or 0.0, reverse=higher_is_better)
+    for row in (*known, *(row for row in table.methods if row.mean is None)):
         shown.add_row(*_cells(row))
     return shown
 
@@ -126,14 +154,15 @@ def _cells(row: MethodStanding) -> tuple[str, ...]:
 def _pairs(table: MetricComparison) -> Table:
     shown = new_table("pair", "difference", "95 % interval", "scenes", "p rank", "p mean, Holm", "verdict")
     for pair in table.pairs:
-        shown.add_row(*_pair_cells(pair))
+        shown.add_row(*_pair_cells(pair, _compete(table, pair)))
     return shown
 
 
-def _pair_cells(pair: PairDifference) -> tuple[str, ...]:
+def _pair_cells(pair: PairDifference, compete: bool) -> tuple[str, ...]:
+    """Of a pair with a row that is handed truth neither a corrected p nor a verdict."""
     names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
-    chances = _number(pair.p_rank), _number(pair.p_mean_holm)
-    return names, difference, _interval(pair.interval), str(pair.scenes), *chances, pair.verdict
+    ends = (_number(pair.p_mean_holm), pair.verdict) if compete else ("", "is handed truth")
+    return names, difference, _interval(pair.interval), str(pair.scenes), _number(pair.p_rank), *ends
 
 
 def _number(value: float | None) -> str:
