@@ -429,6 +429,26 @@ def test_look_says_what_to_do_with_predictions(tiny_scenes: dict[str, Path], tmp
     assert "graycard bench SUITE --predictions NAME=FOLDER" in said
 
 
+def test_what_is_not_provided_is_counted_and_listed_on_demand(
+    tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
+):
+    scene, out, written = str(tiny_scenes["dark"]), str(tmp_path / "p"), tmp_path / "s.json"
+    assert main(["fit", "gray", scene, "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["score", out, scene, "--json", str(written)]) == 0
+    shown = capsys.readouterr().out
+    sheet = gc.read_score_sheet(written)
+    absent = [score.metric for score in sheet.scores if score.status == "not provided"]
+    assert len(absent) > 1
+    assert f"\n{len(absent)} metrics are not provided by these predictions: --all lists them\n" in shown
+    assert not any(re.search(rf"^{re.escape(name)} ", shown, re.M) for name in absent)
+    assert main(["score", out, scene, "--all", "--json", str(tmp_path / "all.json")]) == 0
+    shown = capsys.readouterr().out
+    assert all(re.search(rf"^{re.escape(name)} +not provided ", shown, re.M) for name in absent)
+    assert "--all lists them" not in shown
+    assert (tmp_path / "all.json").read_bytes() == written.read_bytes()
+
+
 def test_it_runs_as_a_module():
     done = subprocess.run(
         [sys.executable, "-m", "graycard", "--help"], capture_output=True, text=True, check=True
