@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from graycard import Capture, MethodError, open_capture, output_error
+from graycard import Capture, GraycardError, MethodError, open_capture, output_error
 
 GUARD = "capture-copy-and-audit-hook-1"
 """Name and version of this way to close the truth, for the record."""
@@ -154,6 +154,8 @@ def closed(guard: Guard) -> Iterator[None]:
 def copied_capture(folder: Path) -> Iterator[Capture]:
     """A copy of a capture in a temporary folder of its own, which goes with the block.
 
+    What the user can mend in it is said of the folder that it is a copy of.
+
     Raises:
         DatasetError: It is missing or damaged.
         OutputError: There is no room for the copy.
@@ -165,7 +167,12 @@ def copied_capture(folder: Path) -> Iterator[Capture]:
             shutil.copytree(folder, copy)
         except OSError as cause:
             raise output_error(copy, cause) from cause
-        yield open_capture(copy)
+        try:
+            yield open_capture(copy)
+        except GraycardError as cause:
+            told = (a.replace(str(copy), str(folder)) if isinstance(a, str) else a for a in cause.args)
+            cause.args = tuple(told)
+            raise
 
 
 def closed_to_fits(

@@ -22,6 +22,11 @@ WHERE = {
     "mirror": "where the object is seen by reflection",
     "rest": "outside of footprint, shadow and mirror image",
 }
+BESIDE = (
+    "A picture of one colour, as bright as what is around, holds next to nothing of the object either: read "
+    "it beside counterfactual.psnr and counterfactual.psnr.rest"
+)
+"""What a reader of any share that is left has to know."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +149,7 @@ def _residual_metric(region: str) -> ViewMetric:
     record = gc.MetricRecord(
         f"counterfactual.residual.{region}", f"Object left over, {region}", "counterfactual", "1", False, 0.0,
         "|Σ <p - c, o - c> / Σ ‖o - c‖²|, sums over views (prediction p, truth without object c, with it o; "
-        f"linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there",
+        f"linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there. {BESIDE}",
         headline=False, tolerance=0.02,
     )  # fmt: skip
     needs = LAYER, f"effect.{region}"

@@ -12,7 +12,7 @@ import numpy as np
 import graycard as gc
 from graycard.eval._image_metric import exposed
 from graycard.eval._readings import TrueView
-from graycard.eval._removal import LAYER, WHERE, region_of
+from graycard.eval._removal import BESIDE, LAYER, WHERE, region_of
 from graycard.eval._view_metrics import Answer, ViewMetric
 
 LEAST_APART = 0.2
@@ -120,7 +120,8 @@ def _metric(region: str) -> ViewMetric:
         "|a| in the least squares fit p - c = a·d + b·e over all views (prediction p, truth without object "
         f"c, d what the object changes in {lobe} light, e in all other; linear, L·exposure, pixels "
         f"where no truth is overexposed) {WHERE[region]}: 0 gone, 1 still there, whatever is left of the "
-        f"other; views where d and e are alike (sine of the angle up to {LEAST_APART:g}) are not asked",
+        f"other; views where d and e are alike (sine of the angle up to {LEAST_APART:g}) are not asked. "
+        f"{BESIDE}",
         headline=False, tolerance=0.02,
     )  # fmt: skip
     needs = LAYER, f"effect.{region}", *_SPECULAR

@@ -62,5 +62,10 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     return whole
 
 
+def is_published(folder: Path) -> bool:
+    """Whether a folder is one that :func:`publish_run` wrote, and no run."""
+    return (Path(folder) / PAGE).is_file() and not (Path(folder) / "jobs").exists()
+
+
 def _packed(record: object) -> bytes:
     return json.dumps(record, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode() + b"\n"

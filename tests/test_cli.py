@@ -5,6 +5,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections import Counter
@@ -420,6 +421,48 @@ def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Cap
     assert gc.capture_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
     assert main(["look", str(dataset / "nowhere")]) == 2
     assert "got no whole scene there" in capsys.readouterr().err
+
+
+def test_look_draws_one_scene_beside_those_of_its_dataset(
+    make_scene: Callable[..., Path], capsys: Capture, monkeypatch: pytest.MonkeyPatch
+):
+    scene = make_scene()
+    other = scene.parents[1] / "dark" / "other"
+    shutil.copytree(scene, other)
+    sheet = scene.parents[1] / "look" / "dark-tiny-0000.png"
+    monkeypatch.chdir(scene)
+    assert main(["look", "."]) == 0
+    assert last_line(capsys) == f"look: 1 contact sheet in {sheet.parent}"
+    assert sorted(scene.parents[1].rglob("*.png")) == [sheet]
+
+
+def test_look_says_what_to_do_with_predictions(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
+    out = str(tmp_path / "p")
+    assert main(["fit", "gray", str(tiny_scenes["dark"]), "--out", out]) == 0
+    assert main(["look", out]) == 2
+    said = capsys.readouterr().err
+    assert f"got predictions at {out}. Score them: `graycard score {out} DATASET/<track>/<scene>`" in said
+    assert "graycard bench SUITE --predictions NAME=FOLDER" in said
+
+
+def test_what_is_not_provided_is_counted_and_listed_on_demand(
+    tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
+):
+    scene, out, written = str(tiny_scenes["dark"]), str(tmp_path / "p"), tmp_path / "s.json"
+    assert main(["fit", "gray", scene, "--out", out]) == 0
+    capsys.readouterr()
+    assert main(["score", out, scene, "--json", str(written)]) == 0
+    shown = capsys.readouterr().out
+    sheet = gc.read_score_sheet(written)
+    absent = [score.metric for score in sheet.scores if score.status == "not provided"]
+    assert len(absent) > 1
+    assert f"\n{len(absent)} metrics are not provided by these predictions: --all lists them\n" in shown
+    assert not any(re.search(rf"^{re.escape(name)} ", shown, re.M) for name in absent)
+    assert main(["score", out, scene, "--all", "--json", str(tmp_path / "all.json")]) == 0
+    shown = capsys.readouterr().out
+    assert all(re.search(rf"^{re.escape(name)} +not provided ", shown, re.M) for name in absent)
+    assert "--all lists them" not in shown
+    assert (tmp_path / "all.json").read_bytes() == written.read_bytes()
 
 
 def test_it_runs_as_a_module():

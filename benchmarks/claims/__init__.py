@@ -14,4 +14,5 @@ from graycard.benchmarks.claims._claim import load_claims as load_claims
 from graycard.benchmarks.claims._judge import judge_claims as judge_claims
 from graycard.benchmarks.claims._judge import judge_paper as judge_paper
 from graycard.benchmarks.claims._judge import judge_tables as judge_tables
+from graycard.benchmarks.claims._judge import made_for_others as made_for_others
 from graycard.benchmarks.claims._rules import RULES as RULES

@@ -42,18 +42,21 @@ from graycard.benchmarks.claims._words import (
 from graycard.eval.statistics import LEVEL
 
 
-def judge_claims(record: RunRecord, run: Path, names: Sequence[str]) -> Ledger:
+def judge_claims(record: RunRecord, run: Path, names: Sequence[str], *, any_suite: bool = False) -> Ledger:
     """The ledger of a run; a pure function of its ``run.json`` and of the files of claims.
 
     Args:
         record: Of the run.
         run: The folder that it was read from; for the hash.
         names: Of files of claims, or paths to them.
+        any_suite: Also judge claims that are made for the runs of another suite.
 
     Raises:
         UnknownNameError: There are no such claims.
-        RecordError: A file of claims is broken.
+        RecordError: A file of claims is broken, or is made for the runs of another suite.
     """
+    if not any_suite:
+        _check_suites(record.suite, names)
     papers = tuple(_paper(load_claims(name), sha256(claims_path(name)), record) for name in names)
     return Ledger(
         record.suite,
@@ -91,6 +94,33 @@ def judge_paper(paper: Paper, record: RunRecord) -> tuple[ClaimResult, ...]:
     readings = Readings(record)
     claims = (_claim(claim, paper, readings) for claim in paper.claims)
     return *claims, *(judge_arithmetic(found) for found in paper.arithmetic)
+
+
+def made_for_others(suite: str, names: Iterable[str]) -> dict[str, str]:
+    """Files of claims that are made for the runs of another suite than ``suite``, with the name of theirs.
+
+    Claims that name no suite are about any run with their rows.
+
+    Raises:
+        UnknownNameError: There are no such claims.
+        RecordError: A file of claims is broken.
+    """
+    suites = {name: load_claims(name).suite for name in names}
+    return {name: own for name, own in suites.items() if own not in ("", suite)}
+
+
+def _check_suites(suite: str, names: Sequence[str]) -> None:
+    """Refuse claims of other scenes and rows, which may go by the same names.
+
+    Raises:
+        RecordError: Some are made for the runs of another suite.
+    """
+    if others := made_for_others(suite, names):
+        wanted = ", ".join(f"a run of suite {own!r} for claims {name!r}" for name, own in others.items())
+        raise RecordError(
+            f"expected {wanted}, got a run of suite {suite!r}. Give a run of that suite, or claims for this "
+            "one (those that name no suite are for any), or judge all the same with --any-suite"
+        )
 
 
 def _paper(paper: Paper, digest: str, record: RunRecord) -> PaperResult:

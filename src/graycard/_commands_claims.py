@@ -22,11 +22,14 @@ class Claims:
     """Say which claims of papers a run bears out, and write them into it and its report."""
 
     run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
-    """The run folder; its claims.json is written anew from run.json. Without one, only papers' own tables are
-    held against themselves."""
+    """The run folder; its claims.json is written anew from run.json, where it is not a published one. Without
+    one, only papers' own tables are held against themselves."""
     claims: tuple[str, ...] = ()
     """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
-    default, all where there are none."""
+    default. Claims that are made for the runs of another suite are refused."""
+    any_suite: bool = False
+    """Also judge claims that are made for the runs of another suite; where --claims names none and none are
+    made for this suite, all that come along."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
     json: Json = None
@@ -39,7 +42,7 @@ class Claims:
         if self.run_folder is None:
             found, report = judge_tables(self.claims), ""
         else:
-            found, report = self._judged(self.run_folder)
+            found, report = self._judged(self.run_folder, screen)
         for paper in found.papers:
             self._show(screen, paper)
         write_optional_json(self.json, found)
@@ -48,13 +51,24 @@ class Claims:
         screen.out.print(f"claims: {words}{report}")
         return OK
 
-    def _judged(self, run: Path) -> tuple[Ledger, str]:
-        """The ledger of a run, written into it, and where its report is."""
-        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims
-        from graycard.reports import write_report
+    def _judged(self, run: Path, screen: Screen) -> tuple[Ledger, str]:
+        """The ledger of a run, written into it, and where its report is; a published one is left as it is.
+
+        Raises:
+            RecordError: No claims are made for the run's suite, or those asked for are of another.
+        """
+        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims, made_for_others
+        from graycard.reports import is_published, write_report
 
         record = read_run(run)
-        found = judge_claims(record, run, self.claims or claims_of_suite(record.suite) or claims_names())
+        names = self.claims or claims_of_suite(record.suite) or claims_names()
+        found = judge_claims(record, run, names, any_suite=self.any_suite)
+        for name, suite in made_for_others(record.suite, names).items():
+            screen.err.print(
+                f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
+            )
+        if is_published(run):
+            return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
 

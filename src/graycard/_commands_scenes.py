@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from rich.table import Table
 
-from graycard._dataset import TRACKS
+from graycard._dataset import TRACKS, is_scene
 from graycard._errors import GraycardError, UnknownNameError
+from graycard._predictions import INDEX as PREDICTIONS
 from graycard._screen import FAILED, OK, Json, Screen, new_table, refuse, share, write_optional_json
 from graycard._transfer import ExchangeFormat
 
@@ -191,7 +192,7 @@ class Look:
     """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
 
     dataset: Annotated[Path, tyro.conf.Positional]
-    """The dataset; what is half-written in it is left out."""
+    """The dataset; what is half-written in it is left out. Or one scene: DATASET/<track>/<scene>."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
     """Where the PNGs go, one a scene; DATASET/look by default."""
 
@@ -199,7 +200,9 @@ class Look:
         """Draw them."""
         from graycard.reports import write_contact_sheets
 
-        out = self.out or self.dataset / "look"
+        _refuse_predictions(self.dataset)
+        dataset = self.dataset.resolve().parents[1] if is_scene(self.dataset) else self.dataset
+        out = self.out or dataset / "look"
         with screen.progress() as progress:
             sheets = write_contact_sheets(self.dataset, out, progress)
         for sheet in sheets:
@@ -267,6 +270,20 @@ class Import:
             f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
         )
         return OK
+
+
+def _refuse_predictions(folder: Path) -> None:
+    """Say where predictions are looked at.
+
+    Raises:
+        GraycardError: The folder holds some.
+    """
+    if (folder / PREDICTIONS).is_file():
+        raise GraycardError(
+            f"expected a dataset or a scene, got predictions at {folder}. Score them: `graycard score "
+            f"{folder} DATASET/<track>/<scene>`; or see them in a report: `graycard bench SUITE "
+            "--predictions NAME=FOLDER`, with a folder like this one at FOLDER/<track>/<scene>"
+        )
 
 
 def _verdict_table(verdict: Verdict) -> Table:

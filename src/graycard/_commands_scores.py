@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +16,8 @@ from graycard._screen import FAILED, OK, Json, Screen, new_table, write_optional
 
 BREAKDOWN = ("interior", "boundary", "srgb", "linear", "mean_of_views", "debiased", "signed")
 """What many metrics have: a column each. Parts of a few, as the edits of relighting, are listed."""
+LEFT_OVER = "counterfactual.residual."
+"""How metrics of what is left of a removed object begin: their unit alone does not say what 1 is."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class ScoreCommand:
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
     """A published protocol for albedo, or all: how far apart they put the one prediction."""
+    all: bool = False
+    """Also list metrics that the predictions do not provide."""
     json: Json = None
     """Also write the scores to this file."""
 
@@ -38,8 +42,7 @@ class ScoreCommand:
 
         check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
-        if sheet.scores:
-            screen.out.print(_score_table(sheet))
+        self._show_scores(screen, sheet)
         if any(score.breakdown.keys() & BREAKDOWN for score in sheet.scores):
             screen.out.print(_breakdown_table(sheet))
         if any(score.breakdown.keys() - BREAKDOWN for score in sheet.scores):
@@ -61,10 +64,23 @@ class ScoreCommand:
         )
         return OK if scored and not failed else FAILED
 
+    def _show_scores(self, screen: Screen, sheet: ScoreSheet) -> None:
+        shown = [score for score in sheet.scores if self.all or score.status != "not provided"]
+        if shown:
+            screen.out.print(_score_table(shown))
+        if left := len(sheet.scores) - len(shown):
+            what = "1 metric is" if left == 1 else f"{left} metrics are"
+            screen.out.print(f"{what} not provided by these predictions: --all lists them")
+        if any(score.metric.startswith(LEFT_OVER) for score in shown):
+            screen.out.print(
+                f"{LEFT_OVER}*: 0 the object is gone, 1 all of it is still there; a picture of one colour "
+                "may have next to 0 too, so read it beside counterfactual.psnr and counterfactual.psnr.rest"
+            )
 
-def _score_table(sheet: ScoreSheet) -> Table:
+
+def _score_table(scores: Sequence[Score]) -> Table:
     table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
-    for score in sheet.scores:
+    for score in scores:
         value = f"{score.value:.4g}" if score.value is not None else score.status
         ceiling = f"{score.noise_ceiling:.4g}" if score.noise_ceiling is not None else ""
         gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""

@@ -58,10 +58,19 @@ def write_index(folder: Path, content: Capture | Truth) -> None:
 
 
 def capture_folders(dataset: Path) -> list[Path]:
-    """The folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted."""
+    """The folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted.
+
+    Of a folder that is itself a scene: that one, as an absolute path.
+    """
     folders = [p for track in TRACKS for p in sorted((Path(dataset) / track).glob("[!.]*"))]
+    folders = [Path(dataset).resolve()] if is_scene(dataset) else folders
     parts = [(p, p / "capture" / MANIFEST, p / "truth") for p in folders]
     return [p for p, capture, truth in parts if capture.is_file() and _is_whole_or_absent(truth)]
+
+
+def is_scene(folder: Path) -> bool:
+    """Whether a folder is that of a scene, ``DATASET/<track>/<scene>``, and none of scenes."""
+    return (Path(folder) / "capture" / MANIFEST).is_file()
 
 
 def check_scene(folder: Path) -> None:

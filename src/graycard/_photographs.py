@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Photographs as other programs keep them: 8-bit sRGB in PNG and JPEG, linear light in EXR."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ from graycard._errors import DatasetError
 from graycard._exr import read_rgb
 from graycard._files import atomic_path
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".exr")
+MASK_SUFFIXES = (".png", ".jpg", ".jpeg")
+SUFFIXES = (*MASK_SUFFIXES, ".exr")
 _BROKEN = (OSError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError)
 
 
@@ -36,25 +38,27 @@ def check_photograph(path: Path, width: int, height: int) -> None:
     Raises:
         DatasetError: It is missing, of another kind or size, or no image.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise DatasetError(f"expected a photograph as {', '.join(SUFFIXES)}, got {path}. Convert it")
-    if not path.is_file():
-        raise DatasetError(f"expected a photograph at {path}, got none. Add it, or leave its camera out")
-    found = _size(path)
-    if found != (width, height):
-        raise DatasetError(
-            f"expected {path} to be {width}x{height} pixels, as its camera is, got {found[0]}x{found[1]}. "
-            "Scale the photograph or the camera's intrinsics"
-        )
+    _check_kind(path, "photograph", SUFFIXES)
+    _check_size(path, (width, height), "Scale the photograph or the camera's intrinsics")
+
+
+def check_mask(path: Path, width: int, height: int) -> None:
+    """Prove that a mask is there and of the right size, from its header.
+
+    Raises:
+        DatasetError: It is missing, of another kind or size, or no image.
+    """
+    _check_kind(path, "mask", MASK_SUFFIXES)
+    _check_size(path, (width, height), "Scale the mask")
 
 
 def read_mask(path: Path, width: int, height: int) -> np.ndarray:
     """Where a mask is black, shape ``(height, width)``, bool: what other programs are told to ignore.
 
     Raises:
-        DatasetError: The file is missing, broken or of another size.
+        DatasetError: The file is missing, broken, or of another kind or size.
     """
-    check_photograph(path, width, height)
+    check_mask(path, width, height)
     return _pixels(path).max(axis=-1) < 128
 
 
@@ -84,6 +88,22 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
     """
     with atomic_path(path) as partial:
         Image.fromarray(pixels).save(partial, format="PNG")
+
+
+def _check_kind(path: Path, what: str, suffixes: Sequence[str]) -> None:
+    if path.suffix.lower() not in suffixes:
+        raise DatasetError(f"expected a {what} as {', '.join(suffixes)}, got {path}. Convert it")
+    if not path.is_file():
+        raise DatasetError(f"expected a {what} at {path}, got none. Add it, or leave its camera out")
+
+
+def _check_size(path: Path, expected: tuple[int, int], advice: str) -> None:
+    found = _size(path)
+    if found != expected:
+        raise DatasetError(
+            f"expected {path} to be {expected[0]}x{expected[1]} pixels, as its camera is, got "
+            f"{found[0]}x{found[1]}. {advice}"
+        )
 
 
 def _size(path: Path) -> tuple[int, int]:

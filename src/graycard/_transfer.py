@@ -18,7 +18,7 @@ from graycard._exr import write_layers, write_rgb
 from graycard._files import atomic_folder
 from graycard._manifest import FORMAT_VERSION, Manifest, seal
 from graycard._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
-from graycard._photographs import check_photograph, read_mask, read_photograph
+from graycard._photographs import check_mask, check_photograph, read_mask, read_photograph
 from graycard._points import Points, write_points
 from graycard._progress import Progress, silent
 
@@ -177,19 +177,48 @@ def _check_files(shots: Sequence[Shot]) -> bool:
         Whether there are masks.
 
     Raises:
-        DatasetError: A photograph or a mask is missing or of another size; or only some have a mask.
+        DatasetError: A photograph or a mask is missing or of another size; only some have a mask; or masks
+            show no object or nothing else.
     """
     train = [shot for shot in shots if not shot.held_out]
     for shot in train:
-        for path in (shot.image, *([shot.mask] if shot.mask else [])):
-            check_photograph(path, shot.camera.width, shot.camera.height)
+        check_photograph(shot.image, shot.camera.width, shot.camera.height)
+        if shot.mask is not None:
+            check_mask(shot.mask, shot.camera.width, shot.camera.height)
     bare = [shot.name for shot in train if shot.mask is None]
     if bare and len(bare) < len(train):
         raise DatasetError(
             f"expected a mask for each training photograph or for none, got none for {len(bare)} of "
             f"{len(train)}, the first {bare[0]}. Add them"
         )
+    if not bare:
+        _check_masks(train)
     return not bare
+
+
+def _check_masks(train: Sequence[Shot]) -> None:
+    """Refuse masks that no method could remove an object by.
+
+    Raises:
+        DatasetError: None shows an object, or one shows nothing else.
+    """
+    advice = (
+        "Masks are black where the object is seen and white elsewhere: mend them, or import without masks"
+    )
+    seen = False
+    for shot in train:
+        assert shot.mask is not None, "there is one for each"
+        mask = read_mask(shot.mask, shot.camera.width, shot.camera.height)
+        if mask.all():
+            raise DatasetError(
+                f"expected a mask with an object in {shot.mask}, got one that is all black. {advice}"
+            )
+        seen |= bool(mask.any())
+    if not seen:
+        raise DatasetError(
+            f"expected an object in some mask of {len(train)}, as {train[0].mask}, got masks without any "
+            f"black. {advice}"
+        )
 
 
 def _write_photographs(shots: Sequence[Shot], folder: Path, masked: bool, progress: Progress) -> float:

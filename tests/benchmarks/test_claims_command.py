@@ -100,8 +100,46 @@ def test_the_same_run_gives_the_same_ledger(run: Path, claims: str) -> None:
     assert (run / gc.CLAIMS).read_bytes() == once
 
 
-def test_a_run_of_another_suite_is_held_against_all(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["claims", str(run)]) == 0
+def test_claims_of_another_suite_are_refused_and_nothing_is_replaced(
+    run: Path, claims: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The rows of two suites may have the same names, and other scenes."""
+    assert main(["claims", str(run), "--claims", claims]) == 0
+    before = (run / gc.CLAIMS).read_bytes()
+    Path(claims).write_text(CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "theirs"', 1))
+    capsys.readouterr()
+    assert main(["claims", str(run), "--claims", claims]) == 2
+    said = capsys.readouterr()
+    assert f"expected a run of suite 'theirs' for claims '{claims}', got a run of suite 'hand'" in said.err
+    assert "--any-suite" in said.err
+    assert said.out == ""
+    assert main(["claims", str(run), "--claims", "sunfaded", "gsid"]) == 2
+    assert (
+        "expected a run of suite 'claims-dark' for claims 'sunfaded', a run of suite 'claims-multilight' for"
+        in capsys.readouterr().err
+    )
+    assert (run / gc.CLAIMS).read_bytes() == before
+    assert main(["claims", str(run), "--claims", claims, "--any-suite"]) == 0
+    said = capsys.readouterr()
+    assert f"not of these scenes: {claims} is made for runs of theirs, not of hand" in said.err
+    assert "1 reproduced" in said.out
+
+
+def test_claims_that_name_the_runs_suite_are_judged(
+    run: Path, claims: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path(claims).write_text(CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "hand"', 1))
+    assert main(["claims", str(run), "--claims", claims]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_a_run_that_no_claims_are_made_for_is_held_against_all_if_asked(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["claims", str(run)]) == 2
+    assert "expected a run of suite 'claims-tabletop' for claims 'goris'" in capsys.readouterr().err
+    assert gc.read_ledger(run) is None
+    assert main(["claims", str(run), "--any-suite"]) == 0
     ledger = gc.read_ledger(run)
     assert ledger is not None
     assert [paper.name for paper in ledger.papers] == [

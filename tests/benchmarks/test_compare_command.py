@@ -2,6 +2,7 @@
 """``graycard compare`` on a run made by hand."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -50,9 +51,57 @@ def test_it_says_who_is_better_and_how_sure_that_is(run: Path, capsys: pytest.Ca
     pair = next(x for x in lines if "mine - theirs" in x)
     assert "better" in pair
     assert "0.007812" in pair
-    assert lines[-1].startswith("compare: 3 pairs, 3 decided, 0 tied, 0 with fewer than the 6 scenes")
+    assert lines[-1].startswith("compare: 1 pair, 1 decided, 0 tied, 0 with fewer than the 6 scenes")
     assert "truth has leaked: dark/s7 mine, seed 0, psnr" in said.err
     assert gc.read_comparison(run) == gc.decode(gc.Comparison, gc.read_json(run / "c.json"))
+
+
+def test_a_row_that_is_handed_truth_has_no_verdict(run: Path, capsys: pytest.CaptureFixture[str]):
+    """Corrected over all its pairs it could be tied with what it is far better than."""
+    assert main(["compare", str(run), "--pairs"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    pairs = [x for x in lines if " - truth" in x]
+    assert len(pairs) == 2
+    assert all(x.rstrip().endswith("is handed truth") for x in pairs)
+    assert not any("tie" in x.split() for x in lines)
+    assert lines[-1].endswith("; 2 more with a row that is handed truth, without a verdict")
+
+
+def test_the_best_mean_stands_first_and_rows_without_one_last(run: Path, capsys: pytest.CaptureFixture[str]):
+    record = gc.read_run(run)
+    absent = [r for r in record.results if r.job.method == "theirs"]
+    late = [replace(r, job=replace(r.job, method="absent"), sheet=None) for r in absent]
+    methods = (gc.MethodRecord("absent", "", ()), *record.methods[::-1])
+    for higher, order in ((True, ["truth", "mine", "theirs"]), (False, ["theirs", "mine", "truth"])):
+        metrics = (replace(METRICS[0], higher_is_better=higher), METRICS[1])
+        made = replace(record, methods=methods, metrics=metrics, results=(*late, *record.results))
+        gc.write_json(run / "run.json", made)
+        assert main(["compare", str(run)]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        found = [name for x in lines for name in ("absent", "mine", "theirs", "truth") if f" {name} " in x]
+        assert found == [*order, "absent"]
+
+
+def test_what_no_competitor_provides_is_skipped_and_counted(run: Path, capsys: pytest.CaptureFixture[str]):
+    record = gc.read_run(run)
+    lamp = replace(METRICS[0], id="lamp", title="Lamp")
+    results = []
+    for result in record.results:
+        assert result.sheet is not None
+        (score,) = result.sheet.scores
+        status = "scored" if result.job.method == "truth" else "not provided"
+        more = replace(score, metric="lamp", status=status, value=score.value if status == "scored" else None)
+        results.append(replace(result, sheet=replace(result.sheet, scores=(score, more))))
+    gc.write_json(run / "run.json", replace(record, metrics=(*METRICS, lamp), results=tuple(results)))
+    assert main(["compare", str(run)]) == 0
+    shown = capsys.readouterr().out
+    assert "Lamp" not in shown
+    said = "skipped: 1 table in which no method that competes has a value: --metrics lamp"
+    assert said in shown.splitlines()
+    assert main(["compare", str(run), "--metrics", "lamp"]) == 0
+    shown = capsys.readouterr().out
+    assert "dark: Lamp (lamp)" in shown
+    assert "skipped" not in shown
 
 
 def test_a_metric_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[str]):

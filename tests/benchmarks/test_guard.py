@@ -8,11 +8,12 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import graycard as gc
 from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
-from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed
+from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
 from graycard.benchmarks._jobs import FitJob, fit_at_hand, run_fit
 from graycard.methods import fingerprint
@@ -26,6 +27,23 @@ def scene(make_scene: Callable[..., Path]) -> Path:
 @pytest.fixture
 def guard(scene: Path) -> Guard:
     return Guard(scene.parents[1])
+
+
+def test_what_is_wrong_in_the_copy_is_said_of_the_users_own_folder(make_scene: Callable[..., Path]):
+    """The copy is gone by the time that somebody reads of it."""
+    folder = make_scene(track="tabletop") / "capture"
+    capture = gc.open_capture(folder)
+    view = capture.train[0]
+    path = folder / "masks" / "target" / f"{view.name}.exr"
+    ids = np.full((view.camera.height, view.camera.width), 2, np.uint32)
+    gc.write_layers(path, {"object_id": ids})
+    gc.seal(folder, gc.manifest_of(capture))
+    with pytest.raises(gc.DatasetError) as caught, copied_capture(folder) as copy:
+        copy.target_mask(view)
+    assert f"or 0 in {path}, got 2" in str(caught.value)
+    assert str(copy.root) not in str(caught.value)
+    with pytest.raises(gc.UnknownNameError, match="did you mean"), copied_capture(folder) as copy:
+        copy.view(view.name[:-1])
 
 
 def through_a_link(scene: Path) -> None:

@@ -164,3 +164,4 @@ def test_the_command_lists_every_part(
     ):
         assert line in shown
     assert "debiased signed" in shown
+    assert "counterfactual.residual.*: 0 the object is gone, 1 all of it is still there" in shown

@@ -66,6 +66,21 @@ def test_the_whole_share_cannot_tell() -> None:
     assert shares_left(picture, layers) == pytest.approx((0, 1), abs=1e-9)
 
 
+@pytest.mark.parametrize("region", ["mirror", "shadow"])
+def test_a_picture_of_one_colour_holds_next_to_nothing_of_the_object_and_is_told_by_its_psnr(
+    region: str,
+) -> None:
+    """Why what is left is read beside PSNR: the descriptions of the metrics say so."""
+    layers = table()
+    without = layers["counterfactual.radiance"]
+    picture = np.broadcast_to(without[layers[f"effect.{region}"] > 0].mean(axis=0), without.shape)
+    assert shares_left(picture, layers) == pytest.approx((0, 0), abs=0.3)
+    assert np.abs(picture - without).mean() > 0.02
+    said = [metric.formula for metric in ge.metrics() if metric.id.startswith("counterfactual.residual.")]
+    assert len(said) == 5
+    assert all("read it beside counterfactual.psnr and counterfactual.psnr.rest" in words for words in said)
+
+
 def test_a_least_squares_fit_says_the_same() -> None:
     layers = table()
     picture = layers["counterfactual.radiance"] + RNG.normal(0, 0.02, (HEIGHT, WIDTH, 3))

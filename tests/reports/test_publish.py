@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import graycard as gc
+from graycard.__main__ import main
 from graycard.reports import publish_run, write_report
 
 
@@ -99,3 +100,21 @@ def test_what_is_published_is_of_one_run(folder: Path):
     assert ledger is not None
     assert ledger.run_sha256 == gc.sha256(folder / "run.json")
     assert [scene.folder for scene in run.scenes] == [f"dataset/{s.track}/{s.scene}" for s in run.scenes]
+
+
+def test_verbs_that_read_records_leave_a_published_folder_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """And what evidence it lacks is told shortly."""
+    folder = next(path for path in PUBLISHED if path.name == "matte")
+    shutil.copytree(folder, tmp_path / "matte")
+    before = {path: path.read_bytes() for path in (tmp_path / "matte").iterdir()}
+    assert main(["compare", str(tmp_path / "matte")]) == 0
+    assert main(["claims", str(tmp_path / "matte")]) == 0
+    assert capsys.readouterr().out.strip().endswith("published one and left as it is")
+    assert main(["check-result", str(tmp_path / "matte")]) == 2
+    found = capsys.readouterr().out
+    assert "broken:" not in found
+    assert len(found.splitlines()) < 25
+    assert "unknown: gauge: 35 more; --json lists them" in found
+    assert {path: path.read_bytes() for path in (tmp_path / "matte").iterdir()} == before

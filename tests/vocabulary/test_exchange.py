@@ -162,6 +162,60 @@ def test_masks_elsewhere_than_on_tabletop_are_left_out(tiny_scenes: dict[str, Pa
     assert take_in(tmp_path / "out", tmp_path / "data", "multilight").target is None
 
 
+def give_masks(folder: Path, black: Callable[[int], np.ndarray | bool]) -> None:
+    """A mask for each of the ten photographs, black where ``black(number)``."""
+    (folder / "masks").mkdir()
+    for i in range(10):
+        pixels = np.where(np.broadcast_to(black(i), (6, 8)), 0, 255).astype(np.uint8)
+        Image.fromarray(pixels).save(folder / "masks" / f"{i:02d}.png")
+    change(
+        folder,
+        lambda index: [f.update(mask_path=f"masks/{i:02d}.png") for i, f in enumerate(index["frames"])],
+    )
+
+
+def some(number: int) -> np.ndarray:
+    """An object in one view of two."""
+    return np.arange(48).reshape(6, 8) < (number % 2) * 5
+
+
+def test_an_object_may_be_out_of_sight_in_some_views(folder: Path, tmp_path: Path):
+    give_masks(folder, some)
+    capture = take_in(folder, tmp_path / "data", "tabletop")
+    assert [capture.target_mask(view).sum() for view in capture.train[:2]] == [0, 5]
+
+
+@pytest.mark.parametrize(
+    ("black", "message"),
+    [
+        (lambda i: False, r"expected an object in some mask of 9, as .*00\.png, got masks without any black"),
+        (lambda i: True, r"expected a mask with an object in .*00\.png, got one that is all black"),
+        (lambda i: some(i) | (i == 3), r"in .*03\.png, got one that is all black. Masks are black where the"),
+    ],
+)
+def test_masks_that_show_no_object_or_nothing_else_are_refused(
+    black: Callable[[int], np.ndarray | bool], message: str, folder: Path, tmp_path: Path
+):
+    give_masks(folder, black)
+    with pytest.raises(gc.DatasetError, match=message):
+        take_in(folder, tmp_path / "data", "tabletop")
+    assert not (tmp_path / "data").exists()
+    assert take_in(folder, tmp_path / "data", "multilight").target is None
+
+
+def test_what_is_wrong_with_a_mask_is_said_of_the_mask(folder: Path, tmp_path: Path):
+    give_masks(folder, some)
+    Image.fromarray(np.zeros((3, 4), np.uint8)).save(folder / "masks" / "02.png")
+    with pytest.raises(gc.DatasetError, match=r"02\.png to be 8x6 pixels, .* got 4x3\. Scale the mask$"):
+        take_in(folder, tmp_path / "data", "tabletop")
+    (folder / "masks" / "02.png").unlink()
+    with pytest.raises(gc.DatasetError, match=r"expected a mask at .*02\.png, got none"):
+        take_in(folder, tmp_path / "data", "tabletop")
+    change(folder, lambda index: index["frames"][0].update(mask_path="masks/00.exr"))
+    with pytest.raises(gc.DatasetError, match=r"expected a mask as \.png, \.jpg, \.jpeg, got .*00\.exr"):
+        take_in(folder, tmp_path / "data", "tabletop")
+
+
 def edit_frame(**new: Any) -> Callable[[dict[str, Any]], Any]:
     return lambda index: index["frames"][2].update(new)
 
