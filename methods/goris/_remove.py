@@ -63,7 +63,7 @@ _GLOSSY = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Changed:
+class RemovalMasks:
     """What a removal changed in a training view; H x W pixels."""
 
     doubted: np.ndarray
@@ -80,7 +80,7 @@ class Removed:
 
     parameters: Parameters
     """Surfels without the object, and the environment."""
-    changed: Mapping[str, Changed]
+    changed: Mapping[str, RemovalMasks]
     """By the name of each training view."""
 
 
@@ -137,7 +137,7 @@ def without_object(
         settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
     )
     after = train(initial_state(start, seed), plan, objective, progress).parameters
-    return Removed(after, {one.view.name: Changed(one.doubt, one.hole) for one in behind})
+    return Removed(after, {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind})
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:

@@ -15,7 +15,7 @@ from graycard import decode as decode_json
 from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
-from graycard.methods.goris._remove import Changed
+from graycard.methods.goris._remove import RemovalMasks
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.removal import Emptied
 from graycard.methods.splat import SH_DC, Parameters, arrays_of, parameters_from
@@ -122,7 +122,7 @@ class GorisScene(Emptied):
     after: GlossyScene
     distilled: DistilledScene | None = None
     """``after`` as radiance alone; None: rays are traced."""
-    changed: Mapping[str, Changed] = field(default_factory=dict)
+    changed: Mapping[str, RemovalMasks] = field(default_factory=dict)
     """What the removal changed, by the name of each training view; empty where an older graycard saved it."""
 
     def remove(self, object_id: int) -> Decomposition:
@@ -179,5 +179,5 @@ def load_scene(folder: Path) -> GorisScene:
     before, after = (GlossyScene(parameters(part), settings, exposure, extent) for part in (_BEFORE, _AFTER))
     colours = DistilledScene(METHOD, parameters(_DISTILLED), exposure) if settings.distilled else None
     views = sorted(name.removeprefix(_DOUBTED) for name in arrays if name.startswith(_DOUBTED))
-    changed = {view: Changed(arrays[_DOUBTED + view], arrays[_UNSEEN + view]) for view in views}
+    changed = {view: RemovalMasks(arrays[_DOUBTED + view], arrays[_UNSEEN + view]) for view in views}
     return GorisScene(before, after, int(facts["target"]), colours, changed)

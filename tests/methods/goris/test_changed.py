@@ -7,7 +7,6 @@ import numpy as np
 import torch
 
 import graycard as gc
-from glossy_captures import QUICK, UNTOLD, told
 from glossy_rooms import Painter, write_room
 from glossy_sheets import (
     EXTENT,
@@ -19,9 +18,7 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import methods
-from graycard.methods.goris import GorisMethod
 from graycard.methods.goris._remove import _drawn, _effects, without_object
-from graycard.methods.priors import PriorSpec
 from graycard.methods.removal._behind import views_behind
 from graycard.methods.removal._target import widened
 from graycard.methods.splat import scene_extent
@@ -29,23 +26,6 @@ from graycard.methods.splat import scene_extent
 HALF = 0.26
 """Half the side of a board, metres: its discs cover half of a pixel there."""
 FLOOR_HALF = 1.23
-
-
-def test_masks_are_kept_with_the_scene(scene: Path, tmp_path: Path):
-    capture = gc.open_capture(scene / "capture", check=False)
-    found = GorisMethod().fit(
-        capture, told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), QUICK, 0, gc.silent
-    )
-    found.save(tmp_path)
-    loaded = GorisMethod().load(tmp_path)
-    assert set(loaded.changed) == {view.name for view in capture.train}
-    for view in capture.train:
-        masks = loaded.changed[view.name]
-        np.testing.assert_array_equal(masks.doubted, found.changed[view.name].doubted)
-        np.testing.assert_array_equal(masks.unseen, found.changed[view.name].unseen)
-        assert masks.doubted[capture.target_mask(view)].all()
-        assert masks.doubted[masks.unseen].all()
-    assert any(masks.unseen.any() for masks in loaded.changed.values())
 
 
 def test_photographs_are_doubted_where_they_show_the_object_or_its_reflection(tmp_path: Path):

@@ -95,6 +95,14 @@ def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
     np.testing.assert_array_equal(loaded.render(camera, ["specular"])["specular"], layers["specular"])
     assert (loaded.distilled is not None) is settings.distilled
     assert loaded.remove(3).provides == ({"radiance"} if settings.distilled else LAYERS)
+    assert set(loaded.changed) == {view.name for view in capture.train}
+    for view in capture.train:
+        masks, ours = loaded.changed[view.name], found.changed[view.name]
+        np.testing.assert_array_equal(masks.doubted, ours.doubted)
+        np.testing.assert_array_equal(masks.unseen, ours.unseen)
+        assert masks.doubted[capture.target_mask(view)].all()
+        assert masks.doubted[masks.unseen].all()
+    assert any(masks.unseen.any() for masks in loaded.changed.values())
     with pytest.raises(gc.MethodError, match=r"expected the object that was fitted \(3\), got 2"):
         found.remove(2)
 
