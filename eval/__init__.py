@@ -22,6 +22,7 @@ from graycard.eval._mask import judged_mask as judged_mask
 from graycard.eval._noise_error import local_variance as local_variance
 from graycard.eval._psnr import mean_square_error as mean_square_error
 from graycard.eval._psnr import psnr as psnr
+from graycard.eval._removal import BESIDE as BESIDE
 from graycard.eval._removal import residual_energy as residual_energy
 from graycard.eval._removal_lobes import are_apart as are_apart
 from graycard.eval._removal_lobes import effect_sums as effect_sums

@@ -67,7 +67,7 @@ def summary_rows(
             continue
         cells = tuple(SummaryCell(track, anchor, found[track]) for track, anchor in tracks)
         told.append(SummaryRow(own.get(metric.id, part_of(metric.group)), metric_head(metric), cells))
-    return tuple(told), ", ".join(silent)
+    return tuple(told), "; ".join(silent)  # titles have commas
 
 
 def _chosen(

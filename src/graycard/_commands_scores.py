@@ -72,10 +72,9 @@ class ScoreCommand:
             what = "1 metric is" if left == 1 else f"{left} metrics are"
             screen.out.print(f"{what} not provided by these predictions: --all lists them")
         if any(score.metric.startswith(LEFT_OVER) for score in shown):
-            screen.out.print(
-                f"{LEFT_OVER}*: 0 the object is gone, 1 all of it is still there; a picture of one colour "
-                "may have next to 0 too, so read it beside counterfactual.psnr and counterfactual.psnr.rest"
-            )
+            from graycard.eval import BESIDE
+
+            screen.out.print(f"{LEFT_OVER}*: 0 the object is gone, 1 all of it is still there. {BESIDE}")
 
 
 def _score_table(scores: Sequence[Score]) -> Table:
