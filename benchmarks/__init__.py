@@ -23,8 +23,8 @@ from graycard.benchmarks._suites import load_suite as load_suite
 from graycard.benchmarks._suites import narrow as narrow
 from graycard.benchmarks._suites import suite_names as suite_names
 from graycard.benchmarks._suites import with_predictions as with_predictions
-from graycard.benchmarks._validity import RULES as RULES
-from graycard.benchmarks._validity import Validity as Validity
-from graycard.benchmarks._validity import check_result as check_result
-from graycard.benchmarks._validity_record import Breach as Breach
 from graycard.benchmarks._workers import run_all as run_all
+from graycard.benchmarks.validity._check import RULES as RULES
+from graycard.benchmarks.validity._check import Validity as Validity
+from graycard.benchmarks.validity._check import check_result as check_result
+from graycard.benchmarks.validity._record import Breach as Breach

@@ -5,7 +5,8 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from graycard import Capture, EnvironmentLight, Light, open_truth, output_error
+from graycard import Capture, EnvironmentLight, Light, open_truth
+from graycard.io import output_error
 from graycard.methods import Changes, Composable, Composed, Decomposition, Relightable, Relit
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import psutil
 
-from graycard import free_mib
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
+from graycard.io import free_mib
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048

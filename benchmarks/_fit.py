@@ -12,26 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from graycard import (
-    Access,
-    Capture,
-    Cost,
-    DatasetError,
-    EnvironmentLight,
-    MethodError,
-    Progress,
-    Truth,
-    clear_predictions,
-    lights_of,
-    open_truth,
-    sha256,
-    with_derived,
-    writable_folder,
-)
-from graycard._memory import peak_memory_mib
+from graycard import Capture, DatasetError, EnvironmentLight, MethodError, Progress, Truth, open_truth
 from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.benchmarks._guest import check_donor, guest_of
+from graycard.io import peak_memory_mib, sha256, writable_folder
+from graycard.layers import lights_of, with_derived
 from graycard.methods import (
     COMPOSITION,
     LIGHTS,
@@ -51,6 +37,8 @@ from graycard.methods import (
     write_predictions,
 )
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
+from graycard.predictions import clear_predictions
+from graycard.records import Access, Cost
 
 ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
 """Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""

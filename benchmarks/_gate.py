@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from graycard import RecordError, RunRecord, Score, check_version, decode, read_json, write_json
+from graycard import RecordError
+from graycard.io import check_version, from_builtins, read_json, write_json
+from graycard.records import RunRecord, Score
 
 BASELINE_VERSION = 1
 
@@ -129,7 +131,7 @@ def read_baseline(path: Path) -> Baseline:
     """
     data = read_json(path)
     check_version(data, BASELINE_VERSION, path)
-    baseline = decode(Baseline, data, RecordError, str(path))
+    baseline = from_builtins(Baseline, data, RecordError, str(path))
     for e in baseline.scores:
         if math.isnan(e.value) or not 0 <= e.tolerance < math.inf:
             raise RecordError(

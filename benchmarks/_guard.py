@@ -17,7 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from graycard import Capture, GraycardError, MethodError, open_capture, output_error
+from graycard import Capture, GraycardError, MethodError, open_capture
+from graycard.io import output_error
 
 GUARD = "capture-copy-and-audit-hook-1"
 """Name and version of this way to close the truth, for the record."""

@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from graycard import MethodError, decode, dumps, encode, silent
+from graycard import MethodError
 from graycard.benchmarks._guard import Guard, closed
 from graycard.benchmarks._jobs import Outcome, guarded
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks._workers import run_all
+from graycard.io import dumps, from_builtins, silent, to_builtins
 from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import check_priors
 
@@ -77,7 +78,7 @@ def introduction_of(method: SuiteMethod) -> Introduction:
     loaded = load_method(method.name)
     settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
     check_priors(method.priors, asks)
-    return Introduction(loaded.summary, loaded.needs, encode(settings), asks, fingerprint(method.name))
+    return Introduction(loaded.summary, loaded.needs, to_builtins(settings), asks, fingerprint(method.name))
 
 
 def meet(meeting: Meeting) -> Outcome:
@@ -93,4 +94,4 @@ def meet(meeting: Meeting) -> Outcome:
 def _heard(outcome: Outcome) -> Introduction:
     if outcome.reason:
         raise MethodError(outcome.reason)
-    return decode(Introduction, json.loads(outcome.value), MethodError, "what a method says of itself")
+    return from_builtins(Introduction, json.loads(outcome.value), MethodError, "what a method says of itself")

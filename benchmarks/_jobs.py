@@ -15,17 +15,14 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from graycard import (
-    Access,
-    Cost,
-    GraycardError,
-    Job,
-    OutputError,
-    ScoreSheet,
-    alone,
-    decode,
-    open_predictions,
-    predictions_hash,
+from graycard import GraycardError, OutputError, open_predictions
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
+from graycard.benchmarks._sources import scoring_fingerprint
+from graycard.benchmarks._submitted import Given, take_predictions
+from graycard.eval import score_predictions
+from graycard.io import (
+    file_lock,
+    from_builtins,
     read_json,
     sha256,
     silent,
@@ -33,12 +30,10 @@ from graycard import (
     write_bytes,
     write_json,
 )
-from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
-from graycard.benchmarks._sources import scoring_fingerprint
-from graycard.benchmarks._submitted import Given, take_predictions
-from graycard.eval import score_predictions
 from graycard.methods import words_of
 from graycard.methods.priors import PriorSpec
+from graycard.predictions import predictions_hash
+from graycard.records import Access, Cost, Job, ScoreSheet
 from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
 R = TypeVar("R")
@@ -144,7 +139,7 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
     if job.given is not None:
         take_predictions(job.given, predictions, made)
         return None, None
-    priors = decode(PriorSpec, made.priors)
+    priors = from_builtins(PriorSpec, made.priors)
     handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
     spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
     with _threads(job.threads):
@@ -205,14 +200,14 @@ def _score_key(job: FitJob) -> tuple[str, ...]:
 def _read_or_none(cls: type[R], path: Path) -> R | None:
     """A record, or None where there is none that can be used: then the work is done again."""
     try:
-        return decode(cls, read_json(path))
+        return from_builtins(cls, read_json(path))
     except GraycardError:
         return None
 
 
 def _lock(job: FitJob) -> AbstractContextManager[None]:
     """One process at a time in a job folder; also waits for a worker whose bench was killed."""
-    return alone(writable_folder(job.folder) / ".lock", lambda: None)
+    return file_lock(writable_folder(job.folder) / ".lock", lambda: None)
 
 
 def _threads(count: int) -> AbstractContextManager[Any]:

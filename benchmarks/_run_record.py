@@ -5,22 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from graycard import (
-    GraycardError,
-    Job,
-    JobResult,
-    MethodRecord,
-    RecordError,
-    RunRecord,
-    SceneRecord,
-    manifest_of,
-    open_truth,
-    read_run,
-    sha256,
-)
+from graycard import GraycardError, RecordError, open_truth
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
+from graycard.dataset import manifest_of
+from graycard.io import sha256
+from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.synth import SceneSpec, describe
 
 

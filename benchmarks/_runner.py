@@ -19,19 +19,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from graycard import (
-    CLAIMS,
-    COMPARISON,
-    Job,
-    Progress,
-    RunRecord,
-    dumps,
-    encode,
-    open_truth,
-    sha256,
-    writable_folder,
-    write_json,
-)
+from graycard import Progress, open_truth
 from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
@@ -59,9 +47,11 @@ from graycard.benchmarks._submitted import check_folder, given_for
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
 from graycard.benchmarks._workers import run_all
 from graycard.benchmarks.claims import claims_of_suite, judge_claims
-from graycard.eval import metrics
+from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
+from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
 from graycard.methods.priors import truth_of, weights_of
+from graycard.records import CLAIMS, COMPARISON, Job, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
@@ -121,7 +111,7 @@ def run_bench(
         suite_version=suite.version,
         scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
         methods=tuple(map(method_record, suite.methods, known)),
-        metrics=metrics(),
+        metrics=all_metrics(),
         results=tuple(
             result_of(f, o, outcomes.get(f.folder), run) for f, o in zip(fits, fitted, strict=True)
         ),
@@ -203,7 +193,7 @@ def _plan(
                 *_of_guest(folder, donor),
                 *([given.sha256] if given else []),
             ]
-            priors = encode(method.priors) if known.asks else {}
+            priors = to_builtins(method.priors) if known.asks else {}
             for seed in suite.seeds:
                 job = Job(spec.track, folder.name, method.row, seed, known.settings, method.entry, priors)
                 name = job_hash(job, sees, known.fingerprint)

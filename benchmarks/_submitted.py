@@ -10,16 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from graycard import (
-    Job,
-    PredictionError,
-    dumps,
-    finish_predictions,
-    open_predictions,
-    write_bytes,
-)
-from graycard._files import sha256_of_files
-from graycard._predictions import INDEX
+from graycard import PredictionError, open_predictions
+from graycard.io import dumps, sha256_of_files, write_bytes
+from graycard.predictions import INDEX, finish_predictions
+from graycard.records import Job
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from graycard import TRACKS, RecordError, UnknownNameError, decode
+from graycard import TRACKS, RecordError, UnknownNameError
+from graycard.io import from_builtins
 from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
-from graycard.synth import RenderSettings, SceneSpec, families, scene_name
+from graycard.synth import RenderSettings, SceneSpec, all_families, scene_name
 
 KEPT = "suite.json"
 """The suite as a run folder keeps it."""
@@ -82,8 +83,8 @@ class Suite:
         for track in self.ceilings:
             check_track(track)
         for place, samples in self.samples.items():
-            if place not in TRACKS and place not in families():
-                raise UnknownNameError("track or family", place, [*TRACKS, *families()])
+            if place not in TRACKS and place not in all_families():
+                raise UnknownNameError("track or family", place, [*TRACKS, *all_families()])
             replace(self.render, samples=samples)  # refuses what cannot be stratified
         rows = [method.row for method in self.methods]
         places = [(scene.track, scene_name(scene)) for scene in self.scenes]
@@ -128,7 +129,7 @@ def load_suite(name: str) -> Suite:
         raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
     for scene in data.get("scenes", []):
         check_track(str(scene.get("track") if isinstance(scene, dict) else scene))
-    return decode(Suite, data, RecordError, str(path))
+    return from_builtins(Suite, data, RecordError, str(path))
 
 
 def check_track(name: str) -> str:

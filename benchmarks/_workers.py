@@ -9,8 +9,8 @@ from typing import TypeVar
 from pebble import ProcessExpired, ProcessPool
 
 from graycard import OutputError, Progress
-from graycard._memory import keep_freed_memory
 from graycard.benchmarks._jobs import Outcome
+from graycard.io import keep_freed_memory
 
 J = TypeVar("J")
 

@@ -8,15 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from graycard import (
-    Camera,
-    Capture,
-    EnvironmentLight,
-    Light,
-    MethodError,
-    light_from_json,
-    light_to_json,
-)
+from graycard import Camera, Capture, EnvironmentLight, Light, MethodError
+from graycard.lights import light_from_json, light_to_json
 from graycard.methods._contract import Priors, check_layers
 from graycard.methods._store import restore, store
 

@@ -17,16 +17,18 @@ from graycard import (
     Predictions,
     Progress,
     View,
+    find_layer,
+)
+from graycard.layers import shape_of
+from graycard.methods._blame import blame
+from graycard.methods._contract import Composable, Decomposition, Guest, Relightable, Removable, Surrounded
+from graycard.predictions import (
     finish_predictions,
-    layer,
-    shape_of,
     write_composed,
     write_environment,
     write_relit,
     write_view,
 )
-from graycard.methods._blame import blame
-from graycard.methods._contract import Composable, Decomposition, Guest, Relightable, Removable, Surrounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +160,7 @@ def _check(method: str, decomposition: Decomposition) -> None:
     if not decomposition.provides:
         raise MethodError(f"expected the decomposition of {method!r} to provide a layer, got none")
     for name in decomposition.provides:
-        layer(name)
+        find_layer(name)
 
 
 def _lights(decomposition: Decomposition) -> tuple[Light, ...] | None:

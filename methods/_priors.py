@@ -12,16 +12,8 @@ from typing import Literal, Protocol, get_args
 
 import numpy as np
 
-from graycard import (
-    Composition,
-    Light,
-    MethodError,
-    PointLight,
-    SpotLight,
-    UnknownNameError,
-    View,
-    find_fault,
-)
+from graycard import Composition, Light, MethodError, PointLight, SpotLight, UnknownNameError, View
+from graycard.layers import find_fault
 
 PriorSource = Literal["none", "oracle", "classical", "pretrained"]
 ImageKind = Literal["depth", "normal", "base_color", "roughness", "metallic", "mask", "inpainting"]

@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import graycard
-from graycard import MethodError, UnknownNameError, __version__, decode, encode, layer, sources_hash
+from graycard import MethodError, UnknownNameError, __version__, find_layer
+from graycard.io import from_builtins, sources_hash, to_builtins
 from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Ask, Method
 
 GROUP = "graycard.methods"
@@ -112,8 +113,8 @@ def settings_of(method: Method, changes: Mapping[str, Any]) -> Any:
     unknown = sorted(set(changes) - set(known))
     if unknown:
         raise UnknownNameError("setting", unknown[0], known)
-    return decode(
-        method.settings_type, {**encode(method.settings_type()), **changes}, MethodError, "settings"
+    return from_builtins(
+        method.settings_type, {**to_builtins(method.settings_type()), **changes}, MethodError, "settings"
     )
 
 
@@ -187,7 +188,7 @@ def _check_contract(name: str, method: Any) -> None:
             raise MethodError(f"expected {name!r} to have {expected}, got {got!r}")
     for needed in method.needs:
         if needed not in (LIGHTS, RELIGHTING, COMPOSITION):
-            layer(needed)
+            find_layer(needed)
     for setting in fields(method.settings_type):
         if setting.name in RESERVED:
             raise MethodError(

@@ -10,7 +10,8 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from graycard import MethodError, read_json, write_bytes, write_json
+from graycard import MethodError
+from graycard.io import read_json, write_bytes, write_json
 
 INDEX, ARRAYS = "decomposition.json", "arrays.safetensors"
 

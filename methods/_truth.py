@@ -10,20 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from graycard import (
-    LOBES,
-    PARTS,
-    Camera,
-    Capture,
-    Composition,
-    EnvironmentLight,
-    Light,
-    MethodError,
-    Progress,
-    encode,
-    light_to_json,
-    sha256,
-)
+from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
+from graycard.io import sha256, to_builtins
+from graycard.layers import LOBES, PARTS
+from graycard.lights import light_to_json
 from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Guest, NoSettings, Priors
 from graycard.methods._lookup import Lookup, pack, unpack
 from graycard.methods._store import restore, store
@@ -90,7 +80,7 @@ class Oracle:
     def compose(self, composition: Composition, guest: Guest | None = None) -> Lookup | None:
         """The scene as it was rendered with an object put in; None for another object or place."""
         del guest  # what the scene looks like with it is known
-        return self._after(_digest(encode(composition)))
+        return self._after(_digest(to_builtins(composition)))
 
     def _after(self, change: str) -> Lookup | None:
         if change not in self.changed:
@@ -154,7 +144,7 @@ def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray
     """The true pictures of each change, as :attr:`Oracle.changed` keeps them."""
     pictures = {_digest_of_lights(relit.lights): relit.radiance for relit in priors.relighting}
     if priors.composition is not None:
-        pictures[_digest(encode(priors.composition.composition))] = priors.composition.radiance
+        pictures[_digest(to_builtins(priors.composition.composition))] = priors.composition.radiance
     cameras = {view.name: view.camera.digest for view in capture.test}
     return {
         change: {cameras[view]: values for view, values in images.items()}

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-import graycard as gc
+from graycard import GraycardError
+from graycard.io import sha256
+from graycard.records import CheckResult, ClaimResult, ClaimVerdict, PaperResult, RowMean, read_ledger
 from graycard.reports._format import count, format_number, format_p, format_value
-from graycard.reports._intervals import Axis, axis_of
+from graycard.reports.tables._intervals import Axis, axis_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,7 @@ class EffectPlot:
 class CheckRow:
     """One comparison that a claim comes down to."""
 
-    check: gc.CheckResult
+    check: CheckResult
     plot: EffectPlot | None
     mean: str
     interval: str
@@ -49,7 +51,7 @@ class CheckRow:
 class ClaimRow:
     """One claim with its comparisons."""
 
-    claim: gc.ClaimResult
+    claim: ClaimResult
     checks: tuple[CheckRow, ...]
 
 
@@ -79,23 +81,23 @@ class ClaimsSection:
 def claims_section(run: Path) -> ClaimsSection | None:
     """The section of a run; None where its claims were not judged."""
     try:
-        ledger = gc.read_ledger(run)
-    except gc.GraycardError as cause:
+        ledger = read_ledger(run)
+    except GraycardError as cause:
         return ClaimsSection((), {}, stale=False, fault=str(cause))
     if ledger is None:
         return None
-    stale = ledger.run_sha256 != gc.sha256(run / "run.json")
+    stale = ledger.run_sha256 != sha256(run / "run.json")
     return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale)
 
 
-def _paper(paper: gc.PaperResult) -> PaperRows:
+def _paper(paper: PaperResult) -> PaperRows:
     counted = Counter(claim.verdict for claim in paper.claims)
-    words = [f"{counted[v]} {v}" for v in get_args(gc.ClaimVerdict) if counted[v]]
+    words = [f"{counted[v]} {v}" for v in get_args(ClaimVerdict) if counted[v]]
     claims = tuple(ClaimRow(claim, tuple(map(_check, claim.checks))) for claim in paper.claims)
     return PaperRows(paper.title, paper.version, f"{count(len(claims), 'claim')}: {', '.join(words)}", claims)
 
 
-def _check(check: gc.CheckResult) -> CheckRow:
+def _check(check: CheckResult) -> CheckRow:
     interval = check.interval
     n = len(check.scenes)
     chances = [p for p in (check.p_mean, check.p_rank) if p is not None]
@@ -111,7 +113,7 @@ def _check(check: gc.CheckResult) -> CheckRow:
     )
 
 
-def effect_plot(check: gc.CheckResult) -> EffectPlot | None:
+def effect_plot(check: CheckResult) -> EffectPlot | None:
     """The plot of a check; None where nothing was measured. Ratios stand on a logarithmic axis."""
     if check.mean is None or check.interval is None:
         return None
@@ -135,7 +137,7 @@ def effect_plot(check: gc.CheckResult) -> EffectPlot | None:
     )
 
 
-def _band(check: gc.CheckResult, axis: Axis) -> tuple[float, float] | None:
+def _band(check: CheckResult, axis: Axis) -> tuple[float, float] | None:
     """Where effects of the claimed size lie; an open end reaches to the border."""
     if check.accepted is None:
         return None
@@ -150,16 +152,16 @@ def _log(value: float) -> float:
     return math.log(value) if value > 0 else -math.inf
 
 
-def _limits(check: gc.CheckResult) -> tuple[tuple[str, str], ...]:
+def _limits(check: CheckResult) -> tuple[tuple[str, str], ...]:
     beside = (("upper bound", check.bound), ("trivial", check.trivial))
     return tuple((f"{what} {row.row}", _mean(row, check)) for what, row in beside if row is not None)
 
 
-def _mean(row: gc.RowMean, check: gc.CheckResult) -> str:
+def _mean(row: RowMean, check: CheckResult) -> str:
     return ", ".join(filter(None, (_mean_alone(row.value, check), row.reason)))
 
 
-def _mean_alone(value: float | None, check: gc.CheckResult) -> str:
+def _mean_alone(value: float | None, check: CheckResult) -> str:
     if value is None:
         return ""
     if check.unit == "×":  # of which the rows themselves have another unit

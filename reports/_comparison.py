@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import graycard as gc
-from graycard.reports._changed_pictures import changed_rows
+from graycard import View
 from graycard.reports._evidence import MethodEvidence, SceneEvidence
-from graycard.reports._layer_rows import LayerRow, judged_layer, layer_row
-from graycard.reports._pictures import Picture, linear_picture, shrink
+from graycard.reports.pictures._changed_pictures import changed_rows
+from graycard.reports.pictures._layer_rows import LayerRow, judged_layer, layer_row
+from graycard.reports.pictures._pictures import Picture, linear_picture, shrink
 
 SHOWN_LAYERS = ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")
 """Shown of every scene that has them; after them what else a competing method hands in."""
@@ -75,12 +75,12 @@ def _is_value(name: str) -> bool:
     return not name.endswith((".var", ".half_a", ".half_b"))
 
 
-def _thumbnail(scene: SceneEvidence, view: gc.View) -> Picture:
+def _thumbnail(scene: SceneEvidence, view: View) -> Picture:
     small = shrink(scene.capture.photograph(view), THUMBNAIL_SIDE)
     return linear_picture(small * scene.capture.exposure, f"training photograph {view.name}")
 
 
-def _spread(views: Sequence[gc.View], most: int) -> list[gc.View]:
+def _spread(views: Sequence[View], most: int) -> list[View]:
     """At most ``most`` views, evenly chosen from first to last."""
     if len(views) <= most:
         return list(views)

@@ -8,7 +8,21 @@ from typing import Any
 
 import numpy as np
 
-import graycard as gc
+from graycard import (
+    Capture,
+    EnvironmentLight,
+    GraycardError,
+    Light,
+    Predictions,
+    Truth,
+    View,
+    open_capture,
+    open_predictions,
+    open_truth,
+)
+from graycard.dataset import manifest_of
+from graycard.layers import find_fault
+from graycard.records import JobResult, SceneRecord
 from graycard.reports._format import count
 
 MAX_VIEWS = 2
@@ -23,22 +37,22 @@ RELIT_BY = "relighting.psnr"
 class SceneEvidence:
     """The truth and the capture of a scene, as far as the report shows them."""
 
-    truth: gc.Truth
-    capture: gc.Capture
-    shown: tuple[gc.View, ...]
+    truth: Truth
+    capture: Capture
+    shown: tuple[View, ...]
     """The test views whose pictures are embedded."""
     layers: Mapping[str, Mapping[str, np.ndarray]]
     """True layers by shown view and name."""
-    lights: tuple[gc.Light, ...]
+    lights: tuple[Light, ...]
     settings: Mapping[str, Any]
     """Knobs and render settings, from the manifest."""
 
     @property
-    def test(self) -> tuple[gc.View, ...]:
+    def test(self) -> tuple[View, ...]:
         """All test views."""
         return tuple(v for v in self.truth.views if v.split == "test")
 
-    def mask(self, layer: str, view: gc.View) -> np.ndarray:
+    def mask(self, layer: str, view: View) -> np.ndarray:
         """Where an error of a layer is shown, ``(H, W)``: on surfaces; of base colour not on lights."""
         ids = self.layers[view.name].get("object_id")
         if ids is None:
@@ -46,7 +60,7 @@ class SceneEvidence:
         left_out = self.truth.emitter_ids() if layer == "base_color" else frozenset()
         return (ids > 0) & ~np.isin(ids, sorted(left_out))
 
-    def at(self, view: gc.View) -> "SceneEvidence":
+    def at(self, view: View) -> "SceneEvidence":
         """The same scene with another test view to be shown.
 
         Raises:
@@ -66,7 +80,7 @@ class MethodEvidence:
     """Predicted layers by shown view and name."""
     faults: Mapping[str, str] = field(default_factory=dict)
     """Why a view cannot be shown."""
-    lights: tuple[gc.Light, ...] | None = None
+    lights: tuple[Light, ...] | None = None
     lights_fault: str = ""
     gauge: tuple[float, ...] | None = None
     """Factors for R, G, B, as fitted for the score :data:`GAUGED_BY`."""
@@ -78,14 +92,14 @@ class MethodEvidence:
     """Number of jobs, of which the first is shown."""
     competes: bool = True
     """Whether it was handed the photographs alone."""
-    predictions: gc.Predictions | None = None
+    predictions: Predictions | None = None
     """Where more views can be read from."""
 
     def layer(self, view: str, name: str) -> np.ndarray | None:
         """A predicted layer; None where it is not provided."""
         return self.layers.get(view, {}).get(name)
 
-    def at(self, view: gc.View) -> "MethodEvidence":
+    def at(self, view: View) -> "MethodEvidence":
         """The same method with the layers of another view; what cannot be read is a fault of that view."""
         if self.predictions is None:
             return self
@@ -99,17 +113,17 @@ def open_scene(folder: Path) -> SceneEvidence:
     Raises:
         DatasetError: A file is missing or broken.
     """
-    truth = gc.open_truth(folder / "truth", check=False)
-    capture = gc.open_capture(folder / "capture", check=False)
+    truth = open_truth(folder / "truth", check=False)
+    capture = open_capture(folder / "capture", check=False)
     test = [v for v in truth.views if v.split == "test"]
     shown = tuple(test if len(test) <= MAX_VIEWS else [test[0], test[-1]])
     layers = {view.name: truth.layers(view) for view in shown}
-    settings = gc.manifest_of(truth).settings
+    settings = manifest_of(truth).settings
     return SceneEvidence(truth, capture, shown, layers, truth.lights(), settings)
 
 
 def open_method(
-    run: Path, results: Sequence[gc.JobResult], views: Sequence[gc.View], competes: bool = True
+    run: Path, results: Sequence[JobResult], views: Sequence[View], competes: bool = True
 ) -> MethodEvidence:
     """What a method handed in for a scene, from its first job that is not failed, or from its first."""
     result = next((r for r in results if r.status == "done"), results[0])
@@ -117,8 +131,8 @@ def open_method(
     if result.status == "failed":
         return MethodEvidence(method, fault=result.reason or "the job failed", seeds=seeds, competes=competes)
     try:
-        found = gc.open_predictions(run / result.folder / "predictions")
-    except gc.GraycardError as cause:
+        found = open_predictions(run / result.folder / "predictions")
+    except GraycardError as cause:
         return MethodEvidence(method, fault=str(cause), seeds=seeds, competes=competes)
     layers, faults = _read_views(found, views)
     lights, lights_fault = _read_lights(found)
@@ -136,16 +150,14 @@ def open_method(
     )
 
 
-def usable_layer(
-    method: MethodEvidence, view: gc.View, name: str
-) -> tuple[np.ndarray, str] | tuple[None, str]:
+def usable_layer(method: MethodEvidence, view: View, name: str) -> tuple[np.ndarray, str] | tuple[None, str]:
     """A predicted layer that can be shown, the gauge applied; else None and why."""
     if method.fault or view.name in method.faults:
         return None, "failed"
     values = method.layer(view.name, name)
     if values is None:
         return None, "not provided"
-    fault = gc.find_fault(name, values, view.camera.height, view.camera.width)
+    fault = find_fault(name, values, view.camera.height, view.camera.width)
     if fault:
         return None, f"failed: {fault}"
     if name == method.gauged and method.gauge:
@@ -153,7 +165,7 @@ def usable_layer(
     return values, ""
 
 
-def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:
+def describe_scene(scene: SceneRecord, evidence: SceneEvidence) -> str:
     """One line of figures about a scene."""
     views, camera = evidence.truth.views, evidence.truth.views[0].camera
     train = sum(v.split == "train" for v in views)
@@ -169,31 +181,31 @@ def describe_scene(scene: gc.SceneRecord, evidence: SceneEvidence) -> str:
     return "; ".join(parts + ([] if ceiling is None else [f"noise ceiling {ceiling:.1f} dB"]))
 
 
-def _count_lights(lights: Sequence[gc.Light]) -> str:
-    mounted = sum(not isinstance(o, gc.EnvironmentLight) and o.frame == "camera" for o in lights)
+def _count_lights(lights: Sequence[Light]) -> str:
+    mounted = sum(not isinstance(o, EnvironmentLight) and o.frame == "camera" for o in lights)
     return count(len(lights), "light") + (f" ({mounted} on the camera)" if mounted else "")
 
 
 def _read_views(
-    predictions: gc.Predictions, views: Sequence[gc.View]
+    predictions: Predictions, views: Sequence[View]
 ) -> tuple[dict[str, dict[str, np.ndarray]], dict[str, str]]:
     layers: dict[str, dict[str, np.ndarray]] = {}
     faults: dict[str, str] = {}
     for view in views:
         try:
             layers[view.name] = predictions.layers(view.name)
-        except gc.GraycardError as cause:
+        except GraycardError as cause:
             faults[view.name] = str(cause)
     return layers, faults
 
 
-def _read_lights(predictions: gc.Predictions) -> tuple[tuple[gc.Light, ...] | None, str]:
+def _read_lights(predictions: Predictions) -> tuple[tuple[Light, ...] | None, str]:
     try:
         return predictions.lights(), ""
-    except gc.GraycardError as cause:
+    except GraycardError as cause:
         return None, str(cause)
 
 
-def _gauge_of(result: gc.JobResult, metric: str) -> tuple[float, ...] | None:
+def _gauge_of(result: JobResult, metric: str) -> tuple[float, ...] | None:
     scores = result.sheet.scores if result.sheet else ()
     return next((s.gauge for s in scores if s.metric == metric and s.gauge), None)

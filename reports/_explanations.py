@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import grey_dilation
 from scipy.stats import rankdata
 
-import graycard as gc
+from graycard import View, luminance
 
 EXPLAINS = 0.6
 """Least absolute rank correlation that counts: below it no layer is named.
@@ -62,7 +62,7 @@ def rank_correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(p @ q / spread) if spread > 0 else 0.0
 
 
-def scene_properties(layers: Layers, view: gc.View) -> dict[str, np.ndarray]:
+def scene_properties(layers: Layers, view: View) -> dict[str, np.ndarray]:
     """What may explain an error in a view, by name, each of shape ``(H, W)``; only what the truth has.
 
     Edges are the largest step to a neighbouring pixel, widened by a pixel: an error at an edge lies on
@@ -74,7 +74,7 @@ def scene_properties(layers: Layers, view: gc.View) -> dict[str, np.ndarray]:
     """
     found = {name: make(layers[layer]) for name, (layer, make) in _SINGLE.items() if layer in layers}
     for name, stems in _SUMS.items():
-        parts = [gc.luminance(v) for n, v in layers.items() if n.startswith(stems)]
+        parts = [luminance(v) for n, v in layers.items() if n.startswith(stems)]
         if parts:
             found[name] = np.sum(parts, axis=0)
     for layer, values in layers.items():
@@ -118,14 +118,14 @@ def _depth_steps(depth: np.ndarray) -> np.ndarray:
 
 
 _SINGLE: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
-    "shading": ("shading", gc.luminance),
-    "bright base colour": ("base_color", gc.luminance),
+    "shading": ("shading", luminance),
+    "bright base colour": ("base_color", luminance),
     "edge of base colour": ("base_color", steps),
     "roughness": ("roughness", _as_it_is),
     "metal": ("metallic", _as_it_is),
     "depth edge": ("depth", _depth_steps),
     "crease or curved surface": ("normal", steps),
-    "seen source of light": ("emitted", gc.luminance),
+    "seen source of light": ("emitted", luminance),
     "noise of the truth": ("radiance.var", _deviation),
     "the target object": ("effect.footprint", _as_it_is),
     "shadow of the target": ("effect.shadow", _as_it_is),

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import graycard as gc
+from graycard.records import JobResult, RunRecord
 from graycard.reports._format import format_date, format_seconds
 
 
@@ -41,7 +41,7 @@ class SceneHash:
     truth: str
 
 
-def fact_groups(record: gc.RunRecord) -> tuple[FactGroup, ...]:
+def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
     """The run and its environment; each mapping or list of the environment is a group of its own."""
     own = (
         ("suite", f"{record.suite}, version {record.suite_version}"),
@@ -66,17 +66,17 @@ def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:
     return tuple(pair for name, part in parts for pair in flatten(part, name))
 
 
-def job_rows(record: gc.RunRecord) -> tuple[JobRow, ...]:
+def job_rows(record: RunRecord) -> tuple[JobRow, ...]:
     """Every job with its cost and hashes, in the order of the run."""
     return tuple(_job_row(result) for result in record.results)
 
 
-def scene_hashes(record: gc.RunRecord) -> tuple[SceneHash, ...]:
+def scene_hashes(record: RunRecord) -> tuple[SceneHash, ...]:
     """Every scene with the hash of its truth's manifest."""
     return tuple(SceneHash(f"{s.track}/{s.scene}", s.truth_sha256) for s in record.scenes)
 
 
-def _job_row(result: gc.JobResult) -> JobRow:
+def _job_row(result: JobResult) -> JobRow:
     job, cost = result.job, result.cost
     return JobRow(
         scene=f"{job.track}/{job.scene}",
@@ -91,7 +91,7 @@ def _job_row(result: gc.JobResult) -> JobRow:
     )
 
 
-def _count_jobs(results: Sequence[gc.JobResult]) -> str:
+def _count_jobs(results: Sequence[JobResult]) -> str:
     failed = sum(r.status == "failed" for r in results)
     return f"{len(results)} jobs, {failed} failed" if failed else f"{len(results)} jobs, none failed"
 

@@ -5,16 +5,18 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import graycard as gc
+from graycard import GraycardError
+from graycard.records import COMPARISON, AboveCeiling, Comparison, RunRecord, read_comparison
 from graycard.reports._claims import ClaimsSection, claims_section
-from graycard.reports._compared import Compared, compare_track
 from graycard.reports._facts import FactGroup, JobRow, SceneHash, fact_groups, job_rows, scene_hashes
 from graycard.reports._format import count, format_date
-from graycard.reports._pictures import KNEE, LEVELS, STEP
 from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._scene_section import SceneSection, scene_section
-from graycard.reports._summary import SummaryRow, summary_rows
-from graycard.reports._tables import (
+from graycard.reports._tracks import headline_of, words_of
+from graycard.reports.pictures._pictures import KNEE, LEVELS, STEP
+from graycard.reports.tables._compared import Compared, compare_track
+from graycard.reports.tables._summary import SummaryRow, summary_rows
+from graycard.reports.tables._tables import (
     Leaderboard,
     MetricRow,
     Trouble,
@@ -24,7 +26,6 @@ from graycard.reports._tables import (
     metrics_of,
     told_rows,
 )
-from graycard.reports._tracks import headline_of, words_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +56,10 @@ class Page:
     summary: tuple[SummaryRow, ...]
     silent: str
     """Titles of the metrics that no competing method provides on any track."""
-    comparison: gc.Comparison | None
+    comparison: Comparison | None
     comparison_fault: str
     """Why there are no intervals; empty where there are."""
-    leaks: tuple[gc.AboveCeiling, ...]
+    leaks: tuple[AboveCeiling, ...]
     """Scores above their ceiling of methods that were handed nothing."""
     handed_above: str
     """How many scores of references are above theirs; empty for none."""
@@ -79,7 +80,7 @@ class Page:
     """Of the codes of linear light."""
 
 
-def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None = None) -> Page:
+def build_page(record: RunRecord, run: Path, pictures: Collection[str] | None = None) -> Page:
     """The content of the report of a run; reads the folders that the record names.
 
     Args:
@@ -128,18 +129,18 @@ def build_page(record: gc.RunRecord, run: Path, pictures: Collection[str] | None
     )
 
 
-def _read_comparison(run: Path) -> tuple[gc.Comparison | None, str]:
+def _read_comparison(run: Path) -> tuple[Comparison | None, str]:
     """The comparison of a run, or why there is none."""
     try:
-        found = gc.read_comparison(run)
-    except gc.GraycardError as cause:
+        found = read_comparison(run)
+    except GraycardError as cause:
         return None, str(cause)
-    return found, "" if found else f"the run has no {gc.COMPARISON}; `graycard bench` writes it"
+    return found, "" if found else f"the run has no {COMPARISON}; `graycard bench` writes it"
 
 
 def _track(
-    record: gc.RunRecord,
-    comparison: gc.Comparison | None,
+    record: RunRecord,
+    comparison: Comparison | None,
     run: Path,
     name: str,
     anchor: str,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-import graycard as gc
+from graycard.records import RunRecord
 
 _SHOWN = 2
 """So many kinds that differ are named in a badge; its help names all."""
@@ -26,7 +26,7 @@ class PriorBadge:
     help: str
 
 
-def prior_badges(record: gc.RunRecord) -> dict[str, PriorBadge]:
+def prior_badges(record: RunRecord) -> dict[str, PriorBadge]:
     """The badge of each row that priors have told something; rows without priors have none."""
     found: dict[str, PriorBadge] = {}
     for result in record.results:

@@ -6,11 +6,13 @@ import json
 from collections.abc import Collection
 from pathlib import Path
 
-import graycard as gc
+from graycard import OutputError
+from graycard.io import atomic_folder, sha256
+from graycard.records import CLAIMS
 from graycard.reports._write import report_of
 
 SUITE = "suite.json"
-RECORDS = ("run.json", SUITE, gc.CLAIMS)
+RECORDS = ("run.json", SUITE, CLAIMS)
 """Files of a run that are kept. All but the first may be missing. The comparison is none of them: it follows
 from the first."""
 PAGE = "index.html"
@@ -45,18 +47,18 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     content |= {name: _packed(record) for name, record in records.items()}
     if SUITE in records:
         content[SUITE] = files[SUITE].read_bytes()  # run.json has its hash
-    if gc.CLAIMS in records and records[gc.CLAIMS].get("run_sha256") == gc.sha256(files["run.json"]):
+    if CLAIMS in records and records[CLAIMS].get("run_sha256") == sha256(files["run.json"]):
         beside = hashlib.sha256(content["run.json"]).hexdigest()  # the same numbers, laid out otherwise
-        content[gc.CLAIMS] = _packed(records[gc.CLAIMS] | {"run_sha256": beside})
+        content[CLAIMS] = _packed(records[CLAIMS] | {"run_sha256": beside})
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
     if whole > limit_mib:
         parts = ", ".join(f"{name} {size:.1f}" for name, size in sizes.items())
-        raise gc.OutputError(
+        raise OutputError(
             f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
             "--pictures, or raise --limit-mib"
         )
-    with gc.atomic_folder(folder) as partial:
+    with atomic_folder(folder) as partial:
         for name, data in content.items():
             (partial / name).write_bytes(data)
     return whole

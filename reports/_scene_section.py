@@ -5,7 +5,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import graycard as gc
+from graycard import GraycardError
+from graycard.records import JobResult, MetricRecord, SceneRecord
 from graycard.reports._comparison import Gallery, build_gallery
 from graycard.reports._evidence import (
     MethodEvidence,
@@ -15,9 +16,10 @@ from graycard.reports._evidence import (
     open_scene,
 )
 from graycard.reports._facts import flatten
-from graycard.reports._plan import Plan, build_plan
 from graycard.reports._spread import Spread, protocol_spreads
-from graycard.reports._tables import (
+from graycard.reports.pictures._worst_tile import MethodTiles, find_worst_tiles
+from graycard.reports.plan._plan import Plan, build_plan
+from graycard.reports.tables._tables import (
     MethodHead,
     MetricRow,
     Trouble,
@@ -27,7 +29,6 @@ from graycard.reports._tables import (
     view_rows,
     warnings,
 )
-from graycard.reports._worst_tile import MethodTiles, find_worst_tiles
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,10 +81,10 @@ class SceneSection:
 
 def scene_section(
     run: Path,
-    scene: gc.SceneRecord,
-    track_results: Sequence[gc.JobResult],
+    scene: SceneRecord,
+    track_results: Sequence[JobResult],
     methods: Sequence[MethodHead],
-    metrics: Sequence[gc.MetricRecord],
+    metrics: Sequence[MetricRecord],
     anchor: str,
     *,
     shown: Collection[str] | None = None,
@@ -123,7 +124,7 @@ def scene_section(
 
 
 def _pictures(
-    run: Path, scene: gc.SceneRecord, results: Sequence[gc.JobResult], methods: Sequence[MethodHead]
+    run: Path, scene: SceneRecord, results: Sequence[JobResult], methods: Sequence[MethodHead]
 ) -> tuple[ScenePictures | None, str, tuple[MethodFault, ...]]:
     """The pictures of a scene, or why there are none; and which methods have nothing to show."""
     try:
@@ -131,12 +132,12 @@ def _pictures(
         by_name = [([r for r in results if r.job.method == m.name], not m.sees) for m in methods]
         shown = [open_method(run, found, evidence.shown, competes) for found, competes in by_name]
         return _scene_pictures(scene, evidence, methods, shown), "", _faults(shown)
-    except gc.GraycardError as cause:
+    except GraycardError as cause:
         return None, str(cause), ()
 
 
 def _scene_pictures(
-    scene: gc.SceneRecord,
+    scene: SceneRecord,
     evidence: SceneEvidence,
     methods: Sequence[MethodHead],
     shown: Sequence[MethodEvidence],

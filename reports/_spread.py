@@ -4,10 +4,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import graycard as gc
-from graycard.reports._cells import mean_over_scenes
+from graycard.records import JobResult
 from graycard.reports._format import format_value
-from graycard.reports._intervals import axis_of
+from graycard.reports.tables._cells import mean_over_scenes
+from graycard.reports.tables._intervals import axis_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,7 @@ class Spread:
     """Protocol, and the value of each method; a dash where there is none."""
 
 
-def protocol_spreads(results: Sequence[gc.JobResult], methods: Sequence[str]) -> tuple[Spread, ...]:
+def protocol_spreads(results: Sequence[JobResult], methods: Sequence[str]) -> tuple[Spread, ...]:
     """The spread of each method's prediction of one scene over protocols; of several seeds the mean.
 
     Numbers of different units stand on axes of their own. A protocol without a finite value is in the
@@ -76,7 +76,7 @@ def _spread(
     return Spread("" if unit == "1" else unit, direction, axis.ends, tuple(strips), tuple(here), tuple(rows))
 
 
-def _values(results: Sequence[gc.JobResult]) -> dict[str, float]:
+def _values(results: Sequence[JobResult]) -> dict[str, float]:
     """Value by protocol, the mean over the results that have one."""
     scored = [
         (s.protocol, s.value)

@@ -8,12 +8,12 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from graycard.reports._colour_maps import COLOUR_MAPS
 from graycard.reports._explanations import EXPLAINS
 from graycard.reports._format import format_name, format_number
 from graycard.reports._page import Page
-from graycard.reports._pictures import gradient
 from graycard.reports._scene_section import ScenePictures
+from graycard.reports.pictures._colour_maps import COLOUR_MAPS
+from graycard.reports.pictures._pictures import gradient
 
 TEMPLATES = Path(__file__).parent / "templates"
 MAX_NAMED_SCENES = 8

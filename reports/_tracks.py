@@ -4,7 +4,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import graycard as gc
+from graycard.records import MetricRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +35,6 @@ def words_of(track: str) -> TrackWords:
     return _TRACKS.get(track, TrackWords())
 
 
-def headline_of(track: str, metrics: Sequence[gc.MetricRecord]) -> list[gc.MetricRecord]:
+def headline_of(track: str, metrics: Sequence[MetricRecord]) -> list[MetricRecord]:
     """The metrics of a track's leaderboard: those that are headlines anywhere, and its own."""
     return [m for m in metrics if m.headline or m.id in words_of(track).headline]

@@ -4,7 +4,9 @@
 from collections.abc import Collection
 from pathlib import Path
 
-import graycard as gc
+from graycard import RecordError
+from graycard.io import write_bytes
+from graycard.records import read_run
 from graycard.reports._page import build_page
 from graycard.reports._templates import render_page
 
@@ -28,16 +30,16 @@ def write_report(run: Path, pictures: Collection[str] | None = None) -> Path:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(run) / "report" / "index.html"
-    gc.write_bytes(path, report_of(Path(run), pictures))
+    write_bytes(path, report_of(Path(run), pictures))
     return path
 
 
 def report_of(run: Path, pictures: Collection[str] | None = None) -> bytes:
     """The bytes of that file; arguments and errors as in :func:`write_report`."""
-    record = gc.read_run(run)
+    record = read_run(run)
     known = [method.name for method in record.methods]
     if pictures is not None and (strange := sorted(set(pictures) - set(known))):
-        raise gc.RecordError(
+        raise RecordError(
             f"expected pictures of methods of the run ({', '.join(known)}), got {', '.join(strange)}. "
             "Name some of the former"
         )

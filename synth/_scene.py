@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-import graycard as gc
+from graycard import Light, RectangleLight, SceneObject, SphereLight, View
 from graycard.synth._mesh import Mesh
 
 Vector = tuple[float, float, float]
@@ -145,8 +145,8 @@ class Scene:
     """
 
     things: tuple[Thing, ...]
-    lights: tuple[gc.Light, ...]
-    views: tuple[gc.View, ...]
+    lights: tuple[Light, ...]
+    views: tuple[View, ...]
     sky: np.ndarray | None = None
     """Radiance of the environment on the sky grid (see :mod:`graycard.synth._sky`), W/m²/sr."""
     target: str = ""
@@ -178,19 +178,19 @@ class Scene:
         """The object id of the target; None where there is none."""
         return self.id_of(self.target) if self.target else None
 
-    def objects(self) -> tuple[gc.SceneObject, ...]:
+    def objects(self) -> tuple[SceneObject, ...]:
         """All objects with their ids."""
         return tuple(
-            gc.SceneObject(number, thing.name, bool(thing.light))
+            SceneObject(number, thing.name, bool(thing.light))
             for number, thing in enumerate(self.things, start=1)
         )
 
 
-def surface_of(light: gc.RectangleLight | gc.SphereLight) -> Thing:
+def surface_of(light: RectangleLight | SphereLight) -> Thing:
     """The object that is the surface of an area light."""
     match light:
-        case gc.RectangleLight():
+        case RectangleLight():
             geometry: Geometry = Quad(light.position, light.half_u, light.half_v)
-        case gc.SphereLight():
+        case SphereLight():
             geometry = Ball(light.position, light.radius)
     return Thing(light.name, geometry, BLACK, light.name)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import graycard as gc
+from graycard import Sensor
 
 GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
@@ -39,7 +39,7 @@ class CaptureSettings:
     """Most stops by which a view is exposed longer or shorter than the scene; the factor is told."""
 
     def __post_init__(self) -> None:
-        gc.Sensor(self.bits, self.shot_noise, self.read_noise)  # checks them
+        Sensor(self.bits, self.shot_noise, self.read_noise)  # checks them
         for name in ("points", "point_noise", "exposure_spread"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-import graycard as gc
+from graycard import luminance
 
 Vector = tuple[float, float, float]
 
@@ -102,5 +102,5 @@ def _clip(rgb: np.ndarray) -> Vector:
 
 def _unit_luminance(rgb: np.ndarray) -> Vector:
     inside = np.maximum(rgb, 0)
-    r, g, b = (inside / gc.luminance(inside)).tolist()
+    r, g, b = (inside / luminance(inside)).tolist()
     return r, g, b

@@ -8,16 +8,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    TRACKS,
+    Camera,
+    Capture,
+    PointLight,
+    RenderError,
+    SceneObject,
+    Truth,
+    View,
+    __version__,
+    look_at,
+    world_position,
+)
+from graycard.dataset import write_index
+from graycard.io import Manifest, write_layers, write_manifest, write_rgb
+from graycard.lights import write_lights
 
 WIDTH, HEIGHT = 28, 24
 DIAMETER = 4.0
 RADIUS = 0.6
 ALBEDO = {0: (0.0, 0.0, 0.0), 1: (0.55, 0.45, 0.30), 2: (0.20, 0.45, 0.60), 3: (0.6, 0.1, 0.1)}
-LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
 
 
-def shade(camera: gc.Camera, with_target: bool) -> dict[str, np.ndarray]:
+def shade(camera: Camera, with_target: bool) -> dict[str, np.ndarray]:
     """Exact layers of a floor, a ball and a small red target ball under a light on the camera."""
     balls = [(2, np.array([0, 0, RADIUS]), RADIUS)]
     balls += [(3, np.array([0.9, -0.3, 0.3]), 0.3)] if with_target else []
@@ -36,7 +51,7 @@ def shade(camera: gc.Camera, with_target: bool) -> dict[str, np.ndarray]:
         normal = np.where(closer[..., None], (point - centre) / radius, normal)
     seen = ids > 0
     point = origin + np.where(seen, distance, 0)[..., None] * rays
-    to_light = gc.world_position(LAMP, camera) - point
+    to_light = world_position(LAMP, camera) - point
     square = (to_light**2).sum(-1)
     cosine = np.maximum((normal * to_light).sum(-1) / np.sqrt(square), 0)
     base = np.array([ALBEDO[i] for i in range(4)])[ids]
@@ -65,17 +80,17 @@ def write_scene(
     target = 3 if track == "tabletop" else None
     angles = np.linspace(0, 1.2, train + test)
     cameras = [
-        gc.Camera.from_fov(
+        Camera.from_fov(
             WIDTH,
             HEIGHT,
             50,
-            gc.look_at(np.array([3 * np.sin(a), -3 * np.cos(a), 1.6]), np.array([0, 0, 0.4])),
+            look_at(np.array([3 * np.sin(a), -3 * np.cos(a), 1.6]), np.array([0, 0, 0.4])),
         )
         for a in angles
     ]
     splits = ["test" if i % 2 and i // 2 < test else "train" for i in range(train + test)]
     views = tuple(
-        gc.View(f"{split}_{i:03d}", split, camera)  # pyright: ignore[reportArgumentType]
+        View(f"{split}_{i:03d}", split, camera)  # pyright: ignore[reportArgumentType]
         for i, (split, camera) in enumerate(zip(splits, cameras, strict=True))
     )
     noise = np.random.default_rng(7)
@@ -89,29 +104,29 @@ def write_scene(
         if target:
             layers["counterfactual.radiance"] = shade(view.camera, with_target=False)["radiance"]
             layers["counterfactual.radiance.var"] = layers["radiance.var"]
-        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
         if view.split == "train":
-            gc.write_rgb(folder / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
+            write_rgb(folder / "capture" / "photographs" / f"{view.name}.exr", layers["radiance"])
             photographs.append(layers["radiance"])
             if target:
                 mask = layers["object_id"] * (layers["object_id"] == target)
-                gc.write_layers(
+                write_layers(
                     folder / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": mask}
                 )
     exposure = float(1 / np.percentile(photographs, 99))
-    capture = gc.Capture(track, scene, views, exposure, light_on_camera=track == "dark", target=target)
+    capture = Capture(track, scene, views, exposure, light_on_camera=track == "dark", target=target)
     objects = (
-        gc.SceneObject(1, "floor", False),
-        gc.SceneObject(2, "ball", False),
-        gc.SceneObject(3, "target", False),
+        SceneObject(1, "floor", False),
+        SceneObject(2, "ball", False),
+        SceneObject(3, "target", False),
     )
-    truth = gc.Truth(track, scene, views, exposure, DIAMETER, objects, target)
-    gc.write_index(folder / "capture", capture)
-    gc.write_index(folder / "truth", truth)
-    gc.write_lights(folder / "truth" / "lights.json", (LAMP,))
-    origin = {"name": "tests", "version": gc.__version__}
-    gc.seal(folder / "capture", gc.Manifest("graycard-capture", 1, track, scene, origin, {}, {}))
-    gc.seal(folder / "truth", gc.Manifest("graycard-truth", 1, track, scene, origin, {"scene": 0}, {}))
+    truth = Truth(track, scene, views, exposure, DIAMETER, objects, target)
+    write_index(folder / "capture", capture)
+    write_index(folder / "truth", truth)
+    write_lights(folder / "truth" / "lights.json", (LAMP,))
+    origin = {"name": "tests", "version": __version__}
+    write_manifest(folder / "capture", Manifest("graycard-capture", 1, track, scene, origin, {}, {}))
+    write_manifest(folder / "truth", Manifest("graycard-truth", 1, track, scene, origin, {"scene": 0}, {}))
     return folder
 
 
@@ -135,7 +150,7 @@ def write_tiny() -> Callable[..., Path]:
 def tiny_scenes(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """One scene folder a track, shared and not to be changed."""
     dataset = tmp_path_factory.mktemp("tiny")
-    return {track: write_scene(dataset, track=track) for track in gc.TRACKS}
+    return {track: write_scene(dataset, track=track) for track in TRACKS}
 
 
 @pytest.fixture
@@ -158,9 +173,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def llvm() -> str:
     """The variant that works on whole images at once, in use; without LLVM the test is skipped."""
     from graycard.synth import use_renderer  # tests without a renderer need not wait for it
-    from graycard.synth._variant import LLVM_RGB
+    from graycard.synth.renderer._variant import LLVM_RGB
 
     try:
         return use_renderer(variant=LLVM_RGB).variant
-    except gc.RenderError as reason:
+    except RenderError as reason:
         pytest.skip(str(reason))

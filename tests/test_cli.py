@@ -16,13 +16,26 @@ import numpy as np
 import pytest
 import tyro
 
-import graycard as gc
 from fault_planting import reseal
-from graycard.__main__ import main
-from graycard._commands import COMMANDS
-from graycard._commands_runs import Fit
+from graycard import (
+    TRACKS,
+    Predictions,
+    Sensor,
+    __version__,
+    capture_folders,
+    open_capture,
+    open_predictions,
+    open_truth,
+)
+from graycard.cli import main
+from graycard.cli._runs import Fit
+from graycard.cli._verbs import COMMANDS
+from graycard.dataset import manifest_of
+from graycard.io import read_json
 from graycard.methods import load_method
 from graycard.methods.priors import parse_priors
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import read_score_sheet
 from graycard.synth import find_llvm, use_renderer
 from graycard.synth.families._corridor import Corridor
 from sparse_points import with_points
@@ -60,7 +73,7 @@ def test_scenes_lists_suites_and_families(tmp_path: Path, capsys: Capture):
     assert main(["scenes", "--json", str(tmp_path / "s.json")]) == 0
     assert "demo" in capsys.readouterr().out
     found = json.loads((tmp_path / "s.json").read_text())
-    assert list(found["families"]) == list(gc.TRACKS)
+    assert list(found["families"]) == list(TRACKS)
     assert {suite["name"] for suite in found["suites"]} >= {"demo", "smoke"}
 
 
@@ -82,9 +95,9 @@ def test_render_takes_knobs_and_says_how_noisy_it_is(
     scene, line = capsys.readouterr().out.strip().splitlines()
     assert line == f"render: 1 scene in {tmp_path}"
     folder, ceiling = re.fullmatch(r"(\S+) \(noise ceiling (\S+) dB\)", scene).groups()  # pyright: ignore
-    truth = gc.open_truth(Path(folder) / "truth")
+    truth = open_truth(Path(folder) / "truth")
     assert truth.noise_ceiling == pytest.approx(float(ceiling), abs=0.06)
-    knobs = gc.manifest_of(truth).settings["knobs"]
+    knobs = manifest_of(truth).settings["knobs"]
     assert (knobs["gloss"], knobs["light_offset"]) == (1.0, 0.1)
 
 
@@ -109,7 +122,7 @@ def test_speed_compares_the_truth_with_a_plain_picture(
 ):
     if not find_llvm().usable:
         pytest.skip("the separation needs LLVM")
-    monkeypatch.setattr("graycard.benchmarks.speed._truth.families", lambda: {"corridor": Corridor})
+    monkeypatch.setattr("graycard.benchmarks.speed._truth.all_families", lambda: {"corridor": Corridor})
     assert main(["speed", "truth", "--repeats", "1", "--json", str(tmp_path / "s.json")]) == 0
     assert "(corridor; in processor time" in last_line(capsys)
     (cost,) = json.loads((tmp_path / "s.json").read_text())
@@ -150,7 +163,7 @@ def test_a_fit_that_is_told_to_end_leaves_nothing_behind(tiny_scenes: dict[str, 
     """Neither its copy of the capture nor half an answer."""
     code = (
         "import sys, time, graycard.methods._gray as plain\n"
-        "from graycard.__main__ import main\n"
+        "from graycard.cli import main\n"
         "def wait(*_): print('fits', flush=True); time.sleep(60)\n"
         "plain.GrayMethod.fit = wait\n"
         "sys.exit(main(sys.argv[1:]))\n"
@@ -201,10 +214,10 @@ def test_fit_then_score(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Ca
         main(["fit", "gray", scene, "--out", out, "--reflectance", "0.5", "--save", str(tmp_path / "d")]) == 0
     )
     assert last_line(capsys).startswith(f"fit: {out} in ")
-    assert gc.open_predictions(tmp_path / "p").layers("test_001")["base_color"][0, 0, 0] == 0.5
-    assert gc.read_json(tmp_path / "d" / "decomposition.json")["method"] == "gray"
+    assert open_predictions(tmp_path / "p").layers("test_001")["base_color"][0, 0, 0] == 0.5
+    assert read_json(tmp_path / "d" / "decomposition.json")["method"] == "gray"
     assert main(["score", out, scene, "--json", str(tmp_path / "s.json")]) == 0
-    sheet = gc.read_score_sheet(tmp_path / "s.json")
+    sheet = read_score_sheet(tmp_path / "s.json")
     counts = Counter(score.status for score in sheet.scores)
     said = f"{counts['scored']} scored, 0 failed, {counts['not provided']} not provided"
     assert last_line(capsys) == f"score: gray on dark/tiny-0000: {said}"
@@ -235,7 +248,7 @@ def test_fit_never_removes_what_is_not_its_own(
         assert main(["fit", "gray", str(scene), "--out", str(out)]) == 2
         assert "to be free or to hold predictions, got" in capsys.readouterr().err
     assert (tmp_path / "mine" / "thesis.txt").read_text() == "three years"
-    gc.open_truth(scene / "truth")
+    open_truth(scene / "truth")
 
 
 def test_scores_are_not_cut_off_in_a_pipe(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
@@ -254,7 +267,7 @@ def test_one_prediction_by_every_protocol(tiny_scenes: dict[str, Path], tmp_path
     (spread,) = re.findall(
         r"^spread: one prediction has .* dB by .* and .* dB by .*, ([\d.]+) dB apart", shown, re.M
     )
-    sheet = gc.read_score_sheet(scores)
+    sheet = read_score_sheet(scores)
     values = [s.value or 0 for s in (*sheet.scores, *sheet.protocols) if s.metric.startswith("albedo.psnr")]
     assert float(spread) == pytest.approx(max(values) - min(values), abs=0.051)
     assert main(["score", out, scene, "--protocol", "gs-ir"]) == 0
@@ -269,8 +282,8 @@ def test_one_prediction_by_every_protocol(tiny_scenes: dict[str, Path], tmp_path
 def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture):
     scene = tiny_scenes["dark"]
     assert main(["fit", "input", str(scene), "--out", str(tmp_path)]) == 0
-    gc.write_view(tmp_path, "test_001", {"base_color": np.full((24, 28, 3), np.nan)})
-    gc.finish_predictions(tmp_path, gc.Predictions("input", "dark", "tiny-0000"))
+    write_view(tmp_path, "test_001", {"base_color": np.full((24, 28, 3), np.nan)})
+    finish_predictions(tmp_path, Predictions("input", "dark", "tiny-0000"))
     assert main(["score", str(tmp_path), str(scene)]) == 1
     assert "expected finite values in base_color" in capsys.readouterr().err
 
@@ -329,9 +342,9 @@ def test_what_the_user_can_mend(
 def test_layers_that_nobody_scores_are_no_success(
     tiny_scenes: dict[str, Path], tmp_path: Path, capsys: Capture
 ):
-    for view in gc.open_capture(tiny_scenes["dark"] / "capture").views:
-        gc.write_view(tmp_path, view.name, {"albedo": np.full((24, 28, 3), 0.5)})
-    gc.finish_predictions(tmp_path, gc.Predictions("mine", "dark", "tiny-0000"))
+    for view in open_capture(tiny_scenes["dark"] / "capture").views:
+        write_view(tmp_path, view.name, {"albedo": np.full((24, 28, 3), 0.5)})
+    finish_predictions(tmp_path, Predictions("mine", "dark", "tiny-0000"))
     assert main(["score", str(tmp_path), str(tiny_scenes["dark"])]) == 1
     assert "nothing was scored" in capsys.readouterr().err
 
@@ -343,7 +356,7 @@ def test_names_are_not_turned_into_pictures(capsys: Capture):
 
 def test_the_version(capsys: Capture):
     assert main(["--version"]) == 0
-    assert last_line(capsys) == f"graycard {gc.__version__}"
+    assert last_line(capsys) == f"graycard {__version__}"
 
 
 @pytest.mark.parametrize(
@@ -353,7 +366,7 @@ def test_the_version(capsys: Capture):
 def test_idle_threads_sleep_soon_unless_told_otherwise(set_by_user: dict[str, str], found: str):
     """OpenMP reads it when it is loaded: PyTorch and Numba must not be there before."""
     code = (
-        "import os, sys; from graycard.__main__ import main; main(['--version']); "
+        "import os, sys; from graycard.cli import main; main(['--version']); "
         "print(os.environ.get('GOMP_SPINCOUNT'), sorted({'torch', 'numba'} & set(sys.modules)))"
     )
     kept = {name: value for name, value in os.environ.items() if "OMP" not in name}
@@ -383,8 +396,8 @@ def test_render_takes_the_faults_of_a_camera(tmp_path: Path, capsys: Capture):
     faults = ["--capture.bits", "8", "--capture.shot-noise", "8000", "--capture.points", "5"]
     command = ["render", "dark", "--seed", "1234", "--out", str(tmp_path), *size, *faults]
     assert main(command) == 0
-    capture = gc.open_capture(tmp_path / "dark" / "corridor-1234" / "capture")
-    assert capture.sensor == gc.Sensor(bits=8, shot_noise=8000)
+    capture = open_capture(tmp_path / "dark" / "corridor-1234" / "capture")
+    assert capture.sensor == Sensor(bits=8, shot_noise=8000)
     assert len(capture.points()) <= 5
 
 
@@ -393,7 +406,7 @@ def test_render_takes_size_and_samples(tmp_path: Path, capsys: Capture):
     command = ["render", "multilight", "--seed", "1234", "--out", str(tmp_path), *size]
     assert main(command) == 0
     assert last_line(capsys) == f"render: 1 scene in {tmp_path}"
-    capture = gc.open_capture(tmp_path / "multilight" / "studio-1234" / "capture")
+    capture = open_capture(tmp_path / "multilight" / "studio-1234" / "capture")
     assert [(v.camera.width, v.camera.height) for v in capture.views] == [(12, 10)] * 3
 
 
@@ -411,7 +424,7 @@ def test_export_import_fit_then_no_score(
     assert last_line(capsys) == f"import: {scene}, 3 photographs, 2 views held out, no truth"
     assert not (scene / "truth").exists()
     assert main(["fit", "gray", str(scene), "--out", str(tmp_path / "p")]) == 0
-    assert len(gc.open_predictions(tmp_path / "p").view_names()) == 5
+    assert len(open_predictions(tmp_path / "p").view_names()) == 5
     assert main(["score", str(tmp_path / "p"), str(scene)]) == 2
     assert "got an imported capture, which has no truth" in capsys.readouterr().err
 
@@ -421,7 +434,7 @@ def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Cap
     assert main(["look", str(dataset)]) == 0
     assert last_line(capsys) == f"look: 1 contact sheet in {dataset / 'look'}"
     assert (dataset / "look" / "tabletop-tiny-0000.png").is_file()
-    assert gc.capture_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
+    assert capture_folders(dataset) == [dataset / "tabletop" / "tiny-0000"]
     assert main(["look", str(dataset / "nowhere")]) == 2
     assert "got no whole scene there" in capsys.readouterr().err
 
@@ -456,7 +469,7 @@ def test_what_is_not_provided_is_counted_and_listed_on_demand(
     capsys.readouterr()
     assert main(["score", out, scene, "--json", str(written)]) == 0
     shown = capsys.readouterr().out
-    sheet = gc.read_score_sheet(written)
+    sheet = read_score_sheet(written)
     absent = [score.metric for score in sheet.scores if score.status == "not provided"]
     assert len(absent) > 1
     assert f"\n{len(absent)} metrics are not provided by these predictions: --all lists them\n" in shown
@@ -483,7 +496,7 @@ def commands_of(page: str) -> list[str]:
 
 @pytest.mark.parametrize("page", ["README.md", "docs/methods.md", "docs/claims.md"])
 def test_the_pages_name_commands_that_exist(page: str):
-    from graycard.__main__ import _parse
+    from graycard.cli._main import _parse
 
     commands = commands_of(page)
     assert commands
@@ -516,7 +529,7 @@ def test_the_predictions_of_the_docs_work(
     exec(compile(code, "docs/formats.md", "exec"), {})
     lights = re.findall(r"```json\n(\[.*?)```", (ROOT / "docs/formats.md").read_text(), re.DOTALL)[0]
     Path("mine/lights.json").write_text(lights)
-    assert len(gc.open_predictions(Path("mine")).lights() or ()) == 6
+    assert len(open_predictions(Path("mine")).lights() or ()) == 6
     Path("mine/lights.json").unlink()
     assert main(["score", "mine", str(Path("data") / "dark" / scene.name)]) == 0
 

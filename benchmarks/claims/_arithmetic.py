@@ -4,9 +4,9 @@
 import math
 from itertools import combinations
 
-from graycard import CheckResult, ClaimResult, ClaimVerdict
 from graycard.benchmarks.claims._claim import Arithmetic
 from graycard.benchmarks.claims._rules import RULES, combined
+from graycard.records import CheckResult, ClaimResult, ClaimVerdict
 
 _ROUNDING = 1e-9
 """Of binary numbers, beside that of printed ones."""

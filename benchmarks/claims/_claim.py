@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from graycard import TRACKS, RecordError, UnknownNameError, decode
+from graycard import TRACKS, RecordError, UnknownNameError
+from graycard.io import from_builtins
 
 FOLDER = Path(__file__).parent
 
@@ -226,7 +227,7 @@ def load_claims(name: str) -> Paper:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
         raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
-    return decode(Paper, data, RecordError, str(path))
+    return from_builtins(Paper, data, RecordError, str(path))
 
 
 def claims_of_suite(suite: str) -> list[str]:

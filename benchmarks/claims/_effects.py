@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from graycard import RecordError, SceneRecord
+from graycard import RecordError
 from graycard.benchmarks.claims._claim import Along, Check
 from graycard.benchmarks.claims._readings import Reading, Readings, knob_of
 from graycard.eval.statistics import LEVEL, mean_interval, mean_p, signed_rank_p
+from graycard.records import SceneRecord
 
 LEAST_SCENES = 3
 """The fewest of which an interval says anything (:func:`graycard.eval.statistics.mean_interval`)."""

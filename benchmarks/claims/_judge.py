@@ -6,18 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from graycard import (
-    CheckResult,
-    ClaimResult,
-    ClaimVerdict,
-    Ledger,
-    PaperResult,
-    RecordError,
-    RowMean,
-    RunRecord,
-    SceneRecord,
-    sha256,
-)
+from graycard import RecordError
 from graycard.benchmarks.claims._arithmetic import judge_arithmetic
 from graycard.benchmarks.claims._claim import (
     Check,
@@ -40,6 +29,17 @@ from graycard.benchmarks.claims._words import (
     rule_words,
 )
 from graycard.eval.statistics import LEVEL
+from graycard.io import sha256
+from graycard.records import (
+    CheckResult,
+    ClaimResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    RowMean,
+    RunRecord,
+    SceneRecord,
+)
 
 
 def judge_claims(record: RunRecord, run: Path, names: Sequence[str], *, any_suite: bool = False) -> Ledger:

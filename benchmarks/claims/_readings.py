@@ -7,8 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from graycard import JobResult, MetricRecord, RecordError, RunRecord, SceneRecord, Score
+from graycard import RecordError
 from graycard.benchmarks.claims._claim import Quantity, Scenes
+from graycard.records import JobResult, MetricRecord, RunRecord, SceneRecord, Score
 
 COSTS = {
     "cost.wall_s": MetricRecord(

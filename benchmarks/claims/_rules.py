@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from scipy.stats import rankdata
 
-from graycard import ClaimVerdict
 from graycard.benchmarks.claims._claim import Check
 from graycard.benchmarks.claims._effects import Effect
 from graycard.eval.statistics import LEVEL, least_scenes
+from graycard.records import ClaimVerdict
 
 _LEAST: Final = least_scenes(LEVEL)
 

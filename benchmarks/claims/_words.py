@@ -4,10 +4,10 @@
 import math
 from collections.abc import Sequence
 
-from graycard import CheckResult, ClaimVerdict, MetricRecord, RowMean
 from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect
 from graycard.benchmarks.claims._rules import is_negligible, signs_agree
+from graycard.records import CheckResult, ClaimVerdict, MetricRecord, RowMean
 
 _TELLS: dict[ClaimVerdict, str] = {
     "reproduced": "as claimed",

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the machinery itself costs, always beside a peer in the same run: these are ratios, not records."""
 
-from graycard.benchmarks.speed._engine import PARTS as PARTS
-from graycard.benchmarks.speed._engine import QUICK_PLAN as QUICK_PLAN
-from graycard.benchmarks.speed._engine import Part as Part
-from graycard.benchmarks.speed._engine import SpeedPlan as SpeedPlan
-from graycard.benchmarks.speed._engine import measure_engine as measure_engine
-from graycard.benchmarks.speed._engine import speed_plan as speed_plan
-from graycard.benchmarks.speed._engine_plot import engine_plot as engine_plot
-from graycard.benchmarks.speed._engine_records import EngineSpeed as EngineSpeed
-from graycard.benchmarks.speed._engine_tables import SpeedTable as SpeedTable
-from graycard.benchmarks.speed._engine_tables import disturbed_note as disturbed_note
-from graycard.benchmarks.speed._engine_tables import engine_tables as engine_tables
 from graycard.benchmarks.speed._score import ScoreCost as ScoreCost
 from graycard.benchmarks.speed._score import measure_scoring as measure_scoring
 from graycard.benchmarks.speed._truth import TruthCost as TruthCost
 from graycard.benchmarks.speed._truth import measure_truth as measure_truth
+from graycard.benchmarks.speed.engine._measure import PARTS as PARTS
+from graycard.benchmarks.speed.engine._measure import QUICK_PLAN as QUICK_PLAN
+from graycard.benchmarks.speed.engine._measure import Part as Part
+from graycard.benchmarks.speed.engine._measure import SpeedPlan as SpeedPlan
+from graycard.benchmarks.speed.engine._measure import measure_engine as measure_engine
+from graycard.benchmarks.speed.engine._measure import speed_plan as speed_plan
+from graycard.benchmarks.speed.engine._plot import engine_plot as engine_plot
+from graycard.benchmarks.speed.engine._records import EngineSpeed as EngineSpeed
+from graycard.benchmarks.speed.engine._tables import SpeedTable as SpeedTable
+from graycard.benchmarks.speed.engine._tables import disturbed_note as disturbed_note
+from graycard.benchmarks.speed.engine._tables import engine_tables as engine_tables

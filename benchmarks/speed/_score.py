@@ -12,11 +12,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-import graycard as gc
-from graycard._memory import keep_freed_memory, peak_memory_mib
+from graycard import Predictions, Progress, Truth, open_predictions, open_truth
 from graycard.benchmarks._fit import FitSpec, fit_scene
 from graycard.eval import score_predictions, scores_of
-from graycard.synth import RenderSettings, SceneSpec, families, render_scene
+from graycard.io import keep_freed_memory, peak_memory_mib, sha256, silent
+from graycard.synth import RenderSettings, SceneSpec, all_families, render_scene
 
 SEED = 1000
 """No scene that judges."""
@@ -45,7 +45,7 @@ class ScoreCost:
     """Largest resident memory of the process, Python and its libraries among it."""
 
 
-def measure_scoring(size: int = 512, repeats: int = 5, progress: gc.Progress = gc.silent) -> list[ScoreCost]:
+def measure_scoring(size: int = 512, repeats: int = 5, progress: Progress = silent) -> list[ScoreCost]:
     """The cost of one view a track; predictions are the truth itself, so that nothing is left out.
 
     Pictures under changed lights are left out: there are several of them to a view.
@@ -67,10 +67,10 @@ def measure_scoring(size: int = 512, repeats: int = 5, progress: gc.Progress = g
 
 
 def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
-    track, predictions = families()[family].track, folder / "predictions" / family
+    track, predictions = all_families()[family].track, folder / "predictions" / family
     settings = RenderSettings(size, size, train_views=2, test_views=1, samples=4, relighting=False)
     scene = render_scene(SceneSpec(track, family, SEED), settings, folder / "dataset")
-    fit_scene(FitSpec("truth", {}, 0, scene), predictions, gc.silent)
+    fit_scene(FitSpec("truth", {}, 0, scene), predictions, silent)
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         found = pool.submit(_score_often, predictions, scene, repeats).result()
     return ScoreCost(track, family, size**2, *found)
@@ -79,8 +79,8 @@ def _cost(family: str, size: int, repeats: int, folder: Path) -> ScoreCost:
 def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, float, float, float, float]:
     """How many scores; least seconds in all, of the view, of reading it; the peak of this process in MiB."""
     keep_freed_memory()
-    truth = gc.open_truth(scene / "truth", check=False)
-    predicted, _ = gc.open_predictions(predictions).hashed()
+    truth = open_truth(scene / "truth", check=False)
+    predicted, _ = open_predictions(predictions).hashed()
     tests = [view for view in truth.views if view.split == "test"]
     again = replace(truth, views=(*truth.views, *tests))
     files = [folder / "views" / f"{v.name}.exr" for v in tests for folder in (scene / "truth", predictions)]
@@ -88,7 +88,7 @@ def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, flo
         lambda: score_predictions(predictions, scene),
         lambda: scores_of(predicted, truth),
         lambda: scores_of(predicted, again),
-        lambda: [gc.sha256(path) for path in files],
+        lambda: [sha256(path) for path in files],
         lambda: _read(predicted, truth),
     )
     with threadpool_limits(1):
@@ -99,7 +99,7 @@ def _score_often(predictions: Path, scene: Path, repeats: int) -> tuple[int, flo
     return scored, whole, twice - once + hashing, reading, peak_memory_mib()
 
 
-def _read(predictions: gc.Predictions, truth: gc.Truth) -> None:
+def _read(predictions: Predictions, truth: Truth) -> None:
     for view in (v for v in truth.views if v.split == "test"):
         truth.layers(view)
         predictions.layers(view.name)

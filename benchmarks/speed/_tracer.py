@@ -8,10 +8,11 @@ from typing import Literal
 import numpy as np
 import torch
 
-import graycard as gc
-from graycard.benchmarks.speed._engine_scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard import Progress, RenderError
 from graycard.benchmarks.speed._machine import Patience, Timing, time_calls
-from graycard.methods.splat import Rays, Surfels, build_bvh, camera_rays, trace
+from graycard.benchmarks.speed.engine._scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard.io import silent
+from graycard.methods.splat import Rays, Surfels, build_bvh, camera_rays, trace_rays
 from graycard.synth import use_renderer
 
 Kind = Literal["camera", "incoherent"]
@@ -63,7 +64,7 @@ def measure_tracer(
     workloads: Sequence[Workload] = TRACED,
     patience: Patience | None = None,
     incoherent: int = INCOHERENT,
-    progress: gc.Progress = gc.silent,
+    progress: Progress = silent,
 ) -> list[TracerCost]:
     """Time tree, forward and backward on each workload: the camera's rays, then incoherent ones.
 
@@ -107,7 +108,7 @@ def incoherent_rays(surfels: Surfels, count: int, seed: int = RAY_SEED) -> Rays:
 def _peer_is_there() -> bool:
     try:
         use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError:
+    except RenderError:
         return False
     return True
 
@@ -121,10 +122,10 @@ def _calls(surfels: Surfels, rays: Rays, with_peer: bool) -> Iterator[Callable[[
     def both() -> None:
         leaves = [part.detach().requires_grad_() for part in parts]
         moving = Rays(leaves[5], leaves[6], rays.width)
-        trace(Surfels(*leaves[:5]), moving, bvh=tree).features.sum().backward()
+        trace_rays(Surfels(*leaves[:5]), moving, bvh=tree).features.sum().backward()
 
     yield lambda: build_bvh(surfels)
-    yield lambda: trace(surfels, rays, bvh=tree)
+    yield lambda: trace_rays(surfels, rays, bvh=tree)
     yield both
     if with_peer:
         from graycard.benchmarks.speed._ellipsoids import EllipsoidTracer

@@ -9,8 +9,9 @@ from itertools import product
 from statistics import median
 from typing import Any
 
-import graycard as gc
-from graycard.synth import RenderSettings, Scene, SceneSpec, families, family_of, use_renderer
+from graycard import Progress
+from graycard.io import silent
+from graycard.synth import RenderSettings, Scene, SceneSpec, all_families, family_of, use_renderer
 
 SEED = 1000
 """No scene that judges."""
@@ -47,7 +48,7 @@ class TruthCost:
 
 
 def measure_truth(
-    size: int = 128, samples: int = 64, repeats: int = 5, progress: gc.Progress = gc.silent
+    size: int = 128, samples: int = 64, repeats: int = 5, progress: Progress = silent
 ) -> list[TruthCost]:
     """The cost of one view of each family, and of one with eight lamps and the sky.
 
@@ -62,12 +63,12 @@ def measure_truth(
     """
     use_renderer(variant="llvm_ad_rgb")
     settings = RenderSettings(size, size, samples=samples)
-    wanted: list[tuple[str, Mapping[str, Any]]] = [(name, {}) for name in families()]
-    wanted += [MANY_LIGHTS] if MANY_LIGHTS[0] in families() else []
+    wanted: list[tuple[str, Mapping[str, Any]]] = [(name, {}) for name in all_families()]
+    wanted += [MANY_LIGHTS] if MANY_LIGHTS[0] in all_families() else []
     costs = []
     for number, (name, knobs) in enumerate(wanted):
         progress(number / len(wanted), name)
-        track = families()[name].track
+        track = all_families()[name].track
         scene = family_of(SceneSpec(track, name, SEED, knobs)).build(SEED, settings)
         path, separated = _timed(scene, settings, repeats)
         seconds = *(t[0] for t in (path, separated)), *(t[1] for t in (path, separated))
@@ -91,9 +92,9 @@ def _timed(
 
 def _tracers(scene: Scene, settings: RenderSettings) -> Iterator[Callable[[int], object]]:
     """Both take the same four independent images of the middle view."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import separated_images
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._separation import separated_images
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[len(scene.views) // 2].camera
     loaded = load_scene(scene, camera)

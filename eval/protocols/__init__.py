@@ -11,8 +11,8 @@ from graycard.eval.protocols._experiment import Experiment as Experiment
 from graycard.eval.protocols._experiment import albedo_views as albedo_views
 from graycard.eval.protocols._experiment import protocol_spread as protocol_spread
 from graycard.eval.protocols._find import ALL as ALL
+from graycard.eval.protocols._find import all_protocols as all_protocols
 from graycard.eval.protocols._find import find_protocols as find_protocols
-from graycard.eval.protocols._find import protocols as protocols
 from graycard.eval.protocols._graycard import GRAYCARD as GRAYCARD
 from graycard.eval.protocols._graycard import PROTOCOL as PROTOCOL
 from graycard.eval.protocols._lmse import LmseProtocol as LmseProtocol

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-import graycard as gc
+from graycard.records import Invariance, MetricRecord
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,12 +86,12 @@ class Outcome:
 class AlbedoProtocol(Protocol, ABC):
     """A protocol that judges base colour."""
 
-    ignores: tuple[gc.Invariance, ...] = ()
+    ignores: tuple[Invariance, ...] = ()
     """The gauge groups under which its score does not change."""
 
     @property
     @abstractmethod
-    def record(self) -> gc.MetricRecord:
+    def record(self) -> MetricRecord:
         """What its number is: unit, direction, optimum."""
 
     @abstractmethod

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-import graycard as gc
+from graycard import PredictionError
 
 Estimator = Literal[
     "none",
@@ -39,7 +39,7 @@ def estimate(kind: Estimator, predicted: np.ndarray, true: np.ndarray) -> np.nda
     with np.errstate(divide="ignore", invalid="ignore"):
         factors = ESTIMATORS[kind](predicted, true)
     if not (np.isfinite(factors) & (factors >= 0)).all():
-        raise gc.PredictionError(
+        raise PredictionError(
             "expected base_color that positive factors can bring to the truth, got the factors "
             f"{', '.join(f'{f:.3g}' for f in factors)}. Predict positive base_color"
         )

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import graycard as gc
 from graycard.eval.protocols._base import AlbedoView, AlbedoViews
 from graycard.eval.protocols._published import PUBLISHED
 from graycard.eval.protocols._scores import score_views
+from graycard.records import Score
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def albedo_views(experiment: Experiment) -> AlbedoViews:
     return AlbedoViews(tuple(made[1:]), made[0])
 
 
-def protocol_spread(experiment: Experiment) -> dict[str, gc.Score]:
+def protocol_spread(experiment: Experiment) -> dict[str, Score]:
     """The score of the one prediction by each published protocol, by name, as one figure shows it."""
     views = albedo_views(experiment)
     return {protocol.name: score_views(protocol, views) for protocol in PUBLISHED}

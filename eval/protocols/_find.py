@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Protocols by name."""
 
-import graycard as gc
+from graycard import UnknownNameError
 from graycard.eval.protocols._base import Protocol
 from graycard.eval.protocols._graycard import GRAYCARD
 from graycard.eval.protocols._published import PUBLISHED
@@ -10,7 +10,7 @@ ALL = "all"
 """Stands for every protocol."""
 
 
-def protocols() -> tuple[Protocol, ...]:
+def all_protocols() -> tuple[Protocol, ...]:
     """All protocols, graycard's own first."""
     return (GRAYCARD, *PUBLISHED)
 
@@ -26,7 +26,7 @@ def find_protocols(name: str) -> tuple[Protocol, ...]:
         ['gs-ir-1']
     """
     if name == ALL:
-        return protocols()
-    if found := tuple(p for p in protocols() if name in (p.name, p.id)):
+        return all_protocols()
+    if found := tuple(p for p in all_protocols() if name in (p.name, p.id)):
         return found
-    raise gc.UnknownNameError("protocol", name, [ALL, *(p.name for p in protocols())])
+    raise UnknownNameError("protocol", name, [ALL, *(p.name for p in all_protocols())])

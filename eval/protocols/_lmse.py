@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import graycard as gc
-from graycard.eval._lmse import SHIFT, WINDOW, lmse
+from graycard.eval.measures._lmse import SHIFT, WINDOW, lmse
 from graycard.eval.protocols._base import AlbedoProtocol, AlbedoViews, Outcome, Rules
+from graycard.records import MetricRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,9 +15,9 @@ class LmseProtocol(AlbedoProtocol):
     """Local mean square error of the gray base colour: every window may have a brightness of its own."""
 
     @property
-    def record(self) -> gc.MetricRecord:
+    def record(self) -> MetricRecord:
         """Albedo LMSE."""
-        return gc.MetricRecord(
+        return MetricRecord(
             "albedo.lmse", "Albedo LMSE", "albedo", "1", False, 0.0, self.summary,
             headline=False, tolerance=0.01, ignores=self.ignores,
         )  # fmt: skip

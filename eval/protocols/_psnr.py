@@ -8,10 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-import graycard as gc
-from graycard.eval._psnr import psnr
+from graycard import DatasetError, PredictionError, srgb_encode
+from graycard.eval.measures._psnr import psnr
 from graycard.eval.protocols._base import AlbedoProtocol, AlbedoView, AlbedoViews, Outcome, Rules
 from graycard.eval.protocols._estimators import Estimator, estimate
+from graycard.records import MetricRecord
 
 Storage = Literal["float", "8 bits", "8 bits, gamma 2.2"]
 FittedOn = Literal[
@@ -65,9 +66,9 @@ class PsnrProtocol(AlbedoProtocol):
     """No view scores less than this gray inside the mask would."""
 
     @property
-    def record(self) -> gc.MetricRecord:
+    def record(self) -> MetricRecord:
         """Albedo PSNR."""
-        return gc.MetricRecord(
+        return MetricRecord(
             "albedo.psnr", "Albedo PSNR", "albedo", "dB", True, math.inf, self.summary,
             headline=False, tolerance=0.3, ignores=self.ignores,
         )  # fmt: skip
@@ -106,7 +107,7 @@ class PsnrProtocol(AlbedoProtocol):
         """The pixels inside the mask; outside, both images are the same."""
         mask = _eroded(view.mask, self.erosion)
         if not mask.any():
-            raise gc.DatasetError(
+            raise DatasetError(
                 f"expected {view.name} to see something inside its mask eroded by {self.erosion} pixels, "
                 "got nothing. Render the scene larger"
             )
@@ -121,7 +122,7 @@ class PsnrProtocol(AlbedoProtocol):
                 return [estimate(self.estimator, pair.predicted, pair.true) for pair in pairs]
             case "the first training view":
                 if views.validation is None:
-                    raise gc.PredictionError(
+                    raise PredictionError(
                         f"expected base_color on the first training view, where {self.name} fits its "
                         "factors, got none that can be used. Write this layer in every view"
                     )
@@ -183,6 +184,6 @@ STORED: Mapping[Storage, Callable[[np.ndarray], np.ndarray]] = {
 }
 ENCODED: Mapping[Space, Callable[[np.ndarray], np.ndarray]] = {
     "linear": _as_float,
-    "sRGB": gc.srgb_encode,
+    "sRGB": srgb_encode,
     "gamma 2.2": _gamma,
 }

@@ -5,13 +5,13 @@ What cannot be carried over is said at each: graycard has no validation views, s
 stands for the first of them; its truth is no 8-bit file, so it is rounded where the original reads one.
 """
 
-import graycard as gc
 from graycard.eval.protocols._base import AlbedoProtocol
 from graycard.eval.protocols._lmse import LmseProtocol
 from graycard.eval.protocols._psnr import PsnrProtocol
+from graycard.records import Invariance
 
-GLOBAL: tuple[gc.Invariance, ...] = ("global gain",)
-CHANNEL: tuple[gc.Invariance, ...] = ("global gain", "channel gain")
+GLOBAL: tuple[Invariance, ...] = ("global gain",)
+CHANNEL: tuple[Invariance, ...] = ("global gain", "channel gain")
 
 RAW_LINEAR = PsnrProtocol(
     name="raw-linear",

@@ -7,12 +7,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-import graycard as gc
-from graycard.eval._ceiling import MARGINS, excess, is_suspicious
+from graycard.eval.scoring._ceiling import MARGINS, excess, is_suspicious
 from graycard.eval.statistics._interval import LEVEL, mean_interval
 from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
 from graycard.eval.statistics._variance import split_variance
+from graycard.records import (
+    AboveCeiling,
+    Comparison,
+    Job,
+    MethodRecord,
+    MethodStanding,
+    MetricComparison,
+    MetricRecord,
+    PairDifference,
+    RunRecord,
+    Score,
+)
 
 RULE = (
     f"Means are over scenes, intervals hold {LEVEL:.0%} of the time for scenes like these. One method is "
@@ -30,7 +41,7 @@ RULE = (
 class _Row:
     """A method's scores by one metric on one track."""
 
-    method: gc.MethodRecord
+    method: MethodRecord
     values: Mapping[str, Sequence[float]]
     """By scene: one for each seed, where every seed has a score."""
     ceilings: Mapping[str, float | None] = field(default_factory=dict)
@@ -42,7 +53,7 @@ class _Row:
         return {scene: _mean(values) for scene, values in self.values.items()}
 
 
-def compare_run(run: gc.RunRecord) -> gc.Comparison:
+def compare_run(run: RunRecord) -> Comparison:
     """Standings, pairs and ranks of every track and metric; a pure function of the record.
 
     Args:
@@ -50,7 +61,7 @@ def compare_run(run: gc.RunRecord) -> gc.Comparison:
     """
     tracks = dict.fromkeys(result.job.track for result in run.results)
     tables = [_table(run, track, metric) for track in tracks for metric in run.metrics]
-    return gc.Comparison(
+    return Comparison(
         run.suite,
         run.suite_version,
         LEVEL,
@@ -62,7 +73,7 @@ def compare_run(run: gc.RunRecord) -> gc.Comparison:
     )
 
 
-def _table(run: gc.RunRecord, track: str, metric: gc.MetricRecord) -> gc.MetricComparison | None:
+def _table(run: RunRecord, track: str, metric: MetricRecord) -> MetricComparison | None:
     """One metric on one track; None where no scene of the track has it."""
     readings = _readings(run, track, metric.id)
     scenes = {scene for scene, _ in readings}
@@ -77,17 +88,17 @@ def _table(run: gc.RunRecord, track: str, metric: gc.MetricRecord) -> gc.MetricC
     pairs = compare_pairs(candidates, metric.higher_is_better)
     ranks = _ranks(candidates, pairs, len(scenes), metric.higher_is_better)
     standings = tuple(_standing(row, len(scenes), ranks.get(row.method.name)) for row in rows)
-    return gc.MetricComparison(track, metric.id, standings, pairs)
+    return MetricComparison(track, metric.id, standings, pairs)
 
 
-_Readings = Mapping[tuple[str, str], Sequence[gc.Score | None]]
+_Readings = Mapping[tuple[str, str], Sequence[Score | None]]
 """By scene and method: a score for each seed, None for a job without."""
 
 
-def _readings(run: gc.RunRecord, track: str, metric: str) -> _Readings:
+def _readings(run: RunRecord, track: str, metric: str) -> _Readings:
     """The scores of a metric on the scenes that have it; a job that failed has none of them."""
     results = [result for result in run.results if result.job.track == track]
-    found: dict[tuple[str, str], list[gc.Score | None]] = {}
+    found: dict[tuple[str, str], list[Score | None]] = {}
     for result in results:
         scores = result.sheet.scores if result.sheet else ()
         score = next((s for s in scores if s.metric == metric), None)
@@ -96,7 +107,7 @@ def _readings(run: gc.RunRecord, track: str, metric: str) -> _Readings:
     return {key: scores for key, scores in found.items() if key[0] in having}
 
 
-def _row(method: gc.MethodRecord, readings: _Readings) -> _Row:
+def _row(method: MethodRecord, readings: _Readings) -> _Row:
     own = {scene: scores for (scene, name), scores in readings.items() if name == method.name}
     values = {scene: [_value(score) for score in scores] for scene, scores in own.items()}
     whole = {
@@ -105,24 +116,24 @@ def _row(method: gc.MethodRecord, readings: _Readings) -> _Row:
     return _Row(method, whole, {scene: _ceiling(own[scene]) for scene in whole})
 
 
-def _value(score: gc.Score | None) -> float | None:
+def _value(score: Score | None) -> float | None:
     if score is None or score.status != "scored" or score.value is None or math.isnan(score.value):
         return None
     return score.value
 
 
-def _ceiling(scores: Sequence[gc.Score | None]) -> float | None:
+def _ceiling(scores: Sequence[Score | None]) -> float | None:
     found = [score.noise_ceiling for score in scores if score]
     known = [ceiling for ceiling in found if ceiling is not None]
     return _mean(known) if known and len(known) == len(found) else None
 
 
-def _standing(row: _Row, expected: int, rank: int | None) -> gc.MethodStanding:
+def _standing(row: _Row, expected: int, rank: int | None) -> MethodStanding:
     means, ceilings = list(row.by_scene.values()), list(row.ceilings.values())
     known = [ceiling for ceiling in ceilings if ceiling is not None]
     split = split_variance(list(row.values.values()))
     mean = _mean(means) if means else math.nan
-    return gc.MethodStanding(
+    return MethodStanding(
         row.method.name,
         competes=not row.method.sees,
         scenes=len(means),
@@ -139,7 +150,7 @@ def _standing(row: _Row, expected: int, rank: int | None) -> gc.MethodStanding:
 
 def _ranks(
     candidates: Sequence[Candidate],
-    pairs: Sequence[gc.PairDifference],
+    pairs: Sequence[PairDifference],
     scenes: int,
     higher_is_better: bool,
 ) -> dict[str, int]:
@@ -152,7 +163,7 @@ def _ranks(
     return rank_groups(ranked, lambda first, second: (first, second) in won)
 
 
-def _above_ceiling(run: gc.RunRecord) -> list[gc.AboveCeiling]:
+def _above_ceiling(run: RunRecord) -> list[AboveCeiling]:
     handed = {method.name: method.sees for method in run.methods}
     return [
         found
@@ -162,7 +173,7 @@ def _above_ceiling(run: gc.RunRecord) -> list[gc.AboveCeiling]:
     ]
 
 
-def _too_good(job: gc.Job, score: gc.Score, handed: tuple[str, ...]) -> gc.AboveCeiling | None:
+def _too_good(job: Job, score: Score, handed: tuple[str, ...]) -> AboveCeiling | None:
     """A score that is better than its noise ceiling by more than chance does it."""
     value, ceiling = score.value, score.noise_ceiling
     if value is None or ceiling is None:
@@ -170,7 +181,7 @@ def _too_good(job: gc.Job, score: gc.Score, handed: tuple[str, ...]) -> gc.Above
     above = excess(value, ceiling, score.higher_is_better)
     if not is_suspicious(above, score.unit):
         return None
-    return gc.AboveCeiling(
+    return AboveCeiling(
         job.track, job.scene, job.method, job.seed, score.metric, value, ceiling, above, score.unit, handed
     )
 

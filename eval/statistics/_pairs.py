@@ -7,9 +7,9 @@ from itertools import combinations
 
 import numpy as np
 
-import graycard as gc
 from graycard.eval.statistics._interval import LEVEL, mean_interval, mean_p
 from graycard.eval.statistics._signed_rank import holm, least_scenes, signed_rank_p
+from graycard.records import PairDifference, PairVerdict
 
 LEAST_SCENES = least_scenes(LEVEL)
 """The fewest scenes with which the rank test of a pair can fall below 0.05: six."""
@@ -28,7 +28,7 @@ class Candidate:
     """Whether it is another row of the table with other settings, as an ablation is."""
 
 
-def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tuple[gc.PairDifference, ...]:
+def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tuple[PairDifference, ...]:
     """Every two methods that share a scene, the earlier first.
 
     Holm's correction is over all pairs of methods that compete; apart from them over pairs in which one is a
@@ -56,11 +56,11 @@ def _family(first: Candidate, second: Candidate) -> str:
     return "variants" if first.variant or second.variant else "methods"
 
 
-def _difference(first: Candidate, second: Candidate) -> gc.PairDifference:
+def _difference(first: Candidate, second: Candidate) -> PairDifference:
     common = [scene for scene in first.by_scene if scene in second.by_scene]
     values = np.array([_less(first.by_scene[s], second.by_scene[s]) for s in common])
     opposed = np.isposinf(values).any() and np.isneginf(values).any()
-    return gc.PairDifference(
+    return PairDifference(
         first.method,
         second.method,
         len(values),
@@ -79,12 +79,12 @@ def _less(value: float, other: float) -> float:
     return 0.0 if value == other else value - other
 
 
-def _corrected(pairs: Sequence[gc.PairDifference]) -> list[gc.PairDifference]:
+def _corrected(pairs: Sequence[PairDifference]) -> list[PairDifference]:
     ranks, means = holm([p.p_rank for p in pairs]), holm([p.p_mean for p in pairs])
     return [replace(p, p_rank_holm=r, p_mean_holm=m) for p, r, m in zip(pairs, ranks, means, strict=True)]
 
 
-def _verdict(pair: gc.PairDifference, higher_is_better: bool) -> gc.PairVerdict:
+def _verdict(pair: PairDifference, higher_is_better: bool) -> PairVerdict:
     if pair.scenes < LEAST_SCENES:
         return "too few scenes"
     if pair.difference is None or not _told_apart(pair):
@@ -92,7 +92,7 @@ def _verdict(pair: gc.PairDifference, higher_is_better: bool) -> gc.PairVerdict:
     return "better" if (pair.difference > 0) is higher_is_better else "worse"
 
 
-def _told_apart(pair: gc.PairDifference) -> bool:
+def _told_apart(pair: PairDifference) -> bool:
     if pair.p_rank is None or pair.p_rank_holm is None:  # equal on every scene
         return False
     if pair.p_mean_holm is None:  # infinite scores have no mean to test

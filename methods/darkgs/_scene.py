@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from graycard import Camera, EnvironmentLight, Light, MethodError, light_from_json, light_to_json
+from graycard import Camera, EnvironmentLight, Light, MethodError
+from graycard.lights import light_from_json, light_to_json
 from graycard.methods._contract import check_layers
 from graycard.methods._priors import Lamp
 from graycard.methods._store import restore, store

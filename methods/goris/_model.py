@@ -22,7 +22,7 @@ from graycard.methods.splat import (
     rasterize_features,
     spherical_harmonics_colours,
     surfels_of,
-    trace,
+    trace_rays,
 )
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, colours, composed, decode, encode
 
@@ -171,7 +171,7 @@ def reflected_radiance(
     met_by = traced_surfels(values, settings)
     coefficients = torch.cat([met_by[COEFFICIENTS], met_by[DETAIL]], dim=1)[:, :count]
     rows, rays = reflected_rays(buffers)
-    met = trace(surfels_of(met_by), rays, coefficients.flatten(1), near=settings.near * extent)
+    met = trace_rays(surfels_of(met_by), rays, coefficients.flatten(1), near=settings.near * extent)
     blended = met.features.unflatten(-1, (count, 3))
     encoded = spherical_harmonics_colours(blended, rays.directions, np.zeros(3), settings.traced_degree)
     cover = (1 - met.transmittance)[:, None]
@@ -192,7 +192,7 @@ def traced_surfels(values: Mapping[str, torch.Tensor], settings: GorisSettings) 
 def reflected_features(surfels: Surfels, features: torch.Tensor, buffers: Buffers, near: float) -> Reflection:
     """Features ``(N, C)`` of surfels, blended along reflected rays from ``near`` metres on."""
     rows, rays = reflected_rays(buffers)
-    met = trace(surfels, rays, features, near=near)
+    met = trace_rays(surfels, rays, features, near=near)
     return Reflection(rows, rays.directions, met.features, met.transmittance[:, None], met.depth[:, None])
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import Camera, Light, MethodError, encode
-from graycard import decode as decode_json
+from graycard import Camera, Light, MethodError
+from graycard.io import from_builtins as decode_json
+from graycard.io import to_builtins
 from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
@@ -102,7 +103,7 @@ class GlossyScene:
 
     @property
     def _facts(self) -> dict[str, object]:
-        return {"settings": encode(self.settings), "exposure": self.exposure, "extent": self.extent}
+        return {"settings": to_builtins(self.settings), "exposure": self.exposure, "extent": self.extent}
 
 
 class DistilledScene(SurfelScene):

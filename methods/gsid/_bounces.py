@@ -25,7 +25,7 @@ from graycard.methods.shading import (
     lamp_visibility,
     look_up,
 )
-from graycard.methods.splat import Surfels, build_bvh, trace
+from graycard.methods.splat import Surfels, build_bvh, trace_rays
 
 NODES = 1500
 """Surfels that stand for all."""
@@ -92,7 +92,7 @@ class Sight:
         """
         with torch.no_grad():
             rays = hemisphere(points, normals, self.extent)
-            met = trace(
+            met = trace_rays(
                 self.surfels,
                 rays,
                 self.surfels.centres.new_zeros(len(self.surfels), 0),

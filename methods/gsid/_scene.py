@@ -9,15 +9,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import (
-    Camera,
-    Composition,
-    EnvironmentLight,
-    Light,
-    MethodError,
-    encode,
-)
-from graycard import decode as decode_json
+from graycard import Camera, Composition, EnvironmentLight, Light, MethodError
+from graycard.io import from_builtins as decode_json
+from graycard.io import to_builtins
 from graycard.methods._contract import Guest, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
@@ -239,7 +233,7 @@ class GsidScene:
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
-        facts = {"exposure": self.exposure, "extent": self.extent, "settings": encode(self.settings)}
+        facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
         arrays = arrays_of(self.parameters) | given_arrays
         store(folder, self.method, facts | given_facts, arrays)

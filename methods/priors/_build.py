@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard import Capture, Light, MethodError, sha256
+from graycard import Capture, Light, MethodError
+from graycard.io import sha256
 from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorModel, Priors, PriorSource
 from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated

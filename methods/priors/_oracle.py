@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard import GLOSSY_ROUGHNESS, MethodError
+from graycard import MethodError
+from graycard.layers import GLOSSY_ROUGHNESS
 from graycard.methods._contract import LIGHTS
 from graycard.methods._priors import PHOTOGRAPH, Ask, PriorKind, Question
 from graycard.methods.priors._colour import corrupt_base_color

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from graycard import RecordError, UnknownNameError, decode, dumps
+from graycard import RecordError, UnknownNameError
+from graycard.io import dumps, from_builtins
 from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
 from graycard.methods.priors import _colour, _depth, _filling, _inpainting, _light, _mask, _material, _normal
 
@@ -120,7 +121,7 @@ def parse_priors(text: str) -> PriorSpec:
             data: dict[str, Any] = tomllib.loads(Path(text).read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
             raise RecordError(f"expected priors as TOML in {text}, got: {cause}") from cause
-        return decode(PriorSpec, data, RecordError, text)
+        return from_builtins(PriorSpec, data, RecordError, text)
     source, _, more = text.partition(":")
     if source not in SOURCES:
         raise UnknownNameError("source of priors", source, SOURCES)
@@ -131,7 +132,7 @@ def parse_priors(text: str) -> PriorSpec:
         data["path"] = more
     elif more:
         raise RecordError(f"expected priors as in oracle:3 or pretrained:FOLDER, got {text!r}")
-    return decode(PriorSpec, data, RecordError, text)
+    return from_builtins(PriorSpec, data, RecordError, text)
 
 
 def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:

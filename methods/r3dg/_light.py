@@ -27,7 +27,7 @@ from graycard.methods.shading import (
     schlick,
     smith_shadowing,
 )
-from graycard.methods.splat import CENTRES, Surfels, harmonics_basis, image_radius, trace
+from graycard.methods.splat import CENTRES, Surfels, harmonics_basis, image_radius, trace_rays
 
 BASE_COLOR, ROUGHNESS, OWN = "base colour", "roughness", "own incident light"
 """Names of the parameters of surfels: logits ``(N, 3)`` and ``(N, 1)``, and harmonics ``(N, 16, 3)``."""
@@ -64,7 +64,7 @@ def directions_of(surfels: Surfels, eyes: torch.Tensor, extent: float) -> Direct
     """
     normals = outward(surfels, eyes)
     rays = hemisphere(surfels.centres, normals, extent)
-    met = trace(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), near=SLACK * extent)
+    met = trace_rays(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), near=SLACK * extent)
     toward = rays.directions.reshape(len(surfels), -1, 3)
     return Directions(normals, toward, met.transmittance.reshape(len(surfels), -1), basis_of(toward))
 

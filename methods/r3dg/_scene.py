@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import Camera, EnvironmentLight, Light, MethodError, encode
-from graycard import decode as decode_json
+from graycard import Camera, EnvironmentLight, Light, MethodError
+from graycard.io import from_builtins as decode_json
+from graycard.io import to_builtins
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.r3dg._light import (
@@ -161,7 +162,7 @@ class R3dgScene:
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
-        facts = {"exposure": self.exposure, "extent": self.extent, "settings": encode(self.settings)}
+        facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
         rays = {name: getattr(self.directions, name).numpy() for name in _DIRECTIONS}
         store(folder, METHOD, facts | given_facts, arrays_of(self.parameters) | given_arrays | rays)

@@ -9,15 +9,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from graycard import (
-    EnvironmentLight,
-    Light,
-    LocalLight,
-    MethodError,
-    light_from_json,
-    light_to_json,
-    read_rgb,
-)
+from graycard import EnvironmentLight, Light, LocalLight, MethodError
+from graycard.io import read_rgb
+from graycard.lights import light_from_json, light_to_json
 from graycard.methods.shading._cubemap import from_latitudes
 
 _LIGHTS, _SKY = "given", "given sky"

@@ -9,15 +9,7 @@ import numpy as np
 import torch
 from torch.nn.functional import normalize
 
-from graycard import (
-    Camera,
-    GaussianLight,
-    LocalLight,
-    PointLight,
-    RectangleLight,
-    SphereLight,
-    SpotLight,
-)
+from graycard import Camera, GaussianLight, LocalLight, PointLight, RectangleLight, SphereLight, SpotLight
 from graycard.methods.shading._lamps import arriving, lamps_of
 
 SAMPLES = 8

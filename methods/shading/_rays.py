@@ -5,7 +5,7 @@ import numpy as np
 import torch
 from torch.nn.functional import normalize
 
-from graycard.methods.splat import Rays, Surfels, build_bvh, rotation_matrices, trace
+from graycard.methods.splat import Rays, Surfels, build_bvh, rotation_matrices, trace_rays
 
 SLACK = 0.04
 """Shares of the scene's extent: surfels are no exact surfaces, so that what is met this close to a point is
@@ -40,7 +40,7 @@ def lamp_visibility(
         origins = lamps[:, None].expand_as(away).reshape(-1, 3).contiguous()
         almost = (distance - SHORT * extent).clamp(min=0).flatten()
         rays = Rays(origins, normalize(away, dim=-1).reshape(-1, 3), far=almost)
-        met = trace(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), bvh=build_bvh(surfels))
+        met = trace_rays(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), bvh=build_bvh(surfels))
         return met.transmittance.reshape(distance.shape).T.contiguous()
 
 
@@ -54,7 +54,7 @@ def sky_visibility(surfels: Surfels, normals: torch.Tensor, extent: float) -> to
     """
     with torch.no_grad():
         rays = hemisphere(surfels.centres, normals, extent)
-        met = trace(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), near=SLACK * extent)
+        met = trace_rays(surfels, rays, surfels.centres.new_zeros(len(surfels), 0), near=SLACK * extent)
         return met.transmittance.reshape(len(surfels), -1).mean(dim=1)
 
 

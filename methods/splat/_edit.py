@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from graycard.methods.splat._parameters import CENTRES, ROTATIONS, Parameters
+from graycard.methods.splat.fit._parameters import CENTRES, ROTATIONS, Parameters
 
 
 def moved_surfels(

@@ -4,9 +4,9 @@
 import numpy as np
 import torch
 
-from graycard.methods.splat._initialise import rotations_to
 from graycard.methods.splat._spread import spacing, spread_evenly
 from graycard.methods.splat._surfels import Surfels
+from graycard.methods.splat.fit._initialise import rotations_to
 
 CANDIDATES = 6
 """Points that are looked at for each one chosen."""

@@ -7,8 +7,8 @@ import torch
 
 from graycard import Camera, UnknownNameError
 from graycard.methods.splat._maps import FeatureMaps, Maps
-from graycard.methods.splat._reference import rasterize_features_reference, rasterize_reference
 from graycard.methods.splat._surfels import Surfels
+from graycard.methods.splat.reference._rasterize import rasterize_features_reference, rasterize_reference
 
 Backend = Literal["cpu", "cuda", "reference"]
 
@@ -44,11 +44,11 @@ def rasterize(
     """
     _check_name(backend)
     if backend == "cuda":
-        from graycard.methods.splat._cuda import rasterize_cuda
+        from graycard.methods.splat.cuda._rasterize import rasterize_cuda
 
         return rasterize_cuda(surfels, camera, features, offsets)
     if backend == "cpu":
-        from graycard.methods.splat._cpu import rasterize_cpu  # Numba takes long to import
+        from graycard.methods.splat.raster._cpu import rasterize_cpu  # Numba takes long to import
 
         return rasterize_cpu(surfels, camera, features, offsets)
     return rasterize_reference(surfels, camera, features, offsets)
@@ -81,11 +81,11 @@ def rasterize_features(
     """
     _check_name(backend)
     if backend == "cuda":
-        from graycard.methods.splat._cuda import rasterize_features_cuda
+        from graycard.methods.splat.cuda._rasterize import rasterize_features_cuda
 
         return rasterize_features_cuda(surfels, camera, features, offsets)
     if backend == "cpu":
-        from graycard.methods.splat._cpu import rasterize_features_cpu  # Numba takes long to import
+        from graycard.methods.splat.raster._cpu import rasterize_features_cpu  # Numba takes long to import
 
         return rasterize_features_cpu(surfels, camera, features, offsets)
     return rasterize_features_reference(surfels, camera, features, offsets)

@@ -10,7 +10,8 @@ import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
-from graycard import MethodError, write_bytes
+from graycard import MethodError
+from graycard.io import write_bytes
 from graycard.methods.splat._surfels import Surfels
 
 FORMAT = {"format": "graycard-surfels", "version": "1"}

@@ -8,18 +8,18 @@ import torch
 from graycard import UnknownNameError
 from graycard.methods.splat._rasterize import Backend
 from graycard.methods.splat._rays import Rays, Traced
-from graycard.methods.splat._reference import checked_features
 from graycard.methods.splat._surfels import Surfels
-from graycard.methods.splat._trace_reference import trace_reference
+from graycard.methods.splat.reference._rasterize import checked_features
+from graycard.methods.splat.reference._trace import trace_reference
 
 if TYPE_CHECKING:
-    from graycard.methods.splat._bvh import Bvh
+    from graycard.methods.splat.trace._bvh import Bvh
 
 NEAR_DISTANCE = 1e-4
 """Metres: a ray that starts on a surfel does not meet it."""
 
 
-def trace(
+def trace_rays(
     surfels: Surfels,
     rays: Rays,
     features: torch.Tensor | None = None,
@@ -57,7 +57,7 @@ def trace(
     if backend == "reference":
         return trace_reference(surfels, rays, features, near)
     if backend == "cpu":
-        from graycard.methods.splat._trace_cpu import trace_cpu  # Numba takes long to import
+        from graycard.methods.splat.trace._cpu import trace_cpu  # Numba takes long to import
 
         return trace_cpu(surfels, rays, features, bvh, near)
     raise UnknownNameError("back end", backend, ["cpu", "reference"])
@@ -75,7 +75,7 @@ def build_bvh(surfels: Surfels) -> "Bvh":
     Raises:
         ValueError: The surfels are not on the CPU.
     """
-    from graycard.methods.splat._bvh import bvh_of  # Numba takes long to import
+    from graycard.methods.splat.trace._bvh import bvh_of  # Numba takes long to import
 
     return bvh_of(surfels)
 

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from graycard import Camera, Light, MethodError, encode, light_from_json, light_to_json
-from graycard import decode as decode_json
+from graycard import Camera, Light, MethodError
+from graycard.io import from_builtins as decode_json
+from graycard.io import to_builtins
+from graycard.lights import light_from_json, light_to_json
 from graycard.methods._contract import check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
@@ -103,7 +105,7 @@ def lighting_to_json(lighting: Lighting) -> dict[str, Any]:
         "exposure": lighting.exposure,
         "reach": lighting.reach,
         "given": given,
-        "settings": encode(lighting.settings),
+        "settings": to_builtins(lighting.settings),
     }
 
 

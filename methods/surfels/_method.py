@@ -10,7 +10,8 @@ from typing import Any
 
 import torch
 
-from graycard import Camera, Capture, Progress, encode
+from graycard import Camera, Capture, Progress
+from graycard.io import to_builtins
 from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     CENTRES,
@@ -202,7 +203,7 @@ def check_checkpoint(method: str, settings: Any, seed: int) -> None:
 
 def _chosen(method: str, settings: Any, seed: int) -> str:
     """A hash of what a fit depends on besides what it looks at."""
-    chosen = encode(replace(settings, checkpoint=""))
+    chosen = to_builtins(replace(settings, checkpoint=""))
     return hashlib.sha256(json.dumps([method, seed, chosen]).encode()).hexdigest()
 
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from graycard._camera import Camera
 from graycard._errors import DatasetError, UnknownNameError
-from graycard._exr import read_layers, read_rgb
-from graycard._json import IN_MEMORY
-from graycard._points import Points, no_points, read_points
 from graycard._sensor import Sensor
+from graycard.io._exr import read_layers, read_rgb
+from graycard.io._json import IN_MEMORY
+from graycard.points import Points, no_points, read_points
 
 POINTS = "points.ply"
 """Sparse points, beside the index of a capture."""

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from graycard._capture import View, file_of, find_view
-from graycard._edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard._errors import DatasetError
-from graycard._exr import read_layers, read_rgb
-from graycard._json import IN_MEMORY, decode, read_json
-from graycard._lights import EnvironmentLight, Light, read_lights
+from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
+from graycard.io._exr import read_layers, read_rgb
+from graycard.io._json import IN_MEMORY, from_builtins, read_json
+from graycard.lights import EnvironmentLight, Light, read_lights
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ class Truth:
         path = file_of(self.root, f"{COMPOSITION}/composition.json")
         if not path.is_file():
             return None
-        return decode(Composition, read_json(path, DatasetError), DatasetError, str(path))
+        return from_builtins(Composition, read_json(path, DatasetError), DatasetError, str(path))
 
     def composed(self, view: View) -> dict[str, np.ndarray]:
         """A held-out view with the object of :meth:`composition` in it.

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import graycard as gc
+from graycard import UnknownNameError
+from graycard.io import dumps, from_builtins, to_builtins
 from graycard.synth._spec import SceneSpec
 from graycard.synth.families._cluttered_lab import ClutteredLab
 from graycard.synth.families._corridor import Corridor
@@ -37,7 +38,7 @@ _FAMILIES: tuple[type[Family], ...] = (
 )
 
 
-def families() -> dict[str, type[Family]]:
+def all_families() -> dict[str, type[Family]]:
     """All scene families by name, in the order of the documentation."""
     return {family.name: family for family in _FAMILIES}
 
@@ -52,8 +53,8 @@ def family_of(spec: SceneSpec) -> Family:
     known = {f"{f.track}/{f.name}": f for f in _FAMILIES}
     name = f"{spec.track}/{spec.family}"
     if name not in known:
-        raise gc.UnknownNameError("scene family", name, known)
-    return gc.decode(known[name], dict(spec.knobs), source=f"the knobs of {name}")
+        raise UnknownNameError("scene family", name, known)
+    return from_builtins(known[name], dict(spec.knobs), source=f"the knobs of {name}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +104,7 @@ def resolved_knobs(spec: SceneSpec) -> dict[str, Any]:
         UnknownNameError: There is no such family, or it is of another track.
         RecordError: A knob is unknown, of another type, or out of its range.
     """
-    return gc.encode(family_of(spec))
+    return to_builtins(family_of(spec))
 
 
 def scene_name(spec: SceneSpec) -> str:
@@ -116,9 +117,9 @@ def scene_name(spec: SceneSpec) -> str:
         UnknownNameError: There is no such family, or it is of another track.
         RecordError: A knob is unknown, of another type, or out of its range.
     """
-    knobs, defaults = resolved_knobs(spec), gc.encode(type(family_of(spec))())
+    knobs, defaults = resolved_knobs(spec), to_builtins(type(family_of(spec))())
     changed = {name: value for name, value in knobs.items() if value != defaults[name]}
-    digest = hashlib.sha256(gc.dumps(changed).encode()).hexdigest()[:6]
+    digest = hashlib.sha256(dumps(changed).encode()).hexdigest()[:6]
     return f"{spec.family}-{spec.seed:04d}" + (f"-{digest}" if changed else "")
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.synth._mesh import Mesh, blob, merge
 from graycard.synth._scene import (
     Ball,
@@ -21,9 +21,9 @@ from graycard.synth._scene import (
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import chart_patches, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _props as props
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._flash_room import FlashRoom, Room, color_chart
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _textures as textures
 
 LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
 
@@ -161,7 +161,7 @@ def _surface(kind: str, rng: np.random.Generator, color: tuple[float, float, flo
             return Texture(textures.plaster(rng, color))
 
 
-def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
     """A walk down the corridor that sways and looks from side to side."""
     rng = stream(seed, "path")
     sway, glance, nod = rng.uniform(0, 2 * np.pi, size=3)
@@ -169,5 +169,5 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
     for t in np.linspace(0, 1, settings.views):
         at = np.array([0.45 + 2.0 * t, 0.38 * np.sin(5 * t + sway), 1.4 + 0.12 * np.sin(4 * t + nod)])
         ahead = np.array([2.6, 0.55 * np.sin(8 * t + glance) - 0.6 * at[1], -0.74])
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 62.0, gc.look_at(at, at + ahead)))
+        cameras.append(Camera.from_fov(settings.width, settings.height, 62.0, look_at(at, at + ahead)))
     return cameras

@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, View
 from graycard.synth._scene import Scene
 from graycard.synth._spec import RenderSettings
 
@@ -65,7 +65,7 @@ def _check_knob(name: str, value: Any, metadata: Mapping[str, Any]) -> None:
         raise ValueError(f"expected {name} in [{low}, {high}], got {value}")
 
 
-def interleaved(cameras: list[gc.Camera], test_views: int) -> tuple[gc.View, ...]:
+def interleaved(cameras: list[Camera], test_views: int) -> tuple[View, ...]:
     """Views along a path, the held-out ones spread evenly between training ones and never at an end.
 
     Raises:
@@ -78,6 +78,6 @@ def interleaved(cameras: list[gc.Camera], test_views: int) -> tuple[gc.View, ...
     held_out = set(np.floor(spots + 0.5).astype(int).tolist())
     names = ["test" if i in held_out else "train" for i in range(count)]
     return tuple(
-        gc.View(f"{split}_{i:03d}", "test" if split == "test" else "train", camera)
+        View(f"{split}_{i:03d}", "test" if split == "test" else "train", camera)
         for i, (split, camera) in enumerate(zip(names, cameras, strict=True))
     )

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, PointLight, RectangleLight, SpotLight, look_at
 from graycard.synth._scene import (
     MATERIALS,
     Color,
@@ -25,8 +25,8 @@ from graycard.synth._scene import (
 )
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, scaled
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._family import Knobs, choice, interleaved, knob
+from graycard.synth.families.props import _textures as textures
 
 _INTENSITY = 8.0
 """Of the lamp along its axis, W/sr."""
@@ -61,7 +61,7 @@ class FlashRoom(Knobs, ABC):
     def build(self, seed: int, settings: RenderSettings) -> Scene:
         """The room of a seed."""
 
-    def lit(self, things: Iterable[Thing], room: "Room", cameras: list[gc.Camera], test_views: int) -> Scene:
+    def lit(self, things: Iterable[Thing], room: "Room", cameras: list[Camera], test_views: int) -> Scene:
         """The scene of these things under the lamp on the camera and the glowing ceiling of the room."""
         ceiling = room.glowing_ceiling(self.ambient)
         return Scene(
@@ -71,14 +71,14 @@ class FlashRoom(Knobs, ABC):
             light_weights={"lamp": 20.0},
         )
 
-    def head_lamp(self) -> gc.SpotLight | gc.PointLight:
+    def head_lamp(self) -> SpotLight | PointLight:
         """The lamp, in the frame of the camera."""
         position = (self.light_offset, -0.06, 0.0)
         color = scaled(blackbody(5000), _INTENSITY)
         if self.lamp == "point":
-            return gc.PointLight("lamp", position, color, "camera")
+            return PointLight("lamp", position, color, "camera")
         toe_in = (-self.light_offset / 3.0, 0.03, 1.0)
-        return gc.SpotLight(
+        return SpotLight(
             "lamp", position, toe_in, color, 0.4 * self.light_cutoff, self.light_cutoff, "camera"
         )
 
@@ -130,11 +130,11 @@ class Room:
         }[wall]
         return Quad(center, scaled(right, half[0]), (0.0, 0.0, half[1]))
 
-    def glowing_ceiling(self, radiance: float) -> gc.RectangleLight:
+    def glowing_ceiling(self, radiance: float) -> RectangleLight:
         """A glow from above; a glowing panel inside the room would cast shadows of its own."""
         sides = (0.0, self.width / 2, 0.0), (self.length / 2, 0.0, 0.0)
         color = scaled(blackbody(9000), radiance)
-        return gc.RectangleLight("ambient", (self.length / 2, 0.0, self.height), *sides, color)
+        return RectangleLight("ambient", (self.length / 2, 0.0, self.height), *sides, color)
 
 
 def color_chart(board: Quad) -> Thing:
@@ -143,7 +143,7 @@ def color_chart(board: Quad) -> Thing:
     return Thing("color chart", board, Matte(pixels))
 
 
-def walk(rng: np.random.Generator, settings: RenderSettings, start: Vector, steps: float) -> list[gc.Camera]:
+def walk(rng: np.random.Generator, settings: RenderSettings, start: Vector, steps: float) -> list[Camera]:
     """Cameras of 62 degrees on a walk along +x that sways and looks from side to side.
 
     Args:
@@ -157,5 +157,5 @@ def walk(rng: np.random.Generator, settings: RenderSettings, start: Vector, step
     for t in np.linspace(0, 1, settings.views):
         at = start + np.array([steps * t, 0.3 * np.sin(5 * t + sway), 0.1 * np.sin(4 * t + nod)])
         ahead = np.array([2.6, 0.6 * np.sin(7 * t + glance) - 0.5 * at[1], -0.74])
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 62.0, gc.look_at(at, at + ahead)))
+        cameras.append(Camera.from_fov(settings.width, settings.height, 62.0, look_at(at, at + ahead)))
     return cameras

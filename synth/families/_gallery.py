@@ -7,17 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.synth._mesh import blob, box, torus
 from graycard.synth._scene import Ball, Matte, Quad, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import blackbody, illuminant, paint, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _props as props
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._family import interleaved
 from graycard.synth.families._many_lights import ManyLights, Stand, lit
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _textures as textures
 
 WIDTH, DEPTH, HEIGHT = 4.6, 4.2, 2.9
 """Of the room, metres: x is across, the back wall lies at y = DEPTH / 2, the side at -DEPTH / 2 is open."""
@@ -190,12 +190,12 @@ def _surroundings(seed: int, strength: float) -> np.ndarray:
     return strength * room(scaled(day, 0.07), scaled(warm, 0.05), scaled(warm, 0.02), (window,))
 
 
-def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
     """A walk along the open side, now nearer and now farther, eyes on what is in the middle."""
     phase = stream(seed, "path").uniform(0, 2 * np.pi)
     cameras = []
     for t in np.linspace(-1, 1, settings.views):
         at = np.array([1.5 * t, -2.05 + 0.15 * np.sin(5 * t + phase), 1.45 + 0.2 * np.sin(4 * t + phase)])
-        pose = gc.look_at(at, np.array([0.25 * t, 0.9, 0.85]))
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 56.0, pose))
+        pose = look_at(at, np.array([0.25 * t, 0.9, 0.85]))
+        cameras.append(Camera.from_fov(settings.width, settings.height, 56.0, pose))
     return cameras

@@ -7,7 +7,18 @@ from itertools import cycle
 
 import numpy as np
 
-import graycard as gc
+from graycard import (
+    EnvironmentLight,
+    GaussianLight,
+    LocalLight,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SphericalGaussian,
+    SpotLight,
+    View,
+    look_at,
+)
 from graycard.synth._scene import (
     MATERIALS,
     Scene,
@@ -70,13 +81,13 @@ class ManyLights(PartlyGlossy, Knobs):
     material: str = choice(*MATERIALS)
     """What shines is made of: the papers' material, or Disney's."""
 
-    def lamps(self, seed: int, stands: Sequence[Stand]) -> tuple[gc.LocalLight, ...]:
+    def lamps(self, seed: int, stands: Sequence[Stand]) -> tuple[LocalLight, ...]:
         """The local lights ``lamp-1``, ``lamp-2`` ... of a seed, on the first of the stands."""
         shares = _shares(self.lights, self.brightness, seed)
         made = zip(range(1, self.lights + 1), stands, cycle(KINDS), shares, strict=False)
         return tuple(self._lamp(seed, n, stand, kind, share) for n, stand, kind, share in made)
 
-    def _lamp(self, seed: int, number: int, stand: Stand, kind: str, share: float) -> gc.LocalLight:
+    def _lamp(self, seed: int, number: int, stand: Stand, kind: str, share: float) -> LocalLight:
         rng, name = stream(seed, f"lamp {number}"), f"lamp-{number}"
         position = np.array(stand.position) + rng.uniform(-_JITTER, _JITTER, size=3)
         forward = np.array(stand.aim) + rng.uniform(-_JITTER, _JITTER, size=3) - position
@@ -88,14 +99,14 @@ class ManyLights(PartlyGlossy, Knobs):
             return _rectangle(name, position, forward, intensity, self.size)
         if kind == "sphere":
             radius = 0.13 * self.size
-            return gc.SphereLight(name, triple(position), radius, triple(intensity / (np.pi * radius**2)))
+            return SphereLight(name, triple(position), radius, triple(intensity / (np.pi * radius**2)))
         if kind == "spot":
-            return gc.SpotLight(name, triple(position), triple(forward), triple(intensity), 16.0, 34.0)
-        return gc.PointLight(name, triple(position), triple(intensity))
+            return SpotLight(name, triple(position), triple(forward), triple(intensity), 16.0, 34.0)
+        return PointLight(name, triple(position), triple(intensity))
 
 
 def lit(
-    things: Iterable[Thing], lamps: Sequence[gc.LocalLight], views: tuple[gc.View, ...], sky: np.ndarray
+    things: Iterable[Thing], lamps: Sequence[LocalLight], views: tuple[View, ...], sky: np.ndarray
 ) -> Scene:
     """The scene of these things under lamps, whose surfaces are things too, and surroundings called ``sky``.
 
@@ -105,14 +116,14 @@ def lit(
         views: Of the scene.
         sky: Radiance of the surroundings on the sky grid, W/m²/sr.
     """
-    surfaces = (surface_of(x) for x in lamps if isinstance(x, gc.RectangleLight | gc.SphereLight))
-    lights = *lamps, gc.EnvironmentLight("sky", "environment.exr")
+    surfaces = (surface_of(x) for x in lamps if isinstance(x, RectangleLight | SphereLight))
+    lights = *lamps, EnvironmentLight("sky", "environment.exr")
     return Scene((*things, *surfaces), lights, views, sky, light_weights=_light_weights(lamps))
 
 
 def gaussian_light(
     name: str, position: np.ndarray, forward: np.ndarray, intensity: np.ndarray, rng: np.random.Generator
-) -> gc.GaussianLight:
+) -> GaussianLight:
     """A light of a beam along ``forward`` and a broad glow to one side.
 
     Args:
@@ -128,20 +139,20 @@ def gaussian_light(
     beam, glow = rng.uniform(3, 9), rng.uniform(0.6, 1.6)
     share = 0.3 * np.exp(glow * (axis @ aside - 1))
     lobes = (axis, beam, 1 - share), (aside, glow, 0.3)
-    return gc.GaussianLight(
+    return GaussianLight(
         name,
         triple(position),
-        tuple(gc.SphericalGaussian(triple(m), float(s), triple(a * intensity)) for m, s, a in lobes),
+        tuple(SphericalGaussian(triple(m), float(s), triple(a * intensity)) for m, s, a in lobes),
     )
 
 
 def _rectangle(
     name: str, position: np.ndarray, forward: np.ndarray, intensity: np.ndarray, size: float
-) -> gc.RectangleLight:
-    pose = gc.look_at(position, position + forward)
+) -> RectangleLight:
+    pose = look_at(position, position + forward)
     right, down = 0.36 * size * pose[:3, 0], 0.28 * size * pose[:3, 1]
     radiance = intensity / (4 * 0.36 * 0.28 * size**2)
-    return gc.RectangleLight(name, triple(position), triple(right), triple(down), triple(radiance))
+    return RectangleLight(name, triple(position), triple(right), triple(down), triple(radiance))
 
 
 def _shares(lights: int, ratio: float, seed: int) -> np.ndarray:
@@ -151,7 +162,7 @@ def _shares(lights: int, ratio: float, seed: int) -> np.ndarray:
     return share / share.sum()
 
 
-def _light_weights(lamps: Sequence[gc.LocalLight], sky: float = 0.5) -> dict[str, float]:
+def _light_weights(lamps: Sequence[LocalLight], sky: float = 0.5) -> dict[str, float]:
     """Samples in proportion to the root of what a light sends: between equal noise and equal effort."""
     level = np.array([float(lamp.axial_intensity.sum()) for lamp in lamps])
     weights = np.sqrt(level / level.mean())

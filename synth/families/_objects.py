@@ -7,18 +7,18 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, look_at
 from graycard.synth._mesh import blob, lathe
 from graycard.synth._scene import MATERIALS, Matte, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import Vector, blackbody, illuminant, paint, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _props as props
-from graycard.synth.families import _textures as textures
-from graycard.synth.families import _toys as toys
 from graycard.synth.families._family import Knobs, choice, count, interleaved, knob
 from graycard.synth.families._gloss import BRASS, PartlyGlossy
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _textures as textures
+from graycard.synth.families.props import _toys as toys
 
 RADIUS = 1.1
 """Of the disc on which the objects stand, metres; its upper side is at z = 0."""
@@ -65,7 +65,7 @@ class Objects(PartlyGlossy, Knobs):
         )
         return Scene(
             things=things,
-            lights=(gc.EnvironmentLight("sky", "environment.exr"),),
+            lights=(EnvironmentLight("sky", "environment.exr"),),
             views=interleaved(_cameras(seed, settings), settings.test_views),
             sky=_surroundings(seed, self.windows, self.daylight),
         )
@@ -165,7 +165,7 @@ def _surroundings(seed: int, windows: int, strength: float) -> np.ndarray:
     return strength * room(scaled(sky, 0.45), scaled(sky, 0.3), scaled(ground, 0.12), shining)
 
 
-def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
     """More than half a circle around the group on a hemisphere, rising and falling."""
     start, phase = stream(seed, "path").uniform(0, 2 * np.pi, size=2)
     cameras = []
@@ -173,6 +173,6 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
         angle, lift = start + 3.4 * t, np.radians(36 + 9 * np.sin(7 * t + phase))
         out = np.array([np.cos(angle) * np.cos(lift), np.sin(angle) * np.cos(lift), np.sin(lift)])
         aim = np.array([0.0, 0.0, 0.12])
-        pose = gc.look_at(aim + 2.2 * out, aim)
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 36.0, pose))
+        pose = look_at(aim + 2.2 * out, aim)
+        cameras.append(Camera.from_fov(settings.width, settings.height, 36.0, pose))
     return cameras

@@ -12,12 +12,12 @@ from graycard.synth._scene import Matte, Scene, Texture, Thing
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _furniture as furniture
-from graycard.synth.families import _interior as interior
-from graycard.synth.families import _props as props
-from graycard.synth.families import _stock as stock
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._flash_room import FlashRoom, Room, color_chart, walk
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _furniture as furniture
+from graycard.synth.families.props import _interior as interior
+from graycard.synth.families.props import _stock as stock
+from graycard.synth.families.props import _textures as textures
 
 _ROOM = Room(7.0, 4.2, 3.2)
 

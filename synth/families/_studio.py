@@ -7,17 +7,17 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.synth._mesh import blob, torus
 from graycard.synth._scene import Ball, Matte, Quad, Scene, Texture, Thing
 from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, illuminant, paint, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _props as props
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._family import interleaved
 from graycard.synth.families._many_lights import ManyLights, Stand, lit
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _textures as textures
 
 SIDE, HEIGHT = 3.6, 2.6
 """Length of each wall and height of the corner, metres; the walls meet at (-SIDE / 2, -SIDE / 2)."""
@@ -154,7 +154,7 @@ def _surroundings(seed: int, strength: float) -> np.ndarray:
     return strength * room(scaled(blue, 0.055), scaled(blue, 0.04), scaled(day, 0.02), (window,))
 
 
-def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
     """An arc in front of the corner, from the brick wall's side to the painted wall's."""
     phase = stream(seed, "path").uniform(0, 2 * np.pi)
     cameras = []
@@ -164,6 +164,6 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
         at = np.array(
             [-0.9 + radius * np.cos(angle), -0.9 + radius * np.sin(angle), 1.35 + 0.3 * np.sin(6 * t + phase)]
         )
-        pose = gc.look_at(at, np.array([-0.45, -0.45, 0.6]))
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 52.0, pose))
+        pose = look_at(at, np.array([-0.45, -0.45, 0.6]))
+        cameras.append(Camera.from_fov(settings.width, settings.height, 52.0, pose))
     return cameras

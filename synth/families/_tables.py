@@ -7,11 +7,11 @@ from typing import ClassVar
 from graycard.synth._scene import MATERIALS, Color, Material, Matte, Texture, polished
 from graycard.synth._spectra import scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._family import choice, knob
-from graycard.synth.families._metals import METALS, conductor
-from graycard.synth.families._table_surfaces import Dome, Flat, Surface
 from graycard.synth.families._tabletop import PolishedTabletop, Tabletop
+from graycard.synth.families.props import _textures as textures
+from graycard.synth.families.props._metals import METALS, conductor
+from graycard.synth.families.props._table_surfaces import Dome, Flat, Surface
 
 
 @dataclass(frozen=True, slots=True)

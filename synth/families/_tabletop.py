@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, RectangleLight, look_at
 from graycard.synth._scene import (
     MATERIALS,
     Color,
@@ -26,10 +26,10 @@ from graycard.synth._sky import Window, room
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import blackbody, illuminant, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families import _textures as textures
 from graycard.synth.families._family import Knobs, choice, count, interleaved, knob
-from graycard.synth.families._table_objects import Piece, others_of, places, target_of
-from graycard.synth.families._table_surfaces import HEIGHT, Surface
+from graycard.synth.families.props import _textures as textures
+from graycard.synth.families.props._table_objects import Piece, others_of, places, target_of
+from graycard.synth.families.props._table_surfaces import HEIGHT, Surface
 
 _WALK = 2.6
 """Angle around the table that the camera covers, radians."""
@@ -77,7 +77,7 @@ class Tabletop(Knobs, ABC):
         foot = Thing("foot", surface.foot(), Matte((0.12, 0.11, 0.11)))
         return Scene(
             things=(_floor(seed), foot, table, *self._stood(seed, surface, pieces), surface_of(lamp)),
-            lights=(lamp, gc.EnvironmentLight("room", "environment.exr")),
+            lights=(lamp, EnvironmentLight("room", "environment.exr")),
             views=interleaved(_cameras(seed, settings), settings.test_views),
             sky=_room(seed, self.daylight),
             target=target.name,
@@ -113,7 +113,7 @@ def _floor(seed: int) -> Thing:
     return Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte(Texture(pixels, (4.8, 4.8))))
 
 
-def _lamp(seed: int, strength: float) -> gc.RectangleLight:
+def _lamp(seed: int, strength: float) -> RectangleLight:
     """A square lamp above the table and to one side, out of all views.
 
     It is as large as the lobe of a polished surface, so that light that the surface throws onto the objects
@@ -122,10 +122,10 @@ def _lamp(seed: int, strength: float) -> gc.RectangleLight:
     rng = stream(seed, "lamp")
     angle = rng.uniform(0, 2 * np.pi)
     position = np.array([0.8 * np.cos(angle), 0.8 * np.sin(angle), HEIGHT + 1.7])
-    pose = gc.look_at(position, np.array([0, 0, HEIGHT]))
+    pose = look_at(position, np.array([0, 0, HEIGHT]))
     right, down = (0.25 * pose[:3, k] for k in (0, 1))
     color = scaled(blackbody(3400), 7.0 * strength)
-    return gc.RectangleLight("lamp", triple(position), triple(right), triple(down), color)
+    return RectangleLight("lamp", triple(position), triple(right), triple(down), color)
 
 
 def _room(seed: int, strength: float) -> np.ndarray:
@@ -148,7 +148,7 @@ def _path(seed: int) -> tuple[float, float]:
     return start, phase
 
 
-def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
+def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
     """Half a walk around the table, rising and falling."""
     start, phase = _path(seed)
     cameras = []
@@ -157,6 +157,6 @@ def _cameras(seed: int, settings: RenderSettings) -> list[gc.Camera]:
         radius = 1.35 + 0.08 * np.cos(9 * t + phase)
         out = np.array([np.cos(angle) * np.cos(lift), np.sin(angle) * np.cos(lift), np.sin(lift)])
         aim = np.array([0, 0, HEIGHT + 0.06])
-        pose = gc.look_at(aim + radius * out, aim)
-        cameras.append(gc.Camera.from_fov(settings.width, settings.height, 38.0, pose))
+        pose = look_at(aim + radius * out, aim)
+        cameras.append(Camera.from_fov(settings.width, settings.height, 38.0, pose))
     return cameras

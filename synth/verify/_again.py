@@ -2,8 +2,8 @@
 """Pictures and surfaces rendered once more, another way. Import it only after ``use_renderer``.
 
 Pictures come from Mitsuba's compiled ``path`` with other random numbers, where the truth comes from the
-tracer of :mod:`graycard.synth._separation`; surfaces from rays of :meth:`graycard.Camera.rays`, where the
-truth comes from Mitsuba's sensor.
+tracer of :mod:`graycard.synth.layers._separation`; surfaces from rays of :meth:`graycard.Camera.rays`, where
+the truth comes from Mitsuba's sensor.
 """
 
 from dataclasses import replace
@@ -13,17 +13,17 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-import graycard as gc
-from graycard.synth._albedo import directional_albedo
-from graycard.synth._effects import effect_layers, target_footprint
-from graycard.synth._light_edits import scaled_light
-from graycard.synth._material_layers import material_layers
-from graycard.synth._mitsuba import load_scene, object_ids, shape_key
+from graycard import Camera, GaussianLight, PointLight, SpotLight, world_position
 from graycard.synth._scene import Scene
-from graycard.synth._separation import estimate
 from graycard.synth._spec import SUB_BUFFERS
-from graycard.synth._variant import SCALAR
-from graycard.synth._views import light_images, radiance_images
+from graycard.synth.edits._light_edits import scaled_light
+from graycard.synth.layers._albedo import directional_albedo
+from graycard.synth.layers._effects import effect_layers, target_footprint
+from graycard.synth.layers._material_layers import material_layers
+from graycard.synth.layers._separation import estimate
+from graycard.synth.layers._views import light_images, radiance_images
+from graycard.synth.renderer._mitsuba import load_scene, object_ids, shape_key
+from graycard.synth.renderer._variant import SCALAR
 from graycard.synth.verify._subject import Rebuilt
 
 Color = tuple[float, float, float]
@@ -104,7 +104,7 @@ def lit_by(scene: Scene, strengths: dict[str, Color]) -> Scene:
 
 
 def surfaces_again(
-    scene: Scene, camera: gc.Camera, rows: np.ndarray, columns: np.ndarray
+    scene: Scene, camera: Camera, rows: np.ndarray, columns: np.ndarray
 ) -> dict[str, np.ndarray]:
     """What rays through pixel centres meet: ``object_id``, ``position``, ``normal`` and the material.
 
@@ -123,9 +123,9 @@ def surfaces_again(
     loaded = load_scene(scene, camera)
     directions = camera.rays()[rows, columns]
     at = {
-        light.name: gc.world_position(light, camera)
+        light.name: world_position(light, camera)
         for light in scene.lights
-        if isinstance(light, gc.PointLight | gc.SpotLight | gc.GaussianLight)
+        if isinstance(light, PointLight | SpotLight | GaussianLight)
     }
     if mi.variant() == SCALAR:
         met = [_meet(loaded, scene, camera.position, d[None], at) for d in directions]

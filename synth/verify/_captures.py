@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import graycard as gc
+from graycard import Sensor
+from graycard.colour import srgb_slope
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
@@ -34,9 +35,7 @@ def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield picture.at.judge("mask of the target", wrong, 0, "pixels", told)
 
 
-def _check_sensor(
-    picture: Picture, level: np.ndarray, found: np.ndarray, sensor: gc.Sensor
-) -> Iterator[Check]:
+def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor: Sensor) -> Iterator[Check]:
     """A photograph differs from the radiance as much as the noise and the bits of its camera say.
 
     Args:
@@ -65,13 +64,13 @@ def _check_sensor(
     yield picture.at.judge("photograph's exposure", abs(z), _SIGMAS, "σ", told)
 
 
-def _variance(level: np.ndarray, sensor: gc.Sensor) -> np.ndarray:
+def _variance(level: np.ndarray, sensor: Sensor) -> np.ndarray:
     """Of a level, from counting and reading electrons and from rounding its sRGB code evenly."""
     variance = np.zeros_like(level)
     if sensor.shot_noise:
         variance += np.maximum(level, 0) / sensor.shot_noise + (sensor.read_noise / sensor.shot_noise) ** 2
     if sensor.bits:
-        slope = np.maximum(gc.srgb_slope(level), 1e-9)
+        slope = np.maximum(srgb_slope(level), 1e-9)
         variance += ((2**sensor.bits - 1) * slope) ** -2.0 / 12
     return variance
 

@@ -8,14 +8,24 @@ from typing import Any
 
 import numpy as np
 
-import graycard as gc
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    GaussianLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    world_position,
+)
 
 _SIDE = 12
 """Steps along the polar angle of a sphere's cone."""
 
 
 def unblocked_irradiance(
-    light: gc.Light, camera: gc.Camera, points: np.ndarray, normals: np.ndarray, sky: np.ndarray | None
+    light: Light, camera: Camera, points: np.ndarray, normals: np.ndarray, sky: np.ndarray | None
 ) -> np.ndarray | None:
     """Irradiance of a light at points on surfaces, W/m².
 
@@ -30,25 +40,25 @@ def unblocked_irradiance(
         Shape ``(N, 3)``; None where there is no formula for the kind of light.
     """
     match light:
-        case gc.PointLight() | gc.SpotLight() | gc.GaussianLight():
+        case PointLight() | SpotLight() | GaussianLight():
             return _from_a_point(light, camera, points, normals)
-        case gc.RectangleLight():
+        case RectangleLight():
             return _from_a_rectangle(light, points, normals)
-        case gc.SphereLight():
+        case SphereLight():
             return _from_a_sphere(light, points, normals)
-        case gc.EnvironmentLight() if sky is not None:
+        case EnvironmentLight() if sky is not None:
             return _from_the_sky(sky, normals)
     return None
 
 
 def _from_a_point(
-    light: gc.PointLight | gc.SpotLight | gc.GaussianLight,
-    camera: gc.Camera,
+    light: PointLight | SpotLight | GaussianLight,
+    camera: Camera,
     points: np.ndarray,
     normals: np.ndarray,
 ) -> np.ndarray:
     """I(w) cos / d²."""
-    towards = gc.world_position(light, camera) - points
+    towards = world_position(light, camera) - points
     square = (towards**2).sum(-1)
     direction = towards / np.sqrt(square)[:, None]
     cosine = np.maximum((direction * normals).sum(-1), 0)
@@ -56,14 +66,14 @@ def _from_a_point(
     return _intensity(light, away) * (cosine / square)[:, None]
 
 
-def _intensity(light: gc.PointLight | gc.SpotLight | gc.GaussianLight, away: np.ndarray) -> np.ndarray:
+def _intensity(light: PointLight | SpotLight | GaussianLight, away: np.ndarray) -> np.ndarray:
     """Radiant intensity in directions of the light's own frame, shape ``(N, 3)``, W/sr."""
     match light:
-        case gc.PointLight():
+        case PointLight():
             return np.broadcast_to(light.intensity, away.shape)
-        case gc.SpotLight():
+        case SpotLight():
             return _in_the_cone(light, away)[:, None] * np.array(light.intensity)
-        case gc.GaussianLight():
+        case GaussianLight():
             sums = [
                 np.exp(lobe.sharpness * (away @ np.array(lobe.axis) - 1))[:, None] * np.array(lobe.amplitude)
                 for lobe in light.lobes
@@ -71,7 +81,7 @@ def _intensity(light: gc.PointLight | gc.SpotLight | gc.GaussianLight, away: np.
             return np.sum(sums, axis=0)
 
 
-def _in_the_cone(light: gc.SpotLight, away: np.ndarray) -> np.ndarray:
+def _in_the_cone(light: SpotLight, away: np.ndarray) -> np.ndarray:
     """1 inside the beam, then linear in the angle down to 0 at the cutoff; both are half angles."""
     axis = np.array(light.direction, dtype=np.float64)
     axis /= np.linalg.norm(axis)
@@ -81,7 +91,7 @@ def _in_the_cone(light: gc.SpotLight, away: np.ndarray) -> np.ndarray:
     return np.clip((light.cutoff_angle - angle) / width, 0, 1)
 
 
-def _from_a_rectangle(light: gc.RectangleLight, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _from_a_rectangle(light: RectangleLight, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Midpoint rule over the area of L cos cos' / d²."""
     u, v = np.array(light.half_u), np.array(light.half_v)
     normal = np.cross(u, v)
@@ -102,7 +112,7 @@ def _midpoints(half: Any) -> np.ndarray:
     return (2 * np.arange(count) + 1) / count - 1
 
 
-def _from_a_sphere(light: gc.SphereLight, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+def _from_a_sphere(light: SphereLight, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """Midpoint rule over the cone of directions in which the sphere is seen, of L cos."""
     towards = np.array(light.position) - points
     distance = np.linalg.norm(towards, axis=-1)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import ndimage
 
-import graycard as gc
+from graycard.layers import with_sums
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBES, EMPTIED_SURFACE
@@ -107,7 +107,7 @@ def _check_marked(picture: Picture) -> Iterator[Check]:
 
 def _check_lobes(picture: Picture) -> Iterator[Check]:
     """Either lobe without the target is light of it; specular light differs in mirror images."""
-    present = gc.with_sums(picture.layers).get("specular")
+    present = with_sums(picture.layers).get("specular")
     if present is None or not picture.has(*EMPTIED_LOBES):
         return
     footprint, untouched, mirror = (

@@ -4,7 +4,10 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import graycard as gc
+from graycard import Capture, EnvironmentLight, GraycardError, Truth, View, open_capture, open_truth
+from graycard.dataset import IMPORTER
+from graycard.io import damaged_files, read_layers, read_manifest, read_rgb
+from graycard.layers import find_fault
 from graycard.synth.verify._check import At, Check
 
 FILES = "files"
@@ -14,10 +17,10 @@ FILES = "files"
 def is_imported(folder: Path) -> bool:
     """Whether a scene folder holds a user's own photographs, which have no truth."""
     try:
-        manifest = gc.read_manifest(folder / "capture", "graycard-capture")
-    except gc.GraycardError:
+        manifest = read_manifest(folder / "capture", "graycard-capture")
+    except GraycardError:
         return False
-    return manifest.generator.get("name") == gc.IMPORTER and not (folder / "truth").exists()
+    return manifest.generator.get("name") == IMPORTER and not (folder / "truth").exists()
 
 
 def check_files(folder: Path, at: At) -> Iterator[Check]:
@@ -34,9 +37,9 @@ def check_files(folder: Path, at: At) -> Iterator[Check]:
 
 def _faults(folder: Path, part: str) -> Iterator[str]:
     try:
-        manifest = gc.read_manifest(folder, f"graycard-{part}")
-        damaged = gc.damaged_files(folder, manifest)
-    except (gc.GraycardError, OSError) as cause:
+        manifest = read_manifest(folder, f"graycard-{part}")
+        damaged = damaged_files(folder, manifest)
+    except (GraycardError, OSError) as cause:
         yield f"{part}: {cause}"
         return
     for name, fault in damaged.items():
@@ -45,11 +48,11 @@ def _faults(folder: Path, part: str) -> Iterator[str]:
 
 def _unreadable(folder: Path) -> Iterator[str]:
     try:
-        truth = gc.open_truth(folder / "truth", check=False)
-        capture = gc.open_capture(folder / "capture", check=False)
+        truth = open_truth(folder / "truth", check=False)
+        capture = open_capture(folder / "capture", check=False)
         _read_lights(folder / "truth", truth)
         capture.points()
-    except gc.GraycardError as cause:
+    except GraycardError as cause:
         yield str(cause)
         return
     if truth.views != capture.views:
@@ -65,7 +68,7 @@ def _unreadable(folder: Path) -> Iterator[str]:
         yield from _broken_picture(path, sizes.get(path.stem))
 
 
-def _read_lights(folder: Path, truth: gc.Truth) -> None:
+def _read_lights(folder: Path, truth: Truth) -> None:
     """Read the lights and the images of surroundings, as they were and after each edit.
 
     Raises:
@@ -74,24 +77,24 @@ def _read_lights(folder: Path, truth: gc.Truth) -> None:
     sets = {"": truth.lights(), **{edit.folder: truth.relit_lights(edit.name) for edit in truth.edits}}
     for beside, lights in sets.items():
         for light in lights:
-            if isinstance(light, gc.EnvironmentLight):
-                gc.read_rgb(folder / beside / light.image)
+            if isinstance(light, EnvironmentLight):
+                read_rgb(folder / beside / light.image)
 
 
 def _broken_picture(path: Path, size: tuple[int, int] | None) -> Iterator[str]:
     """What is wrong with a picture beside the views themselves; ``size`` is that of its view."""
     try:
-        layers = gc.read_layers(path)
-    except gc.GraycardError as cause:
+        layers = read_layers(path)
+    except GraycardError as cause:
         yield str(cause)
         return
     for name, values in layers.items():
-        fault = gc.find_fault(name, values, *(size or values.shape[:2]))
+        fault = find_fault(name, values, *(size or values.shape[:2]))
         if fault:
             yield f"{path.parent.parent.name}/{path.stem}: {fault}"
 
 
-def _unreadable_view(truth: gc.Truth, capture: gc.Capture, view: gc.View) -> Iterator[str]:
+def _unreadable_view(truth: Truth, capture: Capture, view: View) -> Iterator[str]:
     size = view.camera.height, view.camera.width
     try:
         shapes = {values.shape[:2] for values in truth.layers(view).values()}
@@ -99,7 +102,7 @@ def _unreadable_view(truth: gc.Truth, capture: gc.Capture, view: gc.View) -> Ite
             shapes.add(capture.photograph(view).shape[:2])
             if capture.target is not None:
                 shapes.add(capture.target_mask(view).shape)
-    except (gc.GraycardError, KeyError) as cause:
+    except (GraycardError, KeyError) as cause:
         yield str(cause)
         return
     if shapes != {size}:

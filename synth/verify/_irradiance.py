@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import graycard as gc
+from graycard import EnvironmentLight, GaussianLight, Light, PointLight, SpotLight, luminance
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._closed_forms import sky_towards, unblocked_irradiance
 from graycard.synth.verify._subject import Picture, Subject
@@ -74,7 +74,7 @@ def _relative(found: np.ndarray, wanted: np.ndarray) -> float:
     return float((np.abs(found - wanted) / scale).max())
 
 
-def _check_shadow(picture: Picture, light: gc.Light) -> Check:
+def _check_shadow(picture: Picture, light: Light) -> Check:
     """A light is visible exactly where it gives direct light."""
     visible = picture.layers[f"visibility.{light.name}"] > 0
     lit = picture.layers[f"direct.irradiance.{light.name}"].max(axis=-1) > 0
@@ -86,10 +86,10 @@ def _check_shadow(picture: Picture, light: gc.Light) -> Check:
     return picture.at.judge("visible where lit", wrong, 1e-3, "of the pixels", told)
 
 
-def _check_formula(subject: Subject, picture: Picture, light: gc.Light) -> Iterator[Check]:
+def _check_formula(subject: Subject, picture: Picture, light: Light) -> Iterator[Check]:
     """Direct irradiance = visibility x formula, and nothing where the formula gives nothing."""
     name = "direct light of the formula"
-    rows, columns = _sample(picture, _SKY_POINTS if isinstance(light, gc.EnvironmentLight) else _POINTS)
+    rows, columns = _sample(picture, _SKY_POINTS if isinstance(light, EnvironmentLight) else _POINTS)
     points, normals = (picture.layers[k][rows, columns].astype(float) for k in ("position", "normal"))
     sent = unblocked_irradiance(light, picture.camera, points, normals, subject.sky)
     if sent is None:
@@ -102,7 +102,7 @@ def _check_formula(subject: Subject, picture: Picture, light: gc.Light) -> Itera
         yield picture.at.skip(name, f"{light.name} lights fewer than 30 of the pixels looked at")
         return
     yield from _judge_formula(picture, light, found[where], sent[where], visible[where])
-    if not isinstance(light, gc.EnvironmentLight):
+    if not isinstance(light, EnvironmentLight):
         yield from _judge_color(picture, light, found, sent, visible)
 
 
@@ -114,21 +114,21 @@ def _sample(picture: Picture, points: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _judge_formula(
-    picture: Picture, light: gc.Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
+    picture: Picture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
     """Visibility is a share of luminance, so luminance is what is compared."""
-    got, wanted = gc.luminance(found), visible * gc.luminance(sent)
+    got, wanted = luminance(found), visible * luminance(sent)
     told = (
         f"direct.irradiance.{light.name} is visibility x what lights.json says at this position and normal; "
         "looks like swapped lights, another frame, axis, angle or unit"
     )
     name = "direct light of the formula"
-    if isinstance(light, gc.EnvironmentLight):
+    if isinstance(light, EnvironmentLight):
         figure = float(np.sqrt(((got - wanted) ** 2).mean() / max(float((got**2).mean()), 1e-30)))
         yield picture.at.judge(name, figure, _SKY, "relative", told)
         return
     off = np.abs(got - wanted) / np.maximum(np.maximum(got, wanted), 1e-30)
-    if isinstance(light, gc.PointLight | gc.SpotLight | gc.GaussianLight):
+    if isinstance(light, PointLight | SpotLight | GaussianLight):
         yield picture.at.judge(name, float(np.quantile(off, 0.99)), _EXACT, "relative", told)
         return
     yield picture.at.judge(name, float(np.median(off)), _ESTIMATED, "relative", told)
@@ -137,7 +137,7 @@ def _judge_formula(
 
 
 def _judge_color(
-    picture: Picture, light: gc.Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
+    picture: Picture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
     """Where nothing is in the way, the channels have the proportions that lights.json says."""
     free = visible > 0.999

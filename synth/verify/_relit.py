@@ -5,9 +5,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-import graycard as gc
-from graycard.synth._light_edits import Edit, light_edits
+from graycard import EnvironmentLight
+from graycard.io import read_rgb, to_builtins
+from graycard.lights import light_to_json
 from graycard.synth._sky import recorded
+from graycard.synth.edits._light_edits import Edit, light_edits
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Rebuilt, Subject
 from graycard.synth.verify._values import ESTIMATES, PARTS
@@ -35,13 +37,13 @@ def check_edits(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
 
 def _has_its_lights(subject: Subject, edit: Edit) -> bool:
     found = subject.truth.relit_lights(edit.record.name)
-    if [gc.encode(gc.light_to_json(light)) for light in found] != gc.encode(
-        [gc.light_to_json(light) for light in edit.scene.lights]
+    if [to_builtins(light_to_json(light)) for light in found] != to_builtins(
+        [light_to_json(light) for light in edit.scene.lights]
     ):
         return False
     beside = subject.folder / "truth" / edit.record.folder
-    images = [light.image for light in found if isinstance(light, gc.EnvironmentLight)]
-    return all(_is_the_sky(gc.read_rgb(beside / image), edit.scene.sky) for image in images)
+    images = [light.image for light in found if isinstance(light, EnvironmentLight)]
+    return all(_is_the_sky(read_rgb(beside / image), edit.scene.sky) for image in images)
 
 
 def _is_the_sky(found: np.ndarray, sky: np.ndarray | None) -> bool:

@@ -6,8 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy import ndimage
 
-import graycard as gc
-from graycard.synth._light_edits import Edit
+from graycard import Camera, EnvironmentLight, luminance
+from graycard.synth.edits._light_edits import Edit
 from graycard.synth.verify._again import (
     albedo_again,
     effects_again,
@@ -110,8 +110,8 @@ def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Itera
     if not subject.is_separated:
         yield picture.at.skip("lights again: tiles", "a scene of scalar_rgb holds no parts of the light")
         return
-    local = [light.name for light in subject.lights if not isinstance(light, gc.EnvironmentLight)]
-    always = [light.name for light in subject.lights if isinstance(light, gc.EnvironmentLight)]
+    local = [light.name for light in subject.lights if not isinstance(light, EnvironmentLight)]
+    always = [light.name for light in subject.lights if isinstance(light, EnvironmentLight)]
     dark = ndimage.maximum_filter(picture.layers["emitted"].max(axis=-1), size=3) == 0
     pairs = []
     for first in range(0, max(len(local), 1), 3):
@@ -196,7 +196,7 @@ def check_surfaces(
 
 
 def _check_shadows(
-    rebuilt: Rebuilt, camera: gc.Camera, picture: Picture, again: Again, bound: float
+    rebuilt: Rebuilt, camera: Camera, picture: Picture, again: Again, bound: float
 ) -> Iterator[Check]:
     """A light without extent is visible where a ray reaches it and it shines, and only there."""
     stored, found = again
@@ -217,5 +217,5 @@ def _check_shadows(
 
 def _is_lit(sent: np.ndarray | None) -> np.ndarray:
     """Where a light sends more than what rounding leaves at the rim of its cone and at grazing angles."""
-    level = np.zeros(1) if sent is None else gc.luminance(sent)
+    level = np.zeros(1) if sent is None else luminance(sent)
     return level > _RIM * level.max(initial=0)

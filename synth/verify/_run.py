@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-import graycard as gc
+from graycard import TRACKS, DatasetError, Progress
+from graycard.io import silent
 from graycard.synth._scene import LambertGGX
 from graycard.synth._spec import RenderSettings
-from graycard.synth._variant import use_renderer
+from graycard.synth.renderer._variant import use_renderer
 from graycard.synth.verify._captures import check_capture, check_exposure, check_index
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._counterfactual import check_counterfactual
@@ -46,7 +47,7 @@ class Verdict:
 
 
 def verify_dataset(
-    dataset: Path, views: int = 3, render: bool = True, progress: gc.Progress = gc.silent
+    dataset: Path, views: int = 3, render: bool = True, progress: Progress = silent
 ) -> Verdict:
     """Check every scene of a dataset: its files, its geometry, its light, and a second rendering of it.
 
@@ -67,7 +68,7 @@ def verify_dataset(
         raise ValueError(f"expected 1 or more views, got {views}")
     folders = _scene_folders(Path(dataset))
     if not folders:
-        raise gc.DatasetError(
+        raise DatasetError(
             f"expected scenes DATASET/<track>/<scene> in {dataset}, got none. Run `graycard render`"
         )
     checks: list[Check] = []
@@ -79,7 +80,7 @@ def verify_dataset(
 
 def _scene_folders(dataset: Path) -> list[Path]:
     """All folders that are meant to be scenes, whole or not."""
-    return [p for track in gc.TRACKS for p in sorted((dataset / track).glob("[!.]*")) if p.is_dir()]
+    return [p for track in TRACKS for p in sorted((dataset / track).glob("[!.]*")) if p.is_dir()]
 
 
 def verify_scene(folder: Path, views: int) -> list[Check]:

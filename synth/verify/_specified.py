@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import graycard as gc
+from graycard.io import to_builtins
+from graycard.lights import light_to_json
 from graycard.synth._sky import recorded
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Rebuilt, Subject
@@ -16,10 +17,8 @@ SPECIFIED = ("lights of the spec", "cameras of the spec", "objects of the spec",
 def check_specified(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
     """Lights, cameras, objects and surroundings are those of the spec, to the last digit that JSON keeps."""
     at, scene = subject.at, rebuilt.scene
-    found, wanted = (
-        [gc.light_to_json(light) for light in lights] for lights in (subject.lights, scene.lights)
-    )
-    wrong = [light["name"] for light in found if light not in gc.encode(wanted)]
+    found, wanted = ([light_to_json(light) for light in lights] for lights in (subject.lights, scene.lights))
+    wrong = [light["name"] for light in found if light not in to_builtins(wanted)]
     told = f"lights.json is that of the spec; other ones are {', '.join(wrong) or 'missing'}"
     yield at.judge("lights of the spec", len(wrong) + abs(len(found) - len(wanted)), 0, "lights", told)
     pairs = zip(subject.truth.views, scene.views, strict=False)

@@ -9,11 +9,23 @@ from typing import Any
 
 import numpy as np
 
-import graycard as gc
+from graycard import (
+    Camera,
+    Capture,
+    EnvironmentLight,
+    GraycardError,
+    Light,
+    Truth,
+    View,
+    open_capture,
+    open_truth,
+)
+from graycard.dataset import manifest_of
+from graycard.io import Manifest, from_builtins, read_rgb
 from graycard.synth._scene import Scene
 from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
-from graycard.synth._variant import LLVM_RGB
 from graycard.synth.families import family_of
+from graycard.synth.renderer._variant import LLVM_RGB
 from graycard.synth.verify._check import At
 
 Layers = Mapping[str, np.ndarray]
@@ -25,11 +37,11 @@ class Picture:
 
     at: At
     number: int
-    view: gc.View
+    view: View
     layers: Layers
 
     @property
-    def camera(self) -> gc.Camera:
+    def camera(self) -> Camera:
         """The camera of the view."""
         return self.view.camera
 
@@ -63,10 +75,10 @@ class Subject:
 
     at: At
     folder: Path
-    capture: gc.Capture
-    truth: gc.Truth
-    manifest: gc.Manifest
-    lights: tuple[gc.Light, ...]
+    capture: Capture
+    truth: Truth
+    manifest: Manifest
+    lights: tuple[Light, ...]
     sky: np.ndarray | None
     """``environment.exr``, shape ``(H, W, 3)``; None where there is none."""
 
@@ -92,34 +104,34 @@ def open_subject(folder: Path) -> Subject:
     Raises:
         GraycardError: A file of it cannot be read.
     """
-    truth = gc.open_truth(folder / "truth", check=False)
+    truth = open_truth(folder / "truth", check=False)
     lights = truth.lights()
-    images = [light.image for light in lights if isinstance(light, gc.EnvironmentLight)]
-    sky = gc.read_rgb(folder / "truth" / images[0]) if images else None
+    images = [light.image for light in lights if isinstance(light, EnvironmentLight)]
+    sky = read_rgb(folder / "truth" / images[0]) if images else None
     return Subject(
         At(f"{folder.parent.name}/{folder.name}"),
         folder,
-        gc.open_capture(folder / "capture", check=False),
+        open_capture(folder / "capture", check=False),
         truth,
-        gc.manifest_of(truth),
+        manifest_of(truth),
         lights,
         sky,
     )
 
 
-def rebuild(manifest: gc.Manifest) -> Rebuilt | str:
+def rebuild(manifest: Manifest) -> Rebuilt | str:
     """The scene that a truth's manifest describes, or why it cannot be built."""
     made_by = manifest.generator.get("generator")
     if made_by != GENERATOR_VERSION:
         return f"the scene is of generator {made_by}, this graycard has generator {GENERATOR_VERSION}"
     try:
-        settings = gc.decode(RenderSettings, manifest.settings["render"], source="the render settings")
+        settings = from_builtins(RenderSettings, manifest.settings["render"], source="the render settings")
         spec = _spec_of(manifest)
         return Rebuilt(spec, settings, family_of(spec).build(spec.seed, settings))
-    except (gc.GraycardError, KeyError, TypeError, ValueError) as cause:
+    except (GraycardError, KeyError, TypeError, ValueError) as cause:
         return f"its spec cannot be built here: {cause}"
 
 
-def _spec_of(manifest: gc.Manifest) -> SceneSpec:
+def _spec_of(manifest: Manifest) -> SceneSpec:
     settings: Mapping[str, Any] = manifest.settings
     return SceneSpec(manifest.track, settings["family"], manifest.seeds["scene"], dict(settings["knobs"]))

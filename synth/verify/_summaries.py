@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import graycard as gc
+from graycard import Points
+from graycard.colour import display_variance
 from graycard.synth._spec import CaptureSettings
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
@@ -33,7 +34,7 @@ class Summary:
     def add(self, picture: Picture) -> None:
         """Take a view into account whose layers are whole."""
         exposure = self._subject.truth.exposure
-        noise = gc.display_variance(picture.layers["radiance"], picture.layers["radiance.var"], exposure)
+        noise = display_variance(picture.layers["radiance"], picture.layers["radiance.var"], exposure)
         self._noise.append(float(noise.mean()))
         places = picture.layers["position"][picture.seen].astype(float)
         places = np.concatenate([places, picture.camera.position[None]])
@@ -83,7 +84,7 @@ class Summary:
         yield at.judge("sparse points on surfaces", share, bound, "of the points", told)
 
 
-def _on_surface(points: gc.Points, picture: Picture, noise: float) -> np.ndarray:
+def _on_surface(points: Points, picture: Picture, noise: float) -> np.ndarray:
     """Whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
     near = np.zeros(len(points), bool)
     here = points.view == picture.number

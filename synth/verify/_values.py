@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-import graycard as gc
+from graycard import find_layer
+from graycard.layers import LOBES, find_fault
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Picture, Subject
 
@@ -27,7 +28,7 @@ SURFACE = (
 COUNTERFACTUAL = tuple(f"counterfactual.{name}" for name in ESTIMATES)
 EFFECTS = tuple(f"effect.{name}" for name in ("untouched", "footprint", "shadow", "mirror", "bleeding"))
 """Only of views whose renderer tells the parts of the light apart, as are the next."""
-EMPTIED_LOBES = tuple(f"counterfactual.{lobe}" for lobe in gc.LOBES)
+EMPTIED_LOBES = tuple(f"counterfactual.{lobe}" for lobe in LOBES)
 EMPTIED_SURFACE = tuple(f"counterfactual.{name}" for name in ("normal", "f0", "roughness"))
 SEPARATED = ("emitted", "shading", "shading.var", "albedo")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
@@ -70,7 +71,7 @@ def check_values(subject: Subject, picture: Picture) -> Iterator[Check]:
         f"missing are {', '.join(missing[:4])}: a part was dropped",
     )
     height, width = picture.camera.height, picture.camera.width
-    faults = [fault for name in layers if (fault := gc.find_fault(name, layers[name], height, width))]
+    faults = [fault for name in layers if (fault := find_fault(name, layers[name], height, width))]
     yield at.judge("values finite", len(faults), 0, "layers", "; ".join(faults[:3]))
     outside = [told for name, values in layers.items() if (told := _outside(name, values))]
     yield at.judge("values in range", len(outside), 0, "layers", "; ".join(outside[:3]))
@@ -89,7 +90,7 @@ def _outside(name: str, values: np.ndarray) -> str:
 
 
 def _range(name: str) -> tuple[float, float]:
-    layer = gc.layer(name)
+    layer = find_layer(name)
     if name == "position":
         return -np.inf, np.inf
     if layer.unit == "1" or layer.unit.startswith("1,"):

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from graycard.__main__ import main
+from graycard.cli import main
 from valid_runs import write_valid_run
 
 SUITE = """

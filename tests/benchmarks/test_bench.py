@@ -13,20 +13,21 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
 from graycard.benchmarks import check_result
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks._runner import job_hash
+from graycard.cli import main
+from graycard.io import read_json, sha256, write_json
+from graycard.records import Job, ScoreSheet, read_comparison, read_run
 
 TRACKS = ("dark", "tabletop", "multilight")
 
 
-def sheets(run: Path) -> dict[tuple[str, str], gc.ScoreSheet | None]:
-    return {(r.job.track, r.job.method): r.sheet for r in gc.read_run(run).results}
+def sheets(run: Path) -> dict[tuple[str, str], ScoreSheet | None]:
+    return {(r.job.track, r.job.method): r.sheet for r in read_run(run).results}
 
 
-def dark_sheets(run: Path) -> dict[tuple[str, str], gc.ScoreSheet | None]:
+def dark_sheets(run: Path) -> dict[tuple[str, str], ScoreSheet | None]:
     return {key: sheet for key, sheet in sheets(run).items() if key[0] == "dark"}
 
 
@@ -40,7 +41,7 @@ def stamps(run: Path) -> dict[str, int]:
 
 
 def test_every_job_is_there(tiny_run: Path):
-    record = gc.read_run(tiny_run)
+    record = read_run(tiny_run)
     assert [s.track for s in record.scenes] == list(TRACKS)
     assert [m.name for m in record.methods] == ["truth", "gray", "input", "retinex"]
     assert len(record.results) == 12
@@ -51,7 +52,7 @@ def test_every_job_is_there(tiny_run: Path):
 
 def test_a_bench_compares_and_its_result_is_valid(tiny_run: Path):
     """All but the commit, which a checkout under work does not have."""
-    found = gc.read_comparison(tiny_run)
+    found = read_comparison(tiny_run)
     assert found
     assert {pair.verdict for table in found.metrics for pair in table.pairs} <= {"too few scenes"}
     assert {m.method for m in found.find("dark", "albedo.psnr.channel").methods} == {
@@ -59,7 +60,7 @@ def test_a_bench_compares_and_its_result_is_valid(tiny_run: Path):
     }  # fmt: skip
     breaches = check_result(tiny_run, rescore=True).breaches
     assert {(breach.rule, breach.unknown) for breach in breaches} <= {("origin", False)}, breaches
-    record = gc.read_run(tiny_run)
+    record = read_run(tiny_run)
     assert all(len(r.sheet.protocols) > 10 for r in record.results if r.sheet)
     assert all(not r.access.refused for r in record.results if r.access)
     sees = {m.name: bool(m.sees) for m in record.methods}
@@ -91,11 +92,11 @@ def test_the_others_are_finite_and_worse(tiny_run: Path, track: str, method: str
 
 
 def test_again_it_reuses_everything(tiny_run: Path, capsys: pytest.CaptureFixture[str]):
-    before, scores, record = stamps(tiny_run), sheets(tiny_run), gc.read_run(tiny_run)
+    before, scores, record = stamps(tiny_run), sheets(tiny_run), read_run(tiny_run)
     assert main(["bench", str(tiny_run.parent / "tiny.toml"), "--out", str(tiny_run)]) == 0
     assert stamps(tiny_run) == before
     assert sheets(tiny_run) == scores
-    assert gc.read_run(tiny_run) == record, "nothing was measured anew, so nothing is said anew"
+    assert read_run(tiny_run) == record, "nothing was measured anew, so nothing is said anew"
     last = capsys.readouterr().out.strip().splitlines()[-1]
     assert last.startswith("bench: 12 jobs, 0 failures")
     assert last.endswith(str(tiny_run / "report" / "index.html"))
@@ -144,9 +145,9 @@ def test_a_damaged_prediction_is_made_again(tiny_run: Path, tmp_path: Path, suit
 
 def test_an_oracle_is_made_again_when_the_truth_changes(make_scene: Callable[..., Path], tmp_path: Path):
     scene = make_scene()
-    job = gc.Job("dark", scene.name, "truth", 0, {}, "truth")
-    before = job_hash(job, [gc.sha256(scene / p / "manifest.json") for p in ("capture", "truth")], "code")
-    assert job_hash(job, [gc.sha256(scene / "capture" / "manifest.json"), "other"], "code") != before
+    job = Job("dark", scene.name, "truth", 0, {}, "truth")
+    before = job_hash(job, [sha256(scene / p / "manifest.json") for p in ("capture", "truth")], "code")
+    assert job_hash(job, [sha256(scene / "capture" / "manifest.json"), "other"], "code") != before
     assert job_hash(job, ["other"], "other code") != before
 
 
@@ -163,11 +164,11 @@ def test_a_part_of_a_suite_joins_what_is_there(tiny_run: Path, tmp_path: Path, s
     run = tmp_path / "run"
     command = ["bench", str(suite_of()), "--out", str(run), "--dataset", str(tiny_run / "dataset")]
     assert main([*command, "--tracks", "dark", "--methods", "truth", "gray"]) == 0
-    first = gc.read_run(run).wall_s
+    first = read_run(run).wall_s
     assert main([*command, "--tracks", "dark", "tabletop", "--methods", "input"]) == 0
-    assert gc.read_run(run).wall_s > first, "the time of both parts"
+    assert read_run(run).wall_s > first, "the time of both parts"
     assert set(sheets(run)) == {("dark", "truth"), ("dark", "gray"), ("dark", "input"), ("tabletop", "input")}
-    record = gc.read_run(run)
+    record = read_run(run)
     assert [s.track for s in record.scenes] == ["dark", "tabletop"]
     assert [m.name for m in record.methods] == ["truth", "gray", "input"], "the suite's order"
     assert [r.job.method for r in record.results] == ["truth", "gray", "input", "input"]
@@ -192,7 +193,7 @@ def test_an_environment_is_kept_for_what_its_record_tells(
     made = stamps(run)
     assert main(command) == 0
     assert stamps(run) == made, "nothing is made again"
-    after = gc.read_run(run)
+    after = read_run(run)
     assert (after.environment["git_commit"] == "before") is told
     assert after.wall_s == 1000.0 if told else after.wall_s > 1000.0
 
@@ -226,9 +227,7 @@ def test_variants_of_a_method_have_rows_of_their_own(
         "gray-light",
     ]
     assert main(command) == 0
-    values = {
-        r.job.method: r.sheet.score("albedo.psnr.raw").value for r in gc.read_run(run).results if r.sheet
-    }
+    values = {r.job.method: r.sheet.score("albedo.psnr.raw").value for r in read_run(run).results if r.sheet}
     assert set(values) == {"gray", "gray-light"}
     assert values["gray"] != values["gray-light"]
     assert main(["gate", str(run), "--baseline", str(tmp_path / "b.json"), "--write"]) == 0
@@ -258,7 +257,7 @@ def test_gate_names_what_got_worse(
     assert f"gray albedo.psnr.raw: expected {good:.4g} dB" in out
     assert f"got {bad:.4g}" in out
     assert "accuracy dropped" in out.splitlines()[-1]
-    assert gc.read_json(tmp_path / "v.json")["worse"]
+    assert read_json(tmp_path / "v.json")["worse"]
 
 
 def test_gate_fails_when_less_was_measured(
@@ -339,13 +338,13 @@ def test_whatever_a_method_raises_fails_its_job(
     make_scene: Callable[..., Path], tmp_path: Path, broken_module: str, threads: int, name: str
 ):
     scene, method = make_scene(), f"{broken_module}:{name}"
-    job = gc.Job("dark", scene.name, method, 0, {}, method)
+    job = Job("dark", scene.name, method, 0, {}, method)
     outcome = run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads))
     assert BREAKS[name] in outcome.reason
     assert not outcome.fatal
     log = tmp_path / "job" / "error.txt"
     assert log.is_file() == ("error.txt" in outcome.reason)
-    gc.write_json(tmp_path / "record.json", outcome.reason)
+    write_json(tmp_path / "record.json", outcome.reason)
 
 
 def test_where_the_run_cannot_be_written_it_ends(
@@ -354,7 +353,7 @@ def test_where_the_run_cannot_be_written_it_ends(
     scene = make_scene()
     (tmp_path / "job").mkdir()
     (tmp_path / "job" / "predictions").write_text("in the way")
-    job = gc.Job("dark", scene.name, "gray", 0, {}, "gray")
+    job = Job("dark", scene.name, "gray", 0, {}, "gray")
     assert run_fit(FitJob(job, "hash", scene, tmp_path / "job", threads)).fatal
 
 
@@ -376,7 +375,7 @@ def test_a_method_that_breaks_fails_alone(
     ]
     methods = [f"{broken_module}:{name}" for name in ("Raises", "Dies", "CannotWrite", "Hangs", "NoText")]
     assert main([*command, "--methods", *methods, "gray", "--timeout", "12"]) == 1
-    raised, died, unwritten, hung, no_text, gray = gc.read_run(run).results
+    raised, died, unwritten, hung, no_text, gray = read_run(run).results
     assert {r.status for r in (raised, died, unwritten, hung, no_text)} == {"failed"}
     assert gray.status == "done"
     assert BREAKS["Raises"] in raised.reason

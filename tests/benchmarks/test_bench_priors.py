@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import DatasetError, MethodError, RecordError, open_truth
 from graycard.benchmarks import FitSpec, Suite, SuiteMethod, fit_scene, load_suite
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import run_fit
 from graycard.benchmarks._run_record import method_record
 from graycard.benchmarks._runner import _plan
+from graycard.cli import main
+from graycard.io import from_builtins, read_layers, silent, to_builtins
 from graycard.methods.priors import Override, PriorSpec
+from graycard.records import Job
 from graycard.synth import RenderSettings, SceneSpec
 
 ASKER = """
@@ -49,9 +51,9 @@ def asker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 def depths(folder: Path, scene: Path) -> tuple[np.ndarray, np.ndarray]:
     """Predicted and true depth of the first view."""
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     view = truth.views[0]
-    found = gc.read_layers(folder / "views" / f"{view.name}.exr")["depth"]
+    found = read_layers(folder / "views" / f"{view.name}.exr")["depth"]
     return found, truth.layers(view)["depth"]
 
 
@@ -59,10 +61,10 @@ def test_an_oracle_answers_and_the_method_never_sees_the_truth(
     asker: str, tiny_scenes: dict[str, Path], tmp_path: Path
 ):
     scene = tiny_scenes["dark"]
-    fit_scene(FitSpec(asker, {}, 0, scene, priors=PriorSpec("oracle")), tmp_path / "exact", gc.silent)
+    fit_scene(FitSpec(asker, {}, 0, scene, priors=PriorSpec("oracle")), tmp_path / "exact", silent)
     found, true = depths(tmp_path / "exact", scene)
     np.testing.assert_allclose(found, true, rtol=1e-6)
-    fit_scene(FitSpec(asker, {}, 0, scene, priors=PriorSpec("oracle", 3)), tmp_path / "wrong", gc.silent)
+    fit_scene(FitSpec(asker, {}, 0, scene, priors=PriorSpec("oracle", 3)), tmp_path / "wrong", silent)
     found, true = depths(tmp_path / "wrong", scene)
     assert not np.allclose(found, true, rtol=1e-2)
 
@@ -73,8 +75,8 @@ def test_truth_that_a_scene_has_not_is_met_before_the_fit(
     method = Path(tmp_path / "asking_method.py")
     method.write_text(ASKER.replace('Ask("base_color", optional=True)', 'Ask("roughness")'))
     spec = FitSpec(asker, {}, 0, tiny_scenes["dark"], priors=PriorSpec("oracle"))
-    with pytest.raises(gc.DatasetError, match="expected the truth of .* to have roughness, got none"):
-        fit_scene(spec, tmp_path / "out", gc.silent)
+    with pytest.raises(DatasetError, match="expected the truth of .* to have roughness, got none"):
+        fit_scene(spec, tmp_path / "out", silent)
     assert not (tmp_path / "out").exists()
 
 
@@ -104,7 +106,7 @@ def test_a_job_is_addressed_by_its_priors_too(asker: str, tiny_scenes: dict[str,
     jobs = planned(tiny_scenes["dark"], *rows)
     assert len({job.job_hash for job in jobs}) == len(specs)
     assert [job.job.priors["source"] for job in jobs] == ["oracle"] * 4 + ["classical"] * 2
-    assert gc.decode(gc.Job, gc.encode(jobs[3].job)) == jobs[3].job
+    assert from_builtins(Job, to_builtins(jobs[3].job)) == jobs[3].job
     (weights / "depth.pt").write_bytes(b"22")
     assert planned(tiny_scenes["dark"], rows[5])[0].job_hash != jobs[5].job_hash
 
@@ -137,9 +139,9 @@ def test_a_row_says_its_priors_and_wrong_ones_are_met_before_any_work(asker: str
     asks = SuiteMethod(asker, priors=PriorSpec("oracle", 2))
     record = method_record(asks, introduction_of(asks))
     assert record.summary.endswith("(priors: oracle, severity 2)")
-    with pytest.raises(gc.MethodError, match="gives depth, got 'none'"):
+    with pytest.raises(MethodError, match="gives depth, got 'none'"):
         introduction_of(SuiteMethod(asker))
-    with pytest.raises(gc.MethodError, match="expected no priors for a method that asks for none"):
+    with pytest.raises(MethodError, match="expected no priors for a method that asks for none"):
         introduction_of(SuiteMethod("gray", priors=PriorSpec("oracle")))
 
 
@@ -170,7 +172,7 @@ def test_a_suite_names_priors(tmp_path: Path):
         "oracle", 2, overrides={"depth": Override(severity=4, errors={"kappa": 0.3})}
     )
     path.write_text(SUITE.format(severity=7))
-    with pytest.raises(gc.RecordError, match="expected a severity of 0 to 5, got 7"):
+    with pytest.raises(RecordError, match="expected a severity of 0 to 5, got 7"):
         load_suite(str(path))
 
 

@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 from changed_scene import DESK, LAMP, enrich
-from graycard.__main__ import main
+from graycard import DatasetError, open_truth
 from graycard.benchmarks.bounds import best_vector_errors, vector_bound
+from graycard.cli import main
+from graycard.dataset import manifest_of
+from graycard.io import read_json, write_layers, write_manifest
+from graycard.lights import write_lights
 
 UP, DOWN, EAST = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
 
@@ -54,13 +57,13 @@ def test_lights_that_a_point_faces_away_from_do_not_count():
 @pytest.fixture
 def scene(make_scene: Callable[..., Path]) -> Path:
     folder = enrich(make_scene(track="multilight"))
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         layers["visibility.desk"] = np.ones_like(layers["depth"])
-        gc.write_layers(folder / f"truth/views/{view.name}.exr", layers)
-    gc.write_lights(folder / "truth/lights.json", (replace(LAMP, frame="world", position=(0, 0, 3.0)), DESK))
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+        write_layers(folder / f"truth/views/{view.name}.exr", layers)
+    write_lights(folder / "truth/lights.json", (replace(LAMP, frame="world", position=(0, 0, 3.0)), DESK))
+    write_manifest(folder / "truth", manifest_of(truth))
     return folder
 
 
@@ -73,12 +76,12 @@ def test_a_scene(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert found == vector_bound(scene)
     assert main(["bounds", str(scene), "--json", str(tmp_path / "b.json")]) == 0
     assert "bounds: 1 scenes" in capsys.readouterr().out
-    assert gc.read_json(tmp_path / "b.json")[0]["scene"] == "multilight/tiny-0000"
+    assert read_json(tmp_path / "b.json")[0]["scene"] == "multilight/tiny-0000"
 
 
 def test_a_scene_without_visibility_is_refused(
     make_scene: Callable[..., Path], capsys: pytest.CaptureFixture[str]
 ):
-    with pytest.raises(gc.DatasetError, match=r"expected layers visibility\.<light> in view .* none of lamp"):
+    with pytest.raises(DatasetError, match=r"expected layers visibility\.<light> in view .* none of lamp"):
         vector_bound(make_scene())
     assert main(["bounds"]) == 2

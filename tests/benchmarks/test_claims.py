@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import graycard as gc
 from graycard.benchmarks.claims import Along, Check, Claim, Paper, Quantity, Scenes, judge_paper
 from graycard.eval.statistics import mean_interval, mean_p, signed_rank_p
+from graycard.records import ClaimResult, Cost, JobResult, RowMean, RunRecord
 from runs_by_hand import Values, result_of, run_of, scene_of, without_metrics
 
 SPREAD = np.array([-0.3, 0.2, -0.1, 0.4, -0.2, 0.1, 0.3, -0.4])
@@ -25,13 +25,13 @@ def values(mean: float, spread: np.ndarray = SPREAD) -> list[float]:
     return list(map(float, BASE[: len(spread)] + mean + spread))
 
 
-def run_with(**rows: Values) -> gc.RunRecord:
+def run_with(**rows: Values) -> RunRecord:
     return run_of({"bound": {"psnr": values(9)}, "gray": {"psnr": values(-9)}} | {
         row: {"psnr": found} for row, found in rows.items()
     })  # fmt: skip
 
 
-def even_run(scenes: int) -> gc.RunRecord:
+def even_run(scenes: int) -> RunRecord:
     return run_of({row: {"psnr": [2.0] * scenes} for row in ("mine", "theirs")})
 
 
@@ -45,15 +45,15 @@ def paper_of(*checks: Check, **more: Any) -> Paper:
     return Paper("p", 1, "A paper", "dark", bound="bound", trivial="gray", claims=claims)
 
 
-def judged(run: gc.RunRecord, *checks: Check, **more: Any) -> gc.ClaimResult:
+def judged(run: RunRecord, *checks: Check, **more: Any) -> ClaimResult:
     return judge_paper(paper_of(*checks, **more), run)[0]
 
 
-def verdict(run: gc.RunRecord, *checks: Check, **more: Any) -> str:
+def verdict(run: RunRecord, *checks: Check, **more: Any) -> str:
     return judged(run, *checks, **more).verdict
 
 
-def against(mean: float, spread: np.ndarray = SPREAD) -> gc.RunRecord:
+def against(mean: float, spread: np.ndarray = SPREAD) -> RunRecord:
     """``mine`` is better than ``theirs`` by a mean and a spread over scenes."""
     return run_with(mine=values(mean, spread), theirs=values(0, 0 * spread))
 
@@ -77,7 +77,7 @@ def test_better(lead: float, paper: float | None, expected: str) -> None:
     assert verdict(against(lead), check_of(paper=paper)) == expected
 
 
-def led_by(effects: Sequence[float]) -> gc.RunRecord:
+def led_by(effects: Sequence[float]) -> RunRecord:
     """``mine`` is ahead of ``theirs`` by so much on each scene."""
     return against(0.0, np.array(effects))
 
@@ -126,15 +126,15 @@ def test_the_limit_of_a_row_without_error_is_the_noise() -> None:
     rows = {"mine": {"psnr": values(5)}, "theirs": {"psnr": values(0)}, "bound": {"psnr": [math.inf] * 8}}
     run = run_of(rows)
     found = judged(run, check_of())
-    assert found.checks[0].bound == gc.RowMean("bound", None, "has no error")
+    assert found.checks[0].bound == RowMean("bound", None, "has no error")
     assert "upper bound bound has no error" in found.text
     noisy = judged(_noisy(run), check_of())
     told = "noise ceiling"
-    assert noisy.checks[0].bound == gc.RowMean("bound", 51.0, told)
+    assert noisy.checks[0].bound == RowMean("bound", 51.0, told)
     assert f"upper bound bound 51 dB ({told})" in noisy.text
     some = {"bound": {"psnr": [math.inf] * 4 + [31.0] * 4}}
     mixed = judged(_noisy(run_of(rows | some)), check_of()).checks[0]
-    assert mixed.bound == gc.RowMean("bound", 41.0, told)
+    assert mixed.bound == RowMean("bound", 41.0, told)
 
 
 def test_noise_accuses_nobody() -> None:
@@ -165,11 +165,11 @@ def test_a_ratio_may_be_negligible() -> None:
     assert judged(run_of(rows), replace(check, negligible=0.01)).verdict == "reproduced"
 
 
-def _noisy(run: gc.RunRecord) -> gc.RunRecord:
+def _noisy(run: RunRecord) -> RunRecord:
     return replace(run, results=tuple(map(with_ceiling, run.results)))
 
 
-def with_ceiling(result: gc.JobResult) -> gc.JobResult:
+def with_ceiling(result: JobResult) -> JobResult:
     assert result.sheet is not None
     scores = tuple(replace(score, noise_ceiling=51.0) for score in result.sheet.scores)
     return replace(result, sheet=replace(result.sheet, scores=scores))
@@ -181,7 +181,7 @@ def test_a_gap_of_a_row_without_error_is_none() -> None:
         {row: {"psnr": [v + ahead for v in values(0)], "train": values(ahead)} for row, ahead in rows.items()}
     )
     found = judged(run, check_of(expects="lower", quantity=Quantity("train", less="psnr"))).checks[0]
-    assert found.bound == gc.RowMean("bound", None, "has no error, and so no difference")
+    assert found.bound == RowMean("bound", None, "has no error, and so no difference")
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_one_row_is_judged_against_a_number() -> None:
 
 
 def test_a_ratio_is_of_geometric_means() -> None:
-    costs = {"mine": gc.Cost(10, 100, {"steps": 50}), "theirs": gc.Cost(130, 100, {"steps": 800})}
+    costs = {"mine": Cost(10, 100, {"steps": 50}), "theirs": Cost(130, 100, {"steps": 800})}
     rows = {row: {"psnr": values(0)} for row in costs}
     times = Quantity("cost.wall_s")
     run = run_of(rows, costs=costs)
@@ -311,7 +311,7 @@ def line_through(places: Sequence[float], found: Sequence[float]) -> float:
     return line.slope
 
 
-def course(*means: float, spread: np.ndarray = SPREAD) -> gc.RunRecord:
+def course(*means: float, spread: np.ndarray = SPREAD) -> RunRecord:
     """Three rows with these means; scenes differ in how steep they are."""
     steps = enumerate(means)
     return run_with(**{n: values(m, i * spread / 2) for n, (i, m) in zip(LEVELS, steps, strict=True)})
@@ -351,7 +351,7 @@ def test_a_gap_that_grows() -> None:
     assert verdict(run, replace(check, rows=("x", "y", "z"), minus=LEVELS)) == "contradicted"
 
 
-def along_knob(slope: float) -> gc.RunRecord:
+def along_knob(slope: float) -> RunRecord:
     knobs = np.linspace(0, 0.7, 8)
     lead = 3 + slope * knobs
     rows = {"mine": {"psnr": list(BASE + lead + SPREAD / 10)}, "theirs": {"psnr": list(BASE)}}
@@ -414,7 +414,7 @@ def test_scenes_are_chosen_by_family_and_knob() -> None:
         (without_metrics(against(5), "psnr"), "the run has no metric psnr"),
     ],
 )
-def test_what_cannot_be_checked_says_why(run: gc.RunRecord, reason: str) -> None:
+def test_what_cannot_be_checked_says_why(run: RunRecord, reason: str) -> None:
     found = judged(run, check_of(paper=5.0))
     assert found.verdict == "not checkable"
     assert reason in found.text
@@ -449,7 +449,7 @@ def test_scenes_that_do_not_have_the_metric_are_not_meant() -> None:
     rows["bound"] = {"error": [0.0] * 3, "psnr": values(9)}
     found = judged(run_of(rows), check_of(expects="lower", quantity=Quantity("error"))).checks[0]
     assert (found.verdict, list(found.scenes)) == ("reproduced", ["s0", "s1", "s2"])
-    assert found.bound == gc.RowMean("bound", 0.0)
+    assert found.bound == RowMean("bound", 0.0)
 
 
 def test_parts_and_protocols_of_a_score() -> None:
@@ -548,7 +548,7 @@ def test_more_than_is_possible_is_called_that() -> None:
 def test_rows_beside_a_check_that_are_missing_say_so() -> None:
     run = run_of({"mine": {"psnr": values(5)}, "theirs": {"psnr": values(0)}, "gray": {"error": [0.0] * 8}})
     found = judged(run, check_of()).checks[0]
-    assert found.bound == gc.RowMean("bound", None, "not in this run")
+    assert found.bound == RowMean("bound", None, "not in this run")
     assert found.reason.endswith("; upper bound bound not in this run, trivial gray has no psnr on s0")
     assert found.trivial is not None
     assert found.trivial.reason == "has no psnr on s0"

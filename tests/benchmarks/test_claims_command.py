@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import RecordError
+from graycard.cli import main
+from graycard.io import from_builtins, read_json, sha256, write_json
+from graycard.records import CLAIMS, Ledger, find_claim, read_ledger, read_run
 from runs_by_hand import run_of
 
 ROOT = Path(__file__).parents[2]
 
-CLAIMS = """
+OWN_CLAIMS = """
 name = "mine"
 version = 3
 title = "A paper of mine"
@@ -57,14 +59,14 @@ expects = "higher"
 @pytest.fixture
 def claims(tmp_path: Path) -> str:
     path = tmp_path / "mine.toml"
-    path.write_text(CLAIMS)
+    path.write_text(OWN_CLAIMS)
     return str(path)
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
     rows = {"mine": [35.0, 35.5, 36.5], "theirs": [30.0, 31.0, 31.0], "gray": [10.0] * 3, "bound": [50.0] * 3}
-    gc.write_json(tmp_path / "run" / "run.json", run_of({row: {"psnr": v} for row, v in rows.items()}))
+    write_json(tmp_path / "run" / "run.json", run_of({row: {"psnr": v} for row, v in rows.items()}))
     return tmp_path / "run"
 
 
@@ -82,22 +84,22 @@ def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.Captu
     assert lines[-1].startswith(
         "claims: 1 reproduced, 0 direction only, 0 not supported, 0 contradicted, 1 not"
     )
-    ledger = gc.read_ledger(run)
+    ledger = read_ledger(run)
     assert ledger is not None
-    assert ledger == gc.decode(gc.Ledger, gc.read_json(copy))
-    assert ledger.run_sha256 == gc.sha256(run / "run.json")
-    assert ledger.papers[0].claims_sha256 == gc.sha256(Path(claims))
+    assert ledger == from_builtins(Ledger, read_json(copy))
+    assert ledger.run_sha256 == sha256(run / "run.json")
+    assert ledger.papers[0].claims_sha256 == sha256(Path(claims))
     assert ledger.methods["mine"] == "what mine is"
-    assert gc.find_claim(ledger, "M2").verdict == "not checkable"
-    with pytest.raises(gc.RecordError, match="expected a claim of this ledger, got 'M3'"):
-        gc.find_claim(ledger, "M3")
+    assert find_claim(ledger, "M2").verdict == "not checkable"
+    with pytest.raises(RecordError, match="expected a claim of this ledger, got 'M3'"):
+        find_claim(ledger, "M3")
 
 
 def test_the_same_run_gives_the_same_ledger(run: Path, claims: str) -> None:
     main(["claims", str(run), "--claims", claims])
-    once = (run / gc.CLAIMS).read_bytes()
+    once = (run / CLAIMS).read_bytes()
     main(["claims", str(run), "--claims", claims])
-    assert (run / gc.CLAIMS).read_bytes() == once
+    assert (run / CLAIMS).read_bytes() == once
 
 
 def test_claims_of_another_suite_are_refused_and_nothing_is_replaced(
@@ -105,8 +107,8 @@ def test_claims_of_another_suite_are_refused_and_nothing_is_replaced(
 ) -> None:
     """The rows of two suites may have the same names, and other scenes."""
     assert main(["claims", str(run), "--claims", claims]) == 0
-    before = (run / gc.CLAIMS).read_bytes()
-    Path(claims).write_text(CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "theirs"', 1))
+    before = (run / CLAIMS).read_bytes()
+    Path(claims).write_text(OWN_CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "theirs"', 1))
     capsys.readouterr()
     assert main(["claims", str(run), "--claims", claims]) == 2
     said = capsys.readouterr()
@@ -118,7 +120,7 @@ def test_claims_of_another_suite_are_refused_and_nothing_is_replaced(
         "expected a run of suite 'claims-dark' for claims 'sunfaded', a run of suite 'claims-multilight' for"
         in capsys.readouterr().err
     )
-    assert (run / gc.CLAIMS).read_bytes() == before
+    assert (run / CLAIMS).read_bytes() == before
     assert main(["claims", str(run), "--claims", claims, "--any-suite"]) == 0
     said = capsys.readouterr()
     assert f"not of these scenes: {claims} is made for runs of theirs, not of hand" in said.err
@@ -128,7 +130,7 @@ def test_claims_of_another_suite_are_refused_and_nothing_is_replaced(
 def test_claims_that_name_the_runs_suite_are_judged(
     run: Path, claims: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path(claims).write_text(CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "hand"', 1))
+    Path(claims).write_text(OWN_CLAIMS.replace('track = "dark"', 'track = "dark"\nsuite = "hand"', 1))
     assert main(["claims", str(run), "--claims", claims]) == 0
     assert capsys.readouterr().err == ""
 
@@ -138,9 +140,9 @@ def test_a_run_that_no_claims_are_made_for_is_held_against_all_if_asked(
 ) -> None:
     assert main(["claims", str(run)]) == 2
     assert "expected a run of suite 'claims-tabletop' for claims 'goris'" in capsys.readouterr().err
-    assert gc.read_ledger(run) is None
+    assert read_ledger(run) is None
     assert main(["claims", str(run), "--any-suite"]) == 0
-    ledger = gc.read_ledger(run)
+    ledger = read_ledger(run)
     assert ledger is not None
     assert [paper.name for paper in ledger.papers] == [
         "goris",
@@ -149,15 +151,15 @@ def test_a_run_that_no_claims_are_made_for_is_held_against_all_if_asked(
         "gsid",
         "sunfaded",
     ]
-    assert gc.find_claim(ledger, "GA1").verdict == "contradicted"
+    assert find_claim(ledger, "GA1").verdict == "contradicted"
     assert all(claim.verdict == "not checkable" for claim in ledger.papers[4].claims)
     assert "the run has no row sunfaded, appearance" in capsys.readouterr().out
 
 
 def test_claims_made_for_the_suite_come_first(run: Path) -> None:
-    gc.write_json(run / "run.json", replace(gc.read_run(run), suite="claims-dark"))
+    write_json(run / "run.json", replace(read_run(run), suite="claims-dark"))
     assert main(["claims", str(run)]) == 0
-    ledger = gc.read_ledger(run)
+    ledger = read_ledger(run)
     assert ledger is not None
     assert [paper.name for paper in ledger.papers] == ["sunfaded"]
 
@@ -169,7 +171,7 @@ def test_tables_of_papers_need_no_run(tmp_path: Path, capsys: pytest.CaptureFixt
     assert (
         "claims: 1 reproduced, 0 direction only, 0 not supported, 5 contradicted" in capsys.readouterr().out
     )
-    ledger = gc.decode(gc.Ledger, gc.read_json(copy))
+    ledger = from_builtins(Ledger, read_json(copy))
     assert [c.id for paper in ledger.papers for c in paper.claims] == [
         "RA1",
         "GA1",
@@ -189,4 +191,4 @@ def test_what_is_wrong_is_said(run: Path, tmp_path: Path, capsys: pytest.Capture
     assert "expected a file of claims that exists, got 'sunfadde'" in capsys.readouterr().err
     assert main(["claims", str(tmp_path)]) == 2
     assert "expected a run folder with run.json" in capsys.readouterr().err
-    assert gc.read_ledger(tmp_path) is None
+    assert read_ledger(tmp_path) is None

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import RecordError, UnknownNameError
 from graycard.benchmarks import load_suite
 from graycard.benchmarks.claims import (
     Arithmetic,
@@ -20,6 +20,7 @@ from graycard.benchmarks.claims import (
     load_claims,
 )
 from graycard.methods import load_method, settings_of
+from graycard.records import ClaimResult
 from runs_by_hand import run_of
 
 CLAIMS = """
@@ -81,7 +82,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path: Path) -> None:
     ],
 )
 def test_a_broken_file_is_refused(tmp_path: Path, claim: str, check: str, words: str) -> None:
-    with pytest.raises(gc.RecordError, match="mine.toml") as refusal:
+    with pytest.raises(RecordError, match="mine.toml") as refusal:
         load_claims(written(tmp_path, claim, check))
     assert words in str(refusal.value)
 
@@ -102,7 +103,7 @@ def test_a_broken_file_is_refused(tmp_path: Path, claim: str, check: str, words:
     ],
 )  # fmt: skip
 def test_a_broken_check_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
-    with pytest.raises(gc.RecordError, match="mine.toml") as refusal:
+    with pytest.raises(RecordError, match="mine.toml") as refusal:
         load_claims(written(tmp_path, text=CLAIMS.replace(old, new)))
     assert words in str(refusal.value)
 
@@ -120,21 +121,21 @@ def test_levels_that_do_not_fit_are_refused(tmp_path: Path, more: str, words: st
         '["mine", "theirs"]', '["a", "b", "c"]'
     )
     assert load_claims(written(tmp_path, text=text)).claims[0].checks[0].places == (0, 1, 2)
-    with pytest.raises(gc.RecordError) as refusal:
+    with pytest.raises(RecordError) as refusal:
         load_claims(written(tmp_path, check=more, text=text))
     assert words in str(refusal.value)
 
 
 def test_what_is_no_file_of_claims(tmp_path: Path) -> None:
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'sunfaded'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'sunfaded'"):
         load_claims("sunfadde")
-    with pytest.raises(gc.UnknownNameError, match="a path that ends in .toml"):
+    with pytest.raises(UnknownNameError, match="a path that ends in .toml"):
         load_claims(str(tmp_path / "none.toml"))
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'dark'"):
         load_claims(written(tmp_path, text=CLAIMS.replace('"dark"', '"drak"')))
     broken = tmp_path / "broken.toml"
     broken.write_text("name = ")
-    with pytest.raises(gc.RecordError, match="expected TOML in"):
+    with pytest.raises(RecordError, match="expected TOML in"):
         load_claims(str(broken))
 
 
@@ -162,7 +163,7 @@ def test_claims_of_a_suite() -> None:
 @pytest.mark.parametrize("name", claims_names())
 def test_files_that_come_along_name_what_there_is(name: str) -> None:
     paper = load_claims(name)
-    known = {metric.id for metric in ge.metrics()}
+    known = {metric.id for metric in ge.all_metrics()}
     rows = {m.row for m in load_suite(paper.suite).methods} if paper.suite else set()
     for claim in paper.claims:
         assert {claim.bound or paper.bound, claim.trivial or paper.trivial} <= rows
@@ -198,7 +199,7 @@ def test_the_rows_of_the_suites_take_their_settings(suite: str) -> None:
         settings_of(load_method(row.name), row.settings)
 
 
-def arithmetic(**more: Any) -> gc.ClaimResult:
+def arithmetic(**more: Any) -> ClaimResult:
     options: dict[str, Any] = {"entries": {"a": (24.51, 23.60)}, "stated": {"a": 22.71}} | more
     paper = Paper("p", 1, "P", arithmetic=(Arithmetic("A", "Means are means.", "Table 4", **options),))
     return judge_paper(paper, run_of({}))[0]

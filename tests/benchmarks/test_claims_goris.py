@@ -5,18 +5,18 @@ from collections.abc import Mapping
 
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
 from graycard.benchmarks.claims import judge_paper, load_claims
+from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecord, Score, ScoreSheet
 
 FAMILIES = (*(f for f in ("glossy-table", "metal-table", "marble-table") for _ in range(2)), "curved-table")
 ROUGHNESS = (0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1)
 SCENES = (
     *(
-        gc.SceneRecord("tabletop", f"s{i}", family, i, "", "", "", {"roughness": rough})
+        SceneRecord("tabletop", f"s{i}", family, i, "", "", "", {"roughness": rough})
         for i, (family, rough) in enumerate(zip(FAMILIES, ROUGHNESS, strict=True))
     ),
-    gc.SceneRecord("tabletop", "s7", "matte-table", 7, "", "", "", {}),
+    SceneRecord("tabletop", "s7", "matte-table", 7, "", "", "", {}),
 )
 PRINTED = {
     "goris": 31.91, "goris-no-transport": 28.60, "goris-no-filter": 31.44, "goris-no-effect-mask": 31.64,
@@ -58,11 +58,9 @@ def scores_of(row: str, psnr: float) -> dict[str, float]:
     }  # fmt: skip
 
 
-def run_of(
-    table: Mapping[str, Mapping[str, float]], scenes: tuple[gc.SceneRecord, ...] = SCENES
-) -> gc.RunRecord:
+def run_of(table: Mapping[str, Mapping[str, float]], scenes: tuple[SceneRecord, ...] = SCENES) -> RunRecord:
     """A run whose scenes differ by a hundredth of a figure, and a little between rows."""
-    records = {metric.id: metric for metric in ge.metrics()}
+    records = {metric.id: metric for metric in ge.all_metrics()}
     results = []
     for number, (row, values) in enumerate(table.items()):
         for i, scene in enumerate(scenes):
@@ -71,17 +69,17 @@ def run_of(
             for name, value in values.items():
                 metric = records[name]
                 facts = metric.unit, metric.higher_is_better, metric.optimum
-                scores.append(gc.Score(name, "graycard-1", "scored", value * factor, *facts))
-            sheet = gc.ScoreSheet("tabletop", scene.scene, row, "", "", tuple(scores))
-            job = gc.Job("tabletop", scene.scene, row, 0, {})
-            results.append(gc.JobResult(job, "", "", "done", sheet=sheet))
-    methods = tuple(gc.MethodRecord(row, "", ()) for row in table)
-    return gc.RunRecord(
+                scores.append(Score(name, "graycard-1", "scored", value * factor, *facts))
+            sheet = ScoreSheet("tabletop", scene.scene, row, "", "", tuple(scores))
+            job = Job("tabletop", scene.scene, row, 0, {})
+            results.append(JobResult(job, "", "", "done", sheet=sheet))
+    methods = tuple(MethodRecord(row, "", ()) for row in table)
+    return RunRecord(
         "claims-tabletop",
         1,
         scenes,
         methods,
-        tuple(ge.metrics()),
+        tuple(ge.all_metrics()),
         tuple(results),
         {},
         "2026-11-24T00:00:00",
@@ -157,7 +155,7 @@ def test_one_figure_of_the_other_sign_contradicts(row: str, metric: str, value: 
     assert verdicts(table | {row: table[row] | {metric: value}})[claim] == "contradicted"
 
 
-MATTE = tuple(gc.SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(5))
+MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(5))
 RIVALS = ("removal", "grouping", "removal-per-view", "removal-one-reference")
 
 

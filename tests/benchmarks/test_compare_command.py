@@ -8,12 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard.cli import main
+from graycard.io import from_builtins, read_json, write_json
+from graycard.records import (
+    Comparison,
+    Job,
+    JobResult,
+    MethodRecord,
+    MetricRecord,
+    RunRecord,
+    Score,
+    ScoreSheet,
+    read_comparison,
+    read_run,
+)
 
 METRICS = (
-    gc.MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.3),
-    gc.MetricRecord("ssim", "SSIM", "novel view", "1", True, 1.0, "", False, 0.01),
+    MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.3),
+    MetricRecord("ssim", "SSIM", "novel view", "1", True, 1.0, "", False, 0.01),
 )
 
 
@@ -25,17 +37,17 @@ def run(tmp_path: Path) -> Path:
     for scene in range(8):
         for method, gain in (("mine", 5.0), ("theirs", 0.0), ("truth", math.inf)):
             value = 20 + scene / 4 + gain + random.normal(0, 0.2)
-            score = gc.Score("psnr", "graycard-1", "scored", value, "dB", True, math.inf, noise_ceiling=25.3)
-            sheet = gc.ScoreSheet("dark", f"s{scene}", method, "", "", (score,))
-            job = gc.Job("dark", f"s{scene}", method, 0, {})
-            results.append(gc.JobResult(job, "", "", "done", sheet=sheet))
+            score = Score("psnr", "graycard-1", "scored", value, "dB", True, math.inf, noise_ceiling=25.3)
+            sheet = ScoreSheet("dark", f"s{scene}", method, "", "", (score,))
+            job = Job("dark", f"s{scene}", method, 0, {})
+            results.append(JobResult(job, "", "", "done", sheet=sheet))
     methods = (
-        gc.MethodRecord("mine", "", ()),
-        gc.MethodRecord("theirs", "", ()),
-        gc.MethodRecord("truth", "", ("radiance",)),
+        MethodRecord("mine", "", ()),
+        MethodRecord("theirs", "", ()),
+        MethodRecord("truth", "", ("radiance",)),
     )
-    record = gc.RunRecord("demo", 1, (), methods, METRICS, tuple(results), {}, "", 0.0)
-    gc.write_json(tmp_path / "run.json", record)
+    record = RunRecord("demo", 1, (), methods, METRICS, tuple(results), {}, "", 0.0)
+    write_json(tmp_path / "run.json", record)
     return tmp_path
 
 
@@ -53,7 +65,7 @@ def test_it_says_who_is_better_and_how_sure_that_is(run: Path, capsys: pytest.Ca
     assert "0.007812" in pair
     assert lines[-1].startswith("compare: 1 pair, 1 decided, 0 tied, 0 with fewer than the 6 scenes")
     assert "truth has leaked: dark/s7 mine, seed 0, psnr" in said.err
-    assert gc.read_comparison(run) == gc.decode(gc.Comparison, gc.read_json(run / "c.json"))
+    assert read_comparison(run) == from_builtins(Comparison, read_json(run / "c.json"))
 
 
 def test_a_row_that_is_handed_truth_has_no_verdict(run: Path, capsys: pytest.CaptureFixture[str]):
@@ -68,14 +80,14 @@ def test_a_row_that_is_handed_truth_has_no_verdict(run: Path, capsys: pytest.Cap
 
 
 def test_the_best_mean_stands_first_and_rows_without_one_last(run: Path, capsys: pytest.CaptureFixture[str]):
-    record = gc.read_run(run)
+    record = read_run(run)
     absent = [r for r in record.results if r.job.method == "theirs"]
     late = [replace(r, job=replace(r.job, method="absent"), sheet=None) for r in absent]
-    methods = (gc.MethodRecord("absent", "", ()), *record.methods[::-1])
+    methods = (MethodRecord("absent", "", ()), *record.methods[::-1])
     for higher, order in ((True, ["truth", "mine", "theirs"]), (False, ["theirs", "mine", "truth"])):
         metrics = (replace(METRICS[0], higher_is_better=higher), METRICS[1])
         made = replace(record, methods=methods, metrics=metrics, results=(*late, *record.results))
-        gc.write_json(run / "run.json", made)
+        write_json(run / "run.json", made)
         assert main(["compare", str(run)]) == 0
         lines = capsys.readouterr().out.splitlines()
         found = [name for x in lines for name in ("absent", "mine", "theirs", "truth") if f" {name} " in x]
@@ -83,7 +95,7 @@ def test_the_best_mean_stands_first_and_rows_without_one_last(run: Path, capsys:
 
 
 def test_what_no_competitor_provides_is_skipped_and_counted(run: Path, capsys: pytest.CaptureFixture[str]):
-    record = gc.read_run(run)
+    record = read_run(run)
     lamp = replace(METRICS[0], id="lamp", title="Lamp")
     results = []
     for result in record.results:
@@ -92,7 +104,7 @@ def test_what_no_competitor_provides_is_skipped_and_counted(run: Path, capsys: p
         status = "scored" if result.job.method == "truth" else "not provided"
         more = replace(score, metric="lamp", status=status, value=score.value if status == "scored" else None)
         results.append(replace(result, sheet=replace(result.sheet, scores=(score, more))))
-    gc.write_json(run / "run.json", replace(record, metrics=(*METRICS, lamp), results=tuple(results)))
+    write_json(run / "run.json", replace(record, metrics=(*METRICS, lamp), results=tuple(results)))
     assert main(["compare", str(run)]) == 0
     shown = capsys.readouterr().out
     assert "Lamp" not in shown
@@ -115,10 +127,8 @@ def test_a_metric_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[
 
 
 def test_too_few_scenes_are_said(run: Path, capsys: pytest.CaptureFixture[str]):
-    record = gc.read_run(run)
+    record = read_run(run)
     few = [r for r in record.results if r.job.scene in ("s0", "s1") and r.job.method != "truth"]
-    gc.write_json(
-        run / "run.json", gc.RunRecord("demo", 1, (), record.methods, METRICS, tuple(few), {}, "", 0.0)
-    )
+    write_json(run / "run.json", RunRecord("demo", 1, (), record.methods, METRICS, tuple(few), {}, "", 0.0))
     assert main(["compare", str(run)]) == 0
     assert "1 with fewer than the 6 scenes that a p below 0.05 needs" in capsys.readouterr().out

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, MethodError, open_capture
 from graycard.benchmarks import FitSpec, fit_scene
+from graycard.io import from_builtins, silent, to_builtins
 from graycard.methods import NoSettings
+from graycard.records import Cost
 
 
 @dataclass
@@ -20,7 +22,7 @@ class Counts:
     odd: bool
     provides = frozenset({"base_color"})
 
-    def render(self, camera: gc.Camera, layers: list[str]) -> dict[str, np.ndarray]:
+    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
         return {name: np.full((camera.height, camera.width, 3), 0.5) for name in layers}
 
     def lights(self) -> None:
@@ -29,7 +31,7 @@ class Counts:
     def save(self, folder: Path) -> None:
         raise NotImplementedError
 
-    def counts(self, camera: gc.Camera) -> Mapping[str, float]:
+    def counts(self, camera: Camera) -> Mapping[str, float]:
         turned = camera.position[0]
         return {"steps" if not self.odd or turned < 1 else "strides": float(turned)}
 
@@ -64,17 +66,17 @@ def method(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize("method", ["Counting"], indirect=True)
 def test_the_mean_over_held_out_views_is_kept(method: str, make_scene, tmp_path: Path) -> None:
     scene = make_scene()
-    cost = fit_scene(FitSpec(method, {}, 0, scene), tmp_path / "p", gc.silent).cost
-    views = gc.open_capture(scene / "capture").test
+    cost = fit_scene(FitSpec(method, {}, 0, scene), tmp_path / "p", silent).cost
+    views = open_capture(scene / "capture").test
     assert cost.counts == {"steps": pytest.approx(np.mean([v.camera.position[0] for v in views]))}
-    assert gc.decode(gc.Cost, gc.encode(cost)) == cost
+    assert from_builtins(Cost, to_builtins(cost)) == cost
 
 
 @pytest.mark.parametrize("method", ["Odd"], indirect=True)
 def test_other_counts_in_other_views_are_refused(method: str, make_scene, tmp_path: Path) -> None:
-    with pytest.raises(gc.MethodError, match="expected the same counts of each view"):
-        fit_scene(FitSpec(method, {}, 0, make_scene()), tmp_path / "p", gc.silent)
+    with pytest.raises(MethodError, match="expected the same counts of each view"):
+        fit_scene(FitSpec(method, {}, 0, make_scene()), tmp_path / "p", silent)
 
 
 def test_a_method_that_counts_nothing_has_no_counts(make_scene, tmp_path: Path) -> None:
-    assert fit_scene(FitSpec("gray", {}, 0, make_scene()), tmp_path / "p", gc.silent).cost.counts == {}
+    assert fit_scene(FitSpec("gray", {}, 0, make_scene()), tmp_path / "p", silent).cost.counts == {}

@@ -12,13 +12,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 from changed_scene import DONOR, enrich
-from graycard.__main__ import main
+from graycard import Camera, Capture, Composition, DatasetError, GraycardError, MethodError, open_truth
 from graycard.benchmarks import FitSpec, check_result, fit_scene, load_suite
 from graycard.benchmarks._introduction import introduce
 from graycard.benchmarks._runner import _plan
+from graycard.cli import main
+from graycard.dataset import manifest_of
+from graycard.io import read_layers, sha256, silent, write_layers, write_manifest
 from graycard.methods import Guest, NoSettings
+from graycard.records import read_run
 
 MODULE = "guest_methods"
 
@@ -31,7 +34,7 @@ class Flat:
     colour: float = 0.5
     provides = frozenset({"radiance"})
 
-    def render(self, camera: gc.Camera, layers: list[str]) -> dict[str, np.ndarray]:
+    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
         return {name: np.full((camera.height, camera.width, 3), self.colour) for name in layers}
 
     def lights(self) -> None:
@@ -40,7 +43,7 @@ class Flat:
     def save(self, folder: Path) -> None:
         raise NotImplementedError
 
-    def compose(self, composition: gc.Composition, guest: Guest | None = None) -> "Flat | None":
+    def compose(self, composition: Composition, guest: Guest | None = None) -> "Flat | None":
         if guest is None:
             return None
         assert guest.masks.keys() == guest.cameras.keys()
@@ -54,7 +57,7 @@ class Hosting:
 
     summary, needs, settings_type = "It hosts", (), NoSettings
 
-    def fit(self, capture: gc.Capture, *_: object) -> Flat:
+    def fit(self, capture: Capture, *_: object) -> Flat:
         return Flat(capture.scene)
 
     def load(self, folder: Path) -> Flat:
@@ -73,10 +76,10 @@ class Peeping(Hosting):
 
     settings_type = Place
 
-    def fit(self, capture: gc.Capture, *others: object) -> Flat:
+    def fit(self, capture: Capture, *others: object) -> Flat:
         settings = others[1]
         if capture.scene.startswith("objects"):
-            with suppress(gc.GraycardError):
+            with suppress(GraycardError):
                 Path(settings.path).read_text()  # pyright: ignore[reportAttributeAccessIssue]
         return Flat(capture.scene)
 
@@ -94,7 +97,7 @@ def hosting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 def composed_colours(predictions: Path) -> list[float]:
     files = sorted((predictions / "composition" / "views").glob("*.exr"))
-    return [float(gc.read_layers(path)["radiance"].mean()) for path in files]
+    return [float(read_layers(path)["radiance"].mean()) for path in files]
 
 
 @pytest.fixture
@@ -105,13 +108,13 @@ def host(make_scene: Callable[..., Path]) -> Path:
 def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:04d}", row: int = 6) -> Path:
     """Its object of that id is put over the upper rows of its pictures."""
     folder = make_scene(track="multilight", scene=name)
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         layers["object_id"][:row] = DONOR.object_id
         layers["object_id"][row:] = 1
-        gc.write_layers(folder / f"truth/views/{view.name}.exr", layers)
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+        write_layers(folder / f"truth/views/{view.name}.exr", layers)
+    write_manifest(folder / "truth", manifest_of(truth))
     return folder
 
 
@@ -119,17 +122,17 @@ def test_a_guest_is_handed_with_its_masks(
     hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor = donor_of(make_scene)
-    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
+    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == pytest.approx([6 / 24] * 2)
 
 
 def test_without_a_donor_nothing_is_composed(hosting: str, host: Path, tmp_path: Path) -> None:
-    fit_scene(FitSpec(hosting, {}, 0, host), tmp_path / "p", gc.silent)
+    fit_scene(FitSpec(hosting, {}, 0, host), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == []
 
 
 def test_the_truth_needs_no_donor(host: Path, make_scene: Callable[..., Path], tmp_path: Path) -> None:
-    fit_scene(FitSpec("truth", {}, 0, host, donor=donor_of(make_scene)), tmp_path / "p", gc.silent)
+    fit_scene(FitSpec("truth", {}, 0, host, donor=donor_of(make_scene)), tmp_path / "p", silent)
     assert len(composed_colours(tmp_path / "p")) == 2
 
 
@@ -137,25 +140,25 @@ def test_another_donor_is_refused(
     hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     other = donor_of(make_scene, "objects-0004")
-    with pytest.raises(gc.DatasetError, match="expected multilight/objects-0003, whose object is put into"):
-        fit_scene(FitSpec(hosting, {}, 0, host, donor=other), tmp_path / "p", gc.silent)
+    with pytest.raises(DatasetError, match="expected multilight/objects-0003, whose object is put into"):
+        fit_scene(FitSpec(hosting, {}, 0, host, donor=other), tmp_path / "p", silent)
 
 
 def test_a_donor_for_what_puts_nothing_in_is_refused(
     hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor, plain = donor_of(make_scene), make_scene(track="multilight", scene="tiny-0001")
-    with pytest.raises(gc.MethodError, match=r"expected 'gray' to give a decomposition with compose\(\)"):
-        fit_scene(FitSpec("gray", {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
-    with pytest.raises(gc.DatasetError, match="to show an object of another scene put in, got none"):
-        fit_scene(FitSpec(hosting, {}, 0, plain, donor=donor), tmp_path / "p", gc.silent)
+    with pytest.raises(MethodError, match=r"expected 'gray' to give a decomposition with compose\(\)"):
+        fit_scene(FitSpec("gray", {}, 0, host, donor=donor), tmp_path / "p", silent)
+    with pytest.raises(DatasetError, match="to show an object of another scene put in, got none"):
+        fit_scene(FitSpec(hosting, {}, 0, plain, donor=donor), tmp_path / "p", silent)
 
 
 def test_an_object_that_no_photograph_shows_is_not_composed(
     hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor = donor_of(make_scene, row=0)
-    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", gc.silent)
+    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == []
 
 
@@ -172,9 +175,9 @@ def test_truth_is_closed_while_the_donor_is_fitted_too(
     other.write_text("{}")
     wanted = {"host": host / "truth" / "truth.json", "job": other}[reach]
     spec = FitSpec(f"{MODULE}:Peeping", {"path": str(wanted)}, 0, host, donor=elsewhere)
-    fitted = fit_scene(spec, tmp_path / "p", gc.silent, jobs=tmp_path / "jobs", own=tmp_path / "jobs" / "own")
+    fitted = fit_scene(spec, tmp_path / "p", silent, jobs=tmp_path / "jobs", own=tmp_path / "jobs" / "own")
     assert fitted.access.refused == (str(wanted),)
-    assert fitted.access.donor_sha256 == gc.sha256(donor / "capture" / "manifest.json")
+    assert fitted.access.donor_sha256 == sha256(donor / "capture" / "manifest.json")
 
 
 def test_a_bench_renders_the_donors_of_rows_that_compose(
@@ -189,13 +192,13 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     command = ["bench", str(suite), "--out", str(run)]
     assert main([*command, "--methods", "alone", "hosts"]) == 0
     assert {path.name for path in (run / "dataset/multilight").iterdir()} == {"studio-1000", "objects-1000"}
-    record = gc.read_run(run)
+    record = read_run(run)
     assert [scene.scene for scene in record.scenes] == ["studio-1000"], "the donor is no scene of the suite"
     status = {r.job.method: r.sheet.score("composition.psnr").status for r in record.results if r.sheet}
     assert status == {"alone": "not provided", "hosts": "scored"}
     assert not [breach for breach in check_result(run).breaches if breach.rule in ("truth", "finite")]
     assert main([*command, "--methods", "alone", "hosts"]) == 0
-    hashes = [{r.job.method: r.job_hash for r in found.results} for found in (record, gc.read_run(run))]
+    hashes = [{r.job.method: r.job_hash for r in found.results} for found in (record, read_run(run))]
     assert hashes[0] == hashes[1]
     place = run / "dataset/multilight/studio-1000/truth/composition/composition.json"
     composition = json.loads(place.read_text())

@@ -7,23 +7,25 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
+from graycard import RecordError
 from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
+from graycard.io import write_json
+from graycard.records import Job, JobResult, MethodRecord, MetricRecord, RunRecord, Score, ScoreSheet
 
 METRICS = (
-    gc.MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.5),
-    gc.MetricRecord("angle", "Angle", "normal", "°", False, 0.0, "", True, 0.2),
+    MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.5),
+    MetricRecord("angle", "Angle", "normal", "°", False, 0.0, "", True, 0.2),
 )
 
 
-def make_run(psnr: float | None = 30.0, angle: float | None = 10.0, status: str = "scored") -> gc.RunRecord:
+def make_run(psnr: float | None = 30.0, angle: float | None = 10.0, status: str = "scored") -> RunRecord:
     scores = (
-        gc.Score("psnr", "graycard-0", status if psnr is None else "scored", psnr, "dB", True, math.inf),  # pyright: ignore
-        gc.Score("angle", "graycard-0", status if angle is None else "scored", angle, "°", False, 0.0),  # pyright: ignore
+        Score("psnr", "graycard-0", status if psnr is None else "scored", psnr, "dB", True, math.inf),  # pyright: ignore
+        Score("angle", "graycard-0", status if angle is None else "scored", angle, "°", False, 0.0),  # pyright: ignore
     )
-    sheet = gc.ScoreSheet("dark", "s", "m", "", "", scores)
-    result = gc.JobResult(gc.Job("dark", "s", "m", 0, {}), "h", "jobs/x", "done", sheet=sheet)
-    return gc.RunRecord("demo", 1, (), (), METRICS, (result,), {}, "2026-01-01T00:00:00+00:00", 1.0)
+    sheet = ScoreSheet("dark", "s", "m", "", "", scores)
+    result = JobResult(Job("dark", "s", "m", 0, {}), "h", "jobs/x", "done", sheet=sheet)
+    return RunRecord("demo", 1, (), (), METRICS, (result,), {}, "2026-01-01T00:00:00+00:00", 1.0)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +49,7 @@ def test_worse_is_a_matter_of_direction(
 
 
 def test_a_method_may_be_given_slack():
-    methods = (gc.MethodRecord("m", "", (), slack=4.0),)
+    methods = (MethodRecord("m", "", (), slack=4.0),)
     slack = make_baseline(replace(make_run(), methods=methods))
     assert judge(make_run(28.1, 10.7), slack).exit_code == 0
     assert [c.expected.metric for c in judge(make_run(27.9, 10.7), slack).worse] == ["psnr"]
@@ -71,13 +73,13 @@ def test_a_run_without_results_measured_nothing():
     verdict = judge(empty, make_baseline(make_run()))
     assert (verdict.exit_code, verdict.compared) == (2, 0)
     assert judge(make_run(), replace(make_baseline(make_run()), scores=())).exit_code == 2
-    with pytest.raises(gc.RecordError, match="expected a run with scores to make a baseline of"):
+    with pytest.raises(RecordError, match="expected a run with scores to make a baseline of"):
         make_baseline(empty)
 
 
 def test_a_baseline_of_another_suite_is_refused():
     for other in (replace(make_run(), suite="smoke"), replace(make_run(), suite_version=2)):
-        with pytest.raises(gc.RecordError, match="expected a run of suite 'demo' version 1"):
+        with pytest.raises(RecordError, match="expected a run of suite 'demo' version 1"):
             judge(other, make_baseline(make_run()))
 
 
@@ -90,16 +92,16 @@ def test_round_trip_and_bad_baselines(tmp_path: Path):
     baseline = make_baseline(make_run(math.inf))
     write_baseline(tmp_path / "b.json", baseline)
     assert read_baseline(tmp_path / "b.json") == baseline
-    gc.write_json(tmp_path / "b.json", replace(baseline, format_version=9))
-    with pytest.raises(gc.RecordError, match="Install a newer graycard"):
+    write_json(tmp_path / "b.json", replace(baseline, format_version=9))
+    with pytest.raises(RecordError, match="Install a newer graycard"):
         read_baseline(tmp_path / "b.json")
     for change in ({"value": math.nan}, {"tolerance": math.nan}, {"tolerance": -1.0}):
         spoilt = replace(baseline, scores=(replace(baseline.scores[0], **change),))
-        gc.write_json(tmp_path / "b.json", spoilt)
-        with pytest.raises(gc.RecordError, match="expected a value and a tolerance of 0 or more for m psnr"):
+        write_json(tmp_path / "b.json", spoilt)
+        with pytest.raises(RecordError, match="expected a value and a tolerance of 0 or more for m psnr"):
             read_baseline(tmp_path / "b.json")
-    gc.write_json(tmp_path / "b.json", {"suite": "demo", "suite_version": 1, "scors": []})
-    with pytest.raises(gc.RecordError, match="scors"):
+    write_json(tmp_path / "b.json", {"suite": "demo", "suite_version": 1, "scors": []})
+    with pytest.raises(RecordError, match="scors"):
         read_baseline(tmp_path / "b.json")
-    with pytest.raises(gc.RecordError, match="expected a JSON file at"):
+    with pytest.raises(RecordError, match="expected a JSON file at"):
         read_baseline(tmp_path / "none.json")

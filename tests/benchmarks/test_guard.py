@@ -11,12 +11,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    DatasetError,
+    MethodError,
+    OutputError,
+    Predictions,
+    UnknownNameError,
+    open_capture,
+    open_truth,
+)
 from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
 from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
 from graycard.benchmarks._jobs import FitJob, fit_at_hand, run_fit
+from graycard.dataset import manifest_of
+from graycard.io import read_layers, sha256, silent, write_json, write_layers, write_manifest
 from graycard.methods import fingerprint
+from graycard.predictions import finish_predictions
+from graycard.records import Access, Cost, Job
 
 
 @pytest.fixture
@@ -32,17 +44,17 @@ def guard(scene: Path) -> Guard:
 def test_what_is_wrong_in_the_copy_is_said_of_the_users_own_folder(make_scene: Callable[..., Path]):
     """The copy is gone by the time that somebody reads of it."""
     folder = make_scene(track="tabletop") / "capture"
-    capture = gc.open_capture(folder)
+    capture = open_capture(folder)
     view = capture.train[0]
     path = folder / "masks" / "target" / f"{view.name}.exr"
     ids = np.full((view.camera.height, view.camera.width), 2, np.uint32)
-    gc.write_layers(path, {"object_id": ids})
-    gc.seal(folder, gc.manifest_of(capture))
-    with pytest.raises(gc.DatasetError) as caught, copied_capture(folder) as copy:
+    write_layers(path, {"object_id": ids})
+    write_manifest(folder, manifest_of(capture))
+    with pytest.raises(DatasetError) as caught, copied_capture(folder) as copy:
         copy.target_mask(view)
     assert f"or 0 in {path}, got 2" in str(caught.value)
     assert str(copy.root) not in str(caught.value)
-    with pytest.raises(gc.UnknownNameError, match="did you mean"), copied_capture(folder) as copy:
+    with pytest.raises(UnknownNameError, match="did you mean"), copied_capture(folder) as copy:
         copy.view(view.name[:-1])
 
 
@@ -95,8 +107,8 @@ WAYS: dict[str, Callable[[Path], object]] = {
     "rename": lambda scene: os.rename(scene / "truth", scene / "mine"),
     "rename of the scene": lambda scene: os.rename(scene, scene.parents[2] / "mine"),
     "chdir": lambda scene: os.chdir(scene / "truth"),
-    "our reader": lambda scene: gc.read_layers(scene / "truth" / "views" / "test_001.exr"),
-    "our door": lambda scene: gc.open_truth(scene / "truth"),
+    "our reader": lambda scene: read_layers(scene / "truth" / "views" / "test_001.exr"),
+    "our door": lambda scene: open_truth(scene / "truth"),
     "another program": lambda scene: subprocess.run(["cat", str(scene / "truth" / "truth.json")], check=True),
     "a shell": lambda scene: os.system(f"cat {scene}/truth/truth.json"),
     "a relative path": by_a_relative_path,
@@ -109,17 +121,17 @@ WAYS: dict[str, Callable[[Path], object]] = {
 
 @pytest.mark.parametrize("way", WAYS)
 def test_every_way_to_the_truth_is_closed(scene: Path, guard: Guard, way: str):
-    with closed(guard), pytest.raises(gc.MethodError, match="truth is closed while a method runs"):
+    with closed(guard), pytest.raises(MethodError, match="truth is closed while a method runs"):
         WAYS[way](scene)
     assert len(guard.refused) == 1
     assert (scene / "truth" / "truth.json").is_file()
-    gc.open_truth(scene / "truth")  # open again
+    open_truth(scene / "truth")  # open again
 
 
 def test_all_else_is_open(scene: Path, guard: Guard, tmp_path: Path):
     (tmp_path / "truth").mkdir()
     with closed(guard):
-        gc.open_capture(scene / "capture")
+        open_capture(scene / "capture")
         (tmp_path / "truth" / "mine.txt").write_text("a folder may bear that name elsewhere")
         list(scene.iterdir())
         subprocess.run([sys.executable, "-c", ""], check=True)
@@ -137,15 +149,15 @@ def test_predictions_of_others_are_closed_and_its_own_are_not(scene: Path, tmp_p
     guard = Guard(scene.parents[1], jobs, own)
     with closed(guard):
         assert (own / "predictions.json").read_text() == "{}"
-        with pytest.raises(gc.MethodError, match="truth-0"):
+        with pytest.raises(MethodError, match="truth-0"):
             (other / "predictions.json").read_text()
-        with pytest.raises(gc.MethodError, match=r"subprocess.Popen"):
+        with pytest.raises(MethodError, match=r"subprocess.Popen"):
             subprocess.run(["ls", str(jobs)], check=True)
 
 
 def test_what_is_tried_twice_is_named_once(scene: Path, guard: Guard):
     for _ in range(2):
-        with closed(guard), pytest.raises(gc.MethodError):
+        with closed(guard), pytest.raises(MethodError):
             (scene / "truth" / "truth.json").read_text()
     assert guard.refused == [str(scene / "truth" / "truth.json")]
 
@@ -153,7 +165,7 @@ def test_what_is_tried_twice_is_named_once(scene: Path, guard: Guard):
 PEEPERS = """
 from pathlib import Path
 import numpy as np
-import graycard as gc
+from graycard import GraycardError, open_truth
 from graycard.methods import NoSettings
 from graycard.methods._gray import GrayMethod
 LOG = []
@@ -162,8 +174,8 @@ class Peeps(GrayMethod):
     def fit(self, capture, priors, settings, seed, progress):
         LOG.append(sorted(p.name for p in capture.root.parent.iterdir()))
         try:
-            gc.open_truth(Path(SCENE) / "truth")
-        except gc.GraycardError as error:
+            open_truth(Path(SCENE) / "truth")
+        except GraycardError as error:
             LOG.append(str(error))
         return super().fit(capture, priors, settings, seed, progress)
 class Insists(GrayMethod):
@@ -182,14 +194,14 @@ def peepers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Ite
 
 
 def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path: Path, peepers: str):
-    fitted = fit_scene(FitSpec(f"{peepers}:Peeps", {}, 0, scene), tmp_path / "p", gc.silent)
+    fitted = fit_scene(FitSpec(f"{peepers}:Peeps", {}, 0, scene), tmp_path / "p", silent)
     beside, words = sys.modules[peepers].LOG
     assert beside == ["capture"], "there is nothing beside the copy"
     assert "truth is closed while a method runs" in words
     assert fitted.access.guard == GUARD
     assert fitted.access.handed == ()
     assert fitted.access.refused == (str(scene / "truth" / "manifest.json"),)
-    assert fitted.access.capture_sha256 == gc.sha256(scene / "capture" / "manifest.json")
+    assert fitted.access.capture_sha256 == sha256(scene / "capture" / "manifest.json")
 
 
 def test_a_module_that_looks_while_it_is_imported_is_refused(
@@ -197,8 +209,8 @@ def test_a_module_that_looks_while_it_is_imported_is_refused(
 ):
     (tmp_path / "early.py").write_text(f"open({str(scene / 'truth' / 'truth.json')!r})\n")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(gc.MethodError, match="to import, got MethodError: expected a method to keep to its"):
-        fit_scene(FitSpec("early:Method", {}, 0, scene), tmp_path / "p", gc.silent)
+    with pytest.raises(MethodError, match="to import, got MethodError: expected a method to keep to its"):
+        fit_scene(FitSpec("early:Method", {}, 0, scene), tmp_path / "p", silent)
 
 
 STRANGERS = """
@@ -253,14 +265,14 @@ def test_what_a_worker_says_is_text(scene: Path, tmp_path: Path):
     ],
 )
 def test_whom_a_bench_does_not_admit(scene: Path, tmp_path: Path, method: SuiteMethod, words: str):
-    with pytest.raises(gc.MethodError, match=words):
+    with pytest.raises(MethodError, match=words):
         introduce([method], scene.parents[1], tmp_path / "jobs", 1)
     assert not any(name.startswith("stranger") for name in sys.modules)
 
 
 @pytest.mark.usefixtures("strangers")
 def test_a_fit_by_hand_imports_while_truth_is_closed(scene: Path):
-    with pytest.raises(gc.MethodError, match="to import, got MethodError: expected a method to keep to its"):
+    with pytest.raises(MethodError, match="to import, got MethodError: expected a method to keep to its"):
         load_for("stranger_early:Method", scene)
     sys.modules.pop("stranger_early", None)
 
@@ -294,7 +306,7 @@ def test_what_the_hook_makes_of_an_event(
 
     hook = _Hook()
     hook.guard = guard
-    with pytest.raises(gc.MethodError, match="truth is closed while a method runs"):
+    with pytest.raises(MethodError, match="truth is closed while a method runs"):
         hook(event, tuple(real(a) for a in arguments))
     (refused,) = guard.refused
     assert refused == real(named) if named else refused.startswith(event)
@@ -327,7 +339,7 @@ def test_a_method_that_cannot_do_without_fails_its_job(
 ):
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         monkeypatch.setenv(name, "1")
-    job = gc.Job("dark", scene.name, "insists", 0, {}, f"{peepers}:Insists")
+    job = Job("dark", scene.name, "insists", 0, {}, f"{peepers}:Insists")
     outcome = run_fit(
         FitJob(job, "hash", scene, tmp_path / "run" / "jobs" / "a", 1, tmp_path / "run" / "jobs")
     )
@@ -337,26 +349,26 @@ def test_a_method_that_cannot_do_without_fails_its_job(
 
 
 def test_what_a_method_needs_is_handed_and_named(scene: Path, tmp_path: Path):
-    fitted = fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", gc.silent, tmp_path / "saved")
+    fitted = fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", silent, tmp_path / "saved")
     assert set(fitted.access.handed) >= {"base_color", "lights", "normal", "radiance"}
     assert fitted.access.refused == ()
 
 
 def test_a_fit_of_which_access_is_not_known_is_done_again(scene: Path, tmp_path: Path):
-    job = gc.Job("dark", scene.name, "gray", 0, {}, "gray")
+    job = Job("dark", scene.name, "gray", 0, {}, "gray")
     fit = FitJob(job, "hash", scene, tmp_path / "job", 1)
-    gc.finish_predictions(tmp_path / "job" / "predictions", gc.Predictions("gray", "dark", scene.name))
-    done = {"job": job, "job_hash": "hash", "cost": gc.Cost(1.0, 1.0)}
-    gc.write_json(tmp_path / "job" / "job.json", done)
+    finish_predictions(tmp_path / "job" / "predictions", Predictions("gray", "dark", scene.name))
+    done = {"job": job, "job_hash": "hash", "cost": Cost(1.0, 1.0)}
+    write_json(tmp_path / "job" / "job.json", done)
     assert fit_at_hand(fit) is None
-    gc.write_json(tmp_path / "job" / "job.json", done | {"access": gc.Access(GUARD, "")})
+    write_json(tmp_path / "job" / "job.json", done | {"access": Access(GUARD, "")})
     assert fit_at_hand(fit) is not None
 
 
 def test_a_damaged_capture_is_named_by_the_folder_that_is_known(scene: Path, tmp_path: Path):
     (scene / "capture" / "photographs" / "train_000.exr").write_bytes(b"damaged")
-    with pytest.raises(gc.DatasetError, match=str(scene / "capture")):
-        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", gc.silent)
+    with pytest.raises(DatasetError, match=str(scene / "capture")):
+        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", silent)
 
 
 def test_where_the_copy_has_no_room(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -364,5 +376,5 @@ def test_where_the_copy_has_no_room(scene: Path, tmp_path: Path, monkeypatch: py
         raise OSError(28, "No space left on device", str(target))
 
     monkeypatch.setattr("graycard.benchmarks._guard.shutil.copytree", full)
-    with pytest.raises(gc.OutputError, match="expected room to write"):
-        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", gc.silent)
+    with pytest.raises(OutputError, match="expected room to write"):
+        fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", silent)

@@ -9,21 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
 from changed_scene import DESK, EDITED_LIGHTS, EDITS, LAMP, SKY, enrich
-from graycard import methods
-from graycard.__main__ import main
+from graycard import RectangleLight, SpotLight, methods, open_capture, open_truth
 from graycard.benchmarks._changes import changes_for, relighting_of
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene, handed_priors
-from graycard.benchmarks._validity_record import _is_declared
+from graycard.benchmarks.validity._record import _is_declared
+from graycard.cli import main
+from graycard.dataset import manifest_of, write_index
+from graycard.io import silent, write_layers, write_manifest, write_rgb
+from graycard.lights import write_lights
 from graycard.methods import Changes
 from graycard.methods._truth import Oracle, TruthMethod
 from graycard.methods.priors import PriorSpec
 
 Layers = dict[str, np.ndarray]
-SPOT = gc.SpotLight("desk", DESK.position, (0.0, 1.0, -0.5), DESK.intensity, 20, 40)
-SHEET = gc.RectangleLight("sheet", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0))
+SPOT = SpotLight("desk", DESK.position, (0.0, 1.0, -0.5), DESK.intensity, 20, 40)
+SHEET = RectangleLight("sheet", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0))
 LIGHTS = (LAMP, SPOT, SHEET, SKY)
 
 
@@ -50,14 +52,14 @@ def with_the_rest(layers: Layers) -> Layers:
 def scene(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
     """A tabletop that has the truth for every metric; its ball is a colour chart."""
     folder = enrich(write_tiny(tmp_path_factory.mktemp("oracle"), track="tabletop"))
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
-        gc.write_layers(folder / f"truth/views/{view.name}.exr", with_the_rest(truth.layers(view)))
+        write_layers(folder / f"truth/views/{view.name}.exr", with_the_rest(truth.layers(view)))
     objects = tuple(replace(o, name="color chart") if o.id == 2 else o for o in truth.objects)
-    gc.write_index(folder / "truth", replace(truth, objects=objects))
-    gc.write_rgb(folder / "truth" / SKY.image, np.full((4, 8, 3), 0.7, np.float32))
-    gc.write_lights(folder / "truth" / "lights.json", LIGHTS)
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+    write_index(folder / "truth", replace(truth, objects=objects))
+    write_rgb(folder / "truth" / SKY.image, np.full((4, 8, 3), 0.7, np.float32))
+    write_lights(folder / "truth" / "lights.json", LIGHTS)
+    write_manifest(folder / "truth", manifest_of(truth))
     return folder
 
 
@@ -66,12 +68,12 @@ def fitted(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Fitte
     """What is recorded of the fit, its predictions, and the saved oracle."""
     folder = tmp_path_factory.mktemp("fitted")
     spec = FitSpec("truth", {}, 0, scene)
-    return fit_scene(spec, folder / "p", gc.silent, folder / "saved"), folder / "p", folder / "saved"
+    return fit_scene(spec, folder / "p", silent, folder / "saved"), folder / "p", folder / "saved"
 
 
 def test_it_reaches_the_optimum_of_every_metric(scene: Path, fitted: tuple[Fitted, Path, Path]) -> None:
     sheet = ge.score_predictions(fitted[1], scene)
-    missing = {m.id for m in ge.metrics()} - {s.metric for s in sheet.scores}
+    missing = {m.id for m in ge.all_metrics()} - {s.metric for s in sheet.scores}
     assert {name for name in missing if not name.startswith("novel_view.lpips")} == set()
     for found in sheet.scores:
         assert (found.status, found.value) == ("scored", found.optimum), (found.metric, found.reason)
@@ -87,13 +89,13 @@ def test_what_it_was_handed_is_on_record(fitted: tuple[Fitted, Path, Path]) -> N
 
 @pytest.mark.parametrize("method", ["gray", "2dgs-oracle"])
 def test_others_are_not_handed_changed_pictures(method: str, scene: Path) -> None:
-    capture = gc.open_capture(scene / "capture")
+    capture = open_capture(scene / "capture")
     priors = handed_priors(methods.load_method(method), PriorSpec(), capture, scene)
     assert (priors.relighting, priors.composition) == ((), None)
 
 
 def test_a_scene_without_changes(tiny_scenes: dict[str, Path], tmp_path: Path) -> None:
-    fit_scene(FitSpec("truth", {}, 0, tiny_scenes["dark"]), tmp_path / "p", gc.silent)
+    fit_scene(FitSpec("truth", {}, 0, tiny_scenes["dark"]), tmp_path / "p", silent)
     assert not (tmp_path / "p/relighting").exists()
     assert not (tmp_path / "p/composition").exists()
 
@@ -102,7 +104,7 @@ def test_a_saved_oracle_knows_the_changes(
     scene: Path, fitted: tuple[Fitted, Path, Path], tmp_path: Path
 ) -> None:
     """The images of environments lie elsewhere then."""
-    oracle, truth = TruthMethod().load(fitted[2]), gc.open_truth(scene / "truth")
+    oracle, truth = TruthMethod().load(fitted[2]), open_truth(scene / "truth")
     composition = truth.composition()
     assert composition is not None
     composed = oracle.compose(composition)
@@ -119,12 +121,12 @@ def test_it_does_not_know_other_changes(
     scene: Path, fitted: tuple[Fitted, Path, Path], tmp_path: Path
 ) -> None:
     oracle = TruthMethod().load(fitted[2])
-    composition = gc.open_truth(scene / "truth").composition()
+    composition = open_truth(scene / "truth").composition()
     assert composition is not None
     elsewhere = composition.donor_to_host + np.eye(4)
     assert oracle.compose(replace(composition, donor_to_host=elsewhere)) is None
     assert oracle.relight((replace(LAMP, intensity=(1.0, 1.0, 1.0)),)) is None
-    gc.write_rgb(tmp_path / "other.exr", np.full((2, 4, 3), 0.6, np.float32))
+    write_rgb(tmp_path / "other.exr", np.full((2, 4, 3), 0.6, np.float32))
     assert oracle.relight((replace(SKY, image=str(tmp_path / "other.exr")),)) is None
     assert oracle.relight(EDITED_LIGHTS[0]) is not None
 
@@ -132,20 +134,20 @@ def test_it_does_not_know_other_changes(
 def test_what_is_not_known_is_not_written(
     scene: Path, fitted: tuple[Fitted, Path, Path], tmp_path: Path
 ) -> None:
-    capture = gc.open_capture(scene / "capture")
+    capture = open_capture(scene / "capture")
     whole = TruthMethod().load(fitted[2])
     ignorant = Oracle(whole.known, whole.target)
-    changes = Changes({"without-lamp": EDITED_LIGHTS[0]}, gc.open_truth(scene / "truth").composition())
-    methods.write_predictions(ignorant, capture, "truth", tmp_path / "p", gc.silent, changes)
+    changes = Changes({"without-lamp": EDITED_LIGHTS[0]}, open_truth(scene / "truth").composition())
+    methods.write_predictions(ignorant, capture, "truth", tmp_path / "p", silent, changes)
     sheet = ge.score_predictions(tmp_path / "p", scene)
     for metric in ("relighting.psnr", "composition.psnr"):
         assert sheet.score(metric).status == "not provided"
 
 
 def test_who_can_show_no_change_is_asked_for_none(scene: Path, tmp_path: Path) -> None:
-    capture = gc.open_capture(scene / "capture")
+    capture = open_capture(scene / "capture")
     gray = methods.load_method("gray")
-    found = gray.fit(capture, methods.Priors(), gray.settings_type(), 0, gc.silent)
+    found = gray.fit(capture, methods.Priors(), gray.settings_type(), 0, silent)
     assert changes_for(found, capture, scene) == Changes()
     assert changes_for(found, capture, tmp_path / "no truth") == Changes()
 

@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import Camera
 from graycard.benchmarks import speed
-from graycard.benchmarks.speed import _engine_peers as peers
-from graycard.benchmarks.speed._engine import TINY
-from graycard.benchmarks.speed._engine_calls import call_both, call_forward, scene_of
-from graycard.benchmarks.speed._engine_losses import torch_depth_normal, torch_photometric
-from graycard.benchmarks.speed._engine_pairs import count_pairs
-from graycard.benchmarks.speed._engine_records import flops_backward, flops_forward
-from graycard.benchmarks.speed._engine_scenes import WORKLOADS, Workload, engine_camera, engine_surfels
 from graycard.benchmarks.speed._machine import QUICK, Timing
+from graycard.benchmarks.speed.engine import _peers as peers
+from graycard.benchmarks.speed.engine._calls import call_both, call_forward, scene_of
+from graycard.benchmarks.speed.engine._losses import torch_depth_normal, torch_photometric
+from graycard.benchmarks.speed.engine._measure import TINY
+from graycard.benchmarks.speed.engine._pairs import count_pairs
+from graycard.benchmarks.speed.engine._records import flops_backward, flops_forward
+from graycard.benchmarks.speed.engine._scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard.cli import main
+from graycard.io import from_builtins
 from graycard.methods import splat
 
 
@@ -38,10 +39,10 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 @pytest.fixture
 def record(run: dict[str, Path]) -> speed.EngineSpeed:
-    return gc.decode(speed.EngineSpeed, json.loads(run["json"].read_text()))
+    return from_builtins(speed.EngineSpeed, json.loads(run["json"].read_text()))
 
 
-def brute_force(surfels: splat.Surfels, camera: gc.Camera) -> int:
+def brute_force(surfels: splat.Surfels, camera: Camera) -> int:
     """Weights one by one: each surfel is a feature channel of its own in the specification."""
     double = splat.Surfels(*(getattr(surfels, one.name).double() for one in fields(surfels)))
     each = torch.eye(len(surfels), dtype=torch.float64)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from graycard.benchmarks.speed._engine_scenes import Workload, engine_camera, engine_surfels
 from graycard.benchmarks.speed._machine import QUICK
 from graycard.benchmarks.speed._tracer import incoherent_rays, measure_tracer
+from graycard.benchmarks.speed.engine._scenes import Workload, engine_camera, engine_surfels
 from graycard.methods import splat
 from graycard.synth import use_renderer
-from graycard.synth._variant import can_render
+from graycard.synth.renderer._variant import can_render
 
 TINY = Workload("tiny", 60, 24, 0.2)
 needs_llvm = pytest.mark.skipif(not can_render("llvm_ad_rgb"), reason="no LLVM library for Mitsuba")
@@ -55,7 +55,7 @@ def test_the_peer_traces_the_same_scene():
     surfels = engine_surfels(Workload("one", 1, 24, 0.5))
     rays = splat.camera_rays(engine_camera(TINY))
     leaves = [getattr(surfels, field.name).clone().requires_grad_() for field in fields(surfels)]
-    traced = splat.trace(splat.Surfels(*leaves), rays).features
+    traced = splat.trace_rays(splat.Surfels(*leaves), rays).features
     centres, _, _, opacities, features = torch.autograd.grad(traced.sum(), leaves)
     ours = traced.detach().numpy()
     theirs = EllipsoidTracer(surfels, rays)

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, Capture, MethodError
 from graycard.benchmarks import FitSpec, fit_scene
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._runner import _stages
+from graycard.io import silent, write_bytes
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
 
 BEFORE_S, BEFORE_MIB = 1000.0, 1e6
@@ -30,7 +31,7 @@ class Even:
     checkpoint: str
     provides = frozenset({"base_color"})
 
-    def render(self, camera: gc.Camera, layers: list[str]) -> dict[str, np.ndarray]:
+    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
         return {name: np.full((camera.height, camera.width, 3), 0.5) for name in layers}
 
     def lights(self) -> None:
@@ -46,9 +47,7 @@ class Unstaged:
 
     summary, needs, settings_type = "It saves nothing", (), Settings
 
-    def fit(
-        self, capture: gc.Capture, priors: object, settings: Settings, seed: int, progress: object
-    ) -> Even:
+    def fit(self, capture: Capture, priors: object, settings: Settings, seed: int, progress: object) -> Even:
         self.found(settings)
         return Even(settings.checkpoint)
 
@@ -69,7 +68,7 @@ class Staged(Unstaged):
             left = Path(settings.checkpoint) / "stage"
             if left.exists():
                 add_resumed(BEFORE_S, BEFORE_MIB)
-            gc.write_bytes(left, b"done")
+            write_bytes(left, b"done")
 
 
 class Off(Unstaged):
@@ -98,7 +97,7 @@ def method(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize("method", ["Staged"], indirect=True)
 def test_what_is_found_counts_as_time_of_the_fit(method: str, make_scene, tmp_path: Path) -> None:
     spec = FitSpec(method, {}, 0, make_scene(), stages=tmp_path / "stages" / "code" / "capture")
-    first, second = (fit_scene(spec, tmp_path / name, gc.silent).cost for name in ("a", "b"))
+    first, second = (fit_scene(spec, tmp_path / name, silent).cost for name in ("a", "b"))
     assert first.wall_s < BEFORE_S / 2
     assert first.peak_memory_mib < BEFORE_MIB
     assert BEFORE_S < second.wall_s < 1.5 * BEFORE_S
@@ -113,7 +112,7 @@ def test_only_who_asks_for_it_and_was_told_nothing_gets_the_folder(
 ) -> None:
     stages = tmp_path / "stages" / "code" / "capture"
     spec = FitSpec(method, {"checkpoint": given}, 0, make_scene(), stages=stages)
-    fit_scene(spec, tmp_path / "p", gc.silent, tmp_path / "saved")
+    fit_scene(spec, tmp_path / "p", silent, tmp_path / "saved")
     told = (tmp_path / "saved" / "checkpoint").read_text()
     assert told == (f"{stages}/" if method.endswith(":Staged") and not given else given)
 
@@ -131,7 +130,7 @@ def test_nobody_needs_to_listen() -> None:
 @pytest.mark.parametrize("method", ["Off"], indirect=True)
 def test_who_says_that_it_is_not_staged_is_not(method: str, make_scene, tmp_path: Path) -> None:
     stages = tmp_path / "stages" / "code" / "capture"
-    fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", gc.silent, tmp_path / "s")
+    fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", silent, tmp_path / "s")
     assert (tmp_path / "s" / "checkpoint").read_text() == ""
 
 
@@ -142,8 +141,8 @@ def test_stages_of_others_are_closed(method: str, make_scene, tmp_path: Path) ->
         "what a row that was handed the truth has made of it"
     )
     stages = tmp_path / "stages" / "code" / "capture"
-    with pytest.raises(gc.MethodError, match="truth is closed"):
-        fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", gc.silent)
+    with pytest.raises(MethodError, match="truth is closed"):
+        fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", silent)
 
 
 def test_stages_are_found_by_the_same_code_on_the_same_capture_alone(make_scene, tmp_path: Path) -> None:

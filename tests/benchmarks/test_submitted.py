@@ -9,12 +9,14 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import OutputError, PredictionError, RecordError, open_predictions
 from graycard.benchmarks import SuiteMethod, check_result, load_suite, with_predictions
 from graycard.benchmarks._submitted import Given, given_for, take_predictions
+from graycard.cli import main
+from graycard.io import read_layers, write_layers
+from graycard.records import Job, JobResult, read_comparison, read_run
 
-JOB = gc.Job("dark", "tiny-0000", "official", 0, {})
+JOB = Job("dark", "tiny-0000", "official", 0, {})
 
 
 @pytest.fixture
@@ -36,8 +38,8 @@ def bench_with(tiny_run: Path, run: Path, given: Path, suite: Path) -> int:
     return main(["bench", str(suite), "--out", str(run), "--predictions", f"official={given}"])
 
 
-def results_of(run: Path) -> dict[str, gc.JobResult]:
-    return {r.job.track: r for r in gc.read_run(run).results if r.job.method == "official"}
+def results_of(run: Path) -> dict[str, JobResult]:
+    return {r.job.track: r for r in read_run(run).results if r.job.method == "official"}
 
 
 def test_predictions_stand_beside_the_methods(
@@ -45,7 +47,7 @@ def test_predictions_stand_beside_the_methods(
 ):
     run = tmp_path / "run"
     assert bench_with(tiny_run, run, given, suite_of()) == 0
-    record = gc.read_run(run)
+    record = read_run(run)
     assert [m.name for m in record.methods] == ["truth", "gray", "input", "retinex", "official"]
     rivals = {r.job.track: r for r in record.results if r.job.method == "retinex"}
     for track, result in results_of(run).items():
@@ -59,10 +61,10 @@ def test_predictions_stand_beside_the_methods(
     page = (run / "report" / "index.html").read_text()
     assert '<span class="badge">submitted</span>' in page
     assert "Made by other code and submitted: official" in page
-    comparison = gc.read_comparison(run)
+    comparison = read_comparison(run)
     assert comparison
     assert "official" in {m.method for m in comparison.find("dark", "albedo.psnr.channel").methods}
-    assert gc.open_predictions(run / results_of(run)["dark"].folder / "predictions").is_whole()
+    assert open_predictions(run / results_of(run)["dark"].folder / "predictions").is_whole()
     validity = check_result(run)
     assert validity.exit_code != 0
     assert {b.rule for b in validity.breaches if b.unknown} == {"truth"}
@@ -87,8 +89,8 @@ def test_they_are_taken_anew_when_they_change_and_missed_where_they_are_not(
     assert [path.stat().st_mtime_ns for path in kept] == times, "nothing has changed"
     (folder,) = given.glob("dark/*")
     for path in folder.glob("views/*.exr"):
-        layers = gc.read_layers(path)
-        gc.write_layers(path, layers | {"base_color": layers["base_color"] ** 2})
+        layers = read_layers(path)
+        write_layers(path, layers | {"base_color": layers["base_color"] ** 2})
     shutil.rmtree(given / "tabletop")
     capsys.readouterr()
     assert bench_with(tiny_run, run, given, suite) == 1
@@ -106,12 +108,12 @@ def test_a_row_goes_when_it_is_left_out_and_the_rest_is_as_it_was(
 ):
     run, suite = tmp_path / "run", suite_of()
     assert bench_with(tiny_run, run, given, suite) == 0
-    before, record = gc.read_run(tiny_run), gc.read_run(run)
+    before, record = read_run(tiny_run), read_run(run)
     assert (record.environment, record.started) == (before.environment, before.started), "nothing was fitted"
     assert main(["bench", str(suite), "--out", str(run), "--tracks", "dark", "--methods", "gray"]) == 0
     assert len(results_of(run)) == 3, "a part of a suite leaves the others as they are"
     assert main(["bench", str(suite), "--out", str(run)]) == 0
-    assert gc.read_run(run) == before
+    assert read_run(run) == before
 
 
 def write_given(folder: Path, **index: object) -> Path:
@@ -140,7 +142,7 @@ def test_a_copy_is_whole_and_replaces_what_was_there(place: Path, tmp_path: Path
     (write_given(place) / ".partial").write_text("")
     take_predictions(given_at(place), folder, JOB)
     assert sorted(p.name for p in folder.iterdir()) == ["lights.json", "predictions.json"]
-    found = gc.open_predictions(folder)
+    found = open_predictions(folder)
     assert found.method == "official"
     assert found.is_whole()
 
@@ -149,7 +151,7 @@ def test_a_link_to_a_whole_scene_is_followed(place: Path, tmp_path: Path):
     place.parent.mkdir(parents=True)
     place.symlink_to(write_given(tmp_path / "elsewhere"))
     take_predictions(given_at(place), tmp_path / "predictions", JOB)
-    assert gc.open_predictions(tmp_path / "predictions").lights() == ()
+    assert open_predictions(tmp_path / "predictions").lights() == ()
 
 
 @pytest.mark.parametrize(
@@ -165,7 +167,7 @@ def test_what_is_not_of_this_scene_is_refused(
     place: Path, tmp_path: Path, index: dict[str, object], message: str
 ):
     write_given(place, **index)
-    with pytest.raises(gc.PredictionError, match=message):
+    with pytest.raises(PredictionError, match=message):
         take_predictions(given_at(place), tmp_path / "predictions", JOB)
     assert not (tmp_path / "predictions").exists()
 
@@ -173,14 +175,14 @@ def test_what_is_not_of_this_scene_is_refused(
 def test_a_linked_part_is_refused_and_not_left_out(place: Path, tmp_path: Path):
     (tmp_path / "views").mkdir()
     (write_given(place) / "views").symlink_to(tmp_path / "views")
-    with pytest.raises(gc.PredictionError, match="got a link to a folder, views"):
+    with pytest.raises(PredictionError, match="got a link to a folder, views"):
         take_predictions(given_at(place), tmp_path / "predictions", JOB)
 
 
 def test_what_changes_while_the_bench_runs_is_not_taken_for_what_was_there(place: Path, tmp_path: Path):
     given = given_at(write_given(place))
     (place / "lights.json").write_text("[ ]")
-    with pytest.raises(gc.PredictionError, match="to stay as it was when the bench began"):
+    with pytest.raises(PredictionError, match="to stay as it was when the bench began"):
         take_predictions(given, tmp_path / "predictions", JOB)
     assert not (tmp_path / "predictions" / "predictions.json").exists()
 
@@ -192,15 +194,15 @@ def test_what_cannot_be_read_is_a_fault_of_the_predictions(
         raise PermissionError(13, "Permission denied", str(path))
 
     write_given(place)
-    monkeypatch.setattr("graycard._files.sha256", unreadable)
+    monkeypatch.setattr("graycard.io._files.sha256", unreadable)
     assert given_at(place).sha256 == "", "the job of this scene says why"
-    with pytest.raises(gc.PredictionError, match=r"lights.json, got: Permission denied"):
+    with pytest.raises(PredictionError, match=r"lights.json, got: Permission denied"):
         take_predictions(given_at(place), tmp_path / "predictions", JOB)
 
 
 def test_a_full_disk_is_no_fault_of_the_predictions(place: Path, small_disk: Path):
     (write_given(place) / "lights.json").write_bytes(bytes(400_000))
-    with pytest.raises(gc.OutputError, match="full disk"):
+    with pytest.raises(OutputError, match="full disk"):
         take_predictions(given_at(place), small_disk / "predictions", JOB)
 
 
@@ -237,15 +239,15 @@ def test_a_suite_takes_predictions_of_one_seed_and_without_settings(suite_of: Ca
         SuiteMethod("b", predictions="y"),
     )
     for row in ("a=y", "retinex=y"):
-        with pytest.raises(gc.RecordError, match=f"expected a name of their own .* got '{row[:-2]}'"):
+        with pytest.raises(RecordError, match=f"expected a name of their own .* got '{row[:-2]}'"):
             with_predictions(suite, ["a=x", row])
     path = suite_of()
     text = path.read_text() + '[[methods]]\nname = "a"\npredictions = "x"\n'
     path.write_text(text)
     assert load_suite(str(path)).methods[-1] == SuiteMethod("a", predictions="x")
     path.write_text(text + "settings = { steps = 3 }\n")
-    with pytest.raises(gc.RecordError, match="got settings, a label, priors or compositions as well"):
+    with pytest.raises(RecordError, match="got settings, a label, priors or compositions as well"):
         load_suite(str(path))
     path.write_text("seeds = [0, 1]\n" + text)
-    with pytest.raises(gc.RecordError, match="expected one seed in suite 'tiny', which has submitted"):
+    with pytest.raises(RecordError, match="expected one seed in suite 'tiny', which has submitted"):
         load_suite(str(path))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
+from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.benchmarks import load_suite, narrow, suite_names
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.synth import CaptureSettings, family_of
@@ -44,7 +44,7 @@ TRACK_OF = {"claims-matte": "tabletop", "claims-robust": "tabletop"}
 def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
     suite = load_suite(name)
     tracks = {scene.track for scene in suite.scenes}
-    assert tracks == (set(gc.TRACKS) if "-" not in name else {TRACK_OF.get(name) or name.partition("-")[2]})
+    assert tracks == (set(TRACKS) if "-" not in name else {TRACK_OF.get(name) or name.partition("-")[2]})
     for scene in suite.scenes:
         assert scene.seed < 1000  # from there on seeds are for tuning
         settings = suite.render_of(scene)
@@ -52,7 +52,7 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "track"), [*((f"claims-{t}", t) for t in gc.TRACKS), ("claims-robust", "tabletop")]
+    ("name", "track"), [*((f"claims-{t}", t) for t in TRACKS), ("claims-robust", "tabletop")]
 )
 def test_claims_of_a_track_are_tried_on_the_scenes_of_all_claims(name: str, track: str) -> None:
     """One dataset then serves both: scenes, pictures and noise ceilings are the same."""
@@ -81,17 +81,17 @@ def test_a_track_and_a_family_may_have_samples_of_their_own(tmp_path: Path) -> N
 
 
 def test_samples_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'dark'"):
         load_suite(written(tmp_path, "samples = {drak = 256}"))
 
 
 def test_ceilings_of_a_track_that_does_not_exist_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'dark'"):
         load_suite(written(tmp_path, "ceilings = {drak = 45}"))
 
 
 def test_samples_that_are_not_four_squares_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(gc.RecordError, match="4 times a square"):
+    with pytest.raises(RecordError, match="4 times a square"):
         load_suite(written(tmp_path, "samples = {dark = 50}"))
 
 
@@ -106,7 +106,7 @@ def test_a_suite_may_ask_for_a_camera_with_faults(tmp_path: Path) -> None:
 def test_a_baseline_is_not_made_stricter_than_its_metrics(tmp_path: Path) -> None:
     path = Path(written(tmp_path))
     path.write_text(path.read_text() + "slack = 0.5\n")
-    with pytest.raises(gc.RecordError, match="slack of 1 or more for gray, got 0.5"):
+    with pytest.raises(RecordError, match="slack of 1 or more for gray, got 0.5"):
         load_suite(str(path))
 
 

@@ -12,9 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import PointLight, open_predictions
 from graycard.benchmarks import check_result
+from graycard.cli import main
+from graycard.io import read_json, read_manifest, sha256, write_json, write_manifest, write_rgb
+from graycard.lights import write_lights
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import COMPARISON, read_comparison
 from valid_runs import METHODS, breaches, change, score_in
 
 
@@ -22,7 +26,7 @@ def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[st
     assert main(["check-result", str(made_run), "--rescore"]) == 0
     suite, last = capsys.readouterr().out.splitlines()[-2:]
     assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
-    digest = gc.sha256(made_run / "suite.json")
+    digest = sha256(made_run / "suite.json")
     assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
 
 
@@ -33,7 +37,7 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     assert "broken: origin: environment: expected the git commit of the code, got none" in found.out
     assert "rule origin: package versions, hardware and the git commit" in found.err
     assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 10 rules, 1 broken")
-    written = gc.read_json(tmp_path / "v.json")
+    written = read_json(tmp_path / "v.json")
     assert written["exit_code"] == 1
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
 
@@ -42,7 +46,7 @@ def test_only_a_valid_run_is_published(run: Path, tmp_path: Path, capsys: pytest
     out = tmp_path / "published"
     assert main(["publish", str(run), "--out", str(out), "--pictures", METHODS[0]]) == 0
     assert capsys.readouterr().out.splitlines()[-1].endswith(" MiB, 6 fits")
-    assert gc.read_json(out / "run.json") == gc.read_json(run / "run.json")
+    assert read_json(out / "run.json") == read_json(run / "run.json")
     change(run, lambda data: data["environment"].update(git_commit=None))
     assert main(["publish", str(run), "--out", str(tmp_path / "other")]) == 1
     found = capsys.readouterr()
@@ -138,23 +142,23 @@ def test_what_is_not_there_is_missed(run: Path, what: str):
 def repaint(run: Path) -> None:
     """Another prediction, with an index that fits it."""
     folder = run / "jobs/dark/corridor-1000/gray-0/predictions"
-    found = gc.open_predictions(folder)
+    found = open_predictions(folder)
     layers = {**found.layers("test_001"), "radiance": np.full((24, 28, 3), 0.5, np.float32)}
-    gc.write_view(folder, "test_001", layers)
-    gc.finish_predictions(folder, replace(found, files={}), found.lights())
+    write_view(folder, "test_001", layers)
+    finish_predictions(folder, replace(found, files={}), found.lights())
 
 
 def other_truth(run: Path) -> None:
     """Another truth, with a manifest that fits it."""
     truth = run / "dataset/dark/corridor-1000/truth"
-    gc.write_lights(truth / "lights.json", (gc.PointLight("lamp", (0, 0, 1), (1, 1, 1)),))
-    gc.seal(truth, gc.read_manifest(truth, "graycard-truth"))
+    write_lights(truth / "lights.json", (PointLight("lamp", (0, 0, 1), (1, 1, 1)),))
+    write_manifest(truth, read_manifest(truth, "graycard-truth"))
 
 
 def other_capture(run: Path) -> None:
     capture = run / "dataset/dark/corridor-1000/capture"
-    gc.write_rgb(capture / "photographs/train_000.exr", np.ones((24, 28, 3), np.float32))
-    gc.seal(capture, gc.read_manifest(capture, "graycard-capture"))
+    write_rgb(capture / "photographs/train_000.exr", np.ones((24, 28, 3), np.float32))
+    write_manifest(capture, read_manifest(capture, "graycard-capture"))
 
 
 def setting_in(data: Any) -> Any:
@@ -211,8 +215,8 @@ def test_without_evidence_it_cannot_be_judged(run: Path, gone: str, rule: str):
 
 
 def test_a_comparison_of_an_older_format_is_no_evidence(run: Path):
-    comparison = gc.read_json(run / "comparison.json")
-    gc.write_json(run / "comparison.json", comparison | {"format_version": 0})
+    comparison = read_json(run / "comparison.json")
+    write_json(run / "comparison.json", comparison | {"format_version": 0})
     assert check_result(run).exit_code == 2
     assert "of an older graycard. Run `graycard bench` again" in breaches(run)["comparison"][0]
 
@@ -340,23 +344,23 @@ def test_a_score_above_the_noise_of_the_truth(run: Path):
     (line,) = breaches(run)["ceiling"]
     assert "gray, seed 0: novel_view.psnr: expected at most the ceiling of" in line
     assert "3.00 above it" in line
-    (above,) = [a for a in gc.read_comparison(run).above_ceiling if not a.handed]  # pyright: ignore
+    (above,) = [a for a in read_comparison(run).above_ceiling if not a.handed]  # pyright: ignore
     assert (above.method, above.excess) == ("gray", pytest.approx(3))
 
 
 def test_a_row_that_is_handed_radiance_may_hold_its_noise(made_run: Path):
-    above = gc.read_comparison(made_run).above_ceiling  # pyright: ignore[reportOptionalMemberAccess]
+    above = read_comparison(made_run).above_ceiling  # pyright: ignore[reportOptionalMemberAccess]
     assert {a.method for a in above} == {"truth"}
     assert above[0].excess == math.inf
     assert "radiance" in above[0].handed
 
 
 def test_a_comparison_that_does_not_follow(run: Path):
-    written = json.loads((run / gc.COMPARISON).read_text())
+    written = json.loads((run / COMPARISON).read_text())
     written["metrics"][0]["methods"][1]["rank"] = 3
-    (run / gc.COMPARISON).write_text(json.dumps(written))
+    (run / COMPARISON).write_text(json.dumps(written))
     assert "got another metrics[0].methods[1].rank" in breaches(run)["comparison"][0]
-    (run / gc.COMPARISON).write_text("{")
+    (run / COMPARISON).write_text("{")
     assert "expected JSON in" in breaches(run)["comparison"][0]
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
 from graycard.benchmarks import check_result
 from graycard.benchmarks._suites import Suite, SuiteMethod, load_suite
+from graycard.cli import main
+from graycard.io import read_manifest, sha256, write_bytes, write_json, write_manifest
 from graycard.synth import SceneSpec, scene_name
 from valid_runs import SUITE, breaches, change
 
@@ -61,9 +61,9 @@ def test_a_run_is_of_its_suite(run: Path, what: str):
 
 def keep(run: Path, suite: Suite) -> None:
     """Another suite in the run folder, with a hash that fits it."""
-    gc.write_json(run / "suite.json", suite)
+    write_json(run / "suite.json", suite)
     named = {"suite": suite.name, "suite_version": suite.version}
-    change(run, lambda data: data.update(suite_sha256=gc.sha256(run / "suite.json"), **named))
+    change(run, lambda data: data.update(suite_sha256=sha256(run / "suite.json"), **named))
 
 
 @pytest.mark.parametrize(
@@ -84,10 +84,10 @@ def test_a_scene_and_a_method_may_not_be_easier_than_those_of_the_suite(run: Pat
 
 def test_a_scene_of_other_knobs_under_the_name_of_the_suite(run: Path):
     truth = run / "dataset/dark/corridor-1000/truth"
-    manifest = gc.read_manifest(truth, "graycard-truth")
+    manifest = read_manifest(truth, "graycard-truth")
     easier = {**manifest.settings, "knobs": {**manifest.settings["knobs"], "clutter": 0.0}}
-    gc.seal(truth, replace(manifest, settings=easier))
-    change(run, lambda data: data["scenes"][0].update(truth_sha256=gc.sha256(truth / "manifest.json")))
+    write_manifest(truth, replace(manifest, settings=easier))
+    change(run, lambda data: data["scenes"][0].update(truth_sha256=sha256(truth / "manifest.json")))
     (line,) = breaches(run)["suite"]
     assert "dark/corridor-1000: expected the scene that tiny asks for, got another knobs.clutter" in line
     shutil.rmtree(truth)
@@ -122,8 +122,8 @@ def test_without_its_suite_a_run_cannot_be_judged(run: Path):
     (run / "suite.json").unlink()
     assert check_result(run).exit_code == 2
     assert "expected suite.json to hold the run against, got none" in breaches(run)["suite"][0]
-    gc.write_bytes(run / "suite.json", b"[]")
-    change(run, lambda data: data.update(suite_sha256=gc.sha256(run / "suite.json")))
+    write_bytes(run / "suite.json", b"[]")
+    change(run, lambda data: data.update(suite_sha256=sha256(run / "suite.json")))
     assert check_result(run).exit_code == 2
 
 

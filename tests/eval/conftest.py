@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Light, Predictions, View, open_truth
+from graycard.predictions import finish_predictions, write_view
 from layer_references import write_random_weights
 
 Layers = dict[str, np.ndarray]
-Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
+Change = Callable[[View, Layers], Mapping[str, np.ndarray] | None]
 PREDICTED = ("radiance", "base_color", "normal", "depth", "counterfactual.radiance")
 
 
@@ -24,7 +25,7 @@ def random_lpips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def unchanged(view: gc.View, layers: Layers) -> Layers:
+def unchanged(view: View, layers: Layers) -> Layers:
     return layers
 
 
@@ -38,16 +39,16 @@ def predict(tmp_path: Path) -> Callable[..., Path]:
     made = iter(range(1000))
 
     def write(
-        scene: Path, change: Change = unchanged, lights: tuple[gc.Light, ...] | str | None = "truth"
+        scene: Path, change: Change = unchanged, lights: tuple[Light, ...] | str | None = "truth"
     ) -> Path:
-        truth = gc.open_truth(scene / "truth")
+        truth = open_truth(scene / "truth")
         folder = tmp_path / f"predictions-{next(made)}"
         for view in truth.views:
             layers = {k: v for k, v in truth.layers(view).items() if k in PREDICTED}
             if (changed := change(view, layers)) is not None:
-                gc.write_view(folder, view.name, changed)
+                write_view(folder, view.name, changed)
         found = truth.lights() if isinstance(lights, str) else lights
-        gc.finish_predictions(folder, gc.Predictions("truth", truth.track, truth.scene), found)
+        finish_predictions(folder, Predictions("truth", truth.track, truth.scene), found)
         return folder
 
     return write

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import graycard.eval as ge
-from graycard.eval._pixelwise import Pixelwise, angle_errors
+from graycard.eval.measures._pixelwise import Pixelwise, angle_errors
 
 RNG = np.random.default_rng(2)
 

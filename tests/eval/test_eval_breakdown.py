@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._breakdown import Comparison, measure
-from graycard.eval._metrics import IMAGE_METRICS
+from graycard import View, open_predictions, open_truth, srgb_encode
+from graycard.colour import display_variance
+from graycard.dataset import manifest_of
+from graycard.eval.metrics._albedo import IMAGE_METRICS
+from graycard.eval.scoring._breakdown import Comparison, measure
+from graycard.io import write_layers, write_manifest
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
@@ -20,13 +23,13 @@ PIXELS = ("novel_view.psnr", "novel_view.flip", "albedo.psnr.raw", "albedo.ciede
 
 def with_pure(scene: Path, pure: Callable[[np.ndarray], np.ndarray]) -> Path:
     """The scene with a ``pure`` layer made from the object ids."""
-    truth = gc.open_truth(scene / "truth")
-    manifest = gc.manifest_of(truth)
+    truth = open_truth(scene / "truth")
+    manifest = manifest_of(truth)
     for view in truth.views:
         layers = truth.layers(view)
         named = {"pure": pure(layers["object_id"]).astype(np.float32)}
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers | named)
-    gc.seal(scene / "truth", manifest)
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers | named)
+    write_manifest(scene / "truth", manifest)
     return scene
 
 
@@ -34,7 +37,7 @@ def left_half(ids: np.ndarray) -> np.ndarray:
     return np.arange(ids.shape[1])[None] < ids.shape[1] // 2 + 0 * ids
 
 
-def shifted(view: gc.View, layers: Layers) -> Layers:
+def shifted(view: View, layers: Layers) -> Layers:
     """Wrong on the right half alone."""
     right = ~left_half(layers["radiance"][..., 0])
     return {k: np.where(right.T, v.T * 0.8 + 0.05, v.T).T.astype(np.float32) for k, v in layers.items()}
@@ -57,11 +60,11 @@ def test_interior_and_boundary_are_what_the_truth_calls_pure(
 
 def test_the_whole_is_the_mean_of_its_regions(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = with_pure(make_scene(test=1), left_half)
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     ids = truth.layers(truth.view("test_001"))["object_id"]
     share = (left_half(ids) & (ids > 0)).sum() / (ids > 0).sum()
 
-    def halved(view: gc.View, layers: Layers) -> Layers:
+    def halved(view: View, layers: Layers) -> Layers:
         return {k: (v * 0.8 + 0.05 * v**2).astype(np.float32) for k, v in layers.items()}
 
     for score in ge.score_predictions(predict(scene, halved), scene).scores:
@@ -93,12 +96,12 @@ def test_a_truth_that_names_no_pure_pixels_has_no_regions(
 def test_the_other_space_and_the_mean_of_views(tiny_scenes: dict[str, Path], predict: Predict) -> None:
     scene = tiny_scenes["dark"]
     folder = predict(scene, shifted)
-    sheet, truth = ge.score_predictions(folder, scene), gc.open_truth(scene / "truth")
+    sheet, truth = ge.score_predictions(folder, scene), open_truth(scene / "truth")
     albedo, light = [], []
     for view in (v for v in truth.views if v.split == "test"):
-        true, found = truth.layers(view), gc.open_predictions(folder).layers(view.name)
+        true, found = truth.layers(view), open_predictions(folder).layers(view.name)
         seen = true["object_id"] > 0
-        p, t = (gc.srgb_encode(x["base_color"][seen]) for x in (found, true))
+        p, t = (srgb_encode(x["base_color"][seen]) for x in (found, true))
         albedo.append(np.mean((p - t) ** 2))
         p, t = (np.clip(x["radiance"][seen].astype(float) * truth.exposure, 0, 1) for x in (found, true))
         light.append(np.mean((p - t) ** 2))
@@ -115,9 +118,9 @@ def test_debiased_is_the_score_against_a_truth_without_noise(
 ) -> None:
     """The error of a prediction is 30 dB, that of the truth 33 dB: what the latter costs comes back."""
     clean = make_scene(sigma=0.0, scene="clean-0000", train=3, test=3)
-    exact = gc.open_truth(clean / "truth")
+    exact = open_truth(clean / "truth")
 
-    def off(view: gc.View, layers: Layers) -> Layers:
+    def off(view: View, layers: Layers) -> Layers:
         return layers | {"radiance": exact.layers(exact.view(view.name))["radiance"] * np.float32(1.12)}
 
     noisy = make_scene(sigma=5e-3, train=3, test=3)
@@ -141,7 +144,7 @@ def test_a_noise_free_prediction_has_little_error_left(sigma: float) -> None:
     noise, parts = measure(metric, Comparison(exact, true, mask, 1.0, variance))
     assert -0.03 * noise < parts["debiased"] < 0.25 * noise, "what is left is on the safe side"
     if sigma >= 0.01:
-        assert gc.display_variance(true, variance, 1.0).mean() > 1.2 * noise
+        assert display_variance(true, variance, 1.0).mean() > 1.2 * noise
 
 
 def test_less_error_than_noise_is_no_error(make_scene: Callable[..., Path], predict: Predict) -> None:

@@ -9,14 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
 from changed_scene import enrich
-from graycard.eval._ceiling import CEILINGS, MARGINS, ceiling_warnings, is_suspicious, pooled_ceiling
+from graycard import Camera, Predictions, View, look_at, open_truth
+from graycard.edits import composed_file
+from graycard.eval.scoring._ceiling import CEILINGS, MARGINS, ceiling_warnings, is_suspicious, pooled_ceiling
+from graycard.io import write_layers
+from graycard.predictions import finish_predictions
+from graycard.records import MetricRecord
 
 Layers = dict[str, np.ndarray]
 Predict = Callable[..., Path]
-VIEW = gc.View("v", "test", gc.Camera.from_fov(80, 60, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3))))
+VIEW = View("v", "test", Camera.from_fov(80, 60, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3))))
 RNG = np.random.default_rng(11)
 
 
@@ -25,8 +29,8 @@ def rule_of(metric: str) -> ge.CeilingRule:
     return rule
 
 
-@pytest.mark.parametrize("metric", ge.metrics(), ids=lambda m: m.id)
-def test_every_metric_has_one_rule(metric: gc.MetricRecord) -> None:
+@pytest.mark.parametrize("metric", ge.all_metrics(), ids=lambda m: m.id)
+def test_every_metric_has_one_rule(metric: MetricRecord) -> None:
     assert not rule_of(metric.id).known or metric.unit in MARGINS
 
 
@@ -34,7 +38,7 @@ def test_scores_have_the_ceilings_that_the_rules_say(
     make_scene: Callable[..., Path], predict: Predict
 ) -> None:
     scene = enrich(make_scene(track="tabletop"))
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     folder = predict(scene, lambda view, layers: truth.layers(view))
     scores = ge.score_predictions(folder, scene).scores
     assert {s.metric: s.noise_ceiling is not None for s in scores if s.status == "scored"} == {
@@ -47,15 +51,15 @@ def test_scores_have_the_ceilings_that_the_rules_say(
 def test_who_holds_the_noise_is_named(make_scene: Callable[..., Path], predict: Predict) -> None:
     """The truth as a prediction, with its changed pictures: its errors are less than the noise."""
     scene = enrich(make_scene(track="tabletop"))
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     folder = predict(scene, lambda view, layers: truth.layers(view))
     for view in (v for v in truth.views if v.split == "test"):
         for edit in truth.edits:
             relit = truth.relit(edit.name, view)["radiance"]
-            gc.write_layers(folder / edit.view_file(view.name), {"radiance": relit})
+            write_layers(folder / edit.view_file(view.name), {"radiance": relit})
         composed = truth.composed(view)["radiance"]
-        gc.write_layers(folder / gc.composed_file(view.name), {"radiance": composed})
-    gc.finish_predictions(folder, gc.Predictions("truth", truth.track, truth.scene), truth.lights())
+        write_layers(folder / composed_file(view.name), {"radiance": composed})
+    finish_predictions(folder, Predictions("truth", truth.track, truth.scene), truth.lights())
     sheet = ge.score_predictions(folder, scene)
     known = [s for s in sheet.scores if s.unit in ("dB", "σ") and s.metric != "shading.psnr"]
     assert {s.metric for s in known if rule_of(s.metric).known} == {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import graycard.eval as ge
-from graycard.eval._colour_difference import REC709_TO_XYZ, lab
+from graycard.eval.measures._colour_difference import REC709_TO_XYZ, lab
 
 RNG = np.random.default_rng(12)
 COLORS = RNG.uniform(-0.05, 1.3, (500, 3))

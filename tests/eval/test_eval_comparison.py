@@ -9,38 +9,50 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 from graycard.eval.statistics import compare_run
+from graycard.io import write_json
+from graycard.records import (
+    COMPARISON,
+    AboveCeiling,
+    Job,
+    JobResult,
+    MethodRecord,
+    MetricRecord,
+    RunRecord,
+    Score,
+    ScoreSheet,
+    read_comparison,
+)
 
-UP = gc.MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.3)
-DOWN = gc.MetricRecord("angle", "Angle", "normal", "°", False, 0.0, "", True, 0.5)
+UP = MetricRecord("psnr", "PSNR", "novel view", "dB", True, math.inf, "", True, 0.3)
+DOWN = MetricRecord("angle", "Angle", "normal", "°", False, 0.0, "", True, 0.5)
 Values = Mapping[str, Sequence[Sequence[float | None]]]
 """By method: for each scene the values of its seeds; None is a failed score."""
 
 
 def make_run(
-    values: Values, metric: gc.MetricRecord = UP, handed: Sequence[str] = (), ceiling: float | None = 60.0
-) -> gc.RunRecord:
+    values: Values, metric: MetricRecord = UP, handed: Sequence[str] = (), ceiling: float | None = 60.0
+) -> RunRecord:
     results = [
         result_of(method, scene, seed, value, metric, ceiling)
         for method, scenes in values.items()
         for scene, found in enumerate(scenes)
         for seed, value in enumerate(found)
     ]
-    methods = tuple(gc.MethodRecord(m, "", ("radiance",) if m in handed else ()) for m in values)
-    return gc.RunRecord("demo", 1, (), methods, (UP, DOWN), tuple(results), {}, "", 0.0)
+    methods = tuple(MethodRecord(m, "", ("radiance",) if m in handed else ()) for m in values)
+    return RunRecord("demo", 1, (), methods, (UP, DOWN), tuple(results), {}, "", 0.0)
 
 
 def result_of(
-    method: str, scene: int, seed: int, value: float | None, metric: gc.MetricRecord, ceiling: float | None
-) -> gc.JobResult:
-    job = gc.Job("dark", f"s{scene}", method, seed, {})
+    method: str, scene: int, seed: int, value: float | None, metric: MetricRecord, ceiling: float | None
+) -> JobResult:
+    job = Job("dark", f"s{scene}", method, seed, {})
     known = metric.unit, metric.higher_is_better, metric.optimum
-    score = gc.Score(
+    score = Score(
         metric.id, "graycard-1", "failed" if value is None else "scored", value, *known, noise_ceiling=ceiling
     )
-    sheet = gc.ScoreSheet("dark", f"s{scene}", method, "", "", (score,))
-    return gc.JobResult(job, "", "", "done", sheet=sheet)
+    sheet = ScoreSheet("dark", f"s{scene}", method, "", "", (score,))
+    return JobResult(job, "", "", "done", sheet=sheet)
 
 
 def once(values: Sequence[float | None] | np.ndarray) -> list[list[float | None]]:
@@ -51,7 +63,7 @@ def scenes(count: int, seed: int = 1000, mean: float = 25.0, sd: float = 2.0) ->
     return np.random.default_rng(seed).normal(mean, sd, count)
 
 
-def ranks(run: gc.RunRecord, metric: str = "psnr") -> dict[str, int | None]:
+def ranks(run: RunRecord, metric: str = "psnr") -> dict[str, int | None]:
     return {m.method: m.rank for m in compare_run(run).find("dark", metric).methods}
 
 
@@ -184,7 +196,7 @@ def test_ceilings_are_averaged_and_scores_above_them_named():
     found = compare_run(run)
     assert found.find("dark", "psnr").methods[0].ceiling == 40.0
     (above,) = found.above_ceiling
-    assert above == gc.AboveCeiling("dark", "s1", "a", 0, "psnr", 41.5, 40.0, 1.5, "dB", ())
+    assert above == AboveCeiling("dark", "s1", "a", 0, "psnr", 41.5, 40.0, 1.5, "dB", ())
     assert found.margins["dB"] == 1.0
     unknown = compare_run(make_run({"a": once([30.0])}, ceiling=None))
     assert unknown.find("dark", "psnr").methods[0].ceiling is None
@@ -195,17 +207,17 @@ def test_ceilings_are_averaged_and_scores_above_them_named():
 def test_a_metric_without_a_score_has_no_table():
     run = make_run({"a": once([None, None])})
     assert compare_run(run).metrics == ()
-    failed = gc.JobResult(gc.Job("dark", "s0", "a", 0, {}), "", "", "failed", "died")
-    assert compare_run(gc.RunRecord("d", 1, (), (), (UP,), (failed,), {}, "", 0)).metrics == ()
+    failed = JobResult(Job("dark", "s0", "a", 0, {}), "", "", "failed", "died")
+    assert compare_run(RunRecord("d", 1, (), (), (UP,), (failed,), {}, "", 0)).metrics == ()
 
 
 def test_a_job_that_failed_is_a_scene_that_lacks():
     run = make_run({"a": once([20.0, 21.0]), "b": once([20.0, 21.0])})
     results = [
-        gc.JobResult(r.job, "", "", "failed", "died") if (r.job.method, r.job.scene) == ("b", "s1") else r
+        JobResult(r.job, "", "", "failed", "died") if (r.job.method, r.job.scene) == ("b", "s1") else r
         for r in run.results
     ]
-    broken = gc.RunRecord("demo", 1, (), run.methods, run.metrics, tuple(results), {}, "", 0.0)
+    broken = RunRecord("demo", 1, (), run.methods, run.metrics, tuple(results), {}, "", 0.0)
     b = compare_run(broken).find("dark", "psnr").methods[1]
     assert (b.scenes, b.expected, b.rank) == (1, 2, None)
 
@@ -213,8 +225,8 @@ def test_a_job_that_failed_is_a_scene_that_lacks():
 def test_it_survives_the_way_to_disk(tmp_path: Path):
     values: Values = {name: once(scenes(3, seed)) for seed, name in enumerate("ab")}
     found = compare_run(make_run({**values, "truth": once([math.inf] * 3)}, handed=("truth",)))
-    gc.write_json(tmp_path / gc.COMPARISON, found)
-    assert gc.read_comparison(tmp_path) == found
+    write_json(tmp_path / COMPARISON, found)
+    assert read_comparison(tmp_path) == found
 
 
 def test_variants_of_a_method_cost_the_methods_nothing():

@@ -6,7 +6,14 @@ import importlib
 
 import pytest
 
-MODULES = ("_colour_difference", "_gauge", "_mask", "_psnr", "_ssim", "protocols._find")
+MODULES = (
+    "measures._colour_difference",
+    "measures._psnr",
+    "measures._ssim",
+    "scoring._gauge",
+    "scoring._mask",
+    "protocols._find",
+)
 
 
 @pytest.mark.parametrize("module", MODULES)

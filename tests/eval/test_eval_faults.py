@@ -7,10 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._light_metrics import MISSED
-from graycard.eval._metrics import IMAGE_METRICS
+from graycard import DatasetError, PointLight, PredictionError, View, open_predictions, open_truth
+from graycard.dataset import manifest_of
+from graycard.eval.lights._metrics import MISSED
+from graycard.eval.metrics._albedo import IMAGE_METRICS
+from graycard.io import write_bytes, write_layers, write_manifest, write_rgb
+from graycard.lights import write_lights
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import ScoreSheet
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
@@ -25,7 +30,7 @@ IMAGES = (
 TRAINING = "training_view.psnr"
 NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))
 LIGHTS = tuple(
-    m.id for m in ge.metrics() if m.group == "light" and m.id not in ("light.direction", "light.extent")
+    m.id for m in ge.all_metrics() if m.group == "light" and m.id not in ("light.direction", "light.extent")
 )
 INTENSITY = ("light.intensity", "light.intensity.channel")
 GAUGED_TOO = (*GAUGED, "light.intensity.channel")
@@ -37,11 +42,11 @@ def scene(tiny_scenes: dict[str, Path]) -> Path:
     return tiny_scenes["dark"]
 
 
-def statuses(sheet: gc.ScoreSheet) -> dict[str, str]:
+def statuses(sheet: ScoreSheet) -> dict[str, str]:
     return {s.metric: s.status for s in sheet.scores}
 
 
-def expect(sheet: gc.ScoreSheet, status: str, metrics: tuple[str, ...], *words: str) -> None:
+def expect(sheet: ScoreSheet, status: str, metrics: tuple[str, ...], *words: str) -> None:
     """Exactly these metrics have this status, with these words in the reason; all others are scored."""
     assert {m for m, s in statuses(sheet).items() if s == status} == set(metrics)
     assert {s for m, s in statuses(sheet).items() if m not in metrics} <= {"scored"}
@@ -56,7 +61,7 @@ def expect(sheet: gc.ScoreSheet, status: str, metrics: tuple[str, ...], *words: 
 def edit(layer: str, change: Callable[[np.ndarray], np.ndarray | None], view: str) -> Callable[..., Layers]:
     """Change one layer of one view; None leaves it out."""
 
-    def apply(seen: gc.View, layers: Layers) -> Layers:
+    def apply(seen: View, layers: Layers) -> Layers:
         if seen.name != view:
             return layers
         changed = change(layers[layer].copy())
@@ -88,7 +93,7 @@ def test_values_that_are_not_finite(scene: Path, predict: Predict, value: float,
 
 
 def test_a_wrong_size(scene: Path, predict: Predict) -> None:
-    def smaller(view: gc.View, layers: Layers) -> Layers:
+    def smaller(view: View, layers: Layers) -> Layers:
         return {k: v[:-1] for k, v in layers.items()} if view.name == "test_001" else layers
 
     sheet = ge.score_predictions(predict(scene, smaller), scene)
@@ -102,7 +107,7 @@ def test_a_layer_that_one_test_view_lacks(scene: Path, predict: Predict) -> None
 
 
 def test_a_layer_that_no_view_has_is_not_provided(scene: Path, predict: Predict) -> None:
-    def without(view: gc.View, layers: Layers) -> Layers:
+    def without(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "base_color"}
 
     sheet = ge.score_predictions(predict(scene, without), scene)
@@ -111,7 +116,7 @@ def test_a_layer_that_no_view_has_is_not_provided(scene: Path, predict: Predict)
 
 
 def test_a_layer_on_training_views_only_is_missing_and_not_absent(scene: Path, predict: Predict) -> None:
-    def train_only(view: gc.View, layers: Layers) -> Layers:
+    def train_only(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "base_color" or view.split == "train"}
 
     sheet = ge.score_predictions(predict(scene, train_only), scene)
@@ -145,8 +150,8 @@ def test_a_truncated_file_fails_all_images(
     folder = predict(scene)
     path = folder / "views" / f"{name}.exr"
     path.write_bytes(path.read_bytes()[:900])
-    index = gc.open_predictions(folder)
-    gc.finish_predictions(folder, index)
+    index = open_predictions(folder)
+    finish_predictions(folder, index)
     sheet = ge.score_predictions(folder, scene)
     expect(
         sheet, "failed", IMAGES + more, f"{name}: expected a whole EXR file", "900 bytes", "Write it again"
@@ -155,8 +160,8 @@ def test_a_truncated_file_fails_all_images(
 
 def test_a_file_that_changed_after_its_hash_was_taken(scene: Path, predict: Predict) -> None:
     folder = predict(scene)
-    layers = gc.open_predictions(folder).layers("test_001")
-    gc.write_view(folder, "test_001", layers | {"normal": -layers["normal"]})
+    layers = open_predictions(folder).layers("test_001")
+    write_view(folder, "test_001", layers | {"normal": -layers["normal"]})
     sheet = ge.score_predictions(folder, scene)
     expect(sheet, "failed", IMAGES, "test_001: expected", "it changed after predictions.json was written")
 
@@ -165,14 +170,14 @@ def test_a_wrong_channel_name(scene: Path, predict: Predict) -> None:
     folder = predict(scene)
     path = folder / "views" / "test_001.exr"
     path.unlink()
-    gc.write_rgb(path, np.zeros((24, 28, 3)))
-    gc.finish_predictions(folder, gc.open_predictions(folder))
+    write_rgb(path, np.zeros((24, 28, 3)))
+    finish_predictions(folder, open_predictions(folder))
     sheet = ge.score_predictions(folder, scene)
     expect(sheet, "failed", IMAGES, "expected channels named <layer>.<suffix>", "got R, G, B", "Rename them")
 
 
 def test_a_gauge_needs_base_color_on_the_training_views(scene: Path, predict: Predict) -> None:
-    def test_only(view: gc.View, layers: Layers) -> Layers:
+    def test_only(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "base_color" or view.split == "test"}
 
     sheet = ge.score_predictions(predict(scene, test_only), scene)
@@ -193,7 +198,7 @@ def test_one_faulty_training_view_is_not_left_out_of_the_gauge(scene: Path, pred
 
 
 def test_a_black_prediction_has_no_gauge(scene: Path, predict: Predict) -> None:
-    def black(view: gc.View, layers: Layers) -> Layers:
+    def black(view: View, layers: Layers) -> Layers:
         return layers | {"base_color": 0 * layers["base_color"]}
 
     sheet = ge.score_predictions(predict(scene, black), scene)
@@ -203,7 +208,7 @@ def test_a_black_prediction_has_no_gauge(scene: Path, predict: Predict) -> None:
 
 def test_views_that_the_scene_does_not_have(scene: Path, predict: Predict) -> None:
     folder = predict(scene)
-    gc.write_view(folder, "bonus_000", {"radiance": np.zeros((24, 28, 3))})
+    write_view(folder, "bonus_000", {"radiance": np.zeros((24, 28, 3))})
     sheet = ge.score_predictions(folder, scene)
     assert set(statuses(sheet).values()) == {"scored"}
     for metric in (m for m in IMAGES if not m.endswith("noise_rms")):
@@ -211,12 +216,12 @@ def test_views_that_the_scene_does_not_have(scene: Path, predict: Predict) -> No
 
 
 def test_predictions_for_another_scene(tiny_scenes: dict[str, Path], predict: Predict) -> None:
-    with pytest.raises(gc.PredictionError, match="expected predictions for dark/tiny-0000, got some for tab"):
+    with pytest.raises(PredictionError, match="expected predictions for dark/tiny-0000, got some for tab"):
         ge.score_predictions(predict(tiny_scenes["tabletop"]), tiny_scenes["dark"])
 
 
 def test_a_folder_without_predictions(scene: Path, tmp_path: Path) -> None:
-    with pytest.raises(gc.PredictionError, match=r"expected a predictions folder with predictions.json"):
+    with pytest.raises(PredictionError, match=r"expected a predictions folder with predictions.json"):
         ge.score_predictions(tmp_path, scene)
 
 
@@ -236,7 +241,7 @@ def test_lights_that_are_not_provided(scene: Path, predict: Predict) -> None:
 )
 def test_lights_that_cannot_be_read(scene: Path, predict: Predict, text: str, words: str) -> None:
     folder = predict(scene, lights=None)
-    gc.write_bytes(folder / "lights.json", text.encode())
+    write_bytes(folder / "lights.json", text.encode())
     expect(ge.score_predictions(folder, scene), "failed", LIGHTS, words)
 
 
@@ -246,19 +251,19 @@ def test_lights_that_changed_after_their_hash_was_taken(scene: Path, predict: Pr
     if lost:
         (folder / "lights.json").unlink()
     else:
-        gc.write_lights(folder / "lights.json", ())
+        write_lights(folder / "lights.json", ())
     words = ("lights.json with SHA-256", "got none" if lost else "it changed after")
     expect(ge.score_predictions(folder, scene), "failed", LIGHTS, *words)
 
 
 def test_a_light_nowhere(scene: Path, predict: Predict) -> None:
-    light = gc.PointLight("lost", (0.0, np.nan, 0.0), (1.0, 1.0, 1.0))
+    light = PointLight("lost", (0.0, np.nan, 0.0), (1.0, 1.0, 1.0))
     sheet = ge.score_predictions(predict(scene, lights=(light,)), scene)
     expect(sheet, "failed", LIGHTS, "expected light 'lost' with a finite position, got [0.0, nan, 0.0]")
 
 
 def test_a_light_that_is_off_fails_its_intensity_and_colour_only(scene: Path, predict: Predict) -> None:
-    light = gc.PointLight("off", (0.3, -0.1, 0.0), (0.0, 0.0, 0.0), "camera")
+    light = PointLight("off", (0.3, -0.1, 0.0), (0.0, 0.0, 0.0), "camera")
     sheet = ge.score_predictions(predict(scene, lights=(light,)), scene)
     expect(sheet, "failed", PARTNERED, "expected light 'off' with a")
 
@@ -269,13 +274,13 @@ def test_an_empty_list_of_lights_finds_none(scene: Path, predict: Predict) -> No
     assert [sheet.score(m).value for m in LIGHTS if m not in PARTNERED] == [100, 1, 0]
 
 
-def rewrite_truth(scene: Path, change: Callable[[gc.View, Layers], Layers | None]) -> None:
+def rewrite_truth(scene: Path, change: Callable[[View, Layers], Layers | None]) -> None:
     """Change the true layers and seal the folder again, as a broken generator would."""
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     for view in truth.views:
         if (changed := change(view, truth.layers(view))) is not None:
-            gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", changed)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
+            write_layers(scene / "truth" / "views" / f"{view.name}.exr", changed)
+    write_manifest(scene / "truth", manifest_of(truth))
 
 
 def test_a_damaged_truth_is_never_scored_by(make_scene: Callable[..., Path], predict: Predict) -> None:
@@ -284,7 +289,7 @@ def test_a_damaged_truth_is_never_scored_by(make_scene: Callable[..., Path], pre
     with open(scene / "truth" / "views" / "test_001.exr", "r+b") as file:
         file.seek(-3, 2)
         file.write(b"\x00")
-    with pytest.raises(gc.DatasetError, match="expected the files of .* to be as they were written"):
+    with pytest.raises(DatasetError, match="expected the files of .* to be as they were written"):
         ge.score_predictions(folder, scene)
 
 
@@ -303,13 +308,13 @@ def test_a_truth_that_cannot_judge(
     scene = make_scene()
     folder = predict(scene)
     rewrite_truth(scene, change)
-    with pytest.raises(gc.DatasetError, match=words):
+    with pytest.raises(DatasetError, match=words):
         ge.score_predictions(folder, scene)
 
 
 def test_a_scene_without_test_views(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = make_scene(train=3, test=0)
-    with pytest.raises(gc.DatasetError, match="expected test and train views in .*truth.json, got 3 views"):
+    with pytest.raises(DatasetError, match="expected test and train views in .*truth.json, got 3 views"):
         ge.score_predictions(predict(scene), scene)
 
 

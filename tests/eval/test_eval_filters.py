@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import correlate1d
 
-from graycard.eval._filters import Border, along_columns, along_rows, separable
+from graycard.eval.measures._filters import Border, along_columns, along_rows, separable
 
 SCIPY = {"edge": "nearest", "symmetric": "reflect"}
 

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._gauge import Kind
+from graycard import PredictionError
+from graycard.eval.scoring._gauge import Kind
 
 RNG = np.random.default_rng(8)
 TRUE = RNG.uniform(0.05, 0.9, (2, 12, 14, 3))
@@ -70,7 +70,7 @@ def test_a_channel_in_which_the_truth_is_black_leaves_nothing_to_fit() -> None:
 def test_a_prediction_that_no_gauge_can_mend(values: float, what: str) -> None:
     predicted = PREDICTED.copy()
     predicted[..., 1] = values
-    with pytest.raises(gc.PredictionError, match=f"{what} channel G wherever an object is seen"):
+    with pytest.raises(PredictionError, match=f"{what} channel G wherever an object is seen"):
         fit(predicted, "channel")
     assert fit(predicted, "raw") == (1, 1, 1)
 

@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-import graycard as gc
 import graycard.eval as ge
 from changed_scene import DESK, LAMP, enrich
+from graycard import Light, View, open_truth, srgb_encode
+from graycard.dataset import manifest_of
+from graycard.io import write_layers, write_manifest
+from graycard.records import ScoreSheet
 
 Layers = dict[str, np.ndarray]
-Change = Callable[[gc.View, Layers], Mapping[str, np.ndarray] | None]
+Change = Callable[[View, Layers], Mapping[str, np.ndarray] | None]
 Predict = Callable[..., Path]
 NAMES = ("lamp", "desk")
 HANDED_IN = (
@@ -46,13 +49,13 @@ class Fault:
     beside: str = ""
     """Score that the warning stands beside; empty where there is none to be told."""
     says: str = ""
-    lights: tuple[gc.Light, ...] = (LAMP, DESK)
+    lights: tuple[Light, ...] = (LAMP, DESK)
 
     def __str__(self) -> str:
         return self.name
 
 
-def of(layer: str, change: Callable[[np.ndarray, gc.View], np.ndarray]) -> Change:
+def of(layer: str, change: Callable[[np.ndarray, View], np.ndarray]) -> Change:
     """Change one layer of every view."""
     return lambda view, layers: layers | {layer: change(layers[layer].astype(float), view)}
 
@@ -62,15 +65,15 @@ def each(change: Callable[[np.ndarray], np.ndarray]) -> Change:
     return lambda view, layers: {name: change(values) for name, values in layers.items()}
 
 
-def nothing(view: gc.View, layers: Layers) -> Layers:
+def nothing(view: View, layers: Layers) -> Layers:
     return layers
 
 
-def to_camera(normals: np.ndarray, view: gc.View) -> np.ndarray:
+def to_camera(normals: np.ndarray, view: View) -> np.ndarray:
     return normals @ view.camera.camera_to_world[:3, :3]
 
 
-def along_the_ray(depth: np.ndarray, view: gc.View) -> np.ndarray:
+def along_the_ray(depth: np.ndarray, view: View) -> np.ndarray:
     return depth / (view.camera.rays() @ view.camera.forward)
 
 
@@ -78,17 +81,17 @@ def half_right(values: np.ndarray) -> np.ndarray:
     return (values + np.roll(values, 1, axis=1)) / 2
 
 
-def with_background(view: gc.View, layers: Layers) -> Layers:
+def with_background(view: View, layers: Layers) -> Layers:
     empty = layers["depth"] == np.inf
     return {k: np.where(empty if v.ndim == 2 else empty[..., None], 0.7, v) for k, v in layers.items()}
 
 
-def mask_inverted(view: gc.View, layers: Layers) -> Layers:
+def mask_inverted(view: View, layers: Layers) -> Layers:
     object_seen = np.abs(layers["radiance"] - layers["counterfactual.radiance"])[..., :1] > 0.25
     return layers | {"counterfactual.radiance": np.where(object_seen, layers["radiance"], 0.3)}
 
 
-def lamps(**changes: object) -> tuple[gc.Light, ...]:
+def lamps(**changes: object) -> tuple[Light, ...]:
     return tuple(replace(light, **changes) for light in (LAMP, DESK))  # pyright: ignore[reportArgumentType]
 
 
@@ -99,7 +102,7 @@ TWICE_LIT = tuple(
 NORMAL, DEPTH, ROUGH = ("normal.",), ("depth.",), ("roughness.",)
 FAULTS = (
     Fault("gain of each channel", of("base_color", lambda v, _: v * GAIN), (*ALBEDO,)),
-    Fault("sRGB for linear", of("base_color", lambda v, _: gc.srgb_encode(v)), ALBEDO,
+    Fault("sRGB for linear", of("base_color", lambda v, _: srgb_encode(v)), ALBEDO,
           "albedo.psnr.channel", "base_color looks sRGB-encoded"),
     Fault("B, G, R", of("base_color", lambda v, _: v[..., ::-1]), ALBEDO,
           "albedo.psnr.channel", "base_color looks like B, G, R"),
@@ -107,7 +110,7 @@ FAULTS = (
           "albedo.psnr.channel", "base_color looks divided by π"),
     Fault("albedo of 0 to 255", of("base_color", lambda v, _: v * 255), GAINED,
           "albedo.psnr.channel", "base_color looks like 0 to 255"),
-    Fault("albedo of 8 bits", of("base_color", lambda v, _: np.round(gc.srgb_encode(v) * 255) / 255),
+    Fault("albedo of 8 bits", of("base_color", lambda v, _: np.round(srgb_encode(v) * 255) / 255),
           ALBEDO, "albedo.psnr.channel", "base_color looks"),
     Fault("normals mirrored in x", of("normal", lambda v, _: v * (-1, 1, 1)), NORMAL,
           "normal.mean_angle", "normal looks mirrored in x: try (-x, y, z)"),
@@ -142,7 +145,7 @@ FAULTS = (
           "novel_view.psnr", "pictures look moved by -1 pixels down and 0 right"),
     Fault("mirrored", each(lambda v: v[:, ::-1]), (*PIXELS, "light.intensity.channel"),
           "novel_view.psnr", "pictures look mirrored: left and right"),
-    Fault("as displayed", of("radiance", lambda v, _: gc.srgb_encode(v * 0.45)), VIEWS,
+    Fault("as displayed", of("radiance", lambda v, _: srgb_encode(v * 0.45)), VIEWS,
           "novel_view.psnr", "radiance looks as displayed"),
     Fault("exposed", of("radiance", lambda v, _: v * 0.45), VIEWS,
           "novel_view.psnr", "radiance looks multiplied by the exposure"),
@@ -166,10 +169,10 @@ FAULTS = (
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> Path:
     folder = enrich(write_tiny(tmp_path_factory.mktemp("faults"), track="tabletop"))
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
-        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", lit_apart(truth.layers(view)))
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", lit_apart(truth.layers(view)))
+    write_manifest(folder / "truth", manifest_of(truth))
     return folder
 
 
@@ -184,11 +187,11 @@ def lit_apart(layers: Layers) -> Layers:
 
 
 @pytest.fixture
-def sheet_of(scene: Path, predict: Predict) -> Callable[..., gc.ScoreSheet]:
-    truth = gc.open_truth(scene / "truth", check=False)
+def sheet_of(scene: Path, predict: Predict) -> Callable[..., ScoreSheet]:
+    truth = open_truth(scene / "truth", check=False)
 
-    def make(change: Change, lights: tuple[gc.Light, ...] = (LAMP, DESK)) -> gc.ScoreSheet:
-        def handed_in(view: gc.View, layers: Layers) -> Mapping[str, np.ndarray] | None:
+    def make(change: Change, lights: tuple[Light, ...] = (LAMP, DESK)) -> ScoreSheet:
+        def handed_in(view: View, layers: Layers) -> Mapping[str, np.ndarray] | None:
             true = truth.layers(view)
             made = change(view, {name: true[name] for name in HANDED_IN})
             return made and {name: values.astype(np.float32) for name, values in made.items()}
@@ -198,21 +201,19 @@ def sheet_of(scene: Path, predict: Predict) -> Callable[..., gc.ScoreSheet]:
     return make
 
 
-def results(sheet: gc.ScoreSheet) -> dict[str, tuple[str, float]]:
+def results(sheet: ScoreSheet) -> dict[str, tuple[str, float]]:
     """Status and value; above 100 dB there is nothing but rounding to float32."""
     values = {s.metric: -1.0 if s.value is None else float(s.value) for s in sheet.scores}
     rounded = {m: min(v, 100.0) if "psnr" in m else round(v, 4) for m, v in values.items()}
     return {s.metric: (s.status, round(rounded[s.metric], 3)) for s in sheet.scores}
 
 
-def hints(sheet: gc.ScoreSheet) -> list[tuple[str, str]]:
+def hints(sheet: ScoreSheet) -> list[tuple[str, str]]:
     return [(s.metric, w) for s in sheet.scores for w in s.warnings if " look" in w or " keeps " in w]
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=str)
-def test_a_fault_touches_its_scores_and_is_named(
-    fault: Fault, sheet_of: Callable[..., gc.ScoreSheet]
-) -> None:
+def test_a_fault_touches_its_scores_and_is_named(fault: Fault, sheet_of: Callable[..., ScoreSheet]) -> None:
     before, sheet = results(sheet_of(nothing)), sheet_of(fault.change, fault.lights)
     if len(fault.lights) == 1:
         before = results(sheet_of(nothing, (LAMP,)))
@@ -230,7 +231,7 @@ def test_a_fault_touches_its_scores_and_is_named(
     assert any(metric == fault.beside and fault.says in says for metric, says in found), found
 
 
-def test_a_gain_of_each_channel_leaves_the_gauged_scores(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+def test_a_gain_of_each_channel_leaves_the_gauged_scores(sheet_of: Callable[..., ScoreSheet]) -> None:
     before, after = results(sheet_of(nothing)), results(sheet_of(FAULTS[0].change))
     for metric in ("albedo.psnr.channel", "albedo.ssim", "albedo.leakage", "novel_view.psnr"):
         assert before[metric] == after[metric]
@@ -238,11 +239,11 @@ def test_a_gain_of_each_channel_leaves_the_gauged_scores(sheet_of: Callable[...,
         assert before[metric] != after[metric]
 
 
-def test_views_that_were_exchanged_are_named(sheet_of: Callable[..., gc.ScoreSheet], scene: Path) -> None:
-    truth = gc.open_truth(scene / "truth", check=False)
+def test_views_that_were_exchanged_are_named(sheet_of: Callable[..., ScoreSheet], scene: Path) -> None:
+    truth = open_truth(scene / "truth", check=False)
     other = {"test_001": "test_003", "test_003": "test_001"}
 
-    def exchanged(view: gc.View, layers: Layers) -> Layers:
+    def exchanged(view: View, layers: Layers) -> Layers:
         true = truth.layers(truth.view(other.get(view.name, view.name)))
         return {name: true[name] for name in HANDED_IN}
 
@@ -251,55 +252,55 @@ def test_views_that_were_exchanged_are_named(sheet_of: Callable[..., gc.ScoreShe
     assert "views look exchanged: test_001 shows test_003, test_003 shows test_001" in found[0][1]
 
 
-def test_a_missing_view_fails_and_is_named(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+def test_a_missing_view_fails_and_is_named(sheet_of: Callable[..., ScoreSheet]) -> None:
     sheet = sheet_of(lambda view, layers: None if view.name == "test_003" else layers)
     score = sheet.score("novel_view.psnr")
     assert (score.status, score.value) == ("failed", None)
     assert "test_003: expected radiance in views/test_003.exr, got no file" in score.reason
 
 
-def noisy(view: gc.View, layers: Layers) -> Layers:
+def noisy(view: View, layers: Layers) -> Layers:
     rng = np.random.default_rng(len(view.name))
     return {k: v * rng.uniform(0.85, 1.15, v.shape) for k, v in layers.items()}
 
 
-def blurred(view: gc.View, layers: Layers) -> Layers:
+def blurred(view: View, layers: Layers) -> Layers:
     finite = {k: np.where(np.isfinite(v), v, 10.0) for k, v in layers.items()}
     return {k: gaussian_filter(v, (1.2, 1.2) + (0,) * (v.ndim - 2)) for k, v in finite.items()}
 
 
-def gray(view: gc.View, layers: Layers) -> Layers:
+def gray(view: View, layers: Layers) -> Layers:
     flat = {name: np.full_like(layers[name], 0.18) for name in ("base_color", "radiance", "roughness")}
     return flat | {"normal": -view.camera.rays(), "depth": np.full_like(layers["depth"], 3.0)}
 
 
-def mean_picture(view: gc.View, layers: Layers) -> Layers:
+def mean_picture(view: View, layers: Layers) -> Layers:
     """The same for all views, and by chance closest to another one."""
     return layers | {"radiance": np.full_like(layers["radiance"], 0.05 if view.name == "test_001" else 2.0)}
 
 
-def photograph(view: gc.View, layers: Layers) -> Layers:
+def photograph(view: View, layers: Layers) -> Layers:
     """The picture as albedo, and as the picture without the object."""
     return layers | {"base_color": layers["radiance"] * 0.45, "counterfactual.radiance": layers["radiance"]}
 
 
-def retinex(view: gc.View, layers: Layers) -> Layers:
+def retinex(view: View, layers: Layers) -> Layers:
     """Illumination taken for a blurred picture."""
     light = gaussian_filter(layers["radiance"], (4, 4, 0))
     return layers | {"base_color": 0.3 * layers["radiance"] / np.maximum(light, 1e-3)}
 
 
-def baked(view: gc.View, layers: Layers) -> Layers:
+def baked(view: View, layers: Layers) -> Layers:
     tint = np.linspace(0.3, 1, layers["depth"].shape[1])[:, None]
     return layers | {"base_color": layers["base_color"] * tint, "normal": layers["normal"] + 0.3}
 
 
 @pytest.mark.parametrize("honest", [nothing, noisy, blurred, gray, mean_picture, photograph, retinex, baked])
-def test_honest_predictions_draw_no_hint(honest: Change, sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+def test_honest_predictions_draw_no_hint(honest: Change, sheet_of: Callable[..., ScoreSheet]) -> None:
     assert hints(sheet_of(honest)) == []
 
 
-def test_honest_lights_draw_no_hint(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+def test_honest_lights_draw_no_hint(sheet_of: Callable[..., ScoreSheet]) -> None:
     near = tuple(
         replace(x, position=tuple(p + 0.1 for p in x.position), intensity=tuple(1.3 * i for i in x.intensity))
         for x in (LAMP, DESK)
@@ -309,7 +310,7 @@ def test_honest_lights_draw_no_hint(sheet_of: Callable[..., gc.ScoreSheet]) -> N
         assert hints(sheet_of(nothing, lights)) == []
 
 
-def test_a_faulty_layer_draws_no_hint(sheet_of: Callable[..., gc.ScoreSheet]) -> None:
+def test_a_faulty_layer_draws_no_hint(sheet_of: Callable[..., ScoreSheet]) -> None:
     sheet = sheet_of(lambda view, layers: {name: values * np.nan for name, values in layers.items()})
     assert hints(sheet) == []
     assert sheet.score("normal.mean_angle").status == "failed"

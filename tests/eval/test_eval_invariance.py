@@ -10,34 +10,36 @@ import pytest
 from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._assembly import Scene
-from graycard.eval._environment_scores import compare_spheres
-from graycard.eval._image_metric import ImageMetric
-from graycard.eval._images import judge
-from graycard.eval._light_metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
-from graycard.eval._light_scores import score_lights
-from graycard.eval._metrics import IMAGE_METRICS
-from graycard.eval._readings import PredictedView, TrueView
-from graycard.eval._relighting import (
+from graycard import Camera, Light, PredictionError, SphereLight, SpotLight, View, look_at
+from graycard.eval.lights._environment import compare_spheres
+from graycard.eval.lights._metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
+from graycard.eval.lights._scores import score_lights
+from graycard.eval.lights._spheres import render_spheres
+from graycard.eval.metrics._albedo import IMAGE_METRICS
+from graycard.eval.metrics._image_metric import ImageMetric
+from graycard.eval.metrics._relighting import (
     COMPOSITION_METRICS,
     RELIGHTING_METRICS,
     ChangedMetric,
     Picture,
     judge_picture,
 )
-from graycard.eval._removal import EFFECTS
-from graycard.eval._spheres import render_spheres
-from graycard.eval._table import VIEW_METRICS
-from graycard.eval._training import REFLECTANCES, Fit, Training, fit_gauges
-from graycard.eval._view_metrics import ViewMetric, judge_view
+from graycard.eval.metrics._removal import EFFECTS
+from graycard.eval.metrics._table import VIEW_METRICS
+from graycard.eval.metrics._view_metrics import ViewMetric, judge_view
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
+from graycard.eval.scoring._assembly import Scene
+from graycard.eval.scoring._images import judge
+from graycard.eval.scoring._readings import PredictedView, TrueView
+from graycard.eval.scoring._training import REFLECTANCES, Fit, Training, fit_gauges
+from graycard.layers import LOBES, PARTS
+from graycard.records import Invariance, MetricRecord
 
 RNG = np.random.default_rng(77)
 SHAPE = 32, 34, 3
-CAMERA = gc.Camera.from_fov(34, 32, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
-VIEW = gc.View("test_000", "test", CAMERA)
+CAMERA = Camera.from_fov(34, 32, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+VIEW = View("test_000", "test", CAMERA)
 COLOR = RNG.uniform(0.1, 0.5, SHAPE)
 TRUE = {
     "radiance": RNG.uniform(0.05, 0.7, SHAPE),
@@ -55,13 +57,13 @@ TRUE = {
     "shading": RNG.uniform(0.2, 2, SHAPE),
     "irradiance.lamp": RNG.uniform(0.5, 6, SHAPE),
     "radiance.lamp": RNG.uniform(0.05, 0.7, SHAPE),
-    **{part: RNG.uniform(0.05, 0.7, SHAPE) for part in (*gc.LOBES, *gc.PARTS)},
+    **{part: RNG.uniform(0.05, 0.7, SHAPE) for part in (*LOBES, *PARTS)},
 }
 PREDICTED = {k: v * RNG.uniform(0.7, 1.2, v.shape) for k, v in TRUE.items() if k != "object_id"}
 RECEIVED = ("shading", "irradiance.lamp")
 """Light loses what albedo gains, so that the photographs stay as they are."""
 LIT = np.repeat(RNG.integers(0, 2, (SHAPE[0], SHAPE[1] // 2)), 2, axis=1).astype(float)
-LOBES = ("specular", "counterfactual.specular")
+MIRRORED = ("specular", "counterfactual.specular")
 BESIDE = {
     "radiance.var": np.full(SHAPE, 1e-4),
     "counterfactual.radiance.var": np.full(SHAPE, 1e-4),
@@ -70,19 +72,19 @@ BESIDE = {
     "visibility.lamp": LIT,
     "direct.diffuse.lamp": RNG.uniform(0.2, 0.3, SHAPE),
     "direct.specular.lamp": RNG.uniform(0, 0.13, SHAPE),
-    **{name: np.random.default_rng(5).uniform(0, 0.1, (2, *SHAPE))[k] for k, name in enumerate(LOBES)},
+    **{name: np.random.default_rng(5).uniform(0, 0.1, (2, *SHAPE))[k] for k, name in enumerate(MIRRORED)},
     **{f"effect.{name}": RNG.integers(0, 2, SHAPE[:2]).astype(float) for name in EFFECTS},
 }
 """What metrics with rules of their own ask the truth for."""
 LIGHTS = tuple(
-    gc.SpotLight(f"s{i}", (float(i), 0.2 * i, 1.0), (0.1 * i, 0.2, -1), (3.0, 2.0, 1.0 + i), 20, 30)
+    SpotLight(f"s{i}", (float(i), 0.2 * i, 1.0), (0.1 * i, 0.2, -1), (3.0, 2.0, 1.0 + i), 20, 30)
     for i in range(3)
 )
-SPHERE = gc.SphereLight("s3", (5.0, 0.0, 1.0), 0.2, (3.0, 2.0, 4.0))
+SPHERE = SphereLight("s3", (5.0, 0.0, 1.0), 0.2, (3.0, 2.0, 4.0))
 SKY = RNG.uniform(0.1, 2, (8, 16, 3))
 
 GAIN = st.floats(0.3, 5)
-CHANGES: dict[gc.Invariance, st.SearchStrategy[np.ndarray]] = {
+CHANGES: dict[Invariance, st.SearchStrategy[np.ndarray]] = {
     "global gain": GAIN.map(lambda g: np.full(3, g)),
     "channel gain": st.tuples(GAIN, GAIN, GAIN).map(np.array),
     "sign": st.just(np.full(3, -1.0)),
@@ -90,7 +92,7 @@ CHANGES: dict[gc.Invariance, st.SearchStrategy[np.ndarray]] = {
 """Each element of a group as factors for the three channels."""
 ONCE = settings(max_examples=8, database=None, deadline=None, phases=(Phase.generate,))
 """One example that differs is a proof; it need not be made small."""
-CASES: tuple[gc.Invariance, ...] = get_args(gc.Invariance)
+CASES: tuple[Invariance, ...] = get_args(Invariance)
 
 
 REFUSED = frozenset({
@@ -106,7 +108,7 @@ REFUSED = frozenset({
 """Scores that fail for what is below zero: no positive gauge fits it, and no lamp takes light away."""
 
 
-def refuses(name: str, group: gc.Invariance) -> bool:
+def refuses(name: str, group: Invariance) -> bool:
     return group == "sign" and name in REFUSED
 
 
@@ -144,7 +146,7 @@ def view_score(metric: ViewMetric, factors: np.ndarray) -> float | None:
     return finding.value
 
 
-def changed_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
+def changed_score(record: MetricRecord, factors: np.ndarray) -> float | None:
     """The value of one picture under changed lights, whose albedo is multiplied as well."""
     layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
     true = TrueView(VIEW, TRUE, frozenset())
@@ -161,15 +163,15 @@ def changed_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
 class Stub:
     """What light scores ask of predictions and truth."""
 
-    found: tuple[gc.Light, ...]
-    views: tuple[gc.View, ...] = (VIEW,)
+    found: tuple[Light, ...]
+    views: tuple[View, ...] = (VIEW,)
     diameter: float = 5.0
 
-    def lights(self) -> tuple[gc.Light, ...]:
+    def lights(self) -> tuple[Light, ...]:
         return self.found
 
 
-def light_score(record: gc.MetricRecord, factors: np.ndarray) -> float | None:
+def light_score(record: MetricRecord, factors: np.ndarray) -> float | None:
     """The value for lights whose intensity is multiplied, and albedo divided, by what the group says."""
     colors = [np.array(light.intensity) * (1.1, 1.0, 0.9) * factors for light in LIGHTS]
     shifted = [
@@ -188,7 +190,7 @@ def environment_score(factors: np.ndarray) -> float | None:
     blurred = np.roll(SKY, 1, axis=1) * (1.1, 1.0, 0.8)
     try:
         return compare_spheres(render_spheres(blurred * factors), render_spheres(SKY)).value
-    except gc.PredictionError:
+    except PredictionError:
         return None
 
 
@@ -197,14 +199,14 @@ def protocol_score(protocol: AlbedoProtocol, factors: np.ndarray) -> float | Non
     view = AlbedoView("v", PREDICTED["base_color"] * factors, TRUE["base_color"], mask)
     try:
         return protocol.score(AlbedoViews((view,), view)).value
-    except gc.PredictionError:
+    except PredictionError:
         return None
 
 
 def prove(
     score: Callable[[np.ndarray], float | None],
-    ignored: tuple[gc.Invariance, ...],
-    group: gc.Invariance,
+    ignored: tuple[Invariance, ...],
+    group: Invariance,
     *,
     refused: bool = False,
 ) -> None:
@@ -238,7 +240,7 @@ def prove(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("metric", IMAGE_METRICS, ids=lambda m: m.record.id)
 def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
-    metric: ImageMetric, group: gc.Invariance
+    metric: ImageMetric, group: Invariance
 ) -> None:
     refused = refuses(metric.record.id, group)
     prove(lambda factors: image_score(metric, factors), metric.record.ignores, group, refused=refused)
@@ -247,7 +249,7 @@ def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("metric", VIEW_METRICS, ids=lambda m: m.record.id)
 def test_a_view_metric_ignores_what_it_declares_and_nothing_else(
-    metric: ViewMetric, group: gc.Invariance
+    metric: ViewMetric, group: Invariance
 ) -> None:
     refused = refuses(metric.record.id, group)
     prove(lambda factors: view_score(metric, factors), metric.record.ignores, group, refused=refused)
@@ -256,7 +258,7 @@ def test_a_view_metric_ignores_what_it_declares_and_nothing_else(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("metric", [*RELIGHTING_METRICS, *COMPOSITION_METRICS], ids=lambda m: m.record.id)
 def test_a_changed_picture_is_judged_in_the_gauge_of_the_albedo(
-    metric: ChangedMetric, group: gc.Invariance
+    metric: ChangedMetric, group: Invariance
 ) -> None:
     refused = refuses(metric.record.id, group)
     prove(
@@ -267,7 +269,7 @@ def test_a_changed_picture_is_judged_in_the_gauge_of_the_albedo(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("record", LIGHT_METRICS, ids=lambda r: r.id)
 def test_a_light_metric_ignores_what_it_declares_and_nothing_else(
-    record: gc.MetricRecord, group: gc.Invariance
+    record: MetricRecord, group: Invariance
 ) -> None:
     refused = refuses(record.id, group)
     prove(lambda factors: light_score(record, factors), record.ignores, group, refused=refused)
@@ -276,7 +278,7 @@ def test_a_light_metric_ignores_what_it_declares_and_nothing_else(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("record", ENVIRONMENT_METRICS, ids=lambda r: r.id)
 def test_an_environment_metric_ignores_what_it_declares_and_nothing_else(
-    record: gc.MetricRecord, group: gc.Invariance
+    record: MetricRecord, group: Invariance
 ) -> None:
     prove(environment_score, record.ignores, group, refused=refuses(record.id, group))
 
@@ -284,14 +286,14 @@ def test_an_environment_metric_ignores_what_it_declares_and_nothing_else(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("protocol", PUBLISHED, ids=lambda p: p.name)
 def test_a_protocol_ignores_what_it_declares_and_nothing_else(
-    protocol: AlbedoProtocol, group: gc.Invariance
+    protocol: AlbedoProtocol, group: Invariance
 ) -> None:
     refused = refuses(protocol.name, group)
     prove(lambda factors: protocol_score(protocol, factors), protocol.ignores, group, refused=refused)
 
 
 def test_whoever_ignores_a_gain_for_each_channel_ignores_one_for_all() -> None:
-    declared = [m.ignores for m in ge.metrics()] + [p.ignores for p in PUBLISHED]
+    declared = [m.ignores for m in ge.all_metrics()] + [p.ignores for p in PUBLISHED]
     assert all("global gain" in groups for groups in declared if "channel gain" in groups)
     assert {len(groups) for groups in declared} == {0, 1, 2, 3}
 

@@ -10,17 +10,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import (
+    EnvironmentLight,
+    Light,
+    PointLight,
+    Predictions,
+    RectangleLight,
+    SpotLight,
+    View,
+    open_truth,
+    srgb_encode,
+)
+from graycard.dataset import manifest_of, write_index
+from graycard.io import read_rgb, write_layers, write_manifest, write_rgb
+from graycard.layers import LOBES, PARTS, glossy_mask, with_derived, with_sums
+from graycard.lights import write_lights
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import ScoreSheet
 
 Layers = dict[str, np.ndarray]
-Change = Callable[[gc.View, Layers], Layers]
+Change = Callable[[View, Layers], Layers]
 RNG = np.random.default_rng(12)
 LAMPS = (
-    gc.SpotLight("left", (-1.0, 0.0, 2.0), (0.5, 0.0, -1.0), (5.0, 4.0, 3.0), 20, 40),
-    gc.RectangleLight("right", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0)),
+    SpotLight("left", (-1.0, 0.0, 2.0), (0.5, 0.0, -1.0), (5.0, 4.0, 3.0), 20, 40),
+    RectangleLight("right", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0)),
 )
-SKY = gc.EnvironmentLight("sky", "sky.exr")
+SKY = EnvironmentLight("sky", "sky.exr")
 NAMES = ("left", "right", "sky")
 PATCHES = np.array([(0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.1, 0.2, 0.6)])
 EXACT = ("object_id", "pure", "radiance.var", "counterfactual.radiance.var")
@@ -43,13 +59,13 @@ def enriched(layers: Layers) -> Layers:
     }
     for share, name in zip((0.5, 0.3, 0.2), NAMES, strict=True):
         more[f"irradiance.{name}"] = layers["radiance"] * (share * 6)
-        for part, of in zip(gc.PARTS, (0.5, 0.15, 0.3, 0.05), strict=True):
+        for part, of in zip(PARTS, (0.5, 0.15, 0.3, 0.05), strict=True):
             more[f"{part}.{name}"] = layers["radiance"] * (share * of)
     return layers | {k: v.astype(np.float32) for k, v in more.items()}
 
 
 def glossy_in(layers: Layers) -> np.ndarray:
-    return gc.glossy_mask(layers["object_id"], layers["roughness"], layers["f0"])
+    return glossy_mask(layers["object_id"], layers["roughness"], layers["f0"])
 
 
 @pytest.fixture(scope="module")
@@ -57,50 +73,50 @@ def scene(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Path]
     """The tiny multilight scene with every layer, three lights, and a ball that is a colour chart."""
     folder = tmp_path_factory.mktemp("rich") / "multilight" / "tiny-0000"
     shutil.copytree(tiny_scenes["multilight"], folder)
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
-        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", enriched(truth.layers(view)))
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", enriched(truth.layers(view)))
     objects = tuple(replace(o, name="color chart") if o.id == 2 else o for o in truth.objects)
-    gc.write_index(folder / "truth", replace(truth, objects=objects))
-    gc.write_rgb(folder / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
-    gc.write_lights(folder / "truth" / "lights.json", (*LAMPS, SKY))
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+    write_index(folder / "truth", replace(truth, objects=objects))
+    write_rgb(folder / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
+    write_lights(folder / "truth" / "lights.json", (*LAMPS, SKY))
+    write_manifest(folder / "truth", manifest_of(truth))
     return folder
 
 
 @pytest.fixture
-def score(scene: Path, tmp_path: Path) -> Callable[..., gc.ScoreSheet]:
+def score(scene: Path, tmp_path: Path) -> Callable[..., ScoreSheet]:
     """``score(change, lights)`` scores the truth as ``change(view, layers)`` makes it."""
     made = iter(range(100))
 
     def run(
-        change: Callable[[gc.View, Layers], Layers] = lambda view, layers: layers,
-        lights: tuple[gc.Light, ...] | None = (*LAMPS, SKY),
-    ) -> gc.ScoreSheet:
-        truth, folder = gc.open_truth(scene / "truth"), tmp_path / f"predicted-{next(made)}"
+        change: Callable[[View, Layers], Layers] = lambda view, layers: layers,
+        lights: tuple[Light, ...] | None = (*LAMPS, SKY),
+    ) -> ScoreSheet:
+        truth, folder = open_truth(scene / "truth"), tmp_path / f"predicted-{next(made)}"
         for view in truth.views:
             true = truth.layers(view)
             layers = {k: v for k, v in true.items() if k not in EXACT} | {"glossy": glossy_in(true)}
-            gc.write_view(folder, view.name, change(view, layers))
+            write_view(folder, view.name, change(view, layers))
         if SKY in (lights or ()):
-            gc.write_rgb(folder / "sky.exr", gc.read_rgb(scene / "truth" / "sky.exr"))
-        gc.finish_predictions(folder, gc.Predictions("t", truth.track, truth.scene), lights)
+            write_rgb(folder / "sky.exr", read_rgb(scene / "truth" / "sky.exr"))
+        finish_predictions(folder, Predictions("t", truth.track, truth.scene), lights)
         return ge.score_predictions(folder, scene)
 
     return run
 
 
-def only(*names: str) -> Callable[[gc.View, Layers], Layers]:
+def only(*names: str) -> Callable[[View, Layers], Layers]:
     return lambda view, layers: {k: v for k, v in layers.items() if k in names}
 
 
-def times(factors: Mapping[str, float | np.ndarray]) -> Callable[[gc.View, Layers], Layers]:
+def times(factors: Mapping[str, float | np.ndarray]) -> Callable[[View, Layers], Layers]:
     return lambda view, layers: layers | {k: (layers[k] * f).astype(np.float32) for k, f in factors.items()}
 
 
-def test_the_truth_reaches_the_optimum_of_every_metric(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_the_truth_reaches_the_optimum_of_every_metric(score: Callable[..., ScoreSheet]) -> None:
     sheet = score()
-    missing = {m.id for m in ge.metrics()} - {s.metric for s in sheet.scores}
+    missing = {m.id for m in ge.all_metrics()} - {s.metric for s in sheet.scores}
     elsewhere = (
         "counterfactual.", "novel_view.lpips", "novel_view.psnr.", "relighting.", "composition.",
         "albedo.leakage.",
@@ -111,7 +127,7 @@ def test_the_truth_reaches_the_optimum_of_every_metric(score: Callable[..., gc.S
         assert found.expected == found.scored > 0
 
 
-def test_what_is_not_predicted_is_not_provided(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_what_is_not_predicted_is_not_provided(score: Callable[..., ScoreSheet]) -> None:
     sheet = score(only("radiance"), None)
     statuses = {s.metric: (s.status, s.reason) for s in sheet.scores}
     assert {m for m, (status, _) in statuses.items() if status == "scored"} == {
@@ -124,10 +140,10 @@ def test_what_is_not_predicted_is_not_provided(score: Callable[..., gc.ScoreShee
     assert [sheet.score(m).expected for m in ("light.position", "light.extent")] == [2, 1], "a spot has none"
 
 
-def test_another_reflectance_is_judged_by_its_own_name(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_another_reflectance_is_judged_by_its_own_name(score: Callable[..., ScoreSheet]) -> None:
     gains = np.array((2.0, 0.5, 1.5))
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         return {
             "diffuse_reflectance": layers["diffuse_reflectance"] / gains,
             "shading": layers["shading"] * gains,
@@ -143,14 +159,14 @@ def test_another_reflectance_is_judged_by_its_own_name(score: Callable[..., gc.S
     assert sheet.score("shading.psnr").gauge == pytest.approx(1 / gains, rel=1e-6)
 
 
-def test_without_albedo_nothing_was_traded(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_without_albedo_nothing_was_traded(score: Callable[..., ScoreSheet]) -> None:
     sheet = score(lambda view, layers: {"shading": layers["shading"]}, LAMPS)
     assert sheet.score("shading.psnr").value == math.inf
     assert sheet.score("shading.psnr").gauge == (1, 1, 1)
     assert sheet.score("light.intensity.channel").value == 0
 
 
-def test_light_gains_what_albedo_loses(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_light_gains_what_albedo_loses(score: Callable[..., ScoreSheet]) -> None:
     traded = {"base_color": 0.5, "shading": 2.0, "irradiance.left": 2.0, "irradiance.right": 2.0}
     brighter = tuple(
         replace(LAMPS[0], intensity=(10.0, 8.0, 6.0))
@@ -169,15 +185,15 @@ def test_light_gains_what_albedo_loses(score: Callable[..., gc.ScoreSheet]) -> N
 
 
 def test_depth_of_a_hole_costs_as_much_as_the_surface_is_far(
-    score: Callable[..., gc.ScoreSheet], scene: Path
+    score: Callable[..., ScoreSheet], scene: Path
 ) -> None:
-    def holes(view: gc.View, layers: Layers) -> Layers:
+    def holes(view: View, layers: Layers) -> Layers:
         depth = layers["depth"].copy()
         depth[:, :14] = np.inf
         depth[0, 20:] = -1.0
         return layers | {"depth": depth}
 
-    sheet, truth = score(holes), gc.open_truth(scene / "truth")
+    sheet, truth = score(holes), open_truth(scene / "truth")
     expected = {"relative": [], "square": [], "near": []}
     for view in (v for v in truth.views if v.split == "test"):
         seen = truth.layers(view)["object_id"] > 0
@@ -193,7 +209,7 @@ def test_depth_of_a_hole_costs_as_much_as_the_surface_is_far(
     assert "depths are +inf where there is a surface" in sheet.score("depth.rmse").warnings[0]
 
 
-def test_depth_is_not_scaled(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_depth_is_not_scaled(score: Callable[..., ScoreSheet]) -> None:
     sheet = score(times({"depth": 1.2}))
     assert sheet.score("depth.abs_rel").value == pytest.approx(0.2, abs=1e-6)
     assert sheet.score("depth.within_1_25").value == 100
@@ -201,8 +217,8 @@ def test_depth_is_not_scaled(score: Callable[..., gc.ScoreSheet]) -> None:
     assert score(times({"depth": 1 / 1.3})).score("depth.within_1_25").value == 0
 
 
-def test_roughness_is_judged_where_something_shines(score: Callable[..., gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_roughness_is_judged_where_something_shines(score: Callable[..., ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         rough, metal = layers["roughness"], layers["metallic"]
         return layers | {
             "roughness": np.where(metal > 0, rough + 0.1, 0).astype(np.float32),
@@ -218,8 +234,8 @@ def test_roughness_is_judged_where_something_shines(score: Callable[..., gc.Scor
     assert 0 < mean < root < 0.2
 
 
-def test_patches_are_read_off_as_means_and_count_alike(score: Callable[..., gc.ScoreSheet]) -> None:
-    def noisy(view: gc.View, layers: Layers) -> Layers:
+def test_patches_are_read_off_as_means_and_count_alike(score: Callable[..., ScoreSheet]) -> None:
+    def noisy(view: View, layers: Layers) -> Layers:
         color = layers["base_color"].copy()
         red = (np.abs(color - PATCHES[0]) < 1e-6).all(axis=-1)
         even = np.flatnonzero(red)[: red.sum() // 2 * 2]
@@ -239,10 +255,10 @@ def test_a_scene_without_a_chart_has_no_score_of_one(
     assert "albedo.chart" not in {s.metric for s in sheet.scores}
 
 
-def test_lights_go_by_their_place_and_not_by_their_names(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_lights_go_by_their_place_and_not_by_their_names(score: Callable[..., ScoreSheet]) -> None:
     names = {"left": "b", "right": "left", "sky": "dome"}
 
-    def renamed(view: gc.View, layers: Layers) -> Layers:
+    def renamed(view: View, layers: Layers) -> Layers:
         stems = ((*k.rpartition("."), v) for k, v in layers.items())
         return {
             f"{stem}.{names[tail]}" if tail in names else f"{stem}{dot}{tail}": v
@@ -267,7 +283,7 @@ def test_lights_go_by_their_place_and_not_by_their_names(score: Callable[..., gc
 def of_lights(*lights: str, error: float = 1.0) -> Change:
     """Layers of some of the lights, off by a factor."""
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         each = {k: v for k, v in layers.items() if k.rpartition(".")[2] in NAMES}
         kept = {k: v * np.float32(error) for k, v in each.items() if k.rpartition(".")[2] in lights}
         return {k: v for k, v in layers.items() if k not in each} | kept
@@ -275,10 +291,10 @@ def of_lights(*lights: str, error: float = 1.0) -> Change:
     return change
 
 
-def test_a_light_that_is_not_predicted_is_dark(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_a_light_that_is_not_predicted_is_dark(score: Callable[..., ScoreSheet]) -> None:
     left_out = score(of_lights("left", "right"), LAMPS)
 
-    def darkened(view: gc.View, layers: Layers) -> Layers:
+    def darkened(view: View, layers: Layers) -> Layers:
         return layers | {k: v * 0 for k, v in layers.items() if k.endswith(".sky")}
 
     written = score(darkened)
@@ -292,7 +308,7 @@ def test_a_light_that_is_not_predicted_is_dark(score: Callable[..., gc.ScoreShee
 
 @pytest.mark.parametrize("easiest", ["left", "right"])
 def test_to_predict_the_easiest_light_only_does_not_pay(
-    score: Callable[..., gc.ScoreSheet], easiest: str
+    score: Callable[..., ScoreSheet], easiest: str
 ) -> None:
     kept = tuple(light for light in LAMPS if light.name == easiest)
     off = tuple(
@@ -307,7 +323,7 @@ def test_to_predict_the_easiest_light_only_does_not_pay(
     assert sum(one.score(f"light.{m}").value or 0 for m in ("direction", "extent")) >= 90
 
 
-def test_of_a_light_that_is_predicted_no_layer_may_be_missing(score: Callable[..., gc.ScoreSheet]) -> None:
+def test_of_a_light_that_is_predicted_no_layer_may_be_missing(score: Callable[..., ScoreSheet]) -> None:
     lost = score(of_lights("left"), LAMPS).score("irradiance.psnr")
     assert lost.status == "failed"
     assert "test_001: expected irradiance.right in views/test_001.exr" in lost.reason
@@ -315,7 +331,7 @@ def test_of_a_light_that_is_predicted_no_layer_may_be_missing(score: Callable[..
     none = score(of_lights(), LAMPS).score("irradiance.psnr")
     assert (none.status, none.warnings) == ("not provided", ())
 
-    def gap(view: gc.View, layers: Layers) -> Layers:
+    def gap(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "irradiance.left" or view.name != "test_001"}
 
     lost = score(gap).score("irradiance.psnr")
@@ -323,12 +339,12 @@ def test_of_a_light_that_is_predicted_no_layer_may_be_missing(score: Callable[..
     assert "test_001: expected irradiance.left in views/test_001.exr" in lost.reason
 
 
-def test_parts_of_lights_add_up(score: Callable[..., gc.ScoreSheet]) -> None:
-    def totals(view: gc.View, layers: Layers) -> Layers:
-        return {part: sum(layers[f"{part}.{n}"] for n in NAMES) for part in gc.PARTS}  # pyright: ignore
+def test_parts_of_lights_add_up(score: Callable[..., ScoreSheet]) -> None:
+    def totals(view: View, layers: Layers) -> Layers:
+        return {part: sum(layers[f"{part}.{n}"] for n in NAMES) for part in PARTS}  # pyright: ignore
 
     whole, parts = score(totals), score()
-    for part in gc.PARTS:
+    for part in PARTS:
         assert (whole.score(f"{part}.psnr").value or 0) > 120
         assert parts.score(f"{part}.psnr").value == math.inf
     assert whole.score("light_share.psnr").status == "not provided"
@@ -337,10 +353,10 @@ def test_parts_of_lights_add_up(score: Callable[..., gc.ScoreSheet]) -> None:
     assert half.score("light_share.psnr").status == "not provided", "three parts of each light are missing"
 
 
-def test_a_bracket_sees_in_the_dark(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
-    exposure = gc.open_truth(scene / "truth").exposure
+def test_a_bracket_sees_in_the_dark(score: Callable[..., ScoreSheet], scene: Path) -> None:
+    exposure = open_truth(scene / "truth").exposure
 
-    def lifted(view: gc.View, layers: Layers) -> Layers:
+    def lifted(view: View, layers: Layers) -> Layers:
         dark = layers["radiance"] * exposure < 0.05
         return layers | {
             "radiance": np.where(dark, layers["radiance"] * 2, layers["radiance"]).astype(np.float32)
@@ -353,8 +369,8 @@ def test_a_bracket_sees_in_the_dark(score: Callable[..., gc.ScoreSheet], scene: 
     assert bracket > plain > 0
 
 
-def test_light_of_a_lamp_that_is_not_there_is_named(score: Callable[..., gc.ScoreSheet]) -> None:
-    ghost = gc.PointLight("ghost", (50.0, 50.0, 50.0), (1.0, 1.0, 1.0))
+def test_light_of_a_lamp_that_is_not_there_is_named(score: Callable[..., ScoreSheet]) -> None:
+    ghost = PointLight("ghost", (50.0, 50.0, 50.0), (1.0, 1.0, 1.0))
     sheet = score(
         lambda view, layers: layers | {"irradiance.ghost": layers["radiance"]}, (*LAMPS, ghost, SKY)
     )
@@ -369,12 +385,12 @@ OF_GLOSS = ("f0.mae", "f0.rmse", "diffuse.psnr", "specular.psnr", "glossy.iou")
 
 
 def held_out(scene: Path) -> list[Layers]:
-    truth = gc.open_truth(scene / "truth")
-    return [gc.with_derived(truth.layers(v)) for v in truth.views if v.split == "test"]
+    truth = open_truth(scene / "truth")
+    return [with_derived(truth.layers(v)) for v in truth.views if v.split == "test"]
 
 
-def test_f0_is_judged_where_something_shines(score: Callable[..., gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_f0_is_judged_where_something_shines(score: Callable[..., ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         off = layers["f0"] + np.array((0.1, 0.2, 0.0))
         return layers | {"f0": np.where(layers["metallic"][..., None] > 0, off, 9).astype(np.float32)}
 
@@ -383,23 +399,23 @@ def test_f0_is_judged_where_something_shines(score: Callable[..., gc.ScoreSheet]
     assert sheet.score("f0.rmse").value == pytest.approx(math.sqrt(0.05 / 3), abs=1e-6)
 
 
-def test_a_lobe_is_the_sum_of_its_parts(score: Callable[..., gc.ScoreSheet]) -> None:
-    def lobes(view: gc.View, layers: Layers) -> Layers:
-        return {k: v for k, v in gc.with_sums(layers).items() if k in gc.LOBES}
+def test_a_lobe_is_the_sum_of_its_parts(score: Callable[..., ScoreSheet]) -> None:
+    def lobes(view: View, layers: Layers) -> Layers:
+        return {k: v for k, v in with_sums(layers).items() if k in LOBES}
 
-    def halves(view: gc.View, layers: Layers) -> Layers:
-        return {k: v for k, v in gc.with_sums(layers).items() if k in gc.PARTS}
+    def halves(view: View, layers: Layers) -> Layers:
+        return {k: v for k, v in with_sums(layers).items() if k in PARTS}
 
     for change in (lobes, halves, lambda view, layers: layers):
         sheet = score(change)
-        assert [sheet.score(f"{lobe}.psnr").value for lobe in gc.LOBES] == [math.inf, math.inf]
+        assert [sheet.score(f"{lobe}.psnr").value for lobe in LOBES] == [math.inf, math.inf]
     one = score(only("direct.diffuse.left", "direct.diffuse.right", "direct.diffuse.sky"))
     assert one.score("direct.diffuse.psnr").status == "scored"
     assert one.score("diffuse.psnr").reason == "no view has diffuse", "without the indirect part"
 
 
-def test_what_is_written_counts_before_any_sum(score: Callable[..., gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_what_is_written_counts_before_any_sum(score: Callable[..., ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         return layers | {"specular": np.zeros_like(layers["radiance"])}
 
     sheet = score(change)
@@ -407,21 +423,21 @@ def test_what_is_written_counts_before_any_sum(score: Callable[..., gc.ScoreShee
     assert (sheet.score("specular.psnr").value or 99) < 60
 
 
-@pytest.mark.parametrize("lobe", gc.LOBES)
+@pytest.mark.parametrize("lobe", LOBES)
 def test_light_of_a_lobe_is_compared_as_displayed(
-    score: Callable[..., gc.ScoreSheet], scene: Path, lobe: str
+    score: Callable[..., ScoreSheet], scene: Path, lobe: str
 ) -> None:
-    exposure = gc.open_truth(scene / "truth").exposure
+    exposure = open_truth(scene / "truth").exposure
     black = score(lambda view, layers: {lobe: np.zeros_like(layers["radiance"])}, None)
     squares = []
     for true in held_out(scene):
-        shown = gc.srgb_encode(true[lobe][true["object_id"] > 0].astype(float) * exposure)
+        shown = srgb_encode(true[lobe][true["object_id"] > 0].astype(float) * exposure)
         squares.append(np.mean(shown**2))
     assert black.score(f"{lobe}.psnr").value == pytest.approx(-10 * math.log10(np.mean(squares)), abs=1e-4)
     assert black.score(f"{lobe}.psnr").noise_ceiling is None
 
 
-def test_a_region_is_judged_by_its_overlap(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
+def test_a_region_is_judged_by_its_overlap(score: Callable[..., ScoreSheet], scene: Path) -> None:
     views = held_out(scene)
     shares = [true["glossy"].sum() / (true["object_id"] > 0).sum() for true in views]
     whole = score(lambda view, layers: {"glossy": np.full_like(layers["metallic"], 0.51)}, None)
@@ -433,7 +449,7 @@ def test_a_region_is_judged_by_its_overlap(score: Callable[..., gc.ScoreSheet], 
     assert none.score("glossy.iou").value == 0
     assert set(none.score("glossy.iou").breakdown) <= {"recall", "interior", "boundary"}
 
-    def half(view: gc.View, layers: Layers) -> Layers:
+    def half(view: View, layers: Layers) -> Layers:
         marked = layers["glossy"].copy()
         marked.reshape(-1)[np.flatnonzero(marked)[::2]] = 0.2
         return {"glossy": marked}
@@ -442,23 +458,23 @@ def test_a_region_is_judged_by_its_overlap(score: Callable[..., gc.ScoreSheet], 
     assert score(half, None).score("glossy.iou").value == pytest.approx(np.mean(kept))
 
 
-def test_regions_of_gloss_have_borders_and_insides(score: Callable[..., gc.ScoreSheet], scene: Path) -> None:
+def test_regions_of_gloss_have_borders_and_insides(score: Callable[..., ScoreSheet], scene: Path) -> None:
     rows = slice(0, 12)
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     folder = scene.parent / "with-pure"
     shutil.copytree(scene, folder)
     for view in truth.views:
         layers = truth.layers(view)
         layers["pure"] = np.ones_like(layers["metallic"])
         layers["pure"][rows] = 0
-        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
-    gc.seal(folder / "truth", gc.manifest_of(truth))
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+    write_manifest(folder / "truth", manifest_of(truth))
     for view in truth.views:
         true = truth.layers(view)
         marked, f0 = glossy_in(true), true["f0"].copy()
         marked[rows], f0[rows] = 0, f0[rows] + 0.2
-        gc.write_view(folder / "p", view.name, {"glossy": marked, "f0": f0})
-    gc.finish_predictions(folder / "p", gc.Predictions("t", truth.track, truth.scene))
+        write_view(folder / "p", view.name, {"glossy": marked, "f0": f0})
+    finish_predictions(folder / "p", Predictions("t", truth.track, truth.scene))
     sheet = ge.score_predictions(folder / "p", folder)
     assert [sheet.score("glossy.iou").breakdown[part] for part in ("interior", "boundary")] == [1, 0]
     parts = sheet.score("f0.mae").breakdown
@@ -470,15 +486,15 @@ def test_where_nothing_shines_there_is_nothing_to_take_apart(
     write_tiny: Callable[..., Path], tmp_path: Path, shining: str
 ) -> None:
     folder = write_tiny(tmp_path, track="multilight")
-    truth = gc.open_truth(folder / "truth")
+    truth = open_truth(folder / "truth")
     for view in truth.views:
         layers = enriched(truth.layers(view))
         if view.name != shining:
             layers |= {"f0": layers["f0"] * 0, "roughness": np.ones_like(layers["roughness"])}
-        gc.write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
-        gc.write_view(tmp_path / "p", view.name, {k: layers["radiance"] for k in ("f0", *gc.LOBES)})
-    gc.seal(folder / "truth", gc.manifest_of(truth))
-    gc.finish_predictions(tmp_path / "p", gc.Predictions("t", truth.track, truth.scene))
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", layers)
+        write_view(tmp_path / "p", view.name, {k: layers["radiance"] for k in ("f0", *LOBES)})
+    write_manifest(folder / "truth", manifest_of(truth))
+    finish_predictions(tmp_path / "p", Predictions("t", truth.track, truth.scene))
     sheet = ge.score_predictions(tmp_path / "p", folder)
     asked = {s.metric: s.expected for s in sheet.scores if s.metric in OF_GLOSS}
     assert asked == ({} if shining == "nowhere" else dict.fromkeys(OF_GLOSS, 1))
@@ -509,10 +525,10 @@ def spoilt(values: np.ndarray) -> np.ndarray:
 )
 @pytest.mark.parametrize("layer", ["f0", "glossy", "diffuse", "specular"])
 def test_a_fault_in_one_view_is_a_failed_score(
-    score: Callable[..., gc.ScoreSheet], layer: str, spoil: Callable[..., np.ndarray | None], words: str
+    score: Callable[..., ScoreSheet], layer: str, spoil: Callable[..., np.ndarray | None], words: str
 ) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
-        whole = gc.with_sums(layers)[layer]
+    def change(view: View, layers: Layers) -> Layers:
+        whole = with_sums(layers)[layer]
         values = spoil(whole) if view.name == "test_003" else whole
         return {"alpha": layers["roughness"]} if values is None else {layer: values}
 
@@ -524,6 +540,6 @@ def test_a_fault_in_one_view_is_a_failed_score(
 
 
 @pytest.mark.parametrize("metric", OF_GLOSS)
-def test_what_shines_need_not_be_told(score: Callable[..., gc.ScoreSheet], metric: str) -> None:
+def test_what_shines_need_not_be_told(score: Callable[..., ScoreSheet], metric: str) -> None:
     found = score(only("radiance"), None).score(metric)
     assert (found.status, found.reason) == ("not provided", f"no view has {metric.partition('.')[0]}")

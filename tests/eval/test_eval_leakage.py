@@ -7,37 +7,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
 from changed_scene import enrich
-from graycard.eval._leakage import LEAKAGE_METRICS, MOST_GLOSS, slopes
-from graycard.eval._readings import TrueView
+from graycard import Camera, View, look_at, open_truth
+from graycard.dataset import manifest_of
+from graycard.eval.metrics._leakage import LEAKAGE_METRICS, MOST_GLOSS, slopes
+from graycard.eval.scoring._readings import TrueView
+from graycard.io import write_layers, write_manifest
+from graycard.records import ScoreSheet
 
 Layers = dict[str, np.ndarray]
 Predict = Callable[..., Path]
-CAMERA = gc.Camera.from_fov(80, 60, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
-VIEW = gc.View("v", "test", CAMERA)
+CAMERA = Camera.from_fov(80, 60, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+VIEW = View("v", "test", CAMERA)
 SHARES = (0.0, 0.37, 1.0)
 
 
 @pytest.fixture
-def rewrite(make_scene: Callable[..., Path]) -> Callable[[Callable[[gc.View, Layers], None]], Path]:
+def rewrite(make_scene: Callable[..., Path]) -> Callable[[Callable[[View, Layers], None]], Path]:
     """``rewrite(change)`` makes a scene whose true layers ``change(view, layers)`` has changed in place."""
 
-    def make(change: Callable[[gc.View, Layers], None]) -> Path:
+    def make(change: Callable[[View, Layers], None]) -> Path:
         scene = enrich(make_scene(track="tabletop"))
-        truth = gc.open_truth(scene / "truth")
+        truth = open_truth(scene / "truth")
         for view in truth.views:
             layers = truth.layers(view)
             change(view, layers)
-            gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
-        gc.seal(scene / "truth", gc.manifest_of(truth))
+            write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+        write_manifest(scene / "truth", manifest_of(truth))
         return scene
 
     return make
 
 
-def leak(sheet: gc.ScoreSheet, metric: str = "albedo.leakage") -> float:
+def leak(sheet: ScoreSheet, metric: str = "albedo.leakage") -> float:
     score = sheet.score(metric)
     assert score.value is not None, score.reason
     return score.value
@@ -54,16 +57,16 @@ def test_strong_highlights_elsewhere_do_not_move_the_slope(
 ) -> None:
     """The photograph's way to be wrong: what is mirrored is greatest where little light is scattered."""
 
-    def polish(view: gc.View, layers: Layers) -> None:
+    def polish(view: View, layers: Layers) -> None:
         layers["base_color"][:] = 0.4
         diffuse = layers["direct.diffuse.lamp"]
         there = mirrored(diffuse.shape[:2])
         layers["direct.specular.lamp"] = np.where(there, 0.5 + 3 * diffuse.max() - 2 * diffuse, 0)
 
     scene = rewrite(polish)
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
 
-    def bake(view: gc.View, layers: Layers) -> Layers:
+    def bake(view: View, layers: Layers) -> Layers:
         true = truth.layers(view)
         return layers | {
             "base_color": true["base_color"] * true["shading"] ** share + true["direct.specular.lamp"]
@@ -80,16 +83,16 @@ def test_a_view_of_few_pairs_weighs_little(
 ) -> None:
     """Its slope is far off, and is still told as its own."""
 
-    def flatten(view: gc.View, layers: Layers) -> None:
+    def flatten(view: View, layers: Layers) -> None:
         if view.name == "test_003":
             layers["base_color"][:] = 0.4
             layers["shading"][:] = 1.0
             layers["shading"][:, ::3] = 0.5
 
     scene = rewrite(flatten)
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
 
-    def bake(view: gc.View, layers: Layers) -> Layers:
+    def bake(view: View, layers: Layers) -> Layers:
         true = truth.layers(view)
         power = share + 7 if view.name == "test_003" else share
         return layers | {"base_color": true["base_color"] * true["shading"] ** power}
@@ -126,7 +129,7 @@ def test_a_third_of_the_diffuse_light_is_the_limit() -> None:
 def test_a_scene_whose_truth_has_no_lobes_is_judged_everywhere(
     rewrite: Callable[..., Path], predict: Predict
 ) -> None:
-    def strip(view: gc.View, layers: Layers) -> None:
+    def strip(view: View, layers: Layers) -> None:
         for name in [n for n in layers if n.startswith(("direct.", "indirect."))]:
             del layers[name]
 

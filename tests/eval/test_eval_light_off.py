@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
-import graycard as gc
-from graycard.eval._assembly import Scene
-from graycard.eval._light_off import LightsOff
-from graycard.eval._readings import PredictedView, TrueView
-from graycard.eval._training import Training
+from graycard import Camera, View, look_at, srgb_encode
+from graycard.eval.metrics._light_off import LightsOff
+from graycard.eval.scoring._assembly import Scene
+from graycard.eval.scoring._readings import PredictedView, TrueView
+from graycard.eval.scoring._training import Training
+from graycard.records import Score
 
 SIZE = 12
 RNG = np.random.default_rng(4)
-CAMERA = gc.Camera.from_fov(SIZE, SIZE, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
-VIEW = gc.View("test_000", "test", CAMERA)
+CAMERA = Camera.from_fov(SIZE, SIZE, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+VIEW = View("test_000", "test", CAMERA)
 PICTURES = {name: RNG.uniform(0.02, 0.3, (SIZE, SIZE, 3)) for name in ("left", "right", "sky")}
 EXPOSURE = 1.2
 
@@ -30,7 +31,7 @@ def judged(
     predicted: dict[str, np.ndarray],
     true: dict[str, np.ndarray] = PICTURES,
     names: dict[str, str] | None = None,
-) -> dict[str, gc.Score]:
+) -> dict[str, Score]:
     ids = np.ones((SIZE, SIZE), np.int32)
     ids[0] = 0
     truth = TrueView(VIEW, layers_of(true) | {"object_id": ids}, frozenset())
@@ -52,7 +53,7 @@ def test_it_is_the_psnr_of_the_sum_of_the_others() -> None:
     squares = []
     for off, kept in (("left", ("right", "sky")), ("right", ("left", "sky"))):
         del off
-        p, t = (gc.srgb_encode((x[kept[0]] + x[kept[1]]) * EXPOSURE)[1:] for x in (wrong, PICTURES))
+        p, t = (srgb_encode((x[kept[0]] + x[kept[1]]) * EXPOSURE)[1:] for x in (wrong, PICTURES))
         squares.append(10 ** (-peak_signal_noise_ratio(t, p, data_range=1) / 10))
     assert found == pytest.approx(-10 * np.log10(np.mean(squares)), abs=1e-4)
 

@@ -6,26 +6,37 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard._lights import Vector
-from graycard.eval._light_shapes import (
+from graycard import (
+    Camera,
+    GaussianLight,
+    LocalLight,
+    PointLight,
+    PredictionError,
+    RectangleLight,
+    SphereLight,
+    SphericalGaussian,
+    SpotLight,
+    look_at,
+)
+from graycard.eval.lights._shapes import (
     axis_of,
     chromaticity_error,
     direction_error,
     extent_error,
     radius_of,
 )
+from graycard.lights import Vector
 
-CAMERAS = [gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([x, -3.0, 1]), np.zeros(3))) for x in (-1.0, 2.0)]
-SPOT = gc.SpotLight("spot", (0, 0, 2), (0, 0, -2), (4, 2, 1), 20, 40)
-PANEL = gc.RectangleLight("panel", (0, 0, 2), (0.5, 0, 0), (0, -0.25, 0), (4, 2, 1))
-POINT = gc.PointLight("point", (0, 0, 2), (4, 2, 1))
-BALL = gc.SphereLight("ball", (0, 0, 2), 0.3, (4, 2, 1))
+CAMERAS = [Camera.from_fov(8, 8, 50, look_at(np.array([x, -3.0, 1]), np.zeros(3))) for x in (-1.0, 2.0)]
+SPOT = SpotLight("spot", (0, 0, 2), (0, 0, -2), (4, 2, 1), 20, 40)
+PANEL = RectangleLight("panel", (0, 0, 2), (0.5, 0, 0), (0, -0.25, 0), (4, 2, 1))
+POINT = PointLight("point", (0, 0, 2), (4, 2, 1))
+BALL = SphereLight("ball", (0, 0, 2), 0.3, (4, 2, 1))
 
 
-def gaussian(*lobes: tuple[Vector, float, float]) -> gc.GaussianLight:
-    made = [gc.SphericalGaussian(axis, sharpness, (a, a, a)) for axis, sharpness, a in lobes]
-    return gc.GaussianLight("g", (0, 0, 2), tuple(made))
+def gaussian(*lobes: tuple[Vector, float, float]) -> GaussianLight:
+    made = [SphericalGaussian(axis, sharpness, (a, a, a)) for axis, sharpness, a in lobes]
+    return GaussianLight("g", (0, 0, 2), tuple(made))
 
 
 def test_lights_shine_along_their_axes() -> None:
@@ -38,7 +49,7 @@ def test_lights_shine_along_their_axes() -> None:
 
 
 @pytest.mark.parametrize("light", [POINT, BALL, gaussian(((1, 0, 0), 0.0, 1.0))])
-def test_a_light_without_an_axis_counts_a_right_angle(light: gc.LocalLight) -> None:
+def test_a_light_without_an_axis_counts_a_right_angle(light: LocalLight) -> None:
     assert not axis_of(light).any()
     assert direction_error(light, SPOT, CAMERAS) == 90
 
@@ -68,12 +79,12 @@ def test_colours() -> None:
 
 @pytest.mark.parametrize("intensity", [(0.0, 0.0, 0.0), (1.0, -1.0, 1.0)])
 def test_what_has_no_colour(intensity: Vector) -> None:
-    with pytest.raises(gc.PredictionError, match="expected light 'point' with a colour, got"):
+    with pytest.raises(PredictionError, match="expected light 'point' with a colour, got"):
         chromaticity_error(replace(POINT, intensity=intensity), POINT)
 
 
 def test_what_is_not_finite() -> None:
-    with pytest.raises(gc.PredictionError, match="expected light 'spot' with a finite direction"):
+    with pytest.raises(PredictionError, match="expected light 'spot' with a finite direction"):
         direction_error(replace(SPOT, direction=(0, np.nan, 1)), SPOT, CAMERAS)
-    with pytest.raises(gc.PredictionError, match="expected light 'ball' with a finite extent"):
+    with pytest.raises(PredictionError, match="expected light 'ball' with a finite extent"):
         extent_error(replace(BALL, radius=np.inf), BALL)

@@ -10,26 +10,35 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._light_metrics import MISSED
-from graycard.eval._light_scores import score_lights
+from graycard import (
+    Camera,
+    LocalLight,
+    PointLight,
+    PredictionError,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    View,
+    look_at,
+)
+from graycard.eval.lights._metrics import MISSED
+from graycard.eval.lights._scores import score_lights
 
 RNG = np.random.default_rng(4)
 
 
-def camera(x: float) -> gc.Camera:
-    return gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([x, -3, 1]), np.zeros(3)))
+def camera(x: float) -> Camera:
+    return Camera.from_fov(8, 8, 50, look_at(np.array([x, -3, 1]), np.zeros(3)))
 
 
 CAMERAS = [camera(-1.0), camera(0.5), camera(2.0)]
 
 
-def points(count: int) -> list[gc.LocalLight]:
+def points(count: int) -> list[LocalLight]:
     places = RNG.normal(size=(count, 3))
     return [
-        gc.PointLight(f"p{i}", (float(x), float(y), float(z)), (1, 1, 1))
-        for i, (x, y, z) in enumerate(places)
+        PointLight(f"p{i}", (float(x), float(y), float(z)), (1, 1, 1)) for i, (x, y, z) in enumerate(places)
     ]
 
 
@@ -59,7 +68,7 @@ def test_order_and_names_do_not_matter() -> None:
 
 
 def test_a_light_on_the_camera_is_placed_by_each_camera() -> None:
-    mounted = gc.PointLight("lamp", (0.3, -0.1, 0.2), (1, 1, 1), "camera")
+    mounted = PointLight("lamp", (0.3, -0.1, 0.2), (1, 1, 1), "camera")
     fixed = replace(mounted, position=(0.5, 0.0, 1.0), frame="world")
     places = [c.camera_to_world @ (0.3, -0.1, 0.2, 1) for c in CAMERAS]
     expected = np.mean([np.linalg.norm(p[:3] - (0.5, 0, 1)) for p in places])
@@ -68,9 +77,9 @@ def test_a_light_on_the_camera_is_placed_by_each_camera() -> None:
 
 
 def test_a_light_that_stays_where_the_mean_camera_is_does_not_pass_for_a_mounted_one() -> None:
-    mounted = gc.PointLight("lamp", (0, 0, 0), (1, 1, 1), "camera")
+    mounted = PointLight("lamp", (0, 0, 0), (1, 1, 1), "camera")
     x, y, z = np.mean([c.position for c in CAMERAS], axis=0).tolist()
-    assert ge.light_distances([gc.PointLight("still", (x, y, z), (1, 1, 1))], [mounted], CAMERAS).item() > 0.5
+    assert ge.light_distances([PointLight("still", (x, y, z), (1, 1, 1))], [mounted], CAMERAS).item() > 0.5
 
 
 def test_no_lights_on_one_side() -> None:
@@ -82,20 +91,20 @@ def test_no_lights_on_one_side() -> None:
 
 @pytest.mark.parametrize(("factor", "stops"), [(1, 0), (2, 1), (0.5, 1), (8, 3), (2**-0.5, 0.5)])
 def test_intensity_error_is_in_stops(factor: float, stops: float) -> None:
-    true = gc.PointLight("a", (0, 0, 0), (4, 2, 1))
-    predicted = gc.PointLight("b", (9, 9, 9), (4 * factor, 2 * factor, factor))
+    true = PointLight("a", (0, 0, 0), (4, 2, 1))
+    predicted = PointLight("b", (9, 9, 9), (4 * factor, 2 * factor, factor))
     assert ge.intensity_error(predicted, true) == pytest.approx(stops)
 
 
 def test_intensities_of_different_kinds_are_compared_on_the_axis() -> None:
-    sphere = gc.SphereLight("s", (0, 0, 0), 0.5, (4, 4, 4))
-    point = gc.PointLight("p", (0, 0, 0), (np.pi, np.pi, np.pi))
+    sphere = SphereLight("s", (0, 0, 0), 0.5, (4, 4, 4))
+    point = PointLight("p", (0, 0, 0), (np.pi, np.pi, np.pi))
     assert ge.intensity_error(point, sphere) == pytest.approx(0, abs=1e-12)
 
 
 def test_a_channel_without_light_has_no_ratio() -> None:
-    red = gc.PointLight("red", (0, 0, 0), (4, 0, 0))
-    assert ge.intensity_error(gc.PointLight("x", (0, 0, 0), (8, 1, 5)), red) == pytest.approx(1)
+    red = PointLight("red", (0, 0, 0), (4, 0, 0))
+    assert ge.intensity_error(PointLight("x", (0, 0, 0), (8, 1, 5)), red) == pytest.approx(1)
     dark = replace(red, intensity=(0, 0, 0))
     assert ge.intensity_error(red, dark) == 0
 
@@ -104,28 +113,28 @@ def test_a_channel_without_light_has_no_ratio() -> None:
 class Stub:
     """What light scores ask of predictions and truth."""
 
-    found: tuple[gc.LocalLight, ...]
-    views: tuple[gc.View, ...] = tuple(gc.View(f"v{i}", "test", c) for i, c in enumerate(CAMERAS))
+    found: tuple[LocalLight, ...]
+    views: tuple[View, ...] = tuple(View(f"v{i}", "test", c) for i, c in enumerate(CAMERAS))
     diameter: float = 5.0
 
-    def lights(self) -> tuple[gc.LocalLight, ...]:
+    def lights(self) -> tuple[LocalLight, ...]:
         return self.found
 
 
-def scores(predicted: tuple[gc.LocalLight, ...], true: tuple[gc.LocalLight, ...]) -> dict[str, float | None]:
+def scores(predicted: tuple[LocalLight, ...], true: tuple[LocalLight, ...]) -> dict[str, float | None]:
     found = score_lights(Stub(predicted), Stub(true))  # pyright: ignore[reportArgumentType]
     return {score.metric: score.value for score in found}
 
 
-def spots(factors: Sequence[float], turns: Sequence[float]) -> tuple[gc.LocalLight, ...]:
+def spots(factors: Sequence[float], turns: Sequence[float]) -> tuple[LocalLight, ...]:
     """Three spots in a row, off by factors of red and by angles."""
     return tuple(
-        gc.SpotLight(f"s{i}", (i, 0, 2), (np.sin(a), 0, -np.cos(a)), (3 * f, 2, 1), 20, 40)
+        SpotLight(f"s{i}", (i, 0, 2), (np.sin(a), 0, -np.cos(a)), (3 * f, 2, 1), 20, 40)
         for i, (f, a) in enumerate(zip(factors, turns, strict=True))
     )
 
 
-PANEL = gc.RectangleLight("panel", (3, 0, 2), (0.5, 0, 0), (0, -0.5, 0), (4, 4, 4))
+PANEL = RectangleLight("panel", (3, 0, 2), (0.5, 0, 0), (0, -0.5, 0), (4, 4, 4))
 HARD_TRUTH = (*spots((1, 1, 1), (0, 0, 0)), PANEL)
 
 
@@ -162,11 +171,11 @@ def test_no_light_costs_more_than_one_that_is_missed() -> None:
 
 
 def test_a_predicted_light_that_is_off() -> None:
-    off = gc.PointLight("off", (0, 0, 0), (1, 0, 1))
-    with pytest.raises(gc.PredictionError, match="expected light 'off' with a positive intensity"):
-        ge.intensity_error(off, gc.PointLight("lamp", (0, 0, 0), (1, 1, 1)))
+    off = PointLight("off", (0, 0, 0), (1, 0, 1))
+    with pytest.raises(PredictionError, match="expected light 'off' with a positive intensity"):
+        ge.intensity_error(off, PointLight("lamp", (0, 0, 0), (1, 1, 1)))
 
 
 def test_errors_of_opposite_sign_do_not_cancel() -> None:
-    true = gc.PointLight("a", (0, 0, 0), (4, 4, 4))
+    true = PointLight("a", (0, 0, 0), (4, 4, 4))
     assert ge.intensity_error(replace(true, intensity=(8, 2, 4)), true) == pytest.approx(2 / 3)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._lpips import load_weights, lpips
+from graycard import DatasetError, WeightsError
+from graycard.eval.measures._lpips import load_weights, lpips
 from layer_references import write_random_weights
 
 RNG = np.random.default_rng(6)
@@ -30,37 +30,31 @@ def test_identity_symmetry_and_the_mask() -> None:
 
 @pytest.mark.usefixtures("random_lpips")
 def test_images_that_are_too_small() -> None:
-    with pytest.raises(
-        gc.DatasetError, match="expected images of at least 31x31 pixels for LPIPS, got 40x30"
-    ):
+    with pytest.raises(DatasetError, match="expected images of at least 31x31 pixels for LPIPS, got 40x30"):
         lpips(PREDICTED[:30], TRUE[:30], EVERYWHERE[:30])
     assert lpips(PREDICTED[:31, :31], TRUE[:31, :31], EVERYWHERE[:31, :31]) > 0
 
 
 def test_a_folder_that_lacks_weights(tmp_path: Path) -> None:
-    with pytest.raises(
-        gc.WeightsError, match=r"got none named features.0.weight, .* Put torchvision's alexnet"
-    ):
+    with pytest.raises(WeightsError, match=r"got none named features.0.weight, .* Put torchvision's alexnet"):
         load_weights(tmp_path)
     write_random_weights(tmp_path / "some")
     (tmp_path / "some" / "alex.safetensors").unlink()
-    with pytest.raises(gc.WeightsError, match=r"got none named lin0.model.1.weight"):
+    with pytest.raises(WeightsError, match=r"got none named lin0.model.1.weight"):
         load_weights(tmp_path / "some")
 
 
 @pytest.mark.parametrize("name", ["a.pth", "a.safetensors"])
 def test_a_damaged_file(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"no tensors")
-    with pytest.raises(
-        gc.WeightsError, match=f"expected a file of tensors at .*{name}, got: .* Fetch it again"
-    ):
+    with pytest.raises(WeightsError, match=f"expected a file of tensors at .*{name}, got: .* Fetch it again"):
         load_weights(tmp_path)
 
 
 def test_without_weights_it_cannot_be_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("GRAYCARD_LPIPS", raising=False)
     with pytest.raises(
-        gc.WeightsError, match="expected GRAYCARD_LPIPS to name a folder of LPIPS weights, got none"
+        WeightsError, match="expected GRAYCARD_LPIPS to name a folder of LPIPS weights, got none"
     ):
         lpips(PREDICTED, TRUE, EVERYWHERE)
 

@@ -8,9 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import DatasetError, UnknownNameError, View, open_predictions, open_truth
+from graycard.dataset import manifest_of
 from graycard.eval.protocols import PUBLISHED, AlbedoView, AlbedoViews
+from graycard.io import dumps, write_json, write_layers, write_manifest
+from graycard.predictions import finish_predictions
+from graycard.records import read_score_sheet
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
@@ -22,13 +26,13 @@ def scene(tiny_scenes: dict[str, Path]) -> Path:
     return tiny_scenes["dark"]
 
 
-def faded(view: gc.View, layers: Layers) -> Layers:
+def faded(view: View, layers: Layers) -> Layers:
     noise = np.random.default_rng(len(view.name)).uniform(0.6, 0.9, layers["base_color"].shape)
     return layers | {"base_color": (layers["base_color"] * noise).astype(np.float32)}
 
 
-def without(layer: str, *views: str) -> Callable[[gc.View, Layers], Layers]:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def without(layer: str, *views: str) -> Callable[[View, Layers], Layers]:
+    def change(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != layer or (views and view.name not in views)}
 
     return change
@@ -44,9 +48,9 @@ def test_all_protocols_stand_beside_the_sheet_and_survive_the_disk(
     for score in sheet.protocols:
         assert (score.status, score.expected, score.scored) == ("scored", 2, 2)
         assert list(score.per_view) == ["test_001", "test_003"]
-    gc.write_json(tmp_path / "s.json", sheet)
+    write_json(tmp_path / "s.json", sheet)
     assert [s["protocol"] for s in json.loads((tmp_path / "s.json").read_text())["protocols"]] == NAMES
-    assert gc.dumps(gc.read_score_sheet(tmp_path / "s.json")) == gc.dumps(sheet)
+    assert dumps(read_score_sheet(tmp_path / "s.json")) == dumps(sheet)
 
 
 def test_one_protocol_alone(scene: Path, predict: Predict) -> None:
@@ -63,7 +67,7 @@ def test_one_protocol_alone(scene: Path, predict: Predict) -> None:
 
 def test_the_views_are_those_of_the_folder(scene: Path, predict: Predict) -> None:
     folder = predict(scene, faded)
-    truth, found = gc.open_truth(scene / "truth"), gc.open_predictions(folder)
+    truth, found = open_truth(scene / "truth"), open_predictions(folder)
 
     def view(name: str) -> AlbedoView:
         true = truth.layers(truth.view(name))
@@ -90,7 +94,7 @@ def test_an_unreadable_file_may_have_held_it(scene: Path, predict: Predict) -> N
     folder = predict(scene, without("base_color"))
     path = folder / "views" / "test_001.exr"
     path.write_bytes(path.read_bytes()[:700])
-    gc.finish_predictions(folder, gc.open_predictions(folder))
+    finish_predictions(folder, open_predictions(folder))
     sheet = ge.score_predictions(folder, scene, "gs-ir")
     assert sheet.protocols[0].status == "failed"
     assert "expected a whole EXR file" in sheet.protocols[0].reason
@@ -118,23 +122,23 @@ def test_a_training_view_that_sees_nothing_is_passed_over(
 def test_a_truth_without_objects_is_no_dataset(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = make_scene()
     blind(scene, lambda view: view.split == "test")
-    with pytest.raises(gc.DatasetError, match="expected a test view that sees an object, got none. Render"):
+    with pytest.raises(DatasetError, match="expected a test view that sees an object, got none. Render"):
         ge.score_predictions(predict(scene), scene, "gs-ir")
 
 
-def blind(scene: Path, which: Callable[[gc.View], bool]) -> None:
+def blind(scene: Path, which: Callable[[View], bool]) -> None:
     """Let views see nothing."""
-    truth = gc.open_truth(scene / "truth")
-    manifest = gc.manifest_of(truth)
+    truth = open_truth(scene / "truth")
+    manifest = manifest_of(truth)
     for view in filter(which, truth.views):
         layers = truth.layers(view)
         layers["object_id"] = np.zeros_like(layers["object_id"])
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
-    gc.seal(scene / "truth", manifest)
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    write_manifest(scene / "truth", manifest)
 
 
 def test_a_protocol_that_nobody_knows(scene: Path) -> None:
     with pytest.raises(
-        gc.UnknownNameError, match=r"expected a protocol that exists, got 'gsir'.*did you mean 'gs-ir'"
+        UnknownNameError, match=r"expected a protocol that exists, got 'gsir'.*did you mean 'gs-ir'"
     ):
         ge.score_predictions(Path("nowhere"), scene, "gsir")

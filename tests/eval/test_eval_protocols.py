@@ -10,8 +10,8 @@ import pytest
 from scipy.ndimage import minimum_filter
 from scipy.optimize import brute
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import DatasetError, PredictionError, UnknownNameError
 from graycard.eval.protocols import (
     PUBLISHED,
     AlbedoProtocol,
@@ -293,7 +293,7 @@ def test_a_psnr_for_each_channel_is_never_less() -> None:
 
 def test_a_black_channel_is_met_by_a_reason_or_by_the_published_way_out() -> None:
     black = AlbedoViews(tuple(replace(v, predicted=v.predicted * (1, 0, 1)) for v in VIEWS.test))
-    with pytest.raises(gc.PredictionError, match=r"expected base_color that positive factors .* Predict"):
+    with pytest.raises(PredictionError, match=r"expected base_color that positive factors .* Predict"):
         protocol("channel-lsq").score(black)
     assert math.isfinite(protocol("orb-albedo").score(black).value)
 
@@ -301,14 +301,14 @@ def test_a_black_channel_is_met_by_a_reason_or_by_the_published_way_out() -> Non
 def test_all_black_predictions() -> None:
     black = AlbedoViews(tuple(replace(v, predicted=0 * v.predicted) for v in VIEWS.test))
     for name in ("global-lsq", "channel-lsq", "nvdiffrec", "owl"):
-        with pytest.raises(gc.PredictionError, match="expected base_color that positive factors"):
+        with pytest.raises(PredictionError, match="expected base_color that positive factors"):
             protocol(name).score(black)
     assert protocol("mit-lmse").score(black).value == 1
 
 
 def test_a_negative_prediction_is_not_turned_around() -> None:
     negative = AlbedoViews(tuple(replace(v, predicted=-v.predicted) for v in VIEWS.test))
-    with pytest.raises(gc.PredictionError, match="got the factors -"):
+    with pytest.raises(PredictionError, match="got the factors -"):
         protocol("channel-lsq").score(negative)
     assert protocol("mit-lmse").score(negative).value == 1
 
@@ -316,15 +316,15 @@ def test_a_negative_prediction_is_not_turned_around() -> None:
 def test_masks_too_narrow_to_erode_and_images_too_small_for_a_window() -> None:
     thin = np.zeros((50, 50), bool)
     thin[25:28] = True
-    with pytest.raises(gc.DatasetError, match="view_001 to see something inside its mask eroded by 5 pixels"):
+    with pytest.raises(DatasetError, match="view_001 to see something inside its mask eroded by 5 pixels"):
         protocol("orb-albedo").score(AlbedoViews((replace(VIEWS.test[0], mask=thin, name="view_001"),)))
     small = AlbedoView("v", np.ones((19, 30, 3)), np.ones((19, 30, 3)), np.ones((19, 30), bool))
-    with pytest.raises(gc.DatasetError, match="at least 20x20 pixels for LMSE, got 30x19. Render"):
+    with pytest.raises(DatasetError, match="at least 20x20 pixels for LMSE, got 30x19. Render"):
         protocol("mit-lmse").score(AlbedoViews((small,)))
     nothing = replace(
         small, true=np.zeros((30, 30, 3)), predicted=np.zeros((30, 30, 3)), mask=np.ones((30, 30), bool)
     )
-    with pytest.raises(gc.DatasetError, match="window of 20x20 pixels that sees a colour, got none"):
+    with pytest.raises(DatasetError, match="window of 20x20 pixels that sees a colour, got none"):
         protocol("mit-lmse").score(AlbedoViews((nothing,)))
 
 
@@ -335,9 +335,7 @@ def test_an_edge_of_the_picture_is_not_eroded() -> None:
 
 
 def test_a_protocol_that_needs_a_view_that_is_not_scored() -> None:
-    with pytest.raises(
-        gc.PredictionError, match="on the first training view, where nerfactor fits its factors"
-    ):
+    with pytest.raises(PredictionError, match="on the first training view, where nerfactor fits its factors"):
         protocol("nerfactor").score(replace(VIEWS, validation=None))
 
 
@@ -355,10 +353,10 @@ def test_factors_are_given_where_all_views_share_them() -> None:
 
 
 def test_protocols_are_immutable_named_and_versioned() -> None:
-    names = [p.name for p in ge.protocols()]
+    names = [p.name for p in ge.all_protocols()]
     assert len(set(names)) == len(names) == 14
     assert set(REFERENCES) == set(names) - {"graycard"}
-    for p in ge.protocols():
+    for p in ge.all_protocols():
         assert p.id == f"{p.name}-{p.version}"
         assert p.source
         assert p.summary
@@ -367,13 +365,13 @@ def test_protocols_are_immutable_named_and_versioned() -> None:
             p.version = 2  # pyright: ignore[reportAttributeAccessIssue]
         rules = p.rules_of("albedo.psnr")
         assert all(getattr(rules, name) for name in rules.__dataclass_fields__)
-    assert ge.find_protocols("all") == ge.protocols()
+    assert ge.find_protocols("all") == ge.all_protocols()
     assert ge.PROTOCOL == "graycard-1"
 
 
 def test_an_unknown_name_gets_the_list() -> None:
     with pytest.raises(
-        gc.UnknownNameError, match=r"a protocol that exists, got 'tensoir3'.*did you mean.*orb-albedo"
+        UnknownNameError, match=r"a protocol that exists, got 'tensoir3'.*did you mean.*orb-albedo"
     ):
         ge.find_protocols("tensoir3")
 

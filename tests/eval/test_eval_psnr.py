@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from skimage.metrics import mean_squared_error, peak_signal_noise_ratio
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import srgb_encode
+from graycard.colour import display_variance
 
 RNG = np.random.default_rng(11)
 PREDICTED, TRUE = RNG.random((2, 20, 18, 3))
@@ -73,14 +74,14 @@ def test_an_empty_mask() -> None:
 def test_display_variance_is_that_of_simulated_noise() -> None:
     radiance, exposure, sigma = np.array([0.001, 0.05, 0.3, 1.1, 1.9]), 0.5, 2e-3
     noisy = radiance + RNG.normal(0, sigma, (200_000, 5))
-    simulated = gc.srgb_encode(noisy * exposure).var(axis=0)
-    predicted = gc.display_variance(radiance, np.full(5, sigma**2), exposure)
+    simulated = srgb_encode(noisy * exposure).var(axis=0)
+    predicted = display_variance(radiance, np.full(5, sigma**2), exposure)
     assert predicted[1:] == pytest.approx(simulated[1:], rel=0.02)
     assert predicted[0] > simulated[0], "black clips half of the noise away"
 
 
 def test_display_variance_is_zero_where_the_display_clips() -> None:
-    assert gc.display_variance(np.array([3.0]), np.array([1.0]), 0.5) == 0
+    assert display_variance(np.array([3.0]), np.array([1.0]), 0.5) == 0
 
 
 def test_judged_mask_leaves_background_and_emitters_out() -> None:

@@ -12,23 +12,23 @@ from scipy.stats import theilslopes
 from skimage.color import deltaE_ciede2000
 from skimage.metrics import peak_signal_noise_ratio
 
-import graycard as gc
 import graycard.eval as ge
 import layer_references
 import statistics_references
-from graycard.eval._assembly import Scene
-from graycard.eval._colour_difference import REC709_TO_XYZ
-from graycard.eval._noise_error import NOISE_METRICS
-from graycard.eval._readings import TrueView
-from graycard.eval._relighting import RELIGHTING_METRICS, Picture, judge_picture
-from graycard.eval._training import Fit, Training, fit_gauges
+from graycard import Camera, PointLight, View, look_at, srgb_encode
+from graycard.eval.measures._colour_difference import REC709_TO_XYZ
+from graycard.eval.metrics._noise_error import NOISE_METRICS
+from graycard.eval.metrics._relighting import RELIGHTING_METRICS, Picture, judge_picture
+from graycard.eval.scoring._assembly import Scene
+from graycard.eval.scoring._readings import TrueView
+from graycard.eval.scoring._training import Fit, Training, fit_gauges
 from layer_references import Pair, colour_science
 
 RNG = np.random.default_rng(31)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
 PREDICTED = np.clip(TRUE * (1.1, 0.9, 1.0) + RNG.normal(0, 0.1, TRUE.shape), 0, 1)
 EVERYWHERE = np.ones((50, 42), bool)
-VIEW = gc.View("v", "test", gc.Camera.from_fov(42, 50, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3))))
+VIEW = View("v", "test", Camera.from_fov(42, 50, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3))))
 SHARMA = (
     ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
     ((50.0, 3.1571, -77.2803), (50.0, 0.0, -82.7485), 2.8615),
@@ -94,11 +94,11 @@ def angle() -> Pair:
 
 
 def assignment() -> Pair:
-    cameras = [gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))]
+    cameras = [Camera.from_fov(8, 8, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3)))]
     ours, best = [], []
     for _ in range(20):
         places = RNG.normal(size=(2, 5, 3))
-        p, t = ([gc.PointLight("l", tuple(x), (1, 1, 1)) for x in side.tolist()] for side in places)
+        p, t = ([PointLight("l", tuple(x), (1, 1, 1)) for x in side.tolist()] for side in places)
         cost = np.linalg.norm(places[0][:, None] - places[1][None], axis=-1)
         ours.append(sum(ge.match_lights(p, t, cameras).distances))
         best.append(min(cost[range(5), list(order)].sum() for order in permutations(range(5))))
@@ -148,7 +148,7 @@ def relit() -> Pair:
     picture = Picture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
     scene = Scene(0.8, training, fit_gauges(training))
     found = judge_picture(RELIGHTING_METRICS, picture, scene)["relighting.psnr"].value
-    shown = gc.srgb_encode(dark * 0.8), gc.srgb_encode(light * factors * 0.8)
+    shown = srgb_encode(dark * 0.8), srgb_encode(light * factors * 0.8)
     return ge.psnr(found or 0), float(peak_signal_noise_ratio(*shown, data_range=1))
 
 
@@ -160,7 +160,7 @@ def gauge() -> Pair:
 
 def encoding() -> Pair:
     x = np.linspace(0, 1, 1001)
-    return gc.srgb_encode(x), colour_science().models.eotf_inverse_sRGB(x)
+    return srgb_encode(x), colour_science().models.eotf_inverse_sRGB(x)
 
 
 COMPUTED: dict[str, Callable[[], Pair]] = {

@@ -4,17 +4,15 @@
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._readings import TrueView
-from graycard.eval._removal_lobes import REMOVAL_LOBE_METRICS
+from graycard import Camera, View, look_at
+from graycard.eval.metrics._removal_lobes import REMOVAL_LOBE_METRICS
+from graycard.eval.scoring._readings import TrueView
 
 MIRROR, SHADOW = REMOVAL_LOBE_METRICS
 HEIGHT, WIDTH = 20, 24
 RNG = np.random.default_rng(8)
-VIEW = gc.View(
-    "v", "test", gc.Camera.from_fov(WIDTH, HEIGHT, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
-)
+VIEW = View("v", "test", Camera.from_fov(WIDTH, HEIGHT, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3))))
 EXPOSURE = 2.0
 Layers = dict[str, np.ndarray]
 
@@ -76,7 +74,7 @@ def test_a_picture_of_one_colour_holds_next_to_nothing_of_the_object_and_is_told
     picture = np.broadcast_to(without[layers[f"effect.{region}"] > 0].mean(axis=0), without.shape)
     assert shares_left(picture, layers) == pytest.approx((0, 0), abs=0.3)
     assert np.abs(picture - without).mean() > 0.02
-    said = [metric.formula for metric in ge.metrics() if metric.id.startswith("counterfactual.residual.")]
+    said = [metric.formula for metric in ge.all_metrics() if metric.id.startswith("counterfactual.residual.")]
     assert len(said) == 5
     assert all("read it beside counterfactual.psnr and counterfactual.psnr.rest" in words for words in said)
 

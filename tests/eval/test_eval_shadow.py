@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 from skimage.metrics import peak_signal_noise_ratio
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._readings import TrueView
-from graycard.eval._shadow import SHADOW_METRICS, main_light
-from graycard.eval._training import Training
-from graycard.eval._training_view import score_training_views
+from graycard import Camera, Truth, View, open_truth, srgb_encode
+from graycard.colour import srgb_slope
+from graycard.dataset import manifest_of, write_index
+from graycard.eval.metrics._shadow import SHADOW_METRICS, main_light
+from graycard.eval.metrics._training_view import score_training_views
+from graycard.eval.scoring._readings import TrueView
+from graycard.eval.scoring._training import Training
+from graycard.io import write_layers, write_manifest
 
 Layers = dict[str, np.ndarray]
 Predict = Callable[..., Path]
@@ -47,17 +50,17 @@ def brighter(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def scene(make_scene: Callable[..., Path], brighter: str) -> Path:
     folder = make_scene(sigma=SIGMA)
-    truth = gc.open_truth(folder / "truth")
-    manifest = gc.manifest_of(truth)
+    truth = open_truth(folder / "truth")
+    manifest = manifest_of(truth)
     for view in truth.views:
         path = folder / "truth" / "views" / f"{view.name}.exr"
-        gc.write_layers(path, with_lights(truth.layers(view), brighter))
-    gc.write_index(folder / "truth", replace(truth, exposure=0.4))
-    gc.seal(folder / "truth", manifest)
+        write_layers(path, with_lights(truth.layers(view), brighter))
+    write_index(folder / "truth", replace(truth, exposure=0.4))
+    write_manifest(folder / "truth", manifest)
     return folder
 
 
-def regions(truth: gc.Truth, view: gc.View, brighter: str) -> dict[str, np.ndarray]:
+def regions(truth: Truth, view: View, brighter: str) -> dict[str, np.ndarray]:
     layers = truth.layers(view)
     visible = lit_columns(layers["object_id"].shape)
     visible = visible if brighter == "lamp" else 1 - visible
@@ -69,9 +72,9 @@ def regions(truth: gc.Truth, view: gc.View, brighter: str) -> dict[str, np.ndarr
 def test_each_side_is_judged_apart(
     scene: Path, predict: Predict, brighter: str, where: str, other: str
 ) -> None:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         region = regions(truth, view, brighter)[where][..., None]
         return layers | {"radiance": (layers["radiance"] * np.where(region, 0.8, 1)).astype(np.float32)}
 
@@ -82,7 +85,7 @@ def test_each_side_is_judged_apart(
             truth.layers(view)["radiance"].astype(np.float64),
             regions(truth, view, brighter)[where],
         )
-        shown = [gc.srgb_encode(values[region] * truth.exposure) for values in (true, np.float32(0.8) * true)]
+        shown = [srgb_encode(values[region] * truth.exposure) for values in (true, np.float32(0.8) * true)]
         errors.append(10 ** (-peak_signal_noise_ratio(*shown, data_range=1) / 10))
     assert sheet.score(f"novel_view.psnr.{where}").value == pytest.approx(
         -10 * math.log10(np.mean(errors)), abs=1e-4
@@ -93,7 +96,7 @@ def test_each_side_is_judged_apart(
 def test_the_noise_of_each_side_is_its_ceiling(scene: Path, predict: Predict) -> None:
     rng = np.random.default_rng(5)
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         noise = rng.normal(0, SIGMA, layers["radiance"].shape)
         return layers | {"radiance": (layers["radiance"] + noise).astype(np.float32)}
 
@@ -118,8 +121,8 @@ def test_a_scene_that_does_not_tell_what_is_hidden_is_not_judged(
     assert not {"novel_view.psnr.shadow", "novel_view.psnr.lit"} & metrics
 
 
-def darker(split: str) -> Callable[[gc.View, Layers], Layers]:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def darker(split: str) -> Callable[[View, Layers], Layers]:
+    def change(view: View, layers: Layers) -> Layers:
         factor = 0.8 if view.split == split else 1.0
         return layers | {"radiance": (layers["radiance"] * factor).astype(np.float32)}
 
@@ -128,13 +131,13 @@ def darker(split: str) -> Callable[[gc.View, Layers], Layers]:
 
 @pytest.mark.parametrize("brighter", ["lamp"])
 def test_training_views_have_a_score_of_their_own(scene: Path, predict: Predict) -> None:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     sheet = ge.score_predictions(predict(scene, darker("train")), scene)
     errors = []
     for view in (v for v in truth.views if v.split == "train"):
         layers = truth.layers(view)
         pictures = (layers["radiance"][layers["object_id"] > 0] * f for f in (1.0, np.float32(0.8)))
-        shown = [gc.srgb_encode(p.astype(np.float64) * truth.exposure) for p in pictures]
+        shown = [srgb_encode(p.astype(np.float64) * truth.exposure) for p in pictures]
         errors.append(np.mean((shown[0] - shown[1]) ** 2))
     score = sheet.score("training_view.psnr")
     assert score.value == pytest.approx(-10 * math.log10(np.mean(errors)), abs=1e-4)
@@ -146,7 +149,7 @@ def test_training_views_have_a_score_of_their_own(scene: Path, predict: Predict)
 
 @pytest.mark.parametrize("brighter", ["lamp"])
 def test_a_training_view_that_is_missing_has_failed(scene: Path, predict: Predict) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if k != "radiance" or view.name != "train_000"}
 
     score = ge.score_predictions(predict(scene, change), scene).score("training_view.psnr")
@@ -156,9 +159,9 @@ def test_a_training_view_that_is_missing_has_failed(scene: Path, predict: Predic
 
 def seen(layers: Layers) -> TrueView:
     """A view of 4 × 4 pixels that shows one surface, but for what ``layers`` says."""
-    camera = gc.Camera.from_fov(4, 4, 60, np.eye(4))
+    camera = Camera.from_fov(4, 4, 60, np.eye(4))
     base = {"object_id": np.ones((4, 4), np.uint32), "radiance": np.full((4, 4, 3), 0.5, np.float32)}
-    return TrueView(gc.View("test_000", "test", camera), base | layers, frozenset())
+    return TrueView(View("test_000", "test", camera), base | layers, frozenset())
 
 
 def light(name: str, visible: float, brings: float) -> Layers:
@@ -190,7 +193,7 @@ def test_without_a_variance_there_is_no_ceiling() -> None:
     assert metric.ceiling(metric.question(seen(light("a", 0.0, 1.0)), 1.0)) is None
     known = light("a", 0.0, 1.0) | {"radiance.var": np.full((4, 4, 3), 1e-6, np.float32)}
     noise = metric.ceiling(metric.question(seen(known), 1.0))
-    assert noise == pytest.approx(1e-6 * gc.srgb_slope(np.asarray(0.5)) ** 2, rel=1e-3)
+    assert noise == pytest.approx(1e-6 * srgb_slope(np.asarray(0.5)) ** 2, rel=1e-3)
 
 
 def test_training_views_that_see_nothing_have_no_score() -> None:

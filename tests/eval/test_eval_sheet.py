@@ -13,15 +13,29 @@ import numpy as np
 import pytest
 from skimage.metrics import mean_squared_error
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import (
+    TRACKS,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    SphereLight,
+    View,
+    open_truth,
+    srgb_encode,
+    world_position,
+)
+from graycard.dataset import manifest_of, write_index
+from graycard.io import dumps, sha256, write_json, write_layers, write_manifest, write_rgb
+from graycard.lights import write_lights
+from graycard.records import ScoreSheet, read_score_sheet
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
-LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
 
 
-def value(sheet: gc.ScoreSheet, metric: str) -> float:
+def value(sheet: ScoreSheet, metric: str) -> float:
     score = sheet.score(metric)
     assert score.status == "scored", score.reason
     assert score.value is not None
@@ -29,20 +43,20 @@ def value(sheet: gc.ScoreSheet, metric: str) -> float:
 
 
 def scaled(gains: tuple[float, ...], splits: tuple[str, ...] = ("train", "test")) -> Callable[..., Layers]:
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         gain = np.array(gains) if view.split in splits else np.ones(3)
         return layers | {"base_color": layers["base_color"] * gain}
 
     return change
 
 
-def roughened(view: gc.View, layers: Layers) -> Layers:
+def roughened(view: View, layers: Layers) -> Layers:
     """Base colour with an error that no gauge mends."""
     noise = np.random.default_rng(len(view.name)).uniform(0.8, 1.2, layers["base_color"].shape)
     return layers | {"base_color": layers["base_color"] * noise}
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_the_truth_reaches_the_optimum_of_every_metric(
     track: str, tiny_scenes: dict[str, Path], predict: Predict
 ) -> None:
@@ -55,19 +69,19 @@ def test_the_truth_reaches_the_optimum_of_every_metric(
     assert (sheet.track, sheet.scene, sheet.method) == (track, "tiny-0000", "truth")
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_scores_stand_in_the_order_of_the_table(
     track: str, tiny_scenes: dict[str, Path], predict: Predict
 ) -> None:
     sheet = ge.score_predictions(predict(tiny_scenes[track]), tiny_scenes[track])
-    table = [m.id for m in ge.metrics()]
+    table = [m.id for m in ge.all_metrics()]
     found = [s.metric for s in sheet.scores]
     assert found == [name for name in table if name in found]
     assert ("counterfactual.psnr" in found) == (track == "tabletop")
 
 
 def test_the_table_is_consistent() -> None:
-    table = ge.metrics()
+    table = ge.all_metrics()
     assert len({m.id for m in table}) == len(table) == 82
     assert {m.id for m in table if m.headline} == {
         "novel_view.psnr",
@@ -87,14 +101,14 @@ def test_the_sheet_is_a_pure_function_and_survives_the_disk(
     folder = predict(tiny_scenes["dark"], roughened)
     sheet = ge.score_predictions(folder, tiny_scenes["dark"])
     assert sheet == ge.score_predictions(folder, tiny_scenes["dark"])
-    gc.write_json(tmp_path / "scores.json", sheet)
-    assert gc.dumps(gc.read_score_sheet(tmp_path / "scores.json")) == gc.dumps(sheet)
+    write_json(tmp_path / "scores.json", sheet)
+    assert dumps(read_score_sheet(tmp_path / "scores.json")) == dumps(sheet)
 
 
 def test_hashes_name_the_files_that_were_scored(tiny_scenes: dict[str, Path], predict: Predict) -> None:
     scene = tiny_scenes["dark"]
     first = ge.score_predictions(predict(scene), scene)
-    assert first.truth_sha256 == gc.sha256(scene / "truth" / "manifest.json")
+    assert first.truth_sha256 == sha256(scene / "truth" / "manifest.json")
     folder = predict(scene)
     assert ge.score_predictions(folder, scene).predictions_sha256 == first.predictions_sha256
     other = predict(scene, roughened)
@@ -104,7 +118,7 @@ def test_hashes_name_the_files_that_were_scored(tiny_scenes: dict[str, Path], pr
 def test_gains_move_raw_and_leave_the_channel_score(tiny_scenes: dict[str, Path], predict: Predict) -> None:
     scene, gains = tiny_scenes["dark"], np.array((1.7, 0.6, 1.1))
 
-    def both(view: gc.View, layers: Layers) -> Layers:
+    def both(view: View, layers: Layers) -> Layers:
         return scaled(tuple(gains))(view, roughened(view, layers))
 
     plain, tinted = (ge.score_predictions(predict(scene, c), scene) for c in (roughened, both))
@@ -136,7 +150,7 @@ def test_psnr_is_of_the_mean_error_and_not_the_mean_of_psnrs(
     scene = tiny_scenes["dark"]
     offsets = {"test_001": 0.001, "test_003": 0.1}
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         return layers | {"base_color": layers["base_color"] + np.float32(offsets.get(view.name, 0))}
 
     score = ge.score_predictions(predict(scene, change), scene).score("albedo.psnr.raw")
@@ -151,12 +165,12 @@ def test_radiance_is_compared_as_displayed(tiny_scenes: dict[str, Path], predict
     sheet = ge.score_predictions(
         predict(scene, lambda v, layers: layers | {"radiance": layers["radiance"] * 0.5}), scene
     )
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     errors = []
     for view in (v for v in truth.views if v.split == "test"):
         layers = truth.layers(view)
-        shown = gc.srgb_encode(layers["radiance"][layers["object_id"] > 0].astype(float) * truth.exposure)
-        half = gc.srgb_encode(layers["radiance"][layers["object_id"] > 0].astype(float) * truth.exposure / 2)
+        shown = srgb_encode(layers["radiance"][layers["object_id"] > 0].astype(float) * truth.exposure)
+        half = srgb_encode(layers["radiance"][layers["object_id"] > 0].astype(float) * truth.exposure / 2)
         errors.append(mean_squared_error(shown, half))
     assert value(sheet, "novel_view.psnr") == pytest.approx(-10 * math.log10(np.mean(errors)), abs=1e-6)
     assert value(sheet, "novel_view.flip") > 0.05
@@ -165,12 +179,12 @@ def test_radiance_is_compared_as_displayed(tiny_scenes: dict[str, Path], predict
 
 def test_the_background_changes_nothing(tiny_scenes: dict[str, Path], predict: Predict) -> None:
     scene = tiny_scenes["tabletop"]
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
 
-    def wrong(view: gc.View, layers: Layers) -> Layers:
+    def wrong(view: View, layers: Layers) -> Layers:
         return {k: v * np.float32(0.9) + np.float32(0.01) for k, v in layers.items()}
 
-    def wrong_outside(view: gc.View, layers: Layers) -> Layers:
+    def wrong_outside(view: View, layers: Layers) -> Layers:
         seen = truth.layers(view)["object_id"].T > 0
         return {k: np.where(seen, v.T, 7).T.astype(np.float32) for k, v in wrong(view, layers).items()}
 
@@ -184,13 +198,13 @@ def test_surfaces_of_lights_have_no_base_color_to_be_found(
     make_scene: Callable[..., Path], predict: Predict
 ) -> None:
     scene = make_scene()
-    truth = gc.open_truth(scene / "truth")
-    manifest = gc.manifest_of(truth)
+    truth = open_truth(scene / "truth")
+    manifest = manifest_of(truth)
     objects = tuple(replace(o, emits=o.id == 2) for o in truth.objects)
-    gc.write_index(scene / "truth", replace(truth, objects=objects))
-    gc.seal(scene / "truth", manifest)
+    write_index(scene / "truth", replace(truth, objects=objects))
+    write_manifest(scene / "truth", manifest)
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         ball = truth.layers(view)["object_id"].T == 2
         return {k: np.where(ball, 0.5, v.T).T for k, v in layers.items()}
 
@@ -205,9 +219,9 @@ def test_the_noise_ceiling_is_what_renoised_truth_scores(
 ) -> None:
     scene = make_scene(sigma=1e-3, test=3, train=3)
     clean = make_scene(sigma=0.0, test=3, train=3, scene="clean-0000")
-    exact = gc.open_truth(clean / "truth")
+    exact = open_truth(clean / "truth")
 
-    def noise_free(view: gc.View, layers: Layers) -> Layers:
+    def noise_free(view: View, layers: Layers) -> Layers:
         return layers | {"radiance": exact.layers(exact.view(view.name))["radiance"]}
 
     score = ge.score_predictions(predict(scene, noise_free), scene).score("novel_view.psnr")
@@ -272,15 +286,15 @@ def test_lights_at_known_distances(make_scene: Callable[..., Path], predict: Pre
 def test_missing_extra_and_swapped_lights(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = make_scene(track="multilight")
     pair = (
-        gc.PointLight("a", (1.0, 0.0, 1.0), (5.0, 5.0, 5.0)),
-        gc.SphereLight("b", (-1.0, 0.5, 2.0), 0.1, (9.0, 9.0, 9.0)),
+        PointLight("a", (1.0, 0.0, 1.0), (5.0, 5.0, 5.0)),
+        SphereLight("b", (-1.0, 0.5, 2.0), 0.1, (9.0, 9.0, 9.0)),
     )
-    sky = gc.EnvironmentLight("sky", "sky.exr")
-    gc.write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
-    gc.write_lights(scene / "truth" / "lights.json", (*pair, sky))
-    gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
+    sky = EnvironmentLight("sky", "sky.exr")
+    write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
+    write_lights(scene / "truth" / "lights.json", (*pair, sky))
+    write_manifest(scene / "truth", manifest_of(open_truth(scene / "truth", check=False)))
 
-    def scores(*lights: gc.Light) -> list[float | None]:
+    def scores(*lights: Light) -> list[float | None]:
         sheet = ge.score_predictions(predict(scene, lights=lights), scene)
         return [sheet.score(f"light.{name}").value for name in ("position", "intensity", "missing", "extra")]
 
@@ -298,7 +312,7 @@ def test_very_many_lights_do_not_pay(make_scene: Callable[..., Path], predict: P
     """A grid that is dense enough to have a light next to any true one."""
     scene = make_scene()
     places = np.stack(np.meshgrid(*[np.linspace(-2, 2, 6)] * 3), -1).reshape(-1, 3).tolist()
-    grid = tuple(gc.PointLight(f"g{i}", (x, y, z), (1, 1, 1)) for i, (x, y, z) in enumerate(places))
+    grid = tuple(PointLight(f"g{i}", (x, y, z), (1, 1, 1)) for i, (x, y, z) in enumerate(places))
     sheet = ge.score_predictions(predict(scene, lights=grid), scene)
     assert (sheet.score("light.position").value or 0) > 99
 
@@ -307,9 +321,9 @@ def test_a_scene_without_local_lights_has_counts_only(
     make_scene: Callable[..., Path], predict: Predict
 ) -> None:
     scene = make_scene()
-    gc.write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
-    gc.write_lights(scene / "truth" / "lights.json", (gc.EnvironmentLight("sky", "sky.exr"),))
-    gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
+    write_rgb(scene / "truth" / "sky.exr", np.ones((4, 8, 3)))
+    write_lights(scene / "truth" / "lights.json", (EnvironmentLight("sky", "sky.exr"),))
+    write_manifest(scene / "truth", manifest_of(open_truth(scene / "truth", check=False)))
     sheet = ge.score_predictions(predict(scene, lights=(LAMP,)), scene)
     found = {s.metric: s.value for s in sheet.scores if s.metric.startswith("light.")}
     assert found == {"light.missing": 0, "light.extra": 1}
@@ -319,8 +333,8 @@ def test_lights_are_placed_by_the_test_cameras(make_scene: Callable[..., Path], 
     scene = make_scene()
     fixed = replace(LAMP, position=(1.0, -2.0, 1.5), frame="world")
     sheet = ge.score_predictions(predict(scene, lights=(fixed,)), scene)
-    cameras = [v.camera for v in gc.open_truth(scene / "truth").views if v.split == "test"]
-    away = [np.linalg.norm(gc.world_position(LAMP, c) - fixed.position) for c in cameras]
+    cameras = [v.camera for v in open_truth(scene / "truth").views if v.split == "test"]
+    away = [np.linalg.norm(world_position(LAMP, c) - fixed.position) for c in cameras]
     assert value(sheet, "light.position") == pytest.approx(100 * np.mean(away) / 4.0)
 
 
@@ -328,9 +342,9 @@ def test_a_ceiling_needs_the_noise_of_every_test_view(
     make_scene: Callable[..., Path], predict: Predict
 ) -> None:
     scene = make_scene()
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     layers = truth.layers(truth.view("test_003"))
     layers.pop("radiance.var")
-    gc.write_layers(scene / "truth" / "views" / "test_003.exr", layers)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
+    write_layers(scene / "truth" / "views" / "test_003.exr", layers)
+    write_manifest(scene / "truth", manifest_of(truth))
     assert ge.score_predictions(predict(scene), scene).score("novel_view.psnr").noise_ceiling is None

@@ -10,13 +10,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._environment_scores import compare_spheres
-from graycard.eval._spheres import ALPHA, exposure_for, render_spheres, sphere_normals
+from graycard import EnvironmentLight, Light, PointLight, PredictionError, Predictions, luminance, open_truth
+from graycard.dataset import manifest_of
+from graycard.eval.lights._environment import compare_spheres
+from graycard.eval.lights._spheres import ALPHA, exposure_for, render_spheres, sphere_normals
+from graycard.io import read_rgb, write_manifest, write_rgb
+from graycard.lights import write_lights
+from graycard.predictions import clear_predictions, finish_predictions, write_environment
+from graycard.records import Score
 
 RNG = np.random.default_rng(8)
-SKY = gc.EnvironmentLight("sky", "sky.exr")
+SKY = EnvironmentLight("sky", "sky.exr")
 
 
 def environment(radiance: Callable[[np.ndarray], np.ndarray], height: int = 64) -> np.ndarray:
@@ -78,7 +83,7 @@ def test_a_small_bright_light_is_seen_where_it_is() -> None:
 def test_the_card_is_exposed_as_a_photographer_would() -> None:
     spheres = render_spheres(RNG.uniform(0, 5, (8, 16, 3)))
     shown = exposure_for(spheres["diffuse"]) * spheres["diffuse"]
-    assert gc.luminance(shown).mean() == pytest.approx(0.18)
+    assert luminance(shown).mean() == pytest.approx(0.18)
     assert exposure_for(np.zeros((4, 3))) == 1
 
 
@@ -101,28 +106,28 @@ def test_turned_and_tinted_surroundings_are_worse_and_dimmed_ones_are_not() -> N
 
 def test_no_light_at_all() -> None:
     true = render_spheres(np.ones((4, 8, 3)))
-    with pytest.raises(gc.PredictionError, match="expected an environment that shines, got a black one"):
+    with pytest.raises(PredictionError, match="expected an environment that shines, got a black one"):
         compare_spheres(render_spheres(np.zeros((4, 8, 3))), true)
 
 
 @pytest.fixture
 def lit(make_scene: Callable[..., Path]) -> Path:
     scene = make_scene(track="multilight")
-    gc.write_rgb(scene / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
-    gc.write_lights(scene / "truth" / "lights.json", (SKY,))
-    gc.seal(scene / "truth", gc.manifest_of(gc.open_truth(scene / "truth", check=False)))
+    write_rgb(scene / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
+    write_lights(scene / "truth" / "lights.json", (SKY,))
+    write_manifest(scene / "truth", manifest_of(open_truth(scene / "truth", check=False)))
     return scene
 
 
-def scored(scene: Path, folder: Path, lights: tuple[gc.Light, ...]) -> gc.Score:
-    gc.finish_predictions(folder, gc.Predictions("t", "multilight", "tiny-0000"), lights)
+def scored(scene: Path, folder: Path, lights: tuple[Light, ...]) -> Score:
+    finish_predictions(folder, Predictions("t", "multilight", "tiny-0000"), lights)
     return ge.score_predictions(folder, scene).score("environment.psnr")
 
 
 def test_several_environments_shine_together(lit: Path, tmp_path: Path) -> None:
-    image = gc.read_rgb(lit / "truth" / "sky.exr")
+    image = read_rgb(lit / "truth" / "sky.exr")
     halves = tuple(
-        gc.write_environment(tmp_path / "p", gc.EnvironmentLight(f"half-{i}", ""), image * share)
+        write_environment(tmp_path / "p", EnvironmentLight(f"half-{i}", ""), image * share)
         for i, share in enumerate((0.25, 0.75))
     )
     assert halves[0].image == "environments/half-0.exr"
@@ -130,12 +135,12 @@ def test_several_environments_shine_together(lit: Path, tmp_path: Path) -> None:
     one = scored(lit, tmp_path / "p", halves[:1])
     assert (one.value or 0) > 100
     assert one.gauge is None
-    gc.clear_predictions(tmp_path / "p")
+    clear_predictions(tmp_path / "p")
     assert not (tmp_path / "p" / "environments").exists()
 
 
 def test_lights_without_an_environment(lit: Path, tmp_path: Path) -> None:
-    found = scored(lit, tmp_path / "p", (gc.PointLight("a", (0, 0, 1), (1, 1, 1)),))
+    found = scored(lit, tmp_path / "p", (PointLight("a", (0, 0, 1), (1, 1, 1)),))
     assert (found.status, found.reason) == ("not provided", "lights.json has no environment")
 
 
@@ -153,16 +158,16 @@ def test_images_that_cannot_be_used(
     lit: Path, tmp_path: Path, image: str, change: float | None, words: str
 ) -> None:
     if change is not None:
-        gc.write_rgb(tmp_path / "p" / image, np.full((4, 8, 3), change))
+        write_rgb(tmp_path / "p" / image, np.full((4, 8, 3), change))
     found = scored(lit, tmp_path / "p", (replace(SKY, image=image),))
     assert found.status == "failed"
     assert re.search(words, found.reason), found.reason
 
 
 def test_an_image_that_changed_after_its_hash_was_taken(lit: Path, tmp_path: Path) -> None:
-    gc.write_rgb(tmp_path / "p" / "sky.exr", np.ones((4, 8, 3)))
+    write_rgb(tmp_path / "p" / "sky.exr", np.ones((4, 8, 3)))
     assert scored(lit, tmp_path / "p", (SKY,)).status == "scored"
-    gc.write_rgb(tmp_path / "p" / "sky.exr", np.full((4, 8, 3), 2.0))
+    write_rgb(tmp_path / "p" / "sky.exr", np.full((4, 8, 3), 2.0))
     found = ge.score_predictions(tmp_path / "p", lit).score("environment.psnr")
     assert found.status == "failed"
     assert "it changed after" in found.reason

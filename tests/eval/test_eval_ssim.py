@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import convolve
 
-import graycard as gc
 import graycard.eval as ge
+from graycard import DatasetError
 
 RNG = np.random.default_rng(5)
 TRUE = RNG.random((30, 26, 3))
@@ -70,7 +70,7 @@ def test_a_mask_narrower_than_the_window_is_used_as_it_is() -> None:
 
 def test_images_smaller_than_the_window() -> None:
     small = TRUE[:10]
-    with pytest.raises(gc.DatasetError, match=r"at least 11x11 pixels for SSIM, got 26x10\. Render"):
+    with pytest.raises(DatasetError, match=r"at least 11x11 pixels for SSIM, got 26x10\. Render"):
         ge.ssim(small, small, EVERYWHERE[:10])
 
 

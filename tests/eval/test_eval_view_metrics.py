@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
 from changed_scene import SIGMA, enrich
-from graycard.eval._removal import EFFECTS
+from graycard import View, open_truth
+from graycard.dataset import manifest_of
+from graycard.eval.metrics._removal import EFFECTS
+from graycard.io import write_layers, write_manifest
+from graycard.records import ScoreSheet
 
 Layers = dict[str, np.ndarray]
-Change = Callable[[gc.View, Layers], Layers]
+Change = Callable[[View, Layers], Layers]
 Predict = Callable[..., Path]
 PSNRS = tuple(f"counterfactual.psnr.{region}" for region in (*EFFECTS, "rest"))
 RESIDUALS = tuple(f"counterfactual.residual.{region}" for region in EFFECTS)
@@ -27,18 +30,18 @@ def scene(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Pa
 
 
 @pytest.fixture
-def sheet_of(scene: Path, predict: Predict) -> Callable[[Change], gc.ScoreSheet]:
+def sheet_of(scene: Path, predict: Predict) -> Callable[[Change], ScoreSheet]:
     """``sheet_of(change)``, where ``change(view, layers)`` is given all true layers of a view."""
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
 
-    def make(change: Change) -> gc.ScoreSheet:
+    def make(change: Change) -> ScoreSheet:
         folder = predict(scene, lambda view, layers: layers | change(view, truth.layers(view)))
         return ge.score_predictions(folder, scene)
 
     return make
 
 
-def value(sheet: gc.ScoreSheet, metric: str) -> float:
+def value(sheet: ScoreSheet, metric: str) -> float:
     score = sheet.score(metric)
     assert score.status == "scored", score.reason
     assert score.value is not None
@@ -48,7 +51,7 @@ def value(sheet: gc.ScoreSheet, metric: str) -> float:
 def kept(share: float, *regions: str) -> Change:
     """The object's effect stays by a share in some regions, and is gone elsewhere."""
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         without, with_object = layers["counterfactual.radiance"], layers["radiance"]
         there = np.any([layers[f"effect.{region}"] > 0 for region in regions], axis=0)[..., None]
         return {"counterfactual.radiance": without + np.where(there, share, 0) * (with_object - without)}
@@ -56,14 +59,14 @@ def kept(share: float, *regions: str) -> Change:
     return change
 
 
-def test_an_object_that_is_still_there_leaves_one(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
+def test_an_object_that_is_still_there_leaves_one(sheet_of: Callable[[Change], ScoreSheet]) -> None:
     sheet = sheet_of(lambda view, layers: {"counterfactual.radiance": layers["radiance"]})
     assert [value(sheet, metric) for metric in RESIDUALS] == pytest.approx([1, 1, 1])
     assert all(value(sheet, metric) < 40 for metric in PSNRS[:3])
 
 
 @pytest.mark.parametrize("region", EFFECTS)
-def test_each_region_is_judged_apart(sheet_of: Callable[[Change], gc.ScoreSheet], region: str) -> None:
+def test_each_region_is_judged_apart(sheet_of: Callable[[Change], ScoreSheet], region: str) -> None:
     sheet = sheet_of(kept(1.0, region))
     for other in EFFECTS:
         left = value(sheet, f"counterfactual.residual.{other}")
@@ -73,15 +76,15 @@ def test_each_region_is_judged_apart(sheet_of: Callable[[Change], gc.ScoreSheet]
 
 
 def test_too_much_taken_away_is_no_better_than_too_little(
-    sheet_of: Callable[[Change], gc.ScoreSheet],
+    sheet_of: Callable[[Change], ScoreSheet],
 ) -> None:
     score = sheet_of(kept(-0.25, "shadow")).score("counterfactual.residual.shadow")
     assert score.value == pytest.approx(0.25, abs=1e-6)
     assert score.breakdown["signed"] == pytest.approx(-0.25, abs=1e-6)
 
 
-def test_an_error_elsewhere_is_no_residue(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_an_error_elsewhere_is_no_residue(sheet_of: Callable[[Change], ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         touched = np.any([layers[f"effect.{region}"] > 0 for region in EFFECTS], axis=0)[..., None]
         return {"counterfactual.radiance": layers["counterfactual.radiance"] + np.where(touched, 0, 0.1)}
 
@@ -91,11 +94,11 @@ def test_an_error_elsewhere_is_no_residue(sheet_of: Callable[[Change], gc.ScoreS
     assert value(sheet, "counterfactual.psnr.shadow") == math.inf
 
 
-def test_the_ceiling_of_a_region(scene: Path, sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    rng, truth = np.random.default_rng(3), gc.open_truth(scene / "truth", check=False)
+def test_the_ceiling_of_a_region(scene: Path, sheet_of: Callable[[Change], ScoreSheet]) -> None:
+    rng, truth = np.random.default_rng(3), open_truth(scene / "truth", check=False)
     held_out = [truth.layers(view) for view in truth.views if view.split == "test"]
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         clean = layers["counterfactual.radiance"]
         return {"counterfactual.radiance": clean + rng.normal(0, SIGMA, clean.shape)}
 
@@ -114,7 +117,7 @@ def inside(layers: Layers, region: str) -> np.ndarray:
 
 
 def test_a_removal_that_is_not_provided(scene: Path, predict: Predict) -> None:
-    def without(view: gc.View, layers: Layers) -> Layers:
+    def without(view: View, layers: Layers) -> Layers:
         return {k: v for k, v in layers.items() if not k.startswith("counterfactual")}
 
     sheet = ge.score_predictions(predict(scene, without), scene)
@@ -123,8 +126,8 @@ def test_a_removal_that_is_not_provided(scene: Path, predict: Predict) -> None:
         assert sheet.score(metric).reason == "no view has counterfactual.radiance"
 
 
-def test_a_faulty_view_fails(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_a_faulty_view_fails(sheet_of: Callable[[Change], ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         bad = np.nan if view.name == "test_003" else 1
         return {"counterfactual.radiance": layers["counterfactual.radiance"] * bad}
 
@@ -142,7 +145,7 @@ def test_a_residue_needs_an_effect() -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0, -0.5])
 def test_shading_to_a_power_leaks_by_that_power(
-    sheet_of: Callable[[Change], gc.ScoreSheet], share: float
+    sheet_of: Callable[[Change], ScoreSheet], share: float
 ) -> None:
     sheet = sheet_of(lambda view, layers: {"base_color": layers["base_color"] * layers["shading"] ** share})
     for metric in LEAKS[:2]:
@@ -151,7 +154,7 @@ def test_shading_to_a_power_leaks_by_that_power(
     assert value(sheet, "albedo.leakage.highlight") == pytest.approx(0, abs=1e-5)
 
 
-def test_a_constant_holds_no_light(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
+def test_a_constant_holds_no_light(sheet_of: Callable[[Change], ScoreSheet]) -> None:
     """Its error is the texture alone, which the light does not follow."""
     sheet = sheet_of(lambda view, layers: {"base_color": np.full_like(layers["base_color"], 0.18)})
     for metric in LEAKS[:2]:
@@ -164,7 +167,7 @@ def test_what_lies_in_dark_places_is_no_leak(
 ) -> None:
     """Two paints or objects, one mostly in the light: a prediction that is wrong for one holds no light."""
     scene = enrich(make_scene(track="multilight"))
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         lit = layers["visibility.lamp"] > 0.5
@@ -173,11 +176,11 @@ def test_what_lies_in_dark_places_is_no_leak(
         layers["base_color"] = np.repeat(albedo[..., None], 3, axis=-1).astype(np.float32)
         ids = np.where(first | (apart == "albedo"), 1, 2)
         layers["object_id"] = np.where(layers["object_id"] > 0, ids, 0).astype(np.uint32)
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
-    truth = gc.open_truth(scene / "truth")
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    write_manifest(scene / "truth", manifest_of(truth))
+    truth = open_truth(scene / "truth")
 
-    def wrong(view: gc.View, layers: Layers) -> Layers:
+    def wrong(view: View, layers: Layers) -> Layers:
         second = truth.layers(view)["object_id"][..., None] == 2
         return layers | {"base_color": np.where(second, 0.5, 0.18) * np.ones(3, np.float32)}
 
@@ -185,8 +188,8 @@ def test_what_lies_in_dark_places_is_no_leak(
     assert value(sheet, "albedo.leakage") == pytest.approx(0, abs=1e-6)
 
 
-def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         gloss = 1 + layers["direct.specular.lamp"] / np.maximum(layers["direct.diffuse.lamp"], 1e-9)
         return {"base_color": layers["base_color"] * gloss**0.6}
 
@@ -195,8 +198,8 @@ def test_highlights_leak_apart_from_shadows(sheet_of: Callable[[Change], gc.Scor
     assert value(sheet, "albedo.leakage.shadow") == pytest.approx(0, abs=1e-5)
 
 
-def test_a_fifth_of_wrong_pixels_moves_a_leak_little(sheet_of: Callable[[Change], gc.ScoreSheet]) -> None:
-    def change(view: gc.View, layers: Layers) -> Layers:
+def test_a_fifth_of_wrong_pixels_moves_a_leak_little(sheet_of: Callable[[Change], ScoreSheet]) -> None:
+    def change(view: View, layers: Layers) -> Layers:
         wrong = np.random.default_rng(1).random(layers["object_id"].shape)[..., None] < 0.2
         leaked = layers["base_color"] * layers["shading"] ** 0.5
         return {"base_color": np.where(wrong, 0.9, leaked)}
@@ -208,41 +211,41 @@ def test_a_fifth_of_wrong_pixels_moves_a_leak_little(sheet_of: Callable[[Change]
 
 def test_metals_are_left_out_of_leaks(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = enrich(make_scene(track="multilight"))
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         layers["metallic"] = (layers["object_id"] == 2).astype(np.float32)
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    write_manifest(scene / "truth", manifest_of(truth))
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         true = truth.layers(view)
         ball = (true["object_id"] == 2)[..., None]
         return layers | {"base_color": np.where(ball, true["shading"], true["base_color"])}
 
     folder = predict(scene, change)
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     sheet = ge.score_predictions(folder, scene)
     assert value(sheet, "albedo.leakage") == value(sheet, "albedo.leakage.shadow") == 0
 
 
 def test_shading_below_its_noise_tells_nothing(make_scene: Callable[..., Path], predict: Predict) -> None:
     scene = enrich(make_scene(track="multilight"))
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         layers["shading.var"] = layers["shading"] ** 2
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    write_manifest(scene / "truth", manifest_of(truth))
     found = {s.metric for s in ge.score_predictions(predict(scene), scene).scores}
     assert not found & set(LEAKS)
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_noise_of_the_truths_size_is_one(sheet_of: Callable[[Change], gc.ScoreSheet], factor: float) -> None:
+def test_noise_of_the_truths_size_is_one(sheet_of: Callable[[Change], ScoreSheet], factor: float) -> None:
     rng = np.random.default_rng(8)
 
-    def change(view: gc.View, layers: Layers) -> Layers:
+    def change(view: View, layers: Layers) -> Layers:
         noise = rng.normal(0, factor * SIGMA, layers["radiance"].shape)
         return {name: layers[name] + noise for name in ("radiance", "counterfactual.radiance")}
 

@@ -6,21 +6,25 @@ from pathlib import Path
 
 import numpy as np
 
-import graycard as gc
+from graycard import Composition, Donor, EnvironmentLight, LightEdit, PointLight, open_truth
+from graycard.dataset import manifest_of, write_index
+from graycard.edits import composed_file
+from graycard.io import write_json, write_layers, write_manifest, write_rgb
+from graycard.lights import write_lights
 
 Layers = dict[str, np.ndarray]
 EDITS = (
-    gc.LightEdit("without-lamp", "The lamp is switched off."),
-    gc.LightEdit("moved-lamp", "The lamp is moved."),
-    gc.LightEdit("recoloured-lamp", "The lamp is of another colour."),
-    gc.LightEdit("environment-1", "Other surroundings."),
+    LightEdit("without-lamp", "The lamp is switched off."),
+    LightEdit("moved-lamp", "The lamp is moved."),
+    LightEdit("recoloured-lamp", "The lamp is of another colour."),
+    LightEdit("environment-1", "Other surroundings."),
 )
 SIGMA = 1e-3
 EXPOSURE = 0.45
 """At which nothing in the pictures is white."""
-DESK = gc.PointLight("desk", (1.0, -2.0, 1.5), (2.0, 3.0, 4.0))
-LAMP = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
-SKY = gc.EnvironmentLight("sky", "environment.exr")
+DESK = PointLight("desk", (1.0, -2.0, 1.5), (2.0, 3.0, 4.0))
+LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+SKY = EnvironmentLight("sky", "environment.exr")
 EDITED_LIGHTS = (
     (DESK,),
     (replace(LAMP, position=(-0.3, 0.1, 0.0)), DESK),
@@ -28,29 +32,27 @@ EDITED_LIGHTS = (
     (SKY,),
 )
 """After each of the edits."""
-DONOR = gc.Donor("multilight", "objects", 3, {}, "pot", 5)
+DONOR = Donor("multilight", "objects", 3, {}, "pot", 5)
 ADDED = 9
 """Id of the object that is put in."""
 
 
 def enrich(scene: Path) -> Path:
     """Change the scene on disk: radiance is base_color · shading + gloss, plus noise of known size."""
-    truth = gc.open_truth(scene / "truth")
-    manifest = gc.manifest_of(truth)
+    truth = open_truth(scene / "truth")
+    manifest = manifest_of(truth)
     for number, view in enumerate(truth.views):
         layers = _lit(truth.layers(view), np.random.default_rng(number))
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
         if view.split == "test":
             _write_changed(scene / "truth", view.name, layers, np.random.default_rng(50 + number))
     for edit, lights in zip(EDITS, EDITED_LIGHTS, strict=True):
-        gc.write_lights(scene / "truth" / edit.folder / "lights.json", lights)
-    gc.write_rgb(scene / "truth" / EDITS[-1].folder / SKY.image, np.full((2, 4, 3), 0.5, np.float32))
-    gc.write_lights(scene / "truth" / "lights.json", (LAMP, DESK))
-    gc.write_json(
-        scene / "truth" / "composition" / "composition.json", gc.Composition(DONOR, np.eye(4), ADDED)
-    )
-    gc.write_index(scene / "truth", replace(truth, edits=EDITS, exposure=EXPOSURE))
-    gc.seal(scene / "truth", manifest)
+        write_lights(scene / "truth" / edit.folder / "lights.json", lights)
+    write_rgb(scene / "truth" / EDITS[-1].folder / SKY.image, np.full((2, 4, 3), 0.5, np.float32))
+    write_lights(scene / "truth" / "lights.json", (LAMP, DESK))
+    write_json(scene / "truth" / "composition" / "composition.json", Composition(DONOR, np.eye(4), ADDED))
+    write_index(scene / "truth", replace(truth, edits=EDITS, exposure=EXPOSURE))
+    write_manifest(scene / "truth", manifest)
     return scene
 
 
@@ -100,8 +102,8 @@ def _write_changed(truth: Path, view: str, layers: Layers, rng: np.random.Genera
     factors = ((0.3, 0.3, 0.3), (0.8, 0.8, 0.8), (1.2, 0.8, 0.5), (0.5, 0.6, 0.9))
     for edit, factor in zip(EDITS, factors, strict=True):
         relit = _noisy("radiance", layers["radiance"] * factor, rng)
-        gc.write_layers(truth / edit.view_file(view), relit)
+        write_layers(truth / edit.view_file(view), relit)
     ids, picture = layers["object_id"].copy(), layers["radiance"].copy()
     ids[5:12, 8:15], picture[5:12, 8:15] = ADDED, 0.4
     composed = _noisy("radiance", picture, rng) | {"object_id": ids}
-    gc.write_layers(truth / gc.composed_file(view), composed)
+    write_layers(truth / composed_file(view), composed)

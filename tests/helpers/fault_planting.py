@@ -8,13 +8,23 @@ from typing import Any
 
 import numpy as np
 
-import graycard as gc
+from graycard import Light, View, open_truth
+from graycard.io import (
+    from_builtins,
+    read_json,
+    read_layers,
+    read_manifest,
+    write_json,
+    write_layers,
+    write_manifest,
+)
+from graycard.lights import read_lights, write_lights
 from graycard.synth import RenderSettings, SceneSpec, family_of
 from graycard.synth.verify import verify_dataset
 
 Layers = dict[str, np.ndarray]
 Copied = Callable[[str], Path]
-Change = Callable[[Layers, gc.View], None]
+Change = Callable[[Layers, View], None]
 Plant = Callable[[Path], None]
 
 
@@ -77,35 +87,35 @@ class Faults:
 def reseal(scene: Path) -> None:
     """Hash the files as they are now: whoever made the fault believed it."""
     for part in ("capture", "truth"):
-        gc.seal(scene / part, gc.read_manifest(scene / part, f"graycard-{part}"))
+        write_manifest(scene / part, read_manifest(scene / part, f"graycard-{part}"))
 
 
 def edit(scene: Path, change: Change, names: tuple[str, ...] = ()) -> None:
     """Change the layers of all views, or of some."""
-    for view in gc.open_truth(scene / "truth", check=False).views:
+    for view in open_truth(scene / "truth", check=False).views:
         if not names or view.name in names:
             path = scene / "truth" / "views" / f"{view.name}.exr"
-            layers = gc.read_layers(path)
+            layers = read_layers(path)
             change(layers, view)
-            gc.write_layers(path, layers)
+            write_layers(path, layers)
 
 
-def edit_lights(scene: Path, change: Callable[[gc.Light], gc.Light]) -> None:
+def edit_lights(scene: Path, change: Callable[[Light], Light]) -> None:
     path = scene / "truth" / "lights.json"
-    gc.write_lights(path, tuple(change(light) for light in gc.read_lights(path)))
+    write_lights(path, tuple(change(light) for light in read_lights(path)))
 
 
 def edit_index(scene: Path, name: str, **values: object) -> None:
     path = scene / name
-    gc.write_json(path, gc.read_json(path) | values)
+    write_json(path, read_json(path) | values)
 
 
 def edit_manifest(scene: Path, change: Callable[[dict[str, Any]], None]) -> None:
     """Change what the manifest of the truth says of where the scene comes from."""
     path = scene / "truth" / "manifest.json"
-    data = gc.read_json(path)
+    data = read_json(path)
     change(data)
-    gc.write_json(path, data)
+    write_json(path, data)
 
 
 def swap(layers: Layers, a: str, b: str) -> None:
@@ -129,22 +139,22 @@ def failures(scene: Path, views: int) -> dict[str, list[str]]:
 
 
 def settings_of(scene: Path) -> RenderSettings:
-    manifest = gc.read_manifest(scene / "truth", "graycard-truth")
-    return gc.decode(RenderSettings, manifest.settings["render"])
+    manifest = read_manifest(scene / "truth", "graycard-truth")
+    return from_builtins(RenderSettings, manifest.settings["render"])
 
 
 def render_otherwise(scene: Path, name: str, settings: RenderSettings, seed: int) -> None:
     """Replace a picture by one that is rendered with other settings or another seed."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import estimate
-    from graycard.synth._views import radiance_images, sub_buffer_seeds
+    from graycard.synth.layers._separation import estimate
+    from graycard.synth.layers._views import radiance_images, sub_buffer_seeds
+    from graycard.synth.renderer._mitsuba import load_scene
 
-    manifest = gc.read_manifest(scene / "truth", "graycard-truth")
+    manifest = read_manifest(scene / "truth", "graycard-truth")
     spec = SceneSpec(manifest.track, str(manifest.settings["family"]), 1000)
     built = family_of(spec).build(1000, settings)
     numbers = {view.name: number for number, view in enumerate(built.views)}
 
-    def replace_picture(layers: Layers, view: gc.View):
+    def replace_picture(layers: Layers, view: View):
         without = built.target if name.startswith("counterfactual") else ""
         loaded = load_scene(built, view.camera, without=without)
         seeds = sub_buffer_seeds(seed, numbers[view.name])

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-import graycard as gc
-from graycard import methods
+from graycard import methods, open_capture, open_truth
 from graycard.methods.goris import GorisMethod, GorisSettings
 from graycard.methods.priors import Override, PriorSpec, make_priors
 
@@ -28,7 +27,7 @@ def with_emptied(layers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def told(scene: Path, spec: PriorSpec) -> methods.Priors:
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+    capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     known = {view.name: with_emptied(truth.layers(truth.view(view.name))) for view in capture.train}
     return make_priors(spec, GorisMethod.asks, capture, known, ())
 

@@ -8,14 +8,16 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import graycard as gc
 from glossy_sheets import EXTENT, OBJECT, SETTINGS, GlossyWorld, shots_of_world
-from graycard import methods
+from graycard import Capture, Points, View, methods, open_capture
+from graycard.dataset import write_index
+from graycard.io import Manifest, write_layers, write_manifest, write_rgb
 from graycard.methods.goris import GlossyScene
 from graycard.methods.goris._scene import LAYERS
 from graycard.methods.goris._shots import Shot
 from graycard.methods.splat import CENTRES, SH_DC
 from graycard.methods.surfels import COEFFICIENTS, decode
+from graycard.points import write_points
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -32,15 +34,15 @@ class Painter:
         return layers[question.of].astype(np.float64)
 
 
-def write_room(world: GlossyWorld, folder: Path) -> gc.Capture:
+def write_room(world: GlossyWorld, folder: Path) -> Capture:
     """Photographs of the world, with masks of its object and sparse points on all that is in it."""
-    views = tuple(gc.View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
+    views = tuple(View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
     for view, shot in zip(views, shots_of_world(world), strict=True):
         encoded = shot.photograph.encoded
-        gc.write_rgb(folder / f"photographs/{view.name}.exr", decode(encoded).clamp(min=0).numpy())
+        write_rgb(folder / f"photographs/{view.name}.exr", decode(encoded).clamp(min=0).numpy())
         ids = 3 * (shot.target.numpy() > 0.5).astype(np.uint32)
-        gc.write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
-    gc.write_index(folder, gc.Capture("tabletop", "room", views, 1.0, light_on_camera=False, target=3))
+        write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
+    write_index(folder, Capture("tabletop", "room", views, 1.0, light_on_camera=False, target=3))
     places = world.parameters.surfels[CENTRES].double().numpy()
     seen = []
     for number, camera in enumerate(world.cameras):
@@ -49,10 +51,10 @@ def write_room(world: GlossyWorld, folder: Path) -> gc.Capture:
         (which,) = inside.nonzero()
         seen.append((which, np.full(len(which), number), pixels[which]))
     which, views, pixels = (np.concatenate(parts) for parts in zip(*seen, strict=True))
-    points = gc.Points(places, (255 * surfel_colours(world)).astype(np.uint8), which, views, pixels)
-    gc.write_points(folder / "points.ply", points)
-    gc.seal(folder, gc.Manifest("graycard-capture", 1, "tabletop", "room", {"name": "tests"}, {}, {}))
-    return gc.open_capture(folder, check=False)
+    points = Points(places, (255 * surfel_colours(world)).astype(np.uint8), which, views, pixels)
+    write_points(folder / "points.ply", points)
+    write_manifest(folder, Manifest("graycard-capture", 1, "tabletop", "room", {"name": "tests"}, {}, {}))
+    return open_capture(folder, check=False)
 
 
 def surfel_colours(world: GlossyWorld) -> np.ndarray:
@@ -74,7 +76,7 @@ class Told:
         return np.where(shot.normal.square().sum(dim=-1, keepdim=True) > 0.5, shot.normal, _UP).astype(float)
 
 
-def knowing(world: GlossyWorld, room: gc.Capture) -> methods.Priors:
+def knowing(world: GlossyWorld, room: Capture) -> methods.Priors:
     """Priors that tell what is glossy, its normals, and what was behind the object."""
     known = Told(dict(zip((view.name for view in room.train), shots_of_world(world), strict=True)))
     return methods.Priors(models={"inpainting": Painter(world), "mask": known, "normal": known})

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.goris import GorisSettings
 from graycard.methods.goris._filter import translation_parameters
 from graycard.methods.goris._model import (
@@ -40,7 +40,7 @@ class GlossyWorld:
     parameters: Parameters
     part: np.ndarray
     """Shape ``(N,)``: FLOOR, BOARD or OBJECT."""
-    cameras: list[gc.Camera]
+    cameras: list[Camera]
 
     def changed(self, **parts: torch.Tensor) -> dict[str, torch.Tensor]:
         """All parameters, some of them others."""
@@ -64,8 +64,8 @@ def glossy_world() -> GlossyWorld:
 _PLACES = ((0.5, -1.5), (-0.6, -1.4), (0.0, -1.7), (0.9, -1.2))
 
 
-def _above(x: float, y: float) -> gc.Camera:
-    return gc.Camera.from_fov(44, 36, 55, gc.look_at(np.array([x, y, 1.1]), np.array([0.0, 0.1, 0.1])))
+def _above(x: float, y: float) -> Camera:
+    return Camera.from_fov(44, 36, 55, look_at(np.array([x, y, 1.1]), np.array([0.0, 0.1, 0.1])))
 
 
 def _grid(half: float, spacing: float) -> np.ndarray:
@@ -98,7 +98,7 @@ def _parameters(discs, part: np.ndarray) -> Parameters:
 
 
 def seen(
-    values: dict[str, torch.Tensor], camera: gc.Camera, settings: GorisSettings = SETTINGS
+    values: dict[str, torch.Tensor], camera: Camera, settings: GorisSettings = SETTINGS
 ) -> tuple[Buffers, Picture]:
     """What a camera sees."""
     buffers = drawn_buffers(values, camera, sky_basis(camera, 0), settings)
@@ -111,7 +111,7 @@ def shots_of_world(world: GlossyWorld, settings: GorisSettings = SETTINGS) -> li
 
 
 @torch.no_grad()
-def _shot(world: GlossyWorld, camera: gc.Camera, settings: GorisSettings) -> Shot:
+def _shot(world: GlossyWorld, camera: Camera, settings: GorisSettings) -> Shot:
     buffers, picture = seen(world.parameters.all, camera, settings)
     photograph = Photograph(camera, picture.encoded, sky_basis(camera, 0))
     glossy, target = ((mask > 0.5).float() for mask in (buffers.glossy, buffers.label))

@@ -16,16 +16,26 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import map_coordinates
 from scipy.spatial import distance
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.eval._breakdown import Comparison, measure
-from graycard.eval._chart import patch_difference
-from graycard.eval._colour_difference import REC709_TO_XYZ
-from graycard.eval._glossy import overlap
-from graycard.eval._light_shapes import chromaticity_error, direction_error, extent_error
-from graycard.eval._lpips import lpips as our_lpips
-from graycard.eval._metrics import IMAGE_METRICS
-from graycard.eval._spheres import ALPHA, render_spheres, sphere_normals
+from graycard import (
+    Camera,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    look_at,
+    srgb_decode,
+    srgb_encode,
+)
+from graycard.eval.lights._shapes import chromaticity_error, direction_error, extent_error
+from graycard.eval.lights._spheres import ALPHA, render_spheres, sphere_normals
+from graycard.eval.measures._colour_difference import REC709_TO_XYZ
+from graycard.eval.measures._lpips import lpips as our_lpips
+from graycard.eval.metrics._albedo import IMAGE_METRICS
+from graycard.eval.metrics._chart import patch_difference
+from graycard.eval.metrics._glossy import overlap
+from graycard.eval.scoring._breakdown import Comparison, measure
+from graycard.layers import PARTS, with_sums
 
 RNG = np.random.default_rng(32)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
@@ -107,11 +117,11 @@ def enlarged(image: np.ndarray, height: int, width: int) -> np.ndarray:
 
 def flip_hdr() -> Pair:
     metric = next(m for m in IMAGE_METRICS if m.record.id == "novel_view.flip_hdr")
-    linear = gc.srgb_decode(PREDICTED) * 0.4, gc.srgb_decode(TRUE) * 0.4
+    linear = srgb_decode(PREDICTED) * 0.4, srgb_decode(TRUE) * 0.4
     ours, _ = measure(metric, Comparison(*linear, EVERYWHERE, 1.25))
     maps = []
     for gain in (1.25, 10.0):
-        p, t = (np.float32(gc.srgb_encode(image * gain)) for image in linear)
+        p, t = (np.float32(srgb_encode(image * gain)) for image in linear)
         maps.append(flip_evaluator.evaluate(t, p, "LDR", applyMagma=False, computeMeanError=False)[0])
     return ours, float(np.max(maps, axis=0).mean())
 
@@ -172,11 +182,11 @@ def overlap_of_regions() -> Pair:
 
 def sums_of_parts() -> Pair:
     light = RNG.uniform(0, 1, (3, 4, 6, 5, 3))
-    names = [(f"l{i}", part) for i in range(3) for part in gc.PARTS]
-    found = gc.with_sums(
+    names = [(f"l{i}", part) for i in range(3) for part in PARTS]
+    found = with_sums(
         {f"{part}.{n}": x for (n, part), x in zip(names, light.reshape(-1, 6, 5, 3), strict=True)}
     )
-    ours = [found[part] for part in gc.PARTS] + [found[f"radiance.l{i}"] for i in range(3)]
+    ours = [found[part] for part in PARTS] + [found[f"radiance.l{i}"] for i in range(3)]
     ours += [found["diffuse"], found["specular"]]
     parts, lights = np.einsum("lpijc->pijc", light), np.einsum("lpijc->lijc", light)
     return np.array(ours), np.concatenate(
@@ -186,17 +196,17 @@ def sums_of_parts() -> Pair:
 
 def gauged_intensity() -> Pair:
     p, t, gauge = RNG.uniform(0.5, 8, (3, 3)).tolist()
-    lights = [gc.PointLight("a", (0, 0, 0), tuple(x)) for x in (p, t)]
+    lights = [PointLight("a", (0, 0, 0), tuple(x)) for x in (p, t)]
     stops = [abs(np.log2(18 / b) - np.log2(18 / (a * g))) for a, b, g in zip(p, t, gauge, strict=True)]
     return ge.intensity_error(lights[0], lights[1], tuple(gauge)), float(np.mean(stops))
 
 
 def angle_of_light() -> Pair:
     axes, colors = RNG.normal(size=(2, 3)).tolist(), RNG.uniform(0.5, 9, (2, 3)).tolist()
-    camera = gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([0.0, -3, 1]), np.zeros(3)))
+    camera = Camera.from_fov(8, 8, 50, look_at(np.array([0.0, -3, 1]), np.zeros(3)))
     turned = (np.linalg.inv(camera.camera_to_world[:3, :3]) @ axes[0]).tolist()
-    p = gc.SpotLight("p", (0, 0, 0), tuple(turned), tuple(colors[0]), 20, 30, "camera")
-    t = gc.SpotLight("t", (0, 0, 0), tuple(axes[1]), tuple(colors[1]), 20, 30)
+    p = SpotLight("p", (0, 0, 0), tuple(turned), tuple(colors[0]), 20, 30, "camera")
+    t = SpotLight("t", (0, 0, 0), tuple(axes[1]), tuple(colors[1]), 20, 30)
     ours = direction_error(p, t, [camera]), chromaticity_error(p, t)
     return np.array(ours), np.degrees(np.arccos([1 - distance.cosine(*axes), 1 - distance.cosine(*colors)]))
 
@@ -207,8 +217,8 @@ def size_of_light() -> Pair:
     half = sum(sides) / 2
     area = 2 * np.sqrt(half * np.prod([half - side for side in sides]))
     radius = np.sqrt(area / np.pi)
-    flat = gc.RectangleLight("r", (0, 0, 0), tuple(u.tolist()), tuple(v.tolist()), (1, 1, 1))
-    ball = gc.SphereLight("s", (0, 0, 0), 0.7, (1, 1, 1))
+    flat = RectangleLight("r", (0, 0, 0), tuple(u.tolist()), tuple(v.tolist()), (1, 1, 1))
+    ball = SphereLight("s", (0, 0, 0), 0.7, (1, 1, 1))
     return extent_error(ball, flat), float(100 * abs(radius - 0.7) / max(radius, 0.7))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera, PointLight, look_at
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._model import (
     BASE_COLOR,
@@ -32,8 +32,8 @@ from graycard.methods.splat import Surfels, parameters_of, surfels_from_points, 
 from graycard.methods.surfels import encode
 
 LAMPS = (
-    gc.PointLight("a", (0.7, 0.3, 1.1), (1.5, 1.2, 0.9)),
-    gc.PointLight("b", (-0.8, -0.5, 0.9), (0.5, 0.7, 1.0)),
+    PointLight("a", (0.7, 0.3, 1.1), (1.5, 1.2, 0.9)),
+    PointLight("b", (-0.8, -0.5, 0.9), (0.5, 0.7, 1.0)),
 )
 EXTENT = 1.5
 
@@ -64,7 +64,7 @@ def lit_sheets() -> World:
     places = np.concatenate([floor, board])
     discs = surfels_from_points(places, np.tile([0.0, 0.0, 1.0], (len(places), 1)), np.full_like(places, 0.5))
     cameras = [
-        gc.Camera.from_fov(36, 32, 55, gc.look_at(np.array([x, y, 1.9]), np.array([0.05, 0.05, 0.1])))
+        Camera.from_fov(36, 32, 55, look_at(np.array([x, y, 1.9]), np.array([0.05, 0.05, 0.1])))
         for x, y in ((0.8, -1.2), (-0.9, -1.0), (0.1, -1.4), (1.2, 0.4))
     ]
     eyes = torch.tensor(np.array([camera.position for camera in cameras])).float()
@@ -82,7 +82,7 @@ def lit_sheets() -> World:
     return World(surface, normals, photographed(surface, cameras, lamps), lamps)
 
 
-def photographed(surface: dict[str, torch.Tensor], cameras: list[gc.Camera], lamps: Lamps) -> list[Shot]:
+def photographed(surface: dict[str, torch.Tensor], cameras: list[Camera], lamps: Lamps) -> list[Shot]:
     surfels, sky = surfels_of(surface), surroundings_of(torch.full((6, 4, 4, 3), 0.05))
     reached = lamp_visibility(surfels, surfels.centres, lamps.positions, EXTENT)
     shots = []

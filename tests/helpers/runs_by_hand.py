@@ -5,12 +5,22 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import graycard as gc
+from graycard.records import (
+    Cost,
+    Job,
+    JobResult,
+    MethodRecord,
+    MetricRecord,
+    RunRecord,
+    SceneRecord,
+    Score,
+    ScoreSheet,
+)
 
 METRICS = (
-    gc.MetricRecord("psnr", "PSNR", "novel_view", "dB", True, math.inf, "", True, 0.3),
-    gc.MetricRecord("train", "Training PSNR", "training_view", "dB", True, math.inf, "", False, 0.3),
-    gc.MetricRecord("error", "Error", "depth", "1", False, 0.0, "", False, 0.01),
+    MetricRecord("psnr", "PSNR", "novel_view", "dB", True, math.inf, "", True, 0.3),
+    MetricRecord("train", "Training PSNR", "training_view", "dB", True, math.inf, "", False, 0.3),
+    MetricRecord("error", "Error", "depth", "1", False, 0.0, "", False, 0.01),
 )
 
 Values = Sequence[float | None]
@@ -18,31 +28,31 @@ Table = Mapping[str, Mapping[str, Values]]
 """By row and metric: a value a scene; None has failed."""
 
 
-def scene_of(number: int, family: str = "corridor", **knobs: float) -> gc.SceneRecord:
-    return gc.SceneRecord("dark", f"s{number}", family, number, "", "", "", knobs)
+def scene_of(number: int, family: str = "corridor", **knobs: float) -> SceneRecord:
+    return SceneRecord("dark", f"s{number}", family, number, "", "", "", knobs)
 
 
-def score_of(metric: gc.MetricRecord, value: float | None) -> gc.Score:
+def score_of(metric: MetricRecord, value: float | None) -> Score:
     status, reason = ("scored", "") if value is not None else ("failed", "black")
     facts = metric.unit, metric.higher_is_better, metric.optimum
-    return gc.Score(metric.id, "graycard-1", status, value, *facts, reason=reason)  # pyright: ignore
+    return Score(metric.id, "graycard-1", status, value, *facts, reason=reason)  # pyright: ignore
 
 
 def result_of(
-    row: str, scene: int, values: Mapping[str, float | None], seed: int = 0, cost: gc.Cost | None = None
-) -> gc.JobResult:
+    row: str, scene: int, values: Mapping[str, float | None], seed: int = 0, cost: Cost | None = None
+) -> JobResult:
     by_id = {metric.id: metric for metric in METRICS}
     scores = tuple(score_of(by_id[name], value) for name, value in values.items())
-    sheet = gc.ScoreSheet("dark", f"s{scene}", row, "", "", scores)
-    job = gc.Job("dark", f"s{scene}", row, seed, {})
-    return gc.JobResult(job, "", "", "done", sheet=sheet, cost=cost)
+    sheet = ScoreSheet("dark", f"s{scene}", row, "", "", scores)
+    job = Job("dark", f"s{scene}", row, seed, {})
+    return JobResult(job, "", "", "done", sheet=sheet, cost=cost)
 
 
 def run_of(
     table: Table,
-    scenes: Sequence[gc.SceneRecord] | None = None,
-    costs: Mapping[str, gc.Cost] | None = None,
-) -> gc.RunRecord:
+    scenes: Sequence[SceneRecord] | None = None,
+    costs: Mapping[str, Cost] | None = None,
+) -> RunRecord:
     """A run of one seed; scenes are named s0, s1, ... in the order of the values."""
     results = []
     for row, metrics in table.items():
@@ -51,11 +61,11 @@ def run_of(
             here = {name: values[number] for name, values in metrics.items() if number < len(values)}
             results.append(result_of(row, number, here, cost=(costs or {}).get(row)))
     places = sorted({result.job.scene for result in results}, key=lambda name: int(name[1:]))
-    return gc.RunRecord(
+    return RunRecord(
         "hand",
         1,
         tuple(scenes) if scenes else tuple(scene_of(int(name[1:])) for name in places),
-        tuple(gc.MethodRecord(row, f"what {row} is", ()) for row in table),
+        tuple(MethodRecord(row, f"what {row} is", ()) for row in table),
         METRICS,
         tuple(results),
         {},
@@ -64,6 +74,6 @@ def run_of(
     )
 
 
-def without_metrics(run: gc.RunRecord, *names: str) -> gc.RunRecord:
+def without_metrics(run: RunRecord, *names: str) -> RunRecord:
     """The run of a graycard that does not have some metrics."""
     return replace(run, metrics=tuple(m for m in run.metrics if m.id not in names))

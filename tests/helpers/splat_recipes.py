@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import Camera
 from graycard.methods import splat
 
 NUDGES: dict[str, float] = {"opacity": 3e-6, "scale": 1e-6, "x": 1e-6, "y": 1e-6, "tilt": 1e-7}
@@ -92,7 +92,7 @@ def _crowded(recipe: Recipe, width: int, height: int) -> Recipe:
 @dataclass(frozen=True)
 class Scene:
     surfels: splat.Surfels
-    camera: gc.Camera
+    camera: Camera
     offsets: torch.Tensor
     recipe: Recipe
 
@@ -103,7 +103,7 @@ def scene_of(recipe: Recipe) -> Scene:
     K = np.array([[24.0, 0.7, recipe.width / 2 + 0.3], [0, 27.0, recipe.height / 2 - 0.2], [0, 0, 1]])
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = Rotation.random(rng=r).as_matrix(), r.uniform(-2, 2, 3)
-    camera = gc.Camera(recipe.width, recipe.height, K, pose)
+    camera = Camera(recipe.width, recipe.height, K, pose)
     specks = (("one pixel", "any", "tiny", "faint"),) * recipe.crowd
     rows = [_surfel(kind, camera, r) for kind in recipe.kinds + specks]
     rows += rows if recipe.twins else []
@@ -118,7 +118,7 @@ def scene_of(recipe: Recipe) -> Scene:
 
 
 def _surfel(
-    kind: Kind, camera: gc.Camera, r: np.random.Generator
+    kind: Kind, camera: Camera, r: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     place, turn, size, opacity = kind
     pixel, z = _placed(place, np.array([camera.width, camera.height]), r)

@@ -183,7 +183,7 @@ def gradients(surfels: splat.Surfels, rays: splat.Rays, backend: splat.Backend) 
     given |= {"origins": rays.origins, "directions": rays.directions}
     leaves = {name: value.detach().clone().requires_grad_() for name, value in given.items()}
     rays = splat.Rays(leaves.pop("origins"), leaves.pop("directions"), rays.width, rays.far)
-    found = splat.trace(splat.Surfels(**leaves), rays, backend=backend)
+    found = splat.trace_rays(splat.Surfels(**leaves), rays, backend=backend)
     random, loss = generator(1), torch.zeros(())
     for field in fields(found):
         values = getattr(found, field.name)
@@ -195,7 +195,7 @@ def gradients(surfels: splat.Surfels, rays: splat.Rays, backend: splat.Backend) 
 
 
 def given_by(backend: splat.Backend, surfels: splat.Surfels, rays: splat.Rays, **more: Any) -> Answer:
-    found = splat.trace(surfels, rays, backend=backend, **more)
+    found = splat.trace_rays(surfels, rays, backend=backend, **more)
     return Answer(*(getattr(found, field.name).numpy() for field in fields(found)))
 
 

@@ -9,15 +9,16 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
 from graycard.benchmarks import check_result, environment
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import FitJob, run_fit, run_score
 from graycard.benchmarks._run_record import method_record, result_of
 from graycard.benchmarks._suites import Suite, SuiteMethod
-from graycard.eval import metrics
+from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
+from graycard.io import read_manifest, sha256, to_builtins, write_json, write_manifest
 from graycard.methods import load_method, settings_of
+from graycard.records import COMPARISON, Job, JobResult, RunRecord, SceneRecord, read_run
 from graycard.synth import RenderSettings, SceneSpec, resolved_knobs, scene_name
 
 METHODS = ("truth", "gray", "retinex")
@@ -31,9 +32,9 @@ SUITE = Suite(
 )
 
 
-def fit_and_score(run: Path, scene: Path, method: str) -> gc.JobResult:
-    settings = gc.encode(settings_of(load_method(method), {}))
-    job = gc.Job("dark", scene.name, method, 0, settings, method)
+def fit_and_score(run: Path, scene: Path, method: str) -> JobResult:
+    settings = to_builtins(settings_of(load_method(method), {}))
+    job = Job("dark", scene.name, method, 0, settings, method)
     fit = FitJob(job, "hash", scene, run / "jobs" / "dark" / scene.name / f"{method}-0", 1, run / "jobs")
     return result_of(fit, run_fit(fit), run_score(fit), run)
 
@@ -43,38 +44,40 @@ def write_valid_run(run: Path, write_tiny: Callable[..., Path]) -> Path:
     scenes = [write_tiny(run / "dataset", scene=scene_name(s), test=s.seed - 998) for s in SUITE.scenes]
     for spec, scene in zip(SUITE.scenes, scenes, strict=True):
         found = {"family": spec.family, "knobs": resolved_knobs(spec), "render": SUITE.render_of(spec)}
-        manifest = gc.read_manifest(scene / "truth", "graycard-truth")
-        gc.seal(scene / "truth", replace(manifest, settings=gc.encode(found), seeds={"scene": spec.seed}))
-    gc.write_json(run / "suite.json", SUITE)
+        manifest = read_manifest(scene / "truth", "graycard-truth")
+        write_manifest(
+            scene / "truth", replace(manifest, settings=to_builtins(found), seeds={"scene": spec.seed})
+        )
+    write_json(run / "suite.json", SUITE)
     with pytest.MonkeyPatch.context() as patch:
         for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
             patch.setenv(name, "1")
         results = tuple(fit_and_score(run, scene, method) for scene in scenes for method in METHODS)
-    record = gc.RunRecord(
+    record = RunRecord(
         "tiny",
         1,
         tuple(
-            gc.SceneRecord(
+            SceneRecord(
                 "dark",
                 s.name,
                 "corridor",
                 spec.seed,
                 f"dataset/dark/{s.name}",
-                gc.sha256(s / "truth" / "manifest.json"),
+                sha256(s / "truth" / "manifest.json"),
                 "",
             )
             for spec, s in zip(SUITE.scenes, scenes, strict=True)
         ),
         tuple(method_record(m, introduction_of(m)) for m in SUITE.methods),
-        metrics(),
+        all_metrics(),
         results,
         environment() | {"git_commit": "0123456789ab"},
         "2026-01-01T00:00:00+00:00",
         1.0,
-        gc.sha256(run / "suite.json"),
+        sha256(run / "suite.json"),
     )
-    gc.write_json(run / "run.json", record)
-    gc.write_json(run / gc.COMPARISON, compare_run(record))
+    write_json(run / "run.json", record)
+    write_json(run / COMPARISON, compare_run(record))
     return run
 
 
@@ -93,13 +96,13 @@ def change(run: Path, edit: Callable[[Any], object], *, follow: bool = True) -> 
     (run / "run.json").write_text(json.dumps(data))
     if not follow:
         return
-    record = gc.read_run(run)
-    gc.write_json(run / gc.COMPARISON, compare_run(record))
+    record = read_run(run)
+    write_json(run / COMPARISON, compare_run(record))
     for result in record.results:
         scores, done = run / result.folder / "scores.json", run / result.folder / "job.json"
-        gc.write_json(scores, {**json.loads(scores.read_text()), "sheet": result.sheet})
+        write_json(scores, {**json.loads(scores.read_text()), "sheet": result.sheet})
         said = {"job": result.job, "job_hash": result.job_hash, "cost": result.cost, "access": result.access}
-        gc.write_json(done, said)
+        write_json(done, said)
 
 
 def score_in(data: Any, method: str = "gray", metric: str = "novel_view.psnr", scene: int = 0) -> Any:

@@ -9,8 +9,19 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+import graycard
+from graycard import (
+    Camera,
+    GraycardError,
+    MethodError,
+    look_at,
+    methods,
+    open_capture,
+    open_truth,
+    srgb_encode,
+)
+from graycard.io import silent, sources_hash
+from graycard.layers import find_fault
 from graycard.methods import splat
 from graycard.methods.surfels import SurfelScene
 from sparse_points import with_points
@@ -20,26 +31,26 @@ QUICK = {"iterations": 60, "surfels": 400, "degree": 1, "fill": 0.0}
 
 
 def oracle(scene: Path) -> methods.Priors:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     return methods.Priors("oracle", {v.name: truth.layers(v) for v in truth.views}, truth.lights())
 
 
 def fitted(name: str, scene: Path, seed: int = 0, **settings: object) -> SurfelScene:
     method = methods.load_method(name)
     changes = methods.settings_of(method, QUICK | settings)
-    found = method.fit(with_points(scene), oracle(scene), changes, seed, gc.silent)
+    found = method.fit(with_points(scene), oracle(scene), changes, seed, silent)
     assert isinstance(found, SurfelScene)
     return found
 
 
 def display_psnr(scene: Path, found: methods.Decomposition, split: str) -> float:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     errors = []
     for view in truth.views:
         if view.split == split:
             layers = truth.layers(view)
             drawn = found.render(view.camera, ["radiance"])["radiance"]
-            shown = [gc.srgb_encode(image * truth.exposure) for image in (drawn, layers["radiance"])]
+            shown = [srgb_encode(image * truth.exposure) for image in (drawn, layers["radiance"])]
             errors.append(((shown[0] - shown[1]) ** 2)[layers["object_id"] > 0].mean())
     return float(-10 * np.log10(np.mean(errors)))
 
@@ -56,26 +67,26 @@ def test_each_follows_the_contract(name: str, scene: Path):
     assert isinstance(found, methods.Decomposition)
     assert not isinstance(found, methods.Relightable | methods.Removable)
     assert found.lights() is None
-    for view in gc.open_capture(scene / "capture", check=False).views:
+    for view in open_capture(scene / "capture", check=False).views:
         layers = found.render(view.camera, sorted(found.provides))
         assert layers.keys() == {"radiance", "normal", "depth"}
         for layer, values in layers.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
             assert values.dtype == np.float32
         np.testing.assert_allclose(np.linalg.norm(layers["normal"], axis=-1), 1, atol=1e-5)
         assert layers["radiance"].min() >= 0
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
-        found.render(gc.open_truth(scene / "truth", check=False).views[0].camera, ["albedo"])
+    with pytest.raises(MethodError, match="expected layers out of"):
+        found.render(open_truth(scene / "truth", check=False).views[0].camera, ["albedo"])
 
 
 def test_a_fit_sees_the_scene(scene: Path):
     """Far better than the mean colour, on views that it was not shown too; near the true surfaces."""
     gray = methods.load_method("gray")
-    flat = gray.fit(with_points(scene), methods.Priors(), methods.settings_of(gray, {}), 0, gc.silent)
+    flat = gray.fit(with_points(scene), methods.Priors(), methods.settings_of(gray, {}), 0, silent)
     found = fitted("2dgs", scene, iterations=200)
     for split in ("train", "test"):
         assert display_psnr(scene, found, split) > 6 + display_psnr(scene, flat, split)
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     view = next(v for v in truth.views if v.split == "test")
     layers, drawn = truth.layers(view), found.render(view.camera, ["depth", "normal"])
     seen = layers["object_id"] > 0
@@ -91,7 +102,7 @@ def test_a_fit_begins_where_stereo_finds_depth(scene: Path):
     """As many surfels as asked for, on a grid of the photographs, near the true surfaces."""
     start = fitted("2dgs", scene, iterations=1, fill=0.8)
     assert 250 < len(start.parameters) <= 400
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     for view in truth.views:
         layers, drawn = truth.layers(view), start.render(view.camera, ["depth"])["depth"]
         seen = (layers["object_id"] > 0) & np.isfinite(drawn)
@@ -108,7 +119,7 @@ def test_the_oracle_begins_on_the_surface_and_stays_if_frozen(scene: Path):
         assert not torch.equal(free.surfels[name], start.surfels[name])
     assert not torch.equal(frozen.surfels["coefficients"], start.surfels["coefficients"])
     assert len(free) == len(start) == 400
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     for view in truth.views:
         if view.split == "train":
             layers = truth.layers(view)
@@ -117,13 +128,13 @@ def test_the_oracle_begins_on_the_surface_and_stays_if_frozen(scene: Path):
             assert np.median(np.abs(drawn[inside] / layers["depth"][inside] - 1)) < 0.01
 
 
-def fitted_depth(scene: Path, parameters: splat.Parameters, camera: gc.Camera) -> np.ndarray:
+def fitted_depth(scene: Path, parameters: splat.Parameters, camera: Camera) -> np.ndarray:
     return SurfelScene("2dgs-oracle", parameters, 1.0).render(camera, ["depth"])["depth"]
 
 
 def test_equal_seeds_give_equal_bits_and_a_save_renders_the_same(scene: Path, tmp_path: Path):
     first, again, other = (fitted("2dgs", scene, seed) for seed in (0, 0, 1))
-    camera = gc.open_capture(scene / "capture", check=False).test[0].camera
+    camera = open_capture(scene / "capture", check=False).test[0].camera
     layers = sorted(first.provides)
     pictures = [found.render(camera, layers) for found in (first, again, other)]
     assert all(np.array_equal(pictures[0][name], pictures[1][name]) for name in layers)
@@ -132,7 +143,7 @@ def test_equal_seeds_give_equal_bits_and_a_save_renders_the_same(scene: Path, tm
     back = methods.load_method("2dgs").load(tmp_path / "saved")
     assert all(np.array_equal(back.render(camera, layers)[name], pictures[0][name]) for name in layers)
     assert (tmp_path / "saved" / "surfels.ply").is_file()
-    with pytest.raises(gc.MethodError, match="expected a decomposition by '2dgs-oracle'"):
+    with pytest.raises(MethodError, match="expected a decomposition by '2dgs-oracle'"):
         methods.load_method("2dgs-oracle").load(tmp_path / "saved")
 
 
@@ -152,7 +163,7 @@ def test_a_fit_goes_on_from_its_checkpoint(scene: Path, tmp_path: Path):
     whole, resumed = fitted("2dgs", scene), fitted("2dgs", scene, checkpoint=path)
     for name, values in whole.parameters.all.items():
         assert torch.equal(values, resumed.parameters.all[name]), name
-    with pytest.raises(gc.MethodError, match="got one of others"):
+    with pytest.raises(MethodError, match="got one of others"):
         fitted("2dgs", scene, seed=1, checkpoint=path)
 
 
@@ -161,7 +172,7 @@ def test_nothing_is_behind_the_last_surfel(scene: Path):
     found = fitted("2dgs", scene, iterations=2)
     parameters = found.parameters.take(torch.arange(0))
     empty = replace(found, parameters=parameters)
-    camera = gc.Camera.from_fov(8, 6, 50, gc.look_at(np.array([0, -3.0, 1]), np.zeros(3)))
+    camera = Camera.from_fov(8, 6, 50, look_at(np.array([0, -3.0, 1]), np.zeros(3)))
     layers = empty.render(camera, ["depth", "normal", "radiance"])
     assert np.isposinf(layers["depth"]).all()
     np.testing.assert_allclose((layers["normal"] * camera.rays()).sum(-1), -1, atol=1e-6)
@@ -170,16 +181,16 @@ def test_nothing_is_behind_the_last_surfel(scene: Path):
 
 def test_what_cannot_be_fitted_says_why(scene: Path):
     method = methods.load_method("2dgs")
-    bare = gc.open_capture(scene / "capture")
-    with pytest.raises(gc.MethodError, match="sparse points in the capture of tiny-0000, got 0"):
-        method.fit(bare, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
+    bare = open_capture(scene / "capture")
+    with pytest.raises(MethodError, match="sparse points in the capture of tiny-0000, got 0"):
+        method.fit(bare, methods.Priors(), methods.settings_of(method, {}), 0, silent)
     capture = with_points(scene)
     one = replace(capture, views=tuple(replace(v, camera=capture.views[0].camera) for v in capture.views))
-    with pytest.raises(gc.MethodError, match="different places in tiny-0000, got all from one"):
-        method.fit(one, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
+    with pytest.raises(MethodError, match="different places in tiny-0000, got all from one"):
+        method.fit(one, methods.Priors(), methods.settings_of(method, {}), 0, silent)
     oracle_method = methods.load_method("2dgs-oracle")
-    with pytest.raises(gc.MethodError, match="prior for layer 'depth'"):
-        oracle_method.fit(capture, methods.Priors(), methods.settings_of(oracle_method, {}), 0, gc.silent)
+    with pytest.raises(MethodError, match="prior for layer 'depth'"):
+        oracle_method.fit(capture, methods.Priors(), methods.settings_of(oracle_method, {}), 0, silent)
 
 
 def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
@@ -188,9 +199,9 @@ def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
         name: {**layers, "depth": np.full_like(layers["depth"], np.inf)}
         for name, layers in priors.layers.items()
     }
-    with pytest.raises(gc.MethodError, match="views that see surfaces, got 0 pixels"):
+    with pytest.raises(MethodError, match="views that see surfaces, got 0 pixels"):
         method.fit(
-            with_points(scene), replace(priors, layers=empty), methods.settings_of(method, {}), 0, gc.silent
+            with_points(scene), replace(priors, layers=empty), methods.settings_of(method, {}), 0, silent
         )
 
 
@@ -207,7 +218,7 @@ def test_surfaces_that_nobody_sees_are_no_start(scene: Path):
     ],
 )
 def test_bad_settings(settings: dict[str, object], message: str):
-    with pytest.raises(gc.GraycardError, match=message):
+    with pytest.raises(GraycardError, match=message):
         methods.settings_of(methods.load_method("2dgs"), settings)
 
 
@@ -217,5 +228,5 @@ def test_a_change_of_the_engine_is_a_change_of_the_method():
 
     folder = Path(_registry.__file__).parent
     assert methods.fingerprint("2dgs").endswith(
-        gc.sources_hash(folder, *sorted(Path(gc.__file__).parent.glob("*.py")))
+        sources_hash(folder, *sorted(Path(graycard.__file__).parent.glob("*.py")))
     )

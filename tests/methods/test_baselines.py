@@ -5,23 +5,34 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    Camera,
+    GraycardError,
+    MethodError,
+    look_at,
+    methods,
+    open_capture,
+    open_predictions,
+    open_truth,
+)
 from graycard.benchmarks._fit import FitSpec, fit_scene
+from graycard.dataset import manifest_of
+from graycard.io import silent, write_layers, write_manifest
+from graycard.layers import LOBES, PARTS, find_fault, with_derived
 from graycard.methods._retinex import RetinexSettings, integrate_steps, split
 
 NAMES = ("truth", "gray", "input", "retinex")
 
 
 def oracle(scene: Path) -> methods.Priors:
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     return methods.Priors("oracle", {v.name: truth.layers(v) for v in truth.views}, truth.lights())
 
 
 def fit(name: str, scene: Path, **settings: float) -> methods.Decomposition:
     method = methods.load_method(name)
-    capture = gc.open_capture(scene / "capture")
-    return method.fit(capture, oracle(scene), methods.settings_of(method, settings), 0, gc.silent)
+    capture = open_capture(scene / "capture")
+    return method.fit(capture, oracle(scene), methods.settings_of(method, settings), 0, silent)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -30,13 +41,13 @@ def test_each_follows_the_contract(name: str, tiny_scenes: dict[str, Path]):
     decomposition = fit(name, scene)
     assert isinstance(methods.load_method(name), methods.Method)
     assert isinstance(decomposition, methods.Decomposition)
-    views = gc.open_capture(scene / "capture").views
+    views = open_capture(scene / "capture").views
     for view in views:
         layers = decomposition.render(view.camera, sorted(decomposition.provides))
         assert layers.keys() == decomposition.provides
         for layer, values in layers.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
+    with pytest.raises(MethodError, match="expected layers out of"):
         decomposition.render(views[0].camera, ["roughness"])
 
 
@@ -48,7 +59,7 @@ def test_what_is_saved_renders_the_same(name: str, tiny_scenes: dict[str, Path],
     back = methods.load_method(name).load(tmp_path)
     assert back.provides == decomposition.provides
     assert back.lights() == decomposition.lights()
-    views = gc.open_capture(scene / "capture").views
+    views = open_capture(scene / "capture").views
     for view in views:
         for layer in decomposition.provides:
             expected = decomposition.render(view.camera, [layer])[layer]
@@ -66,87 +77,87 @@ def test_another_methods_save_is_refused(name: str, tiny_scenes: dict[str, Path]
     other = "gray" if name != "gray" else "input"
     fit(other, tiny_scenes["dark"]).save(tmp_path)
     message = f"expected a decomposition by '{name}' in .*, got one by '{other}'"
-    with pytest.raises(gc.MethodError, match=message):
+    with pytest.raises(MethodError, match=message):
         methods.load_method(name).load(tmp_path)
 
 
 def test_a_damaged_save(tiny_scenes: dict[str, Path], tmp_path: Path):
     fit("gray", tiny_scenes["dark"]).save(tmp_path)
     (tmp_path / "arrays.safetensors").write_bytes(b"\x08")
-    with pytest.raises(gc.MethodError, match="expected a whole decomposition in .*, got a damaged one"):
+    with pytest.raises(MethodError, match="expected a whole decomposition in .*, got a damaged one"):
         methods.load_method("gray").load(tmp_path)
-    with pytest.raises(gc.MethodError, match="expected a JSON file"):
+    with pytest.raises(MethodError, match="expected a JSON file"):
         methods.load_method("gray").load(tmp_path / "nowhere")
 
 
 def test_truth_removes_its_target_and_nothing_else(tiny_scenes: dict[str, Path]):
     scene = tiny_scenes["tabletop"]
-    truth, decomposition = gc.open_truth(scene / "truth"), fit("truth", scene)
+    truth, decomposition = open_truth(scene / "truth"), fit("truth", scene)
     assert isinstance(decomposition, methods.Removable)
     view = truth.view("test_001")
     clean = decomposition.remove(3).render(view.camera, ["radiance"])["radiance"]
     assert np.array_equal(clean, truth.layers(view)["counterfactual.radiance"])
-    with pytest.raises(gc.MethodError, match=r"expected the target of the scene \(3\), got object 1"):
+    with pytest.raises(MethodError, match=r"expected the target of the scene \(3\), got object 1"):
         decomposition.remove(1)
     assert "counterfactual.radiance" not in decomposition.provides
 
 
 def test_truth_needs_the_truth(tiny_scenes: dict[str, Path]):
-    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    capture = open_capture(tiny_scenes["dark"] / "capture")
     for name, message in (
         ("truth", "as an oracle prior, got source 'none'"),
         ("input", "prior for layer 'radiance'"),
     ):
         method = methods.load_method(name)
-        with pytest.raises(gc.MethodError, match=message):
-            method.fit(capture, methods.Priors(), methods.settings_of(method, {}), 0, gc.silent)
+        with pytest.raises(MethodError, match=message):
+            method.fit(capture, methods.Priors(), methods.settings_of(method, {}), 0, silent)
 
 
 def test_single_image_methods_know_no_views_in_between(tiny_scenes: dict[str, Path]):
-    elsewhere = gc.Camera.from_fov(8, 8, 50, gc.look_at(np.array([9, 9, 9]), np.zeros(3)))
-    with pytest.raises(gc.MethodError, match="knows no views in between"):
+    elsewhere = Camera.from_fov(8, 8, 50, look_at(np.array([9, 9, 9]), np.zeros(3)))
+    with pytest.raises(MethodError, match="knows no views in between"):
         fit("input", tiny_scenes["dark"]).render(elsewhere, ["base_color"])
 
 
 def test_gray_is_gray_and_faces_any_camera(tiny_scenes: dict[str, Path]):
-    camera = gc.Camera.from_fov(9, 7, 50, gc.look_at(np.array([9, 9, 9]), np.zeros(3)))
+    camera = Camera.from_fov(9, 7, 50, look_at(np.array([9, 9, 9]), np.zeros(3)))
     layers = fit("gray", tiny_scenes["dark"], reflectance=0.3).render(camera, ["base_color", "normal"])
     assert np.all(layers["base_color"] == np.float32(0.3))
     assert np.allclose((layers["normal"] * camera.rays()).sum(-1), -1, atol=1e-6)
 
 
 def test_input_is_the_exposed_photograph(tiny_scenes: dict[str, Path]):
-    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    capture = open_capture(tiny_scenes["dark"] / "capture")
     view = capture.train[1]
     albedo = fit("input", tiny_scenes["dark"]).render(view.camera, ["base_color"])["base_color"]
     assert np.allclose(albedo, capture.photograph(view) * capture.exposure)
 
 
 def test_input_takes_no_light_apart(tiny_scenes: dict[str, Path]):
-    capture = gc.open_capture(tiny_scenes["dark"] / "capture")
+    capture = open_capture(tiny_scenes["dark"] / "capture")
     view = capture.train[1]
-    lobes = fit("input", tiny_scenes["dark"]).render(view.camera, gc.LOBES)
+    lobes = fit("input", tiny_scenes["dark"]).render(view.camera, LOBES)
     assert np.array_equal(lobes["diffuse"], capture.photograph(view))
     assert not lobes["specular"].any()
 
 
 def test_gray_knows_of_no_lobes(tiny_scenes: dict[str, Path]):
-    assert fit("gray", tiny_scenes["dark"]).provides.isdisjoint({*gc.LOBES, "f0", "glossy"})
+    assert fit("gray", tiny_scenes["dark"]).provides.isdisjoint({*LOBES, "f0", "glossy"})
 
 
 def test_truth_knows_what_its_views_know(make_scene: Callable[..., Path], tmp_path: Path):
     scene = make_scene()
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     more = {"f0": np.full((24, 28, 3), 0.04), "roughness": np.full((24, 28), 0.3)}
     for view in truth.views:
         layers = truth.layers(view)
-        parts = {f"{part}.lamp": layers["radiance"] / 4 for part in gc.PARTS}
-        gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers | more | parts)
-    gc.seal(scene / "truth", gc.manifest_of(truth))
-    fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", gc.silent)
-    found = gc.open_predictions(tmp_path / "p").layers("test_001")
-    true = gc.with_derived(truth.layers(truth.view("test_001")))
-    for name in ("f0", "glossy", *gc.LOBES):
+        parts = {f"{part}.lamp": layers["radiance"] / 4 for part in PARTS}
+        write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers | more | parts)
+    write_manifest(scene / "truth", manifest_of(truth))
+    fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", silent)
+    found = open_predictions(tmp_path / "p").layers("test_001")
+    true = with_derived(truth.layers(truth.view("test_001")))
+    for name in ("f0", "glossy", *LOBES):
         assert np.array_equal(found[name], true[name]), name
     assert 0 < found["glossy"].mean() < 1
 
@@ -188,22 +199,22 @@ def test_retinex_keeps_hard_edges_whatever_makes_them():
     ],
 )
 def test_bad_settings(method: str, settings: dict[str, object], message: str):
-    with pytest.raises(gc.GraycardError, match=message):
+    with pytest.raises(GraycardError, match=message):
         methods.settings_of(methods.load_method(method), settings)
 
 
 def test_predictions_hold_every_view_and_the_removal(make_scene: Callable[..., Path], tmp_path: Path):
     scene = make_scene(track="tabletop")
-    capture = gc.open_capture(scene / "capture")
-    methods.write_predictions(fit("truth", scene), capture, "truth", tmp_path / "p", gc.silent)
-    found = gc.open_predictions(tmp_path / "p")
+    capture = open_capture(scene / "capture")
+    methods.write_predictions(fit("truth", scene), capture, "truth", tmp_path / "p", silent)
+    found = open_predictions(tmp_path / "p")
     assert found.view_names() == sorted(v.name for v in capture.views)
     assert "counterfactual.radiance" in found.layers("test_001")
-    assert found.lights() == gc.open_truth(scene / "truth").lights()
-    methods.write_predictions(fit("gray", scene), capture, "gray", tmp_path / "q", gc.silent)
-    assert gc.open_predictions(tmp_path / "q").layers("test_001").keys() == {
+    assert found.lights() == open_truth(scene / "truth").lights()
+    methods.write_predictions(fit("gray", scene), capture, "gray", tmp_path / "q", silent)
+    assert open_predictions(tmp_path / "q").layers("test_001").keys() == {
         "base_color",
         "normal",
         "radiance",
     }
-    assert gc.open_predictions(tmp_path / "q").lights() is None
+    assert open_predictions(tmp_path / "q").lights() is None

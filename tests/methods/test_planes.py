@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.surfels._likeness import SweptView, mean_likeness
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._planes import large_planes, plane_depth, with_planes
@@ -49,7 +49,7 @@ def test_no_plane_is_found_where_there_is_none():
 
 
 def test_a_plane_is_seen_at_its_depth_and_not_behind_the_camera():
-    camera = gc.Camera.from_fov(SIZE, SIZE, 60, gc.look_at(np.array([1.0, 0, 1]), np.array([0, 0, 0.8])))
+    camera = Camera.from_fov(SIZE, SIZE, 60, look_at(np.array([1.0, 0, 1]), np.array([0, 0, 0.8])))
     depth, rays = plane_depth(camera, FLOOR), camera.rays()
     down = rays[..., 2] < 0
     assert np.array_equal(np.isfinite(depth), down)
@@ -60,7 +60,7 @@ def test_a_plane_is_seen_at_its_depth_and_not_behind_the_camera():
 
 def room(x: float) -> tuple[SweptView, np.ndarray]:
     """A view of a table z = 0.4 for y < 0 over a floor, both textured, and its true depth."""
-    camera = gc.Camera.from_fov(SIZE, SIZE, 40, gc.look_at(np.array([x, -1.5, 1.6]), np.zeros(3)))
+    camera = Camera.from_fov(SIZE, SIZE, 40, look_at(np.array([x, -1.5, 1.6]), np.zeros(3)))
     rays = camera.rays()
     table, floor = ((height - camera.position[2]) / rays[..., 2] for height in (0.4, 0.0))
     on_table = (camera.position + table[..., None] * rays)[..., 1] < 0

@@ -8,12 +8,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    EnvironmentLight,
+    GraycardError,
+    MethodError,
+    OutputError,
+    PointLight,
+    Predictions,
+    methods,
+    open_capture,
+    open_predictions,
+)
+from graycard.io import silent
 
-LIGHT = gc.PointLight("lamp", (0, 0, 0), (1, 1, 1))
+LIGHT = PointLight("lamp", (0, 0, 0), (1, 1, 1))
 
-SKY = gc.EnvironmentLight("sky", "")
+SKY = EnvironmentLight("sky", "")
 
 
 def make(**changes: object) -> SimpleNamespace:
@@ -27,10 +37,10 @@ def make(**changes: object) -> SimpleNamespace:
     return SimpleNamespace(**(members | changes))
 
 
-def write(scene: Path, folder: Path, decomposition: object) -> gc.Predictions:
-    capture = gc.open_capture(scene / "capture")
-    methods.write_predictions(decomposition, capture, "mine", folder, gc.silent)  # pyright: ignore
-    return gc.open_predictions(folder)
+def write(scene: Path, folder: Path, decomposition: object) -> Predictions:
+    capture = open_capture(scene / "capture")
+    methods.write_predictions(decomposition, capture, "mine", folder, silent)  # pyright: ignore
+    return open_predictions(folder)
 
 
 def test_what_follows_the_contract_is_written(make_scene: Callable[..., Path], tmp_path: Path):
@@ -46,7 +56,7 @@ def test_the_image_of_an_environment_is_written(make_scene: Callable[..., Path],
     lights = found.lights()
     assert lights is not None
     sky = lights[-1]
-    assert isinstance(sky, gc.EnvironmentLight)
+    assert isinstance(sky, EnvironmentLight)
     assert np.array_equal(found.environment(sky), image)
     assert f"environments/{sky.name}.exr" in found.files
 
@@ -75,13 +85,13 @@ def test_the_image_of_an_environment_is_written(make_scene: Callable[..., Path],
 def test_what_does_not_is_named(
     make_scene: Callable[..., Path], tmp_path: Path, changes: dict[str, object], message: str
 ):
-    with pytest.raises(gc.GraycardError, match=message):
+    with pytest.raises(GraycardError, match=message):
         write(make_scene(), tmp_path / "p", make(**changes))
     assert not (tmp_path / "p" / "predictions.json").exists()
 
 
 def test_a_fit_must_give_a_decomposition(make_scene: Callable[..., Path], tmp_path: Path):
-    with pytest.raises(gc.MethodError, match="expected fit of 'mine' to give a decomposition, got None"):
+    with pytest.raises(MethodError, match="expected fit of 'mine' to give a decomposition, got None"):
         write(make_scene(), tmp_path / "p", None)
 
 
@@ -90,10 +100,10 @@ def test_a_method_that_cannot_write_is_told_from_an_output_that_cannot_be_writte
     make_scene: Callable[..., Path], tmp_path: Path, member: str
 ):
     def raises(*arguments: object) -> None:
-        raise gc.OutputError("no room for a cache")
+        raise OutputError("no room for a cache")
 
-    with pytest.raises(gc.MethodError, match="method 'mine' to fit, got OutputError: no room for a cache"):
+    with pytest.raises(MethodError, match="method 'mine' to fit, got OutputError: no room for a cache"):
         write(make_scene(), tmp_path / "p", make(**{member: raises}))
     (tmp_path / "file").write_text("")
-    with pytest.raises(gc.OutputError):
+    with pytest.raises(OutputError):
         write(make_scene(), tmp_path / "file", make())

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import MethodError, UnknownNameError, methods
 
 GOOD = """
 from graycard.methods import NoSettings
@@ -66,7 +65,7 @@ def test_a_plug_in_that_raises_on_import_hurts_only_itself(plug_in: Callable[...
     assert "RuntimeError: no CUDA here" in rows["broken"].reason
     assert "graycard-broken 0.3" in rows["broken"].reason
     assert rows["gray"].summary
-    with pytest.raises(gc.MethodError, match="Mend it; other methods are not affected"):
+    with pytest.raises(MethodError, match="Mend it; other methods are not affected"):
         methods.load_method("broken")
 
 
@@ -78,14 +77,14 @@ def test_a_plug_in_may_even_exit(plug_in: Callable[..., None]):
 
 def test_two_offers_of_one_name(plug_in: Callable[..., None]):
     plug_in("graycard-gray", "gray_ep", GOOD, gray="gray_ep:Mine")
-    with pytest.raises(gc.MethodError, match=r"got 2: graycard.methods._gray:GrayMethod .*graycard-gray 0.3"):
+    with pytest.raises(MethodError, match=r"got 2: graycard.methods._gray:GrayMethod .*graycard-gray 0.3"):
         methods.load_method("gray")
     assert methods.load_method("truth").summary
 
 
 def test_the_nearest_name_is_offered():
     with pytest.raises(
-        gc.UnknownNameError, match=r"got 'retinx' \(did you mean 'retinex'\?\).*module:attribute"
+        UnknownNameError, match=r"got 'retinx' \(did you mean 'retinex'\?\).*module:attribute"
     ):
         methods.load_method("retinx")
 
@@ -96,11 +95,11 @@ def test_the_nearest_name_is_offered():
         ("no_such_module:X", "No module named 'no_such_module'"),
         ("graycard:no_such_attribute", "has no attribute 'no_such_attribute'"),
         (
-            "graycard:FORMAT_VERSION",
-            "expected 'graycard:FORMAT_VERSION' to be a method, got 1 without summary",
+            "graycard.io:FORMAT_VERSION",
+            "expected 'graycard.io:FORMAT_VERSION' to be a method, got 1 without summary",
         ),
     ],
 )
 def test_what_is_no_method(name: str, message: str):
-    with pytest.raises(gc.MethodError, match=message):
+    with pytest.raises(MethodError, match=message):
         methods.load_method(name)

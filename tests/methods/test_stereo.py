@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, MethodError, look_at
 from graycard.methods.surfels._fill import dense_depths
 from graycard.methods.surfels._likeness import SweptView
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
@@ -41,8 +41,8 @@ def views_of(surface: Callable[[np.ndarray, np.ndarray], np.ndarray], gain: floa
     """Five views from 1.5 m above, and their true depths."""
     views, depths = [], []
     for number, x in enumerate((-0.3, -0.15, 0.0, 0.15, 0.3)):
-        camera = gc.Camera.from_fov(
-            SIZE, SIZE, 40, gc.look_at(np.array([x, 0.05 * number, 1.5]), np.zeros(3), up=(0, 1, 0))
+        camera = Camera.from_fov(
+            SIZE, SIZE, 40, look_at(np.array([x, 0.05 * number, 1.5]), np.zeros(3), up=(0, 1, 0))
         )
         rays = camera.rays()
         distance = surface(camera.position, rays)
@@ -78,7 +78,7 @@ def test_nobody_agrees_about_noise():
 
 def test_views_that_look_elsewhere_say_nothing():
     views, _ = views_of(tilted_plane)
-    below = gc.Camera.from_fov(SIZE, SIZE, 40, gc.look_at(np.array([0, 0, -1.5]), np.zeros(3), up=(0, 1, 0)))
+    below = Camera.from_fov(SIZE, SIZE, 40, look_at(np.array([0, 0, -1.5]), np.zeros(3), up=(0, 1, 0)))
     alone = [views[0], SweptView(below, views[1].grey, 0.8, 2.5)]
     for found in sweep_depths(alone):
         assert np.isnan(found.depth).all()
@@ -127,5 +127,5 @@ def test_where_stereo_is_not_sure_the_farther_guess_counts():
 def test_photographs_of_nothing_in_common():
     views, true = views_of(tilted_plane)
     lost = [SweptDepth(depth, np.zeros((SIZE, SIZE), bool)) for depth in true]
-    with pytest.raises(gc.MethodError, match="none on which two agree. Set fill to 0"):
+    with pytest.raises(MethodError, match="none on which two agree. Set fill to 0"):
         dense_depths([view.camera for view in views], lost)

@@ -8,7 +8,7 @@ import torch
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from torch.nn.functional import avg_pool2d, grid_sample
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.surfels._likeness import NOISE, SweptView, mean_likeness
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._planes import with_planes
@@ -19,11 +19,11 @@ from graycard.methods.surfels._triangles import filled_depth
 HEIGHT, WIDTH = 22, 31
 
 
-def camera_at(x: float, y: float, width: int = WIDTH) -> gc.Camera:
+def camera_at(x: float, y: float, width: int = WIDTH) -> Camera:
     """It looks at the origin from 1.5 m above; no two coefficients of its intrinsics are equal."""
-    pose = gc.look_at(np.array([x, y, 1.5]), np.array([0.02, 0, 0]), up=(0.1, 1, 0))
+    pose = look_at(np.array([x, y, 1.5]), np.array([0.02, 0, 0]), up=(0.1, 1, 0))
     K = np.array([[40.0, 0.3, width / 2 + 1], [0, 43, HEIGHT / 2 - 2], [0, 0, 1]])
-    return gc.Camera(width, HEIGHT, K, pose)
+    return Camera(width, HEIGHT, K, pose)
 
 
 def view_at(x: float, y: float, width: int = WIDTH) -> SweptView:
@@ -77,7 +77,7 @@ def test_what_a_partner_does_not_see_is_not_like_it():
     view, ahead = view_at(0, 0), view_at(0, 0)
     pose = view.camera.camera_to_world.copy()
     pose[:3, 3] += 0.5 * view.camera.forward
-    ahead = SweptView(gc.Camera(WIDTH, HEIGHT, view.camera.K, pose), view.grey, 0.8, 2.5)
+    ahead = SweptView(Camera(WIDTH, HEIGHT, view.camera.K, pose), view.grey, 0.8, 2.5)
     behind, before = mean_likeness(view, [ahead], np.array([1 / 0.4, 1 / 1.5])[:, None, None], 5)
     assert not behind.any()
     assert (before == 0)[0].all()  # the first row of the view is not in the image of the nearer one
@@ -135,9 +135,7 @@ def test_ratio_of_depths_is_that_of_points_in_the_world():
 
 def test_points_behind_the_other_view_have_no_ratio():
     here = camera_at(0, 0)
-    away = gc.Camera(
-        WIDTH, HEIGHT, here.K, gc.look_at(here.position, here.position - here.forward, (0, 1, 0))
-    )
+    away = Camera(WIDTH, HEIGHT, here.K, look_at(here.position, here.position - here.forward, (0, 1, 0)))
     assert np.isnan(depth_ratio(here, np.ones((HEIGHT, WIDTH)), away, np.ones((HEIGHT, WIDTH)))).all()
 
 

@@ -11,32 +11,45 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import EnvironmentLight, Light, Predictions, open_truth
+from graycard.io import sha256, write_json
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import (
+    Cost,
+    Job,
+    JobResult,
+    MethodRecord,
+    MetricRecord,
+    RunRecord,
+    SceneRecord,
+    Score,
+    ScoreSheet,
+)
 from graycard.reports import write_report
 
 HOSTILE = "<script>window.broken = 1</script>"
 METHODS = (
-    gc.MethodRecord("truth", "The truth itself, to show what is possible.", ("radiance", "lights")),
-    gc.MethodRecord("gray", "Every surface is gray.", ()),
-    gc.MethodRecord("retinex", "Reflectance changes in steps, light smoothly.", ()),
-    gc.MethodRecord(HOSTILE, 'Says "nothing" & <b>fails</b>.', ()),
+    MethodRecord("truth", "The truth itself, to show what is possible.", ("radiance", "lights")),
+    MethodRecord("gray", "Every surface is gray.", ()),
+    MethodRecord("retinex", "Reflectance changes in steps, light smoothly.", ()),
+    MethodRecord(HOSTILE, 'Says "nothing" & <b>fails</b>.', ()),
 )
 METRICS = (
-    gc.MetricRecord(
+    MetricRecord(
         "novel_view.psnr", "Novel view PSNR", "novel_view", "dB", True, math.inf,
         "10·log10(1 / MSE), srgb(L·exposure) <mask>", True, 0.3,
     ),
-    gc.MetricRecord("novel_view.ssim", "Novel view SSIM", "novel_view", "1", True, 1.0, "mean", False, 0.01),
-    gc.MetricRecord(
+    MetricRecord("novel_view.ssim", "Novel view SSIM", "novel_view", "1", True, 1.0, "mean", False, 0.01),
+    MetricRecord(
         "counterfactual.psnr", "Removal PSNR", "counterfactual", "dB", True, math.inf, "as above", True, 0.3
     ),
-    gc.MetricRecord(
+    MetricRecord(
         "albedo.psnr.channel", "Albedo PSNR", "albedo", "dB", True, math.inf, "s_c·base_color", True, 0.3
     ),
-    gc.MetricRecord(
+    MetricRecord(
         "normal.mean_angle", "Normal error, mean", "normal", "°", False, 0.0, "atan2(|p×t|, p·t)", True, 0.5
     ),
-    gc.MetricRecord(
+    MetricRecord(
         "light.position", "Light position error", "light", "% of the scene's diameter", False, 0.0,
         "100·|p - t| / diameter", True, 1.0,
     ),
@@ -54,17 +67,17 @@ def predicted_layers(true: dict[str, np.ndarray], quality: float, seed: int) -> 
     return found
 
 
-def scene_metrics(track: str) -> list[gc.MetricRecord]:
+def scene_metrics(track: str) -> list[MetricRecord]:
     return [m for m in METRICS if m.group != "counterfactual" or track == "tabletop"]
 
 
-def make_score(metric: gc.MetricRecord, quality: float, views: list[str], status: str = "scored") -> gc.Score:
+def make_score(metric: MetricRecord, quality: float, views: list[str], status: str = "scored") -> Score:
     perfect = metric.optimum if quality == 0 else None
     value = perfect if perfect is not None else {"dB": -20 * math.log10(quality), "1": 1 - quality}.get(
         metric.unit, 100 * quality
     )  # fmt: skip
     scored = status == "scored"
-    return gc.Score(
+    return Score(
         metric.id,
         "graycard-0",
         status,  # pyright: ignore[reportArgumentType]
@@ -82,9 +95,9 @@ def make_score(metric: gc.MetricRecord, quality: float, views: list[str], status
     )
 
 
-def write_job(run: Path, scene: gc.SceneRecord, method: str, seed: int) -> gc.JobResult:
+def write_job(run: Path, scene: SceneRecord, method: str, seed: int) -> JobResult:
     """The predictions of one job, and its hand-made scores."""
-    truth = gc.open_truth(run / scene.folder / "truth", check=False)
+    truth = open_truth(run / scene.folder / "truth", check=False)
     quality = QUALITY[method]
     slug = {HOSTILE: "hostile"}.get(method, method)
     folder = f"jobs/{scene.track}/{scene.scene}/{slug}-{seed}"
@@ -93,39 +106,37 @@ def write_job(run: Path, scene: gc.SceneRecord, method: str, seed: int) -> gc.Jo
         layers = predicted_layers(truth.layers(view), quality, 10 * seed + i)
         if method == "gray":
             del layers["normal"]
-        gc.write_view(run / folder / "predictions", view.name, layers)
+        write_view(run / folder / "predictions", view.name, layers)
     lights = None if method == "retinex" else tuple(move(light, quality) for light in truth.lights())
-    gc.finish_predictions(
-        run / folder / "predictions", gc.Predictions(method, scene.track, scene.scene), lights
-    )
+    finish_predictions(run / folder / "predictions", Predictions(method, scene.track, scene.scene), lights)
     silent = {"gray": "normal", "retinex": "light"}.get(method, "")
     views = [v.name for v in test]
     scores = tuple(
         make_score(m, quality, views, "not provided" if m.group == silent else "scored")
         for m in scene_metrics(scene.track)
     )
-    sheet = gc.ScoreSheet(scene.track, scene.scene, method, "ab" * 32, scene.truth_sha256, scores)
-    job = gc.Job(scene.track, scene.scene, method, seed, {})
-    return gc.JobResult(job, "0123456789ab", folder, "done", sheet=sheet, cost=gc.Cost(12.5, 345.6))
+    sheet = ScoreSheet(scene.track, scene.scene, method, "ab" * 32, scene.truth_sha256, scores)
+    job = Job(scene.track, scene.scene, method, seed, {})
+    return JobResult(job, "0123456789ab", folder, "done", sheet=sheet, cost=Cost(12.5, 345.6))
 
 
-def move(light: gc.Light, quality: float) -> gc.Light:
-    if isinstance(light, gc.EnvironmentLight):
+def move(light: Light, quality: float) -> Light:
+    if isinstance(light, EnvironmentLight):
         return light
     position = np.array(light.position) + quality * np.array([2.0, -3.0, 1.0])
     return replace(light, position=tuple(float(x) for x in position))
 
 
-def fail(result: gc.JobResult, reason: str) -> gc.JobResult:
+def fail(result: JobResult, reason: str) -> JobResult:
     return replace(result, status="failed", reason=reason, sheet=None, cost=None)
 
 
-def write_run(run: Path, scenes: dict[str, Path], seeds: tuple[int, ...] = (0,)) -> gc.RunRecord:
+def write_run(run: Path, scenes: dict[str, Path], seeds: tuple[int, ...] = (0,)) -> RunRecord:
     """A run of four methods on the given scenes; the hostile one fails on the dark track."""
     records = tuple(
-        gc.SceneRecord(
+        SceneRecord(
             track, folder.name, "tiny", 0, f"dataset/{track}/{folder.name}",
-            gc.sha256(folder / "truth" / "manifest.json"), "A ball on a floor, a small red one beside it",
+            sha256(folder / "truth" / "manifest.json"), "A ball on a floor, a small red one beside it",
         )
         for track, folder in scenes.items()
     )  # fmt: skip
@@ -141,7 +152,7 @@ def write_run(run: Path, scenes: dict[str, Path], seeds: tuple[int, ...] = (0,))
         "cores": 2,
         "renderer": [{"name": "mitsuba", "variant": "llvm_ad_rgb"}],
     }
-    record = gc.RunRecord(
+    record = RunRecord(
         "smoke",
         3,
         records,
@@ -152,15 +163,15 @@ def write_run(run: Path, scenes: dict[str, Path], seeds: tuple[int, ...] = (0,))
         "2026-11-21T09:47:14+00:00",
         3725.4,
     )
-    gc.write_json(run / "run.json", record)
+    write_json(run / "run.json", record)
     return record
 
 
 @pytest.fixture
-def make_run(tmp_path: Path, tiny_scenes: dict[str, Path]) -> Callable[..., tuple[Path, gc.RunRecord]]:
+def make_run(tmp_path: Path, tiny_scenes: dict[str, Path]) -> Callable[..., tuple[Path, RunRecord]]:
     """``make_run(seeds=(0,))`` writes a run of its own and gives its folder and record."""
 
-    def make(**options: Any) -> tuple[Path, gc.RunRecord]:
+    def make(**options: Any) -> tuple[Path, RunRecord]:
         return tmp_path / "run", write_run(tmp_path / "run", tiny_scenes, **options)
 
     return make

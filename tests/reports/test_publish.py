@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard.__main__ import main
+from graycard import OutputError, RecordError
+from graycard.cli import main
+from graycard.io import read_json, sha256, write_json
+from graycard.records import CLAIMS, read_ledger, read_run
 from graycard.reports import publish_run, write_report
 
 
@@ -15,9 +17,9 @@ def test_records_are_those_of_the_run_and_pictures_those_asked_for(tiny_run: Pat
     (tiny_run / "suite.json").write_text('{ "as": "it was written" }\n')
     size = publish_run(tiny_run, tmp_path / "out", 100, ["gray"])
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["index.html", "run.json", "suite.json"]
-    assert gc.sha256(tmp_path / "out" / "suite.json") == gc.sha256(tiny_run / "suite.json")
-    assert gc.read_json(tmp_path / "out" / "run.json") == gc.read_json(tiny_run / "run.json")
-    assert gc.read_run(tmp_path / "out") == gc.read_run(tiny_run)
+    assert sha256(tmp_path / "out" / "suite.json") == sha256(tiny_run / "suite.json")
+    assert read_json(tmp_path / "out" / "run.json") == read_json(tiny_run / "run.json")
+    assert read_run(tmp_path / "out") == read_run(tiny_run)
     assert size == pytest.approx(sum(p.stat().st_size for p in (tmp_path / "out").iterdir()) / 2**20)
     page, whole = (path.read_text() for path in (tmp_path / "out" / "index.html", write_report(tiny_run)))
     assert page.count("Pictures and lights of 1 of 4 methods are embedded") == 3
@@ -39,14 +41,14 @@ def test_where_the_dataset_stood_is_nobodys_business(
 ):
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
     shutil.copytree(tiny_run, tmp_path / "run")
-    record = gc.read_json(tiny_run / "run.json")
+    record = read_json(tiny_run / "run.json")
     folders = [scene["folder"] for scene in record["scenes"]]
     for scene in record["scenes"]:
         scene["folder"] = str(tiny_run / scene["folder"])
-    gc.write_json(tmp_path / "run" / "run.json", record)
+    write_json(tmp_path / "run" / "run.json", record)
     publish_run(tmp_path / "run", tmp_path / "out", 100)
     assert str(tmp_path) not in (tmp_path / "out" / "run.json").read_text()
-    kept = gc.read_json(tmp_path / "out" / "run.json")["scenes"]
+    kept = read_json(tmp_path / "out" / "run.json")["scenes"]
     assert [scene["folder"] for scene in kept] == folders
 
 
@@ -54,14 +56,14 @@ def test_the_ledger_is_of_the_run_beside_it_as_it_was_of_the_run(
     tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
-    for made_for, then in ((gc.sha256(tiny_run / "run.json"), True), ("ab" * 32, False)):
-        gc.write_json(tiny_run / gc.CLAIMS, {"run_sha256": made_for})
+    for made_for, then in ((sha256(tiny_run / "run.json"), True), ("ab" * 32, False)):
+        write_json(tiny_run / CLAIMS, {"run_sha256": made_for})
         folder = tmp_path / made_for[:4]
         publish_run(tiny_run, folder, 100)
-        kept = gc.read_json(folder / gc.CLAIMS)["run_sha256"]
-        assert (kept == gc.sha256(folder / "run.json")) is then
+        kept = read_json(folder / CLAIMS)["run_sha256"]
+        assert (kept == sha256(folder / "run.json")) is then
         assert then or kept == made_for
-    (tiny_run / gc.CLAIMS).unlink()
+    (tiny_run / CLAIMS).unlink()
 
 
 def test_the_whole_page_is_that_of_the_report(tiny_run: Path, tmp_path: Path):
@@ -70,20 +72,20 @@ def test_the_whole_page_is_that_of_the_report(tiny_run: Path, tmp_path: Path):
 
 
 def test_what_is_too_large_is_not_written(tiny_run: Path, tmp_path: Path):
-    with pytest.raises(gc.OutputError, match=r"expected 0\.01 MiB at most, got .*index\.html"):
+    with pytest.raises(OutputError, match=r"expected 0\.01 MiB at most, got .*index\.html"):
         publish_run(tiny_run, tmp_path / "out", 0.01)
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_in_use_is_left_alone(tiny_run: Path, tmp_path: Path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
+    with pytest.raises(OutputError, match="expected a new or an empty folder"):
         publish_run(tiny_run, tmp_path, 100)
     assert (tmp_path / "notes.txt").read_text() == "mine"
 
 
 def test_a_method_that_the_run_does_not_have(tiny_run: Path, tmp_path: Path):
-    with pytest.raises(gc.RecordError, match=r"expected pictures of methods of the run \(truth, .*got grey"):
+    with pytest.raises(RecordError, match=r"expected pictures of methods of the run \(truth, .*got grey"):
         publish_run(tiny_run, tmp_path / "out", 100, ["grey"])
 
 
@@ -95,10 +97,10 @@ PUBLISHED = sorted(
 @pytest.mark.parametrize("folder", PUBLISHED, ids=lambda folder: folder.name)
 def test_what_is_published_is_of_one_run(folder: Path):
     """Suite, record and ledger are those of each other, and say nothing of a machine's folders."""
-    run, ledger = gc.read_run(folder), gc.read_ledger(folder)
-    assert gc.sha256(folder / "suite.json") == run.suite_sha256
+    run, ledger = read_run(folder), read_ledger(folder)
+    assert sha256(folder / "suite.json") == run.suite_sha256
     assert ledger is not None
-    assert ledger.run_sha256 == gc.sha256(folder / "run.json")
+    assert ledger.run_sha256 == sha256(folder / "run.json")
     assert [scene.folder for scene in run.scenes] == [f"dataset/{s.track}/{s.scene}" for s in run.scenes]
 
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-import graycard as gc
+from graycard import open_truth, srgb_encode
+from graycard.io import write_json
 from graycard.reports import write_report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -50,7 +51,7 @@ def is_foreign(url: str) -> bool:
 def test_report_in_a_browser(browser: Browser, tiny_run: Path) -> None:
     heard: list[str] = []
     page = open_report(browser, write_report(tiny_run), heard)
-    truth = gc.open_truth(tiny_run / "dataset/dark/tiny-0000/truth")
+    truth = open_truth(tiny_run / "dataset/dark/tiny-0000/truth")
     view = next(v for v in truth.views if v.split == "test")
     light = truth.layers(view)["radiance"] * truth.exposure
 
@@ -65,7 +66,7 @@ def test_report_in_a_browser(browser: Browser, tiny_run: Path) -> None:
         data = np.array(page.evaluate(READ_CANVAS, f"Radiance, {view.name}: truth"))
         shown = data.reshape(view.camera.height, view.camera.width, 4)
         assert (shown[..., 3] == 255).all()
-        expected = 255 * gc.srgb_encode(np.maximum(light, 0) * 2.0**stops)
+        expected = 255 * srgb_encode(np.maximum(light, 0) * 2.0**stops)
         assert np.abs(shown[..., :3] - expected).max() <= 1
     page.locator(".reset").first.click()
     assert page.locator("output").first.text_content() == "0.00 stops"
@@ -113,7 +114,7 @@ def test_bar_wraps_and_pictures_keep_whole_pixels(browser: Browser, make_run: An
     """A name of the bar is never beyond the edge; what sticks stands below it; a pixel is two wide."""
     run, record = make_run()
     long = replace(record.scenes[0], scene="a-scene-whose-name-needs-all-of-the-width-that-a-window-has-" * 2)
-    gc.write_json(run / "run.json", replace(record, scenes=(*record.scenes, long)))
+    write_json(run / "run.json", replace(record, scenes=(*record.scenes, long)))
     heard: list[str] = []
     page = open_report(browser, write_report(run), heard, viewport={"width": 1300, "height": 900})
     assert page.evaluate("document.documentElement.scrollWidth") <= 1300

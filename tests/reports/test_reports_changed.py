@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 from changed_scene import EDITS, EXPOSURE, enrich
-from graycard.reports._changed_pictures import changed_rows
+from graycard import LightEdit, Predictions, open_truth
+from graycard.edits import composed_file
+from graycard.io import write_layers
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import Job, JobResult, Score, ScoreSheet
 from graycard.reports._comparison import build_gallery
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, open_method, open_scene
-from graycard.reports._layer_rows import LayerRow
+from graycard.reports.pictures._changed_pictures import changed_rows
+from graycard.reports.pictures._layer_rows import LayerRow
 
 GAIN = np.array((2.0, 1.0, 0.5))
 
@@ -36,24 +40,24 @@ def handed(folder: Path, tmp_path: Path) -> Handed:
     """``handed(edits, composed, competes)``: a method whose light is too dim by a gain, as its score says."""
 
     def make(
-        edits: tuple[gc.LightEdit, ...] = (), composed: bool = False, competes: bool = True
+        edits: tuple[LightEdit, ...] = (), composed: bool = False, competes: bool = True
     ) -> MethodEvidence:
-        truth, run = gc.open_truth(folder / "truth"), tmp_path / "run"
+        truth, run = open_truth(folder / "truth"), tmp_path / "run"
         shutil.rmtree(run, ignore_errors=True)
         predictions = run / "predictions"
         for view in (v for v in truth.views if v.split == "test"):
-            gc.write_view(predictions, view.name, {"radiance": truth.layers(view)["radiance"]})
+            write_view(predictions, view.name, {"radiance": truth.layers(view)["radiance"]})
             for edit in edits:
                 dim = truth.relit(edit.name, view)["radiance"] / GAIN
-                gc.write_layers(predictions / edit.view_file(view.name), {"radiance": dim.astype("f4")})
+                write_layers(predictions / edit.view_file(view.name), {"radiance": dim.astype("f4")})
             if composed:
                 whole = {"radiance": truth.composed(view)["radiance"]}
-                gc.write_layers(predictions / gc.composed_file(view.name), whole)
-        gc.finish_predictions(predictions, gc.Predictions("m", truth.track, truth.scene), None)
+                write_layers(predictions / composed_file(view.name), whole)
+        finish_predictions(predictions, Predictions("m", truth.track, truth.scene), None)
         gauge = tuple(GAIN.tolist())
-        score = gc.Score("relighting.psnr", "p", "scored", 20.0, "dB", True, np.inf, gauge=gauge)
-        sheet = gc.ScoreSheet(truth.track, truth.scene, "m", "", "", (score,))
-        result = gc.JobResult(gc.Job(truth.track, truth.scene, "m", 0, {}), "", ".", "done", sheet=sheet)
+        score = Score("relighting.psnr", "p", "scored", 20.0, "dB", True, np.inf, gauge=gauge)
+        sheet = ScoreSheet(truth.track, truth.scene, "m", "", "", (score,))
+        result = JobResult(Job(truth.track, truth.scene, "m", 0, {}), "", ".", "done", sheet=sheet)
         return open_method(run, [result], [v for v in truth.views if v.split == "test"], competes)
 
     return make

@@ -7,37 +7,38 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
+from graycard.io import sha256, write_json
+from graycard.records import CLAIMS, CheckResult, ClaimResult, Ledger, PaperResult, RowMean
 from graycard.reports import write_report
 from graycard.reports._claims import claims_section, effect_plot
 from runs_by_hand import run_of
 
-CHECK = gc.CheckResult(
+CHECK = CheckResult(
     "psnr", "PSNR is <higher>", "Novel view PSNR", "dB", "mine − theirs", "the sign is certain",
     "reproduced", "as claimed: mine − theirs = 5 dB", True,
     scenes={"s0": 4.0, "s1": 6.0}, mean=5.0, interval=(3.0, 7.0), p_mean=0.01, p_rank=0.0312, paper=5.4,
-    accepted=(2.7, 10.8), rows=(gc.RowMean("mine", 35.0), gc.RowMean("theirs", 30.0)),
-    bound=gc.RowMean("truth", math.inf), trivial=gc.RowMean("gray", None, "not in this run"),
+    accepted=(2.7, 10.8), rows=(RowMean("mine", 35.0), RowMean("theirs", 30.0)),
+    bound=RowMean("truth", math.inf), trivial=RowMean("gray", None, "not in this run"),
 )  # fmt: skip
 OPEN = replace(
     CHECK, id="gone", verdict="not checkable", reason="cannot be checked here: no row", decides=False,
     scenes={}, mean=None, interval=None, p_mean=None, p_rank=None, rows=(), bound=None, trivial=None,
 )  # fmt: skip
-CLAIM = gc.ClaimResult(
+CLAIM = ClaimResult(
     "S1", "It is <b>better</b>.", "Table 1", "reproduced", "as claimed", "all", (CHECK, OPEN),
     {"theirs": "30 dB"}, ("rooms are small",),
 )  # fmt: skip
 
 
-def ledger_of(*claims: gc.ClaimResult, digest: str = "") -> gc.Ledger:
-    papers = (gc.PaperResult("p", 2, "A paper", "ab", claims),)
-    return gc.Ledger("hand", 1, digest, 0.95, {"better": "what it asks for"}, {}, papers)
+def ledger_of(*claims: ClaimResult, digest: str = "") -> Ledger:
+    papers = (PaperResult("p", 2, "A paper", "ab", claims),)
+    return Ledger("hand", 1, digest, 0.95, {"better": "what it asks for"}, {}, papers)
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    gc.write_json(tmp_path / "run.json", run_of({"mine": {"psnr": [1.0]}}))
-    gc.write_json(tmp_path / gc.CLAIMS, ledger_of(CLAIM, digest=gc.sha256(tmp_path / "run.json")))
+    write_json(tmp_path / "run.json", run_of({"mine": {"psnr": [1.0]}}))
+    write_json(tmp_path / CLAIMS, ledger_of(CLAIM, digest=sha256(tmp_path / "run.json")))
     return tmp_path
 
 
@@ -63,18 +64,18 @@ def test_a_claim_is_told_with_all_that_it_follows_from(run: Path) -> None:
 
 
 def test_verdicts_of_another_state_are_called_that(run: Path) -> None:
-    gc.write_json(run / gc.CLAIMS, ledger_of(CLAIM, digest="other"))
+    write_json(run / CLAIMS, ledger_of(CLAIM, digest="other"))
     assert "These verdicts are of another state of this run" in text_of(run)
 
 
 def test_a_run_without_verdicts_says_nothing_of_claims(run: Path) -> None:
-    (run / gc.CLAIMS).unlink()
+    (run / CLAIMS).unlink()
     assert claims_section(run) is None
     assert 'id="claims"' not in text_of(run)
 
 
 def test_a_ledger_that_is_broken_is_no_end_of_the_report(run: Path) -> None:
-    (run / gc.CLAIMS).write_text("{")
+    (run / CLAIMS).write_text("{")
     assert "The verdicts cannot be read: expected JSON in" in text_of(run)
 
 

@@ -10,13 +10,29 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import graycard as gc
+from graycard import (
+    TRACKS,
+    Camera,
+    Composition,
+    DatasetError,
+    Donor,
+    LightEdit,
+    PointLight,
+    RectangleLight,
+    open_capture,
+    open_truth,
+    srgb_encode,
+)
+from graycard.dataset import write_index
+from graycard.edits import composed_file
+from graycard.exchange import export_capture, import_capture
+from graycard.io import write_json, write_layers, write_rgb
 from graycard.reports import write_contact_sheets
-from graycard.reports._colour_maps import colour_map
-from graycard.reports._contact_sheet import CELL, COLUMNS, GAP, TEXT, _layer_groups, contact_sheet
-from graycard.reports._layer_pictures import NO_NUMBER, NOTHING, layer_picture, outline
-from graycard.reports._plan import lay_out
-from graycard.reports._plan_picture import FINE, LAMP, TEST, TRAIN, plan_picture
+from graycard.reports.pictures._colour_maps import colour_map
+from graycard.reports.pictures._contact_sheet import CELL, COLUMNS, GAP, TEXT, _layer_groups, contact_sheet
+from graycard.reports.pictures._layer_pictures import NO_NUMBER, NOTHING, layer_picture, outline
+from graycard.reports.plan._picture import FINE, LAMP, TEST, TRAIN, plan_picture
+from graycard.reports.plan._plan import lay_out
 
 WIDTH, HEIGHT = 28, 24
 """Of the tiny scenes."""
@@ -27,11 +43,11 @@ def share_of(pixels: np.ndarray, colour: tuple[int, int, int]) -> float:
     return float((pixels == np.array(colour)).all(axis=-1).mean())
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_a_sheet_shows_photographs_layers_and_plan(track: str, tiny_scenes: dict[str, Path]):
     sheet = contact_sheet(tiny_scenes[track])
-    capture = gc.open_capture(tiny_scenes[track] / "capture")
-    first = gc.srgb_encode(capture.photograph(capture.train[0]) * capture.exposure)
+    capture = open_capture(tiny_scenes[track] / "capture")
+    first = srgb_encode(capture.photograph(capture.train[0]) * capture.exposure)
     scale = CELL // first.shape[1]
     top, left = 2 * GAP + 22 + 12 + GAP + TEXT + 8, 2 * GAP
     shown = sheet[top : top + first.shape[0] * scale : scale, left : left + first.shape[1] * scale : scale]
@@ -47,8 +63,8 @@ def test_a_sheet_shows_photographs_layers_and_plan(track: str, tiny_scenes: dict
 
 def test_a_capture_without_truth_has_a_sheet_too(make_scene: Callable[..., Path], tmp_path: Path):
     scene = make_scene()
-    gc.export_capture(scene, "colmap", tmp_path / "away")
-    gc.import_capture(tmp_path / "away", tmp_path / "dataset", "dark", "mine")
+    export_capture(scene, "colmap", tmp_path / "away")
+    import_capture(tmp_path / "away", tmp_path / "dataset", "dark", "mine")
     (scene / "truth" / "manifest.json").unlink()  # half-written
     (scene.parent / ".hidden").mkdir()
     sheets = write_contact_sheets(tmp_path / "dataset", tmp_path / "look")
@@ -62,11 +78,11 @@ def test_a_wrong_scene_is_seen(make_scene: Callable[..., Path]):
     """NaN albedo turns magenta; nothing of a whole scene is."""
     scene = make_scene()
     assert share_of(contact_sheet(scene), NO_NUMBER) == 0
-    truth = gc.open_truth(scene / "truth")
+    truth = open_truth(scene / "truth")
     view = next(v for v in truth.views if v.split == "test")
     layers = truth.layers(view)
     layers["base_color"][4:9, 3:8] = np.nan
-    gc.write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
+    write_layers(scene / "truth" / "views" / f"{view.name}.exr", layers)
     spoilt = contact_sheet(scene)
     scale = CELL // view.camera.width
     assert round(share_of(spoilt, NO_NUMBER) * spoilt[..., 0].size) == 25 * scale**2
@@ -76,17 +92,17 @@ def test_changed_lights_and_a_composition_are_shown(make_scene: Callable[..., Pa
     """A spoilt patch in either picture is magenta."""
     scene = make_scene()
     plain = contact_sheet(scene)
-    truth = gc.open_truth(scene / "truth")
-    edit = gc.LightEdit("without-lamp", "The lamp is off.")
-    gc.write_index(scene / "truth", replace(truth, edits=(edit,)))
-    origin = gc.Donor("multilight", "studio", 3, {}, "vase", 6)
-    record = gc.Composition(origin, np.eye(4), 4)
-    gc.write_json(scene / "truth" / "composition" / "composition.json", record)
+    truth = open_truth(scene / "truth")
+    edit = LightEdit("without-lamp", "The lamp is off.")
+    write_index(scene / "truth", replace(truth, edits=(edit,)))
+    origin = Donor("multilight", "studio", 3, {}, "vase", 6)
+    record = Composition(origin, np.eye(4), 4)
+    write_json(scene / "truth" / "composition" / "composition.json", record)
     for view in (v for v in truth.views if v.split == "test"):
         picture = truth.layers(view)["radiance"]
-        for number, name in enumerate((edit.view_file(view.name), gc.composed_file(view.name)), start=1):
+        for number, name in enumerate((edit.view_file(view.name), composed_file(view.name)), start=1):
             picture[4 : 4 + number, 3:8] = np.nan
-            gc.write_layers(scene / "truth" / name, {"radiance": picture})
+            write_layers(scene / "truth" / name, {"radiance": picture})
     sheet = contact_sheet(scene)
     assert sheet.shape[0] > plain.shape[0] + HEIGHT * (CELL // WIDTH)
     spoilt = share_of(sheet, NO_NUMBER) * sheet[..., 0].size
@@ -95,17 +111,15 @@ def test_changed_lights_and_a_composition_are_shown(make_scene: Callable[..., Pa
 
 def test_a_layer_of_another_size_is_named(make_scene: Callable[..., Path]):
     scene = make_scene()
-    truth = gc.open_truth(scene / "truth")
-    gc.write_layers(scene / "truth" / "views" / "test_003.exr", {"depth": np.ones((3, 4))})
+    truth = open_truth(scene / "truth")
+    write_layers(scene / "truth" / "views" / "test_003.exr", {"depth": np.ones((3, 4))})
     assert truth.view("test_003").split == "test"
-    with pytest.raises(
-        gc.DatasetError, match=r"expected depth of dark/tiny-0000 test_003 of shape \(24, 28\)"
-    ):
+    with pytest.raises(DatasetError, match=r"expected depth of dark/tiny-0000 test_003 of shape \(24, 28\)"):
         contact_sheet(scene)
 
 
 def test_every_layer_is_drawn_once_in_a_group(tiny_scenes: dict[str, Path]):
-    truth = gc.open_truth(tiny_scenes["tabletop"] / "truth")
+    truth = open_truth(tiny_scenes["tabletop"] / "truth")
     layers = truth.layers(truth.views[0])
     more = {name: layers["radiance"] for name in ("irradiance.a", "direct.irradiance.a", "direct.diffuse.a")}
     groups = dict(_layer_groups(layers | more, 1.0, brief=False))
@@ -119,7 +133,7 @@ def test_every_layer_is_drawn_once_in_a_group(tiny_scenes: dict[str, Path]):
 
 
 def test_no_scene_is_an_error(tmp_path: Path):
-    with pytest.raises(gc.DatasetError, match="got no whole scene there"):
+    with pytest.raises(DatasetError, match="got no whole scene there"):
         write_contact_sheets(tmp_path, tmp_path / "look")
     assert not (tmp_path / "look").exists()
 
@@ -180,10 +194,10 @@ def test_the_outline_is_inside_the_mask():
 
 
 def test_the_plan_is_drawn_where_it_says(tiny_scenes: dict[str, Path]):
-    views = gc.open_capture(tiny_scenes["dark"] / "capture").views
+    views = open_capture(tiny_scenes["dark"] / "capture").views
     lights = (
-        gc.PointLight("bulb", (1.0, 0.5, 2.0), (1.0, 1.0, 1.0)),
-        gc.RectangleLight("window", (-1, 0, 2), (0.5, 0, 0), (0, 0.5, 0), (1, 1, 1)),
+        PointLight("bulb", (1.0, 0.5, 2.0), (1.0, 1.0, 1.0)),
+        RectangleLight("window", (-1, 0, 2), (0.5, 0, 0), (0, 0.5, 0), (1, 1, 1)),
     )
     plan = lay_out(views, [RNG.normal(size=(50, 3))], [("", 0, lights)])
     pixels = np.asarray(plan_picture(plan))
@@ -199,14 +213,14 @@ def test_the_plan_is_drawn_where_it_says(tiny_scenes: dict[str, Path]):
 
 def test_large_photographs_are_averaged_down(make_scene: Callable[..., Path]):
     scene = make_scene()
-    capture = gc.open_capture(scene / "capture")
+    capture = open_capture(scene / "capture")
     views = tuple(
-        replace(v, camera=gc.Camera.from_fov(450, 300, 50, v.camera.camera_to_world)) for v in capture.views
+        replace(v, camera=Camera.from_fov(450, 300, 50, v.camera.camera_to_world)) for v in capture.views
     )
     for view in capture.train:
-        gc.write_rgb(scene / "capture" / "photographs" / f"{view.name}.exr", np.full((300, 450, 3), 0.05))
-    gc.write_index(scene / "capture", replace(capture, views=views, exposure=1.0))
+        write_rgb(scene / "capture" / "photographs" / f"{view.name}.exr", np.full((300, 450, 3), 0.05))
+    write_index(scene / "capture", replace(capture, views=views, exposure=1.0))
     shutil.rmtree(scene / "truth")
-    level = round(255 * float(gc.srgb_encode(np.array(0.05))))
+    level = round(255 * float(srgb_encode(np.array(0.05))))
     sheet = contact_sheet(scene)
     assert share_of(sheet, (level, level, level)) * sheet[..., 0].size >= 3 * CELL * round(300 * CELL / 450)

@@ -10,11 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import OutputError, Predictions, RecordError, open_predictions
+from graycard.io import write_json
+from graycard.predictions import finish_predictions, write_view
+from graycard.records import RunRecord, Score
 from graycard.reports import write_report
 from graycard.reports._templates import TEMPLATES
 
-MakeRun = Callable[..., tuple[Path, gc.RunRecord]]
+MakeRun = Callable[..., tuple[Path, RunRecord]]
 VOID = {"meta", "img", "input", "br", "link"}
 SHAPES = {"circle", "rect", "polygon", "path", "line", "image"}
 
@@ -143,7 +146,7 @@ def test_tabletop_tells_at_the_top_what_it_asks(make_run: MakeRun) -> None:
         for r in record.results
     )
     metrics = tuple(asked if m.id == "counterfactual.psnr" else m for m in record.metrics)
-    gc.write_json(run / "run.json", replace(record, metrics=metrics, results=results))
+    write_json(run / "run.json", replace(record, metrics=metrics, results=results))
     html = write_report(run).read_text(encoding="utf-8")
     summary = html[html.index('<section class="summary"') : html.index('<section class="track"')]
     assert "Removal of the reflection" in summary
@@ -154,7 +157,7 @@ def test_tabletop_tells_at_the_top_what_it_asks(make_run: MakeRun) -> None:
     assert Outline(html).words.count("no competing method provides them: Light position error") == 3
 
 
-def _unscored(score: gc.Score, residual: str) -> gc.Score:
+def _unscored(score: Score, residual: str) -> Score:
     if score.metric == "counterfactual.psnr":
         return replace(score, metric=residual)
     if score.metric == "light.position":
@@ -192,14 +195,14 @@ def test_moved_run_gives_the_same_report(make_run: MakeRun, tmp_path: Path) -> N
 
 
 def test_run_without_record(tmp_path: Path) -> None:
-    with pytest.raises(gc.RecordError, match=r"expected a run folder with run\.json"):
+    with pytest.raises(RecordError, match=r"expected a run folder with run\.json"):
         write_report(tmp_path)
 
 
 def test_folder_that_cannot_be_written(make_run: MakeRun) -> None:
     run, _ = make_run()
     (run / "report").write_text("a file in the way")
-    with pytest.raises(gc.OutputError, match="expected an output folder"):
+    with pytest.raises(OutputError, match="expected an output folder"):
         write_report(run)
 
 
@@ -228,13 +231,13 @@ def test_missing_and_broken_predictions_are_said_in_place(make_run: MakeRun) -> 
 def test_layer_of_another_size_or_with_nan_has_its_reason_in_its_place(make_run: MakeRun) -> None:
     run, record = make_run()
     folder = next(run / r.folder for r in record.results if r.job.method == "retinex") / "predictions"
-    found = gc.open_predictions(folder)
+    found = open_predictions(folder)
     first, second = found.view_names()
-    gc.write_view(folder, first, {"normal": np.zeros((4, 5, 3))})
+    write_view(folder, first, {"normal": np.zeros((4, 5, 3))})
     layers = found.layers(second)
     layers["depth"][2, 3] = np.nan
-    gc.write_view(folder, second, layers)
-    gc.finish_predictions(folder, gc.Predictions(found.method, found.track, found.scene))
+    write_view(folder, second, layers)
+    finish_predictions(folder, Predictions(found.method, found.track, found.scene))
     words = report_of(run).words
     assert "failed expected normal of shape (24, 28, 3), got (4, 5, 3)" in words
     assert "failed expected finite values in depth" in words
@@ -248,7 +251,7 @@ def test_several_seeds_and_a_part_that_failed(make_run: MakeRun) -> None:
         else r
         for r in record.results
     )
-    gc.write_json(run / "run.json", replace(record, results=results))
+    write_json(run / "run.json", replace(record, results=results))
     words = report_of(run).words
     assert "mean over 1 scene × 2 seeds" in words
     assert "1 of 2 scored" in words
@@ -258,9 +261,9 @@ def test_several_seeds_and_a_part_that_failed(make_run: MakeRun) -> None:
 def test_run_where_nothing_failed_and_one_where_nothing_ran(make_run: MakeRun) -> None:
     run, record = make_run()
     whole = tuple(r for r in record.results if r.status == "done")
-    gc.write_json(run / "run.json", replace(record, results=whole))
+    write_json(run / "run.json", replace(record, results=whole))
     assert "Nothing failed: every job ran" in report_of(run).words
-    gc.write_json(run / "run.json", replace(record, results=(), methods=()))
+    write_json(run / "run.json", replace(record, results=(), methods=()))
     assert "12 jobs" not in report_of(run).words
 
 
@@ -268,7 +271,7 @@ def test_long_list_of_what_a_reference_sees_is_cut(make_run: MakeRun) -> None:
     run, record = make_run()
     sees = tuple(f"layer{i}" for i in range(7))
     methods = tuple(replace(m, sees=sees) if m.name == "truth" else m for m in record.methods)
-    gc.write_json(run / "run.json", replace(record, methods=methods))
+    write_json(run / "run.json", replace(record, methods=methods))
     found = report_of(run)
     assert "also sees: layer0, layer1, layer2, layer3, layer4 and 2 more" in found.words
     assert found.all("span", title=", ".join(sees))

@@ -9,10 +9,11 @@ import pytest
 from PIL import Image
 from skimage.color import rgb2lab
 
-import graycard as gc
-from graycard.reports._colour_maps import STEPS, ColourMap, colour_map, to_index
-from graycard.reports._error_images import error_image, error_unit, noise_ratio_image, shared_scale
-from graycard.reports._pictures import (
+from graycard import srgb_encode
+from graycard.layers import shape_of
+from graycard.reports.pictures._colour_maps import STEPS, ColourMap, colour_map, to_index
+from graycard.reports.pictures._error_images import error_image, error_unit, noise_ratio_image, shared_scale
+from graycard.reports.pictures._pictures import (
     KNEE,
     LEVELS,
     PEAK,
@@ -53,7 +54,7 @@ def test_linear_light_survives_the_png(scale: float) -> None:
 def test_linear_light_is_exact_to_less_than_half_a_display_step() -> None:
     light = np.linspace(0, 1, 5001)[:, None, None].repeat(3, axis=2)
     back = decode_linear(split_codes(linear_codes(light)))
-    assert 255 * np.abs(gc.srgb_encode(back) - gc.srgb_encode(light)).max() < 0.5
+    assert 255 * np.abs(srgb_encode(back) - srgb_encode(light)).max() < 0.5
 
 
 def test_codes_of_the_ends() -> None:
@@ -66,7 +67,7 @@ def test_still_picture_is_what_a_display_shows() -> None:
     light = np.array([[[0.0, 0.5, 2.0], [0.2, 0.2, 0.2]]])
     picture = linear_picture(light, "two pixels")
     shown = np.asarray(open_png(picture.source).convert("RGB"))
-    np.testing.assert_array_equal(shown, np.rint(255 * gc.srgb_encode(light)))
+    np.testing.assert_array_equal(shown, np.rint(255 * srgb_encode(light)))
     assert (picture.width, picture.height, picture.alt) == (2, 1, "two pixels")
 
 
@@ -123,7 +124,7 @@ def test_errors_by_layer() -> None:
     assert base[0, 0] == 0.25
     assert np.isnan(base[0, 1])
     light = error_image("radiance", p, t, mask, 2.0)
-    assert light[0, 0] == pytest.approx(1 - float(gc.srgb_encode(np.array(0.5))))
+    assert light[0, 0] == pytest.approx(1 - float(srgb_encode(np.array(0.5))))
     depth = error_image("depth", np.array([[3.0, 1.0]]), np.array([[2.5, 1.0]]), mask, 1.0)
     assert depth[0, 0] == 0.5
     units = [error_unit(n) for n in ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")]
@@ -166,8 +167,8 @@ def test_without_noise_an_equal_value_is_right_and_another_wrong() -> None:
      ("irradiance.lamp", "display difference"), ("albedo", "linear difference")],
 )  # fmt: skip
 def test_every_layer_has_an_error(layer: str, unit: str) -> None:
-    shape = gc.shape_of(layer, 4, 5)
+    shape = shape_of(layer, 4, 5)
     error = error_image(layer, np.full(shape, 0.5), np.full(shape, 0.25), np.ones((4, 5), bool), 1.0)
-    step = float(gc.srgb_encode(np.array(0.5)) - gc.srgb_encode(np.array(0.25)))
+    step = float(srgb_encode(np.array(0.5)) - srgb_encode(np.array(0.25)))
     assert error_unit(layer) == unit
     np.testing.assert_allclose(error, step if unit.startswith("display") else 0.25)

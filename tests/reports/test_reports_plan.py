@@ -6,10 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    View,
+    look_at,
+    world_position,
+)
+from graycard.records import SceneRecord
 from graycard.reports._comparison import build_gallery
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, describe_scene, open_scene, usable_layer
-from graycard.reports._plan import SIZE, build_plan
+from graycard.reports.plan._plan import SIZE, build_plan
 
 
 @pytest.fixture(scope="module")
@@ -17,8 +27,8 @@ def scene(tiny_scenes: dict[str, Path]) -> SceneEvidence:
     return open_scene(tiny_scenes["multilight"])
 
 
-def at(x: float, y: float, name: str = "here") -> gc.PointLight:
-    return gc.PointLight(name, (x, y, 0.5), (1.0, 1.0, 1.0))
+def at(x: float, y: float, name: str = "here") -> PointLight:
+    return PointLight(name, (x, y, 0.5), (1.0, 1.0, 1.0))
 
 
 def test_plan_keeps_proportions_and_looks_from_above(scene: SceneEvidence) -> None:
@@ -36,7 +46,7 @@ def test_plan_keeps_proportions_and_looks_from_above(scene: SceneEvidence) -> No
 
 
 def test_light_on_the_camera_stands_at_every_test_camera(scene: SceneEvidence) -> None:
-    lamp = gc.PointLight("lamp", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
+    lamp = PointLight("lamp", (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
     found = build_plan(replace(scene, lights=(lamp,)), [])
     tips = {
         tuple(float(v) for v in c.points.split()[0].split(",")) for c in found.cameras if c.split == "test"
@@ -56,9 +66,9 @@ def test_predicted_light_far_away_stays_inside_and_says_so(scene: SceneEvidence)
 
 def test_lights_of_all_kinds(scene: SceneEvidence) -> None:
     lights = (
-        gc.RectangleLight("window", (0, 0, 2), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1)),
-        gc.SphereLight("bulb", (0.5, 0, 1), 0.1, (1, 1, 1)),
-        gc.EnvironmentLight("sky", "environment.exr"),
+        RectangleLight("window", (0, 0, 2), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1)),
+        SphereLight("bulb", (0.5, 0, 1), 0.1, (1, 1, 1)),
+        EnvironmentLight("sky", "environment.exr"),
     )
     found = build_plan(replace(scene, lights=lights), [])
     corners = np.array([[float(v) for v in p.split(",")] for p in found.outlines[0].split()])
@@ -84,8 +94,8 @@ def test_methods_without_lights_say_why(scene: SceneEvidence) -> None:
 
 
 def test_camera_that_looks_straight_down(scene: SceneEvidence) -> None:
-    pose = gc.look_at(np.array([0.0, 0.0, 3.0]), np.zeros(3), up=(0, 1, 0))
-    down = gc.View("down", "train", gc.Camera.from_fov(8, 8, 50, pose))
+    pose = look_at(np.array([0.0, 0.0, 3.0]), np.zeros(3), up=(0, 1, 0))
+    down = View("down", "train", Camera.from_fov(8, 8, 50, pose))
     found = build_plan(replace(scene, truth=replace(scene.truth, views=(*scene.truth.views, down))), [])
     assert "nan" not in found.cameras[-1].points
 
@@ -170,7 +180,7 @@ def test_only_some_views_and_photographs_are_embedded(make_scene: Callable[..., 
 
 
 def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
-    record = gc.SceneRecord("tabletop", "tiny-0000", "tiny", 4, "", "", "")
+    record = SceneRecord("tabletop", "tiny-0000", "tiny", 4, "", "", "")
     text = describe_scene(record, open_scene(tiny_scenes["tabletop"]))
     assert text == (
         "family tiny, seed 4; 3 training photographs and 2 test views of 28 × 24 pixels; "
@@ -179,7 +189,7 @@ def test_description_names_what_is_there(tiny_scenes: dict[str, Path]) -> None:
     dark = open_scene(tiny_scenes["dark"])
     measured = replace(dark, truth=replace(dark.truth, noise_ceiling=45.27))
     assert describe_scene(record, measured).endswith("; noise ceiling 45.3 dB")
-    fixed = replace(dark, lights=(at(0.0, 0.0), gc.EnvironmentLight("sky", "environment.exr")))
+    fixed = replace(dark, lights=(at(0.0, 0.0), EnvironmentLight("sky", "environment.exr")))
     assert "; 2 lights" in describe_scene(record, fixed)
     assert "on the camera" not in describe_scene(record, fixed)
 
@@ -202,12 +212,12 @@ def test_predicted_lights_are_joined_to_the_true_ones_whatever_their_order(scene
 
 
 def test_light_that_moves_with_the_camera_is_joined_in_every_test_view(scene: SceneEvidence) -> None:
-    lamp = gc.PointLight("lamp", (0.1, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
+    lamp = PointLight("lamp", (0.1, 0.0, 0.0), (1.0, 1.0, 1.0), "camera")
     fixed = MethodEvidence("fixed", lights=(at(0.0, 0.0, "still"),))
     near = MethodEvidence("near", lights=(replace(lamp, position=(0.1, 0.0, 0.25)),))
     found = build_plan(replace(scene, lights=(lamp,)), [fixed, near])
     cameras = [v.camera for v in scene.test]
-    apart = [np.linalg.norm(gc.world_position(lamp, c) - (0.0, 0.0, 0.5)) for c in cameras]
+    apart = [np.linalg.norm(world_position(lamp, c) - (0.0, 0.0, 0.5)) for c in cameras]
     partners = {r.owner: r.partner for r in found.rows}
     assert partners["fixed"] == f"lamp, {np.mean(apart):.3g} m away"
     assert partners["near"] == "lamp, 0.25 m away"
@@ -225,7 +235,7 @@ def test_without_test_views_no_light_is_joined(scene: SceneEvidence) -> None:
 
 
 def test_window_on_the_camera_turns_with_it(scene: SceneEvidence) -> None:
-    window = gc.RectangleLight("w", (0, 0, 0.1), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1), "camera")
+    window = RectangleLight("w", (0, 0, 0.1), (0.5, 0, 0), (0, 0.25, 0), (1, 1, 1), "camera")
     found = build_plan(replace(scene, lights=(window,)), [])
     assert len(found.outlines) == len(scene.test)
     scale = found.metre_bar / float(found.metre_text.split()[0])
@@ -236,7 +246,7 @@ def test_window_on_the_camera_turns_with_it(scene: SceneEvidence) -> None:
 
 
 def test_heights_are_in_proportion_and_say_what_is_beyond(scene: SceneEvidence) -> None:
-    lights = tuple(gc.PointLight(str(z), (0.0, 0.0, z), (1.0, 1.0, 1.0)) for z in (0.5, 1.5, 2.5))
+    lights = tuple(PointLight(str(z), (0.0, 0.0, z), (1.0, 1.0, 1.0)) for z in (0.5, 1.5, 2.5))
     far = MethodEvidence("far", lights=(replace(lights[0], position=(0.0, 0.0, 99.0)),))
     heights = build_plan(replace(scene, lights=lights), [far]).heights
     low, middle, high, beyond = heights.marks

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
+from graycard.io import to_builtins, write_json
 from graycard.methods.priors import Override, PriorSpec
+from graycard.records import RunRecord
 from graycard.reports import write_report
 from graycard.reports._priors import prior_badge, prior_badges
 
@@ -41,7 +42,7 @@ TOLD = "Told more than the photographs by priors: answers are "
     ],
 )
 def test_badge_says_where_answers_come_from(spec: PriorSpec, text: str, answers: str) -> None:
-    badge = prior_badge(gc.encode(spec))
+    badge = prior_badge(to_builtins(spec))
     assert badge is not None
     assert (badge.text, badge.help) == (text, TOLD + answers)
 
@@ -49,26 +50,26 @@ def test_badge_says_where_answers_come_from(spec: PriorSpec, text: str, answers:
 def test_many_kinds_that_differ_are_named_in_the_help_alone() -> None:
     kinds = {kind: Override(severity=4) for kind in ("depth", "normal")}
     spec = PriorSpec("oracle", 3, overrides={**kinds, "base_color": Override(source="classical")})
-    badge = prior_badge(gc.encode(spec))
+    badge = prior_badge(to_builtins(spec))
     assert badge is not None
     assert badge.text.startswith("oracle 3, ")
     assert badge.text.endswith(", …")
     for kind in ("depth", "normal", "base color"):
         assert f"those about {kind} are" in badge.help
     errors = PriorSpec("oracle", 3, overrides={"depth": Override(errors={"kappa": 0.3})})
-    found = prior_badge(gc.encode(errors))
+    found = prior_badge(to_builtins(errors))
     assert found is not None
     assert found.text == "oracle 3, depth kappa 0.3"
 
 
-@pytest.mark.parametrize("priors", [{}, gc.encode(PriorSpec())])
+@pytest.mark.parametrize("priors", [{}, to_builtins(PriorSpec())])
 def test_row_without_priors_has_no_badge(priors: dict[str, Any]) -> None:
     assert prior_badge(priors) is None
 
 
-def test_report_marks_rows_that_were_told(make_run: Callable[..., tuple[Path, gc.RunRecord]]) -> None:
+def test_report_marks_rows_that_were_told(make_run: Callable[..., tuple[Path, RunRecord]]) -> None:
     run, record = make_run()
-    told = gc.encode(PriorSpec("oracle", 2))
+    told = to_builtins(PriorSpec("oracle", 2))
     results = tuple(
         replace(r, job=replace(r.job, priors=told)) if r.job.method == "retinex" else r
         for r in record.results
@@ -76,7 +77,7 @@ def test_report_marks_rows_that_were_told(make_run: Callable[..., tuple[Path, gc
     assert "badge told" not in write_report(run).read_text(encoding="utf-8")
     changed = replace(record, results=results)
     assert set(prior_badges(changed)) == {"retinex"}
-    gc.write_json(run / "run.json", changed)
+    write_json(run / "run.json", changed)
     html = write_report(run).read_text(encoding="utf-8")
     title = f"{TOLD}the truth made wrong by severity 2 of 1 to 5"
     badge = f'<span class="badge told" title="{title}">priors: oracle 2</span>'

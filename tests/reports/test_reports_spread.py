@@ -9,20 +9,21 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
+from graycard.io import write_json
+from graycard.records import Job, JobResult, RunRecord, Score, ScoreSheet
 from graycard.reports import write_report
-from graycard.reports._cells import Reading, breakdown_text
 from graycard.reports._spread import protocol_spreads
+from graycard.reports.tables._cells import Reading, breakdown_text
 
 
-def by(protocol: str, value: float | None, unit: str = "dB", up: bool = True) -> gc.Score:
+def by(protocol: str, value: float | None, unit: str = "dB", up: bool = True) -> Score:
     status: Any = "failed" if value is None else "scored"
-    return gc.Score(f"albedo.{protocol}", protocol, status, value, unit, up, math.inf if up else 0.0)
+    return Score(f"albedo.{protocol}", protocol, status, value, unit, up, math.inf if up else 0.0)
 
 
-def result(method: str, *protocols: gc.Score, seed: int = 0) -> gc.JobResult:
-    sheet = gc.ScoreSheet("dark", "s", method, "", "", (), protocols)
-    return gc.JobResult(gc.Job("dark", "s", method, seed, {}), "h", "f", "done", sheet=sheet)
+def result(method: str, *protocols: Score, seed: int = 0) -> JobResult:
+    sheet = ScoreSheet("dark", "s", method, "", "", (), protocols)
+    return JobResult(Job("dark", "s", method, seed, {}), "h", "f", "done", sheet=sheet)
 
 
 def test_strip_has_a_dot_for_each_protocol_on_one_axis() -> None:
@@ -69,17 +70,17 @@ def test_breakdown_is_the_mean_over_scenes_of_what_all_have() -> None:
     assert breakdown_text(readings[2:], "dB") == ""
 
 
-def test_report_shows_strips_and_breakdowns(make_run: Callable[..., tuple[Path, gc.RunRecord]]) -> None:
+def test_report_shows_strips_and_breakdowns(make_run: Callable[..., tuple[Path, RunRecord]]) -> None:
     run, record = make_run()
 
-    def enrich(r: gc.JobResult) -> gc.JobResult:
+    def enrich(r: JobResult) -> JobResult:
         if r.sheet is None:
             return r
         scores = tuple(replace(s, breakdown={"interior": 1.25}) if s.value else s for s in r.sheet.scores)
         protocols = (by("raw-1", 16.0), by("<wide>-1", 30.0))
         return replace(r, sheet=replace(r.sheet, scores=scores, protocols=protocols))
 
-    gc.write_json(run / "run.json", replace(record, results=tuple(enrich(r) for r in record.results)))
+    write_json(run / "run.json", replace(record, results=tuple(enrich(r) for r in record.results)))
     html = write_report(run).read_text(encoding="utf-8")
     assert "<title>&lt;wide&gt;-1: 30.00</title>" in html
     assert "spread 14.00 dB" in html

@@ -5,11 +5,13 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
 import graycard.eval as ge
-from graycard.reports._cells import Reading, pool, read_metric
-from graycard.reports._compared import compare_track
-from graycard.reports._tables import (
+from graycard import TRACKS
+from graycard.records import Job, JobResult, MethodRecord, MetricRecord, RunRecord, Score, ScoreSheet
+from graycard.reports._tracks import headline_of, words_of
+from graycard.reports.tables._cells import Reading, pool, read_metric
+from graycard.reports.tables._compared import compare_track
+from graycard.reports.tables._tables import (
     Leaderboard,
     failures,
     leaderboard,
@@ -19,33 +21,32 @@ from graycard.reports._tables import (
     view_rows,
     warnings,
 )
-from graycard.reports._tracks import headline_of, words_of
 
-UP = gc.MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
-DOWN = gc.MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
-SIDE = gc.MetricRecord("b.side", "Side", "b", "1", False, 0.0, "h", False, 0.1)
+UP = MetricRecord("a.up", "Up", "a", "dB", True, math.inf, "f", True, 0.1)
+DOWN = MetricRecord("b.down", "Down", "b", "°", False, 0.0, "g", True, 0.1)
+SIDE = MetricRecord("b.side", "Side", "b", "1", False, 0.0, "h", False, 0.1)
 
 
-def make_score(metric: gc.MetricRecord, value: float | str, **more: Any) -> gc.Score:
+def make_score(metric: MetricRecord, value: float | str, **more: Any) -> Score:
     scored = not isinstance(value, str)
     status: Any = "scored" if scored else value
     given = value if scored else None
-    return gc.Score(
+    return Score(
         metric.id, "p-0", status, given, metric.unit, metric.higher_is_better, metric.optimum, **more
     )
 
 
-def make_result(method: str, scene: str, *scores: gc.Score, seed: int = 0, failed: str = "") -> gc.JobResult:
-    job = gc.Job("dark", scene, method, seed, {})
+def make_result(method: str, scene: str, *scores: Score, seed: int = 0, failed: str = "") -> JobResult:
+    job = Job("dark", scene, method, seed, {})
     if failed:
-        return gc.JobResult(job, "h", "f", "failed", failed)
-    return gc.JobResult(job, "h", "f", "done", sheet=gc.ScoreSheet("dark", scene, method, "", "", scores))
+        return JobResult(job, "h", "f", "failed", failed)
+    return JobResult(job, "h", "f", "done", sheet=ScoreSheet("dark", scene, method, "", "", scores))
 
 
-def make_board(results: list[gc.JobResult], sees: dict[str, tuple[str, ...]] | None = None) -> Leaderboard:
+def make_board(results: list[JobResult], sees: dict[str, tuple[str, ...]] | None = None) -> Leaderboard:
     names = dict.fromkeys(r.job.method for r in results)
-    methods = tuple(gc.MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
-    record = gc.RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
+    methods = tuple(MethodRecord(n, "", (sees or {}).get(n, ())) for n in names)
+    record = RunRecord("s", 1, (), methods, (UP, DOWN, SIDE), tuple(results), {}, "", 0)
     metrics = metrics_of(record, results)
     compared = compare_track(None, record, "dark", metrics)
     return leaderboard(record, results, headline_of("dark", metrics), compared)
@@ -179,8 +180,8 @@ def test_tabletop_is_asked_whether_reflection_and_shadow_are_gone() -> None:
     metrics = [UP, SIDE, *(replace(SIDE, id=i) for i in ids)]
     assert [m.id for m in headline_of("tabletop", metrics)] == ["a.up", *ids]
     assert [m.id for m in headline_of("dark", metrics)] == ["a.up"]
-    table = {m.id for m in ge.metrics()}
-    assert {i for track in gc.TRACKS for i in words_of(track).headline} <= table
+    table = {m.id for m in ge.all_metrics()}
+    assert {i for track in TRACKS for i in words_of(track).headline} <= table
 
 
 def test_best_needs_a_value() -> None:
@@ -278,7 +279,7 @@ def test_scene_without_the_metric_does_not_count() -> None:
 def test_metrics_of_one_group_stand_together() -> None:
     late = replace(UP, id="a.late")
     result = make_result("x", "a", *(make_score(m, 1.0) for m in (UP, DOWN, late)))
-    record = gc.RunRecord("s", 1, (), (), (UP, DOWN, late), (result,), {}, "", 0)
+    record = RunRecord("s", 1, (), (), (UP, DOWN, late), (result,), {}, "", 0)
     assert [m.id for m in metrics_of(record, [result])] == ["a.up", "a.late", "b.down"]
 
 

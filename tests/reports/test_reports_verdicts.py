@@ -9,38 +9,48 @@ from typing import Any
 
 import pytest
 
-import graycard as gc
+from graycard.io import write_json
+from graycard.records import (
+    COMPARISON,
+    AboveCeiling,
+    Comparison,
+    MethodStanding,
+    MetricComparison,
+    MetricRecord,
+    PairDifference,
+    RunRecord,
+)
 from graycard.reports import write_report
-from graycard.reports._cells import Cell
-from graycard.reports._compared import compare_track
 from graycard.reports._format import format_p
-from graycard.reports._help import explain_rules, metric_head
-from graycard.reports._intervals import PAD, axis_of, axis_of_standings, interval_plot
-from graycard.reports._summary import part_of, summary_rows
-from graycard.reports._verdicts import Verdict, judge, judge_without_intervals
+from graycard.reports.tables._cells import Cell
+from graycard.reports.tables._compared import compare_track
+from graycard.reports.tables._help import explain_rules, metric_head
+from graycard.reports.tables._intervals import PAD, axis_of, axis_of_standings, interval_plot
+from graycard.reports.tables._summary import part_of, summary_rows
+from graycard.reports.tables._verdicts import Verdict, judge, judge_without_intervals
 
-UP = gc.MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
-DOWN = gc.MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
+UP = MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
+DOWN = MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
 EVIDENCE = "p = 0.030 after Holm's correction, 0.010 for this pair alone, n = 8"
-SIDE = gc.MetricRecord("a.side", "Side", "albedo", "1", False, 0.0, "h", False, 0.1)
+SIDE = MetricRecord("a.side", "Side", "albedo", "1", False, 0.0, "h", False, 0.1)
 
 
-def stands(method: str, mean: float | None, rank: int | None = 1, **more: Any) -> gc.MethodStanding:
+def stands(method: str, mean: float | None, rank: int | None = 1, **more: Any) -> MethodStanding:
     given: dict[str, Any] = {"competes": True, "scenes": 8, "expected": 8, "seeds": 1, **more}
-    return gc.MethodStanding(method, mean=mean, rank=rank, **given)
+    return MethodStanding(method, mean=mean, rank=rank, **given)
 
 
-def pair(first: str, second: str, verdict: Any, **more: Any) -> gc.PairDifference:
+def pair(first: str, second: str, verdict: Any, **more: Any) -> PairDifference:
     given: dict[str, Any] = {
         "scenes": 8, "difference": 1.0, "interval": (0.5, 2.0), "p_rank": 0.008, "p_rank_holm": 0.1,
         "p_mean": 0.01, "p_mean_holm": 0.03, **more,
     }  # fmt: skip
-    return gc.PairDifference(first, second, verdict=verdict, **given)
+    return PairDifference(first, second, verdict=verdict, **given)
 
 
-def compared(metric: gc.MetricRecord, methods: list[gc.MethodStanding], *pairs: gc.PairDifference) -> Verdict:
-    found = gc.MetricComparison("dark", metric.id, tuple(methods), pairs)
-    return judge(metric, found, gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,)))
+def compared(metric: MetricRecord, methods: list[MethodStanding], *pairs: PairDifference) -> Verdict:
+    found = MetricComparison("dark", metric.id, tuple(methods), pairs)
+    return judge(metric, found, Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,)))
 
 
 def test_clear_lead_names_the_larger_of_both_p_values() -> None:
@@ -94,16 +104,16 @@ def test_ties_are_all_of_the_leaders_group() -> None:
 def test_variants_of_a_method_neither_lead_nor_are_rivals() -> None:
     """They stand in the tables: who is best is asked of methods."""
     methods = [stands("a-x", 10.0), stands("a", 9.0), stands("a-y", 8.5), stands("b", 8.0, 2)]
-    found = gc.MetricComparison("dark", UP.id, tuple(methods), (pair("a", "b", "better"),))
-    comparison = gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
+    found = MetricComparison("dark", UP.id, tuple(methods), (pair("a", "b", "better"),))
+    comparison = Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
     verdict = judge(UP, found, comparison, ("a-x", "a-y"))
     assert (verdict.kind, verdict.leader, verdict.value) == ("clear", "a", "9.00")
     assert verdict.lead == "1.00 dB (0.50 to 2.00) ahead of b"
-    level = gc.MetricComparison(  # a variant that is level with both gives both one rank
+    level = MetricComparison(  # a variant that is level with both gives both one rank
         "dark", UP.id, (methods[0], methods[1], stands("b", 8.0)), (pair("a", "b", "better"),)
     )
     assert judge(UP, level, comparison, ("a-x",)).kind == "clear"
-    part = gc.MetricComparison("dark", UP.id, (stands("a", 9.0), stands("a-x", 9.0, None, scenes=7)), ())
+    part = MetricComparison("dark", UP.id, (stands("a", 9.0), stands("a-x", 9.0, None, scenes=7)), ())
     assert judge(UP, part, comparison, ("a-x",)).words == "no rival"
     assert judge_without_intervals(UP, methods, ("a-x", "a-y")).leader == "a"
     assert judge_without_intervals(UP, methods).leader == "a-x"
@@ -173,9 +183,9 @@ def test_axis_holds_means_intervals_and_ceilings_but_nothing_infinite() -> None:
 
 def test_cells_say_who_is_tied_with_whom() -> None:
     methods = (stands("a", 9.0), stands("b", 8.0), stands("c", 1.0, 2))
-    found = gc.MetricComparison("dark", UP.id, methods, (pair("a", "b", "tie"),))
-    comparison = gc.Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
-    record = gc.RunRecord("s", 1, (), (), (UP,), (), {}, "", 0)
+    found = MetricComparison("dark", UP.id, methods, (pair("a", "b", "tie"),))
+    comparison = Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,))
+    record = RunRecord("s", 1, (), (), (UP,), (), {}, "", 0)
     track = compare_track(comparison, record, "dark", [UP])
     cells = [track.dress(Cell("scored", "x", 1.0, ("below",)), UP.id, m.method) for m in methods]
     assert [c.notes for c in cells] == [
@@ -224,28 +234,28 @@ def test_help_says_what_is_ignored_and_what_counts_as_no_change() -> None:
     )
 
 
-def comparison_of(record: gc.RunRecord) -> gc.Comparison:
+def comparison_of(record: RunRecord) -> Comparison:
     """Retinex is best on the dark track, the others' lights are all alike."""
     methods = (
         stands("retinex", 26.0, interval=(25.0, 27.0), ceiling=48.5), stands("gray", 18.4, 2),
         stands("truth", math.inf, None, competes=False),
     )  # fmt: skip
-    albedo = gc.MetricComparison("dark", "albedo.psnr.channel", methods, (pair("retinex", "gray", "better"),))
+    albedo = MetricComparison("dark", "albedo.psnr.channel", methods, (pair("retinex", "gray", "better"),))
     few = pair("retinex", "gray", "too few scenes")
-    light = gc.MetricComparison("dark", "light.position", methods[:2], (few,))
-    leak = gc.AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, "dB", ())
+    light = MetricComparison("dark", "light.position", methods[:2], (few,))
+    leak = AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, "dB", ())
     handed = replace(leak, method="truth", handed=("radiance",))
-    return gc.Comparison(
+    return Comparison(
         record.suite, 3, 0.95, 6, {"dB": 1.0}, "A rule <in words>.", (albedo, light), (leak, handed)
     )
 
 
-def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, gc.RunRecord]]) -> None:
+def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, RunRecord]]) -> None:
     run, record = make_run()
     before = write_report(run).read_text(encoding="utf-8")
     assert "significance not computed" in before
     assert "the run has no comparison.json" in before
-    gc.write_json(run / gc.COMPARISON, comparison_of(record))
+    write_json(run / COMPARISON, comparison_of(record))
     html = write_report(run).read_text(encoding="utf-8")
     first = html[html.index('<section class="summary"') : html.index('<section class="track"')]
     for part in (
@@ -256,7 +266,7 @@ def test_first_screen_of_a_report(make_run: Callable[..., tuple[Path, gc.RunReco
     ):  # fmt: skip
         assert part in first, part
     assert 'aria-label="mean 26.00, 95 % interval 25.00 to 27.00, ceiling 48.50"' in html
-    (run / gc.COMPARISON).write_text("{")
+    (run / COMPARISON).write_text("{")
     assert "No intervals and no tests of significance: expected" in write_report(run).read_text(
         encoding="utf-8"
     )

@@ -8,10 +8,10 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.stats import spearmanr
 
-import graycard as gc
+from graycard import luminance
 from graycard.reports._evidence import MethodEvidence, SceneEvidence, open_scene
 from graycard.reports._explanations import EXPLAINS, explain, rank_correlation, scene_properties, steps
-from graycard.reports._worst_tile import Tile, find_worst_tiles, worst_tile
+from graycard.reports.pictures._worst_tile import Tile, find_worst_tiles, worst_tile
 
 RNG = np.random.default_rng(1003)
 
@@ -122,8 +122,8 @@ def test_properties_are_those_that_the_truth_has(scene: SceneEvidence) -> None:
         "visibility.lamp": RNG.random((height, width)),
     }
     found = scene_properties(layers, view)
-    np.testing.assert_allclose(found["specular light"], gc.luminance(light[0]) + gc.luminance(light[1]))
-    np.testing.assert_allclose(found["indirect light"], gc.luminance(light[2]))
+    np.testing.assert_allclose(found["specular light"], luminance(light[0]) + luminance(light[1]))
+    np.testing.assert_allclose(found["indirect light"], luminance(light[2]))
     np.testing.assert_allclose(found["shadow of lamp"], 1 - layers["visibility.lamp"])
     assert "roughness" not in found
     assert all(values.shape == (height, width) for values in found.values())

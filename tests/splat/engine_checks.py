@@ -11,14 +11,14 @@ from dataclasses import fields
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 
 FLIPS = 1
 """Pixels that rounding may decide otherwise, of the whole image."""
 
 
-def scene() -> tuple[splat.Surfels, gc.Camera]:
+def scene() -> tuple[splat.Surfels, Camera]:
     """Discs of all sizes, some around the camera; more than one tile, no whole number of them."""
     r = np.random.default_rng(1000)
     turn = r.normal(size=(300, 4))
@@ -30,7 +30,7 @@ def scene() -> tuple[splat.Surfels, gc.Camera]:
         r.uniform(-1, 1, (300, 3)),
     ]
     K = np.array([[40, 0.3, 26.3], [0, 44, 20.8], [0, 0, 1]])
-    camera = gc.Camera(53, 41, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    camera = Camera(53, 41, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
     return splat.Surfels(*(torch.from_numpy(v) for v in values)), camera
 
 

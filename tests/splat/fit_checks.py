@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 
 STEPS, EVERY = 40, 8
@@ -51,7 +51,7 @@ def objective(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
     """Far from a chessboard, from one of three sides."""
     turn = 0.7 * (step % 3)
     eye = 3 * np.array([np.sin(turn), -np.cos(turn), 0.3])
-    camera = gc.Camera.from_fov(24, 20, 40, gc.look_at(eye, np.zeros(3)))
+    camera = Camera.from_fov(24, 20, 40, look_at(eye, np.zeros(3)))
     y, x = torch.meshgrid(torch.arange(20), torch.arange(24), indexing="ij")
     target = ((x // 6 + y // 5) % 2).float()[..., None].expand(20, 24, 3)
     offsets = torch.zeros(len(values[splat.CENTRES]), 2, requires_grad=True)

@@ -8,9 +8,9 @@ from typing import Any, cast
 import numba
 import numpy as np
 
-from graycard.methods.splat import _simd as simd
-from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat import _simd_pixels as pixels
+from graycard.methods.splat.simd import _many as many
+from graycard.methods.splat.simd import _pixels as pixels
+from graycard.methods.splat.simd import _vector as simd
 
 FLOATS = np.finfo(np.float32)
 

@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, MethodError, UnknownNameError, look_at
 from graycard.methods import splat
-from graycard.methods.splat import _stages
+from graycard.methods.splat.raster import _stages
 from random_surfels import random_surfels
 
 FLIP = 4e-3
 """What a surfel whose alpha is 1/255 but for rounding may change in one pixel."""
 
 
-def camera_of(width: int = 37, height: int = 29, focal: float = 30) -> gc.Camera:
+def camera_of(width: int = 37, height: int = 29, focal: float = 30) -> Camera:
     K = np.array([[focal, 0, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.2], [0, 0, 1]])
-    pose = gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3))
-    return gc.Camera(width, height, K, pose)
+    pose = look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3))
+    return Camera(width, height, K, pose)
 
 
 def moved(surfels: splat.Surfels, direction: tuple[float, float, float]) -> splat.Surfels:
@@ -102,7 +102,7 @@ def test_a_plane_is_not_met_in_front_of_the_near_plane():
     """It passes 5 mm below the camera: the steeper half of the rays below the horizon meets it too early."""
     flat = [[0.0, 0.005, 1.0]], [[0.5**0.5, 0.5**0.5, 0, 0]], [[5.0, 5.0]], [1.0], [[1.0]]
     floor = splat.Surfels(*(torch.tensor(value, dtype=torch.float64) for value in flat))
-    camera = gc.Camera(20, 20, np.array([[10, 0, 10.0], [0, 10, 10], [0, 0, 1]]), np.eye(4))
+    camera = Camera(20, 20, np.array([[10, 0, 10.0], [0, 10, 10], [0, 0, 1]]), np.eye(4))
     maps = splat.rasterize_features(floor, camera)
     assert (maps.alpha[10:15] > 0.9).all()  # down by up to 1 in 2: at 0.005 / 0.5 m or farther
     assert (maps.alpha[15:] == 0).all()
@@ -115,7 +115,7 @@ def test_equal_depths_are_drawn_as_they_come():
     depths = torch.tensor([3.0, 2.0, 4.0], dtype=torch.float64)[torch.arange(210) // 30 % 3]
     centres = torch.cat([surfels.centres[:, :2], depths[:, None]], dim=1)
     surfels = with_opacity(replace(surfels, centres=centres), 0.03, 0.06)
-    camera = gc.Camera(20, 18, np.array([[20, 0, 10.0], [0, 20, 9], [0, 0, 1]]), np.eye(4))
+    camera = Camera(20, 18, np.array([[20, 0, 10.0], [0, 20, 9], [0, 0, 1]]), np.eye(4))
     assert_same(splat.rasterize(surfels, camera), splat.rasterize(surfels, camera, backend="reference"))
 
 
@@ -138,7 +138,7 @@ def test_far_from_the_corner_no_digits_are_lost():
     surfels = replace(random_surfels(60, 3, scale=0.003), centres=torch.from_numpy(
         np.random.default_rng(0).uniform(-1, 1, (60, 3)) * [1, 0.5, 0.001]))  # fmt: skip
     K = np.array([[2000, 0, 1000.0], [0, 2000, 2], [0, 0, 1]])
-    camera = gc.Camera(2000, 4, K, gc.look_at(np.array([0, -2.5, 0.0]), np.zeros(3)))
+    camera = Camera(2000, 4, K, look_at(np.array([0, -2.5, 0.0]), np.zeros(3)))
     truth = splat.rasterize(surfels, camera, backend="reference")
     assert (truth.alpha[:, 1000:] > 0.1).sum() > 20
     assert_same(splat.rasterize(surfels, camera), truth)
@@ -169,7 +169,7 @@ def test_one_thread_and_two_draw_the_same_bits():
 
 def gradients(
     surfels: splat.Surfels,
-    camera: gc.Camera,
+    camera: Camera,
     backend: splat.Backend,
     draw: Callable[..., splat.FeatureMaps] = splat.rasterize,
 ) -> dict[str, torch.Tensor]:
@@ -189,7 +189,7 @@ def gradients(
 
 
 def assert_same_gradients(
-    surfels: splat.Surfels, camera: gc.Camera, draw: Callable[..., splat.FeatureMaps] = splat.rasterize
+    surfels: splat.Surfels, camera: Camera, draw: Callable[..., splat.FeatureMaps] = splat.rasterize
 ) -> None:
     """Within 1e-4 of the length of the gradient as a whole, and of its largest number one by one."""
     truth = gradients(surfels, camera, "reference", draw)
@@ -237,7 +237,7 @@ def test_one_thread_and_two_give_the_same_gradients():
 
 
 def test_an_unknown_back_end_is_named():
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'reference'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'reference'"):
         splat.rasterize(random_surfels(1), camera_of(), backend="referense")  # type: ignore[arg-type]  # on purpose
 
 
@@ -254,7 +254,7 @@ def test_surfels_elsewhere_are_refused():
 def test_more_than_the_memory_is_refused_before_it_is_taken(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_stages, "UNCHECKED", 0)
     monkeypatch.setattr(_stages.psutil, "virtual_memory", lambda: SimpleNamespace(available=1000))
-    with pytest.raises(gc.MethodError, match=r"GiB of memory to draw 20 surfels, got .*: draw fewer"):
+    with pytest.raises(MethodError, match=r"GiB of memory to draw 20 surfels, got .*: draw fewer"):
         splat.rasterize_features(random_surfels(20), camera_of())
 
 

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, MethodError, look_at
 from graycard.benchmarks.speed import _gsplat as peer
 from graycard.methods import splat
-from graycard.methods.splat import _cuda
-from graycard.methods.splat._cuda_footprints import Kernels
+from graycard.methods.splat.cuda import _rasterize as _cuda
+from graycard.methods.splat.cuda._footprints import Kernels
 from random_surfels import random_surfels as any_surfels
 
 needs_gsplat = pytest.mark.skipif(find_spec("gsplat") is None, reason="gsplat comes with the extra 'cuda'")
@@ -106,9 +106,9 @@ def stand_ins() -> Kernels:
     return Kernels(_torch_impl._isect_tiles, _torch_impl._isect_offset_encode, pixels_2dgs, indices_in_range)
 
 
-def camera_of(width: int = 21, height: int = 18, focal: float = 20) -> gc.Camera:
+def camera_of(width: int = 21, height: int = 18, focal: float = 20) -> Camera:
     K = np.array([[focal, 0.4, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.2], [0, 0, 1]])
-    return gc.Camera(width, height, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    return Camera(width, height, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
 
 
 random_surfels = partial(any_surfels, seed=1000, scale=0.2, opacities=(0.02, 0.97))
@@ -160,10 +160,10 @@ def surfels_from(leaves: dict[str, torch.Tensor]) -> splat.Surfels:
     return splat.Surfels(**{name: leaf for name, leaf in leaves.items() if name != "offsets"})
 
 
-Draw = Callable[[splat.Surfels, gc.Camera, torch.Tensor], splat.FeatureMaps]
+Draw = Callable[[splat.Surfels, Camera, torch.Tensor], splat.FeatureMaps]
 
 
-def of_the_contract(surfels: splat.Surfels, camera: gc.Camera, offsets: torch.Tensor) -> splat.Maps:
+def of_the_contract(surfels: splat.Surfels, camera: Camera, offsets: torch.Tensor) -> splat.Maps:
     return splat.rasterize(surfels, camera, backend="reference", offsets=offsets)
 
 
@@ -194,11 +194,11 @@ def assert_same(surfels: splat.Surfels, draw: Draw, atol: float = 1e-5, device: 
         assert error <= 1e-4 * length, f"{name}: error {error:.3g}, gradient {length:.3g}"
 
 
-def maps_here(surfels: splat.Surfels, camera: gc.Camera, offsets: torch.Tensor) -> splat.Maps:
+def maps_here(surfels: splat.Surfels, camera: Camera, offsets: torch.Tensor) -> splat.Maps:
     return _cuda.draw_maps(stand_ins(), surfels, camera, offsets=offsets)
 
 
-def features_here(surfels: splat.Surfels, camera: gc.Camera, offsets: torch.Tensor) -> splat.FeatureMaps:
+def features_here(surfels: splat.Surfels, camera: Camera, offsets: torch.Tensor) -> splat.FeatureMaps:
     return _cuda.draw_features(stand_ins(), surfels, camera, offsets=offsets)
 
 
@@ -276,14 +276,14 @@ def test_what_does_not_fit_is_refused(draw: Any):
 @pytest.mark.parametrize("draw", [_cuda.rasterize_cuda, _cuda.rasterize_features_cuda])
 def test_without_gsplat_it_says_what_to_install(draw: Any, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_cuda, "find_spec", lambda name: None)
-    with pytest.raises(gc.MethodError, match=r"pip install 'graycard\[cuda\]'"):
+    with pytest.raises(MethodError, match=r"pip install 'graycard\[cuda\]'"):
         draw(random_surfels(1), camera_of())
 
 
 @needs_gsplat
 def test_without_a_gpu_it_says_so(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(gc.MethodError, match="expected a CUDA device"):
+    with pytest.raises(MethodError, match="expected a CUDA device"):
         _cuda.rasterize_cuda(random_surfels(1), camera_of())
 
 
@@ -298,7 +298,7 @@ def test_gsplat_needs_its_kernels(compiled: bool, monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "gsplat.cuda._backend", backend)
     monkeypatch.setattr(gsplat.cuda, "_backend", backend, raising=False)
     monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
-    error, match = (ValueError, "on a CUDA device, got them on cpu") if compiled else (gc.MethodError, "nvcc")
+    error, match = (ValueError, "on a CUDA device, got them on cpu") if compiled else (MethodError, "nvcc")
     with pytest.raises(error, match=match):
         _cuda.rasterize_cuda(random_surfels(1), camera_of())
 
@@ -306,7 +306,7 @@ def test_gsplat_needs_its_kernels(compiled: bool, monkeypatch: pytest.MonkeyPatc
 @needs_gpu
 @pytest.mark.parametrize("name", SCENES | HARD)
 def test_all_maps_on_a_gpu(name: str):
-    def draw(surfels: splat.Surfels, camera: gc.Camera, offsets: torch.Tensor) -> splat.Maps:
+    def draw(surfels: splat.Surfels, camera: Camera, offsets: torch.Tensor) -> splat.Maps:
         return _cuda.rasterize_cuda(surfels, camera, offsets=offsets)
 
     assert_same((SCENES | HARD)[name](), draw, device="cuda")
@@ -315,7 +315,7 @@ def test_all_maps_on_a_gpu(name: str):
 @needs_gpu
 @pytest.mark.parametrize("name", SCENES)
 def test_features_on_a_gpu(name: str):
-    def draw(surfels: splat.Surfels, camera: gc.Camera, offsets: torch.Tensor) -> splat.FeatureMaps:
+    def draw(surfels: splat.Surfels, camera: Camera, offsets: torch.Tensor) -> splat.FeatureMaps:
         return _cuda.rasterize_features_cuda(surfels, camera, offsets=offsets)
 
     assert_same(SCENES[name](), draw, atol=1e-4, device="cuda")  # gsplat's are fast-math kernels

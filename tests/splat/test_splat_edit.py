@@ -8,12 +8,12 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 from random_surfels import random_surfels
 
 CAMERAS = [
-    gc.Camera.from_fov(31, 26, 60, gc.look_at(np.array(eye), np.zeros(3)))
+    Camera.from_fov(31, 26, 60, look_at(np.array(eye), np.zeros(3)))
     for eye in ((0.0, -3.0, 1.0), (2.5, 1.0, 1.5))
 ]
 
@@ -47,7 +47,7 @@ def discs(*places: tuple[float, float, float]) -> splat.Surfels:
 def test_a_surfel_is_inside_where_masks_see_it():
     """Of three discs one lies in the mask, one beside it, and one below the first, hidden from above."""
     surfels = discs((0.5, 0, 0.5), (-0.5, 0, 0.5), (0.5, 0.0, 0.3))
-    above = gc.Camera.from_fov(32, 32, 60, gc.look_at(np.array([0.0, 1e-3, 3.0]), np.array([0.0, 0, 0.0])))
+    above = Camera.from_fov(32, 32, 60, look_at(np.array([0.0, 1e-3, 3.0]), np.array([0.0, 0, 0.0])))
     seen = above.project(surfels.centres[0].numpy())[0][0] > 16
     mask = np.zeros((32, 32), bool)
     mask[:, 16:] = seen
@@ -56,7 +56,7 @@ def test_a_surfel_is_inside_where_masks_see_it():
     assert inside[0] > 0.95
     assert inside[1] < 0.05
     assert splat.share_inside(surfels, [above], [~mask])[0] < 0.05
-    away = gc.Camera.from_fov(32, 32, 60, gc.look_at(np.array([0.0, 1e-3, 3.0]), np.array([0.0, 0, 6.0])))
+    away = Camera.from_fov(32, 32, 60, look_at(np.array([0.0, 1e-3, 3.0]), np.array([0.0, 0, 6.0])))
     assert not splat.share_inside(surfels, [away], [np.ones((32, 32), bool)]).any(), "no view sees any"
 
 

@@ -13,7 +13,7 @@ import psutil
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, MethodError, UnknownNameError
 from graycard.methods import splat
 
 BACKENDS: list[splat.Backend] = ["cpu", "reference"]
@@ -21,8 +21,8 @@ HOW: list[Callable[..., splat.FeatureMaps]] = [splat.rasterize, splat.rasterize_
 TENSORS = ("centres", "rotations", "scales", "opacities", "features")
 
 
-def camera_of(width: int = 20, height: int = 17) -> gc.Camera:
-    return gc.Camera(width, height, np.array([[20, 0, 10.0], [0, 20, 8], [0, 0, 1]]), np.eye(4))
+def camera_of(width: int = 20, height: int = 17) -> Camera:
+    return Camera(width, height, np.array([[20, 0, 10.0], [0, 20, 8], [0, 0, 1]]), np.eye(4))
 
 
 def surfels_of(count: int = 3, dtype: torch.dtype = torch.float64) -> splat.Surfels:
@@ -109,7 +109,7 @@ def test_what_comes_beside_the_surfels_has_to_fit(name: str, how: Any, backend: 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("how", HOW)
 def test_an_unknown_back_end_is_named(how: Any, backend: splat.Backend):
-    with pytest.raises(gc.UnknownNameError, match=f"did you mean {backend!r}"):
+    with pytest.raises(UnknownNameError, match=f"did you mean {backend!r}"):
         how(surfels_of(), camera_of(), backend=backend + "s")
 
 
@@ -120,7 +120,7 @@ def test_too_little_memory_is_said_before_it_is_taken(how: Any, pixels: int, mon
     few = SimpleNamespace(available=2_000_000, total=4_000_000, percent=50.0)
     monkeypatch.setattr(psutil, "virtual_memory", lambda: few)
     surfels = surfels_of(700_000 if pixels == 8 else 3, torch.float32)
-    with pytest.raises(gc.MethodError, match=r"(?is)memory.*(fewer|smaller)"):
+    with pytest.raises(MethodError, match=r"(?is)memory.*(fewer|smaller)"):
         how(surfels, camera_of(pixels, pixels))
 
 
@@ -159,7 +159,7 @@ from dataclasses import fields
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera
 from graycard.methods import splat
 
 SIZE = torch.float64
@@ -167,7 +167,7 @@ names = ["centres", "rotations", "scales", "opacities", "features", "offsets"]
 bad = [float("nan"), float("inf"), -float("inf"), 1e30, -1e30, 1e300, 1e-300, 0.0, -1.0, 3e9, 1e18]
 refused = drawn = 0
 for K in (20.0, 1e-6, 1e12):
-    camera = gc.Camera(20, 17, np.array([[K, 0, 10.0], [0, K, 8], [0, 0, 1]]), np.eye(4))
+    camera = Camera(20, 17, np.array([[K, 0, 10.0], [0, K, 8], [0, 0, 1]]), np.eye(4))
     for name in names:
         for value in bad:
             for how in (splat.rasterize, splat.rasterize_features):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.benchmarks.speed import _gsplat as peer
 from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, disc_to_image, see
@@ -19,9 +19,9 @@ WIDER = 4
 """Times gsplat's boxes of 3.33 standard deviations, which cut off a part of discs that are near."""
 
 
-def camera_of(width: int = 40, height: int = 30) -> gc.Camera:
+def camera_of(width: int = 40, height: int = 30) -> Camera:
     K = np.array([[36, 0, width / 2 + 0.3], [0, 33, height / 2 - 0.2], [0, 0, 1]])
-    return gc.Camera(width, height, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    return Camera(width, height, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
 
 
 def random_surfels(count: int, seed: int, scale: float = 0.15, opacity: float = 0.6) -> splat.Surfels:
@@ -30,7 +30,7 @@ def random_surfels(count: int, seed: int, scale: float = 0.15, opacity: float = 
 
 
 def drawn_by_gsplat(
-    surfels: splat.Surfels, camera: gc.Camera, wider: int = WIDER
+    surfels: splat.Surfels, camera: Camera, wider: int = WIDER
 ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """Features, alpha and normals in the world."""
     projected = peer.project(surfels, camera)
@@ -98,7 +98,7 @@ def test_gsplats_boxes_cut_little():
 
 def test_what_is_opaque_ends_otherwise():
     """gsplat cuts alpha at 0.999, not 0.99, and leaves out the surfel that would bring 1e-4."""
-    camera = replace(camera_of(), camera_to_world=gc.look_at(np.array([0, -2.5, 0]), np.zeros(3)))
+    camera = replace(camera_of(), camera_to_world=look_at(np.array([0, -2.5, 0]), np.zeros(3)))
     wall = replace(
         random_surfels(2, 1000),
         centres=torch.zeros(2, 3, dtype=torch.float64),

@@ -9,8 +9,8 @@ import torch
 from scipy.spatial.transform import Rotation
 from scipy.special import factorial, lpmv
 
-import graycard as gc
 from graycard.methods import splat
+from graycard.points import read_points
 
 EYE = np.array([0.3, -2.0, 0.7])
 
@@ -159,7 +159,7 @@ def test_viewers_read_all_coefficients_channel_by_channel(tmp_path: Path, kept: 
 
 def test_a_point_cloud_of_harmonics_is_also_one_of_points(tmp_path: Path):
     splat.export_harmonics_ply(tmp_path / "s.ply", disc(3), torch.zeros(3, 4, 3), scale_axes=2)
-    np.testing.assert_allclose(gc.read_points(tmp_path / "s.ply").positions, np.eye(3))
+    np.testing.assert_allclose(read_points(tmp_path / "s.ply").positions, np.eye(3))
 
 
 @pytest.mark.parametrize(("kept", "axes"), [(2, 3), (16, 1)])

@@ -10,7 +10,7 @@ import pytest
 import torch
 from skimage.metrics import structural_similarity
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 
 SIZES = [(1, 1, 1), (3, 2, 1), (2, 60, 3), (60, 2, 3), (16, 16, 3), (33, 29, 2), (21, 40, 4), (40, 33, 3)]
@@ -258,19 +258,19 @@ def test_a_share_outside_zero_and_one_is_refused(share: float):
         splat.photometric_map(*pair((4, 4, 3)), share)
 
 
-def camera_of(width: int = 33, height: int = 27, focal: float = 31) -> gc.Camera:
+def camera_of(width: int = 33, height: int = 27, focal: float = 31) -> Camera:
     K = np.array([[focal, 0.7, width / 2 + 0.3], [0, 1.1 * focal, height / 2 - 0.2], [0, 0, 1]])
-    return gc.Camera(width, height, K, gc.look_at(np.array([0.4, -2.5, 0.9]), np.array([0.1, 0, 0.2])))
+    return Camera(width, height, K, look_at(np.array([0.4, -2.5, 0.9]), np.array([0.1, 0, 0.2])))
 
 
-def plane_depth(camera: gc.Camera, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
+def plane_depth(camera: Camera, normal: np.ndarray, point: np.ndarray) -> np.ndarray:
     """z-depth of a plane."""
     rays = camera.rays()
     distance = normal @ (point - camera.position) / (rays @ normal)
     return distance * (rays @ camera.forward)
 
 
-def sphere_depth(camera: gc.Camera, radius: float) -> tuple[np.ndarray, np.ndarray]:
+def sphere_depth(camera: Camera, radius: float) -> tuple[np.ndarray, np.ndarray]:
     """z-depth of a sphere in the world's origin, infinite beside it, and its normals."""
     rays, origin = camera.rays(), camera.position
     along = rays @ origin
@@ -280,7 +280,7 @@ def sphere_depth(camera: gc.Camera, radius: float) -> tuple[np.ndarray, np.ndarr
     return distance * (rays @ camera.forward), point / radius
 
 
-def normals_definition(depth: torch.Tensor, camera: gc.Camera) -> torch.Tensor:
+def normals_definition(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
     """By whole images, in float64; for depths that are positive everywhere."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(camera.K).T
@@ -353,7 +353,7 @@ def test_single_and_double_precision_agree_where_depth_ends(width: int):
     """Two kernels, of which the one for float32 takes sixteen pixels at a time."""
     random, size = np.random.default_rng(1000), (23, width)
     K = np.array([[40, 0.3, width / 2], [0, 44, 11], [0, 0, 1]])
-    camera = gc.Camera(width, 23, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    camera = Camera(width, 23, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
     depth = 2 + 0.3 * random.uniform(size=size)
     for nothing, share in ((0.0, 0.05), (-1.0, 0.02), (np.inf, 0.02), (np.nan, 0.01)):
         depth[random.uniform(size=size) < share] = nothing

@@ -7,7 +7,7 @@ import torch
 from scipy.spatial import ConvexHull, KDTree
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 
 
@@ -27,11 +27,11 @@ def sphere(count: int = 600) -> tuple[np.ndarray, np.ndarray]:
 PLANE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 
 
-def view(origin: tuple[float, float, float]) -> gc.Camera:
-    return gc.Camera.from_fov(64, 64, 45, gc.look_at(np.array(origin), np.zeros(3)))
+def view(origin: tuple[float, float, float]) -> Camera:
+    return Camera.from_fov(64, 64, 45, look_at(np.array(origin), np.zeros(3)))
 
 
-def silhouette(camera: gc.Camera, shape: str, shrunk: float) -> np.ndarray:
+def silhouette(camera: Camera, shape: str, shrunk: float) -> np.ndarray:
     """Pixels whose centre sees the unit sphere, or the plane's square, scaled by ``shrunk``."""
     rays, origin = camera.rays(), camera.position
     if shape == "sphere":
@@ -87,8 +87,8 @@ def test_both_sides_of_a_sheet_are_covered():
     red_or_blue = np.repeat([[1.0, 0, 0], [0, 0, 1]], 4, axis=0)
     surfels = splat.surfels_from_mesh(vertices, faces, red_or_blue, 800, seed=0)
     for height, channel in ((3.0, 0), (-3.0, 2)):  # straight on: else order by centres mixes the sides
-        pose = gc.look_at(np.array([0, 0, height]), np.zeros(3), up=(0, 1, 0))
-        camera = gc.Camera.from_fov(64, 64, 45, pose)
+        pose = look_at(np.array([0, 0, height]), np.zeros(3), up=(0, 1, 0))
+        camera = Camera.from_fov(64, 64, 45, pose)
         seen = splat.rasterize(surfels, camera).features.numpy()[silhouette(camera, "plane", 0.9)]
         assert seen[:, channel].min() > 0.98
         assert seen[:, 2 - channel].max() < 0.02

@@ -21,7 +21,7 @@ import torch
 
 from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, see
-from graycard.methods.splat._simd import EXP2_ERROR
+from graycard.methods.splat.simd._vector import EXP2_ERROR
 from splat_recipes import Recipe, Scene, nudged, on_recipes, scene_of
 
 VALUE, GRADIENT, FLIP = 1e-5, 1e-4, 4e-3

@@ -9,18 +9,16 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 from graycard.methods.splat._geometry import box_centres, see
-from graycard.methods.splat._reference import rasterize_reference
+from graycard.methods.splat.reference._rasterize import rasterize_reference
 from random_surfels import random_surfels as any_surfels
 
 
-def camera_of(
-    width: int = 9, height: int = 7, focal: float = 8.0, pose: np.ndarray | None = None
-) -> gc.Camera:
+def camera_of(width: int = 9, height: int = 7, focal: float = 8.0, pose: np.ndarray | None = None) -> Camera:
     K = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]])
-    return gc.Camera(width, height, K, np.eye(4) if pose is None else pose)
+    return Camera(width, height, K, np.eye(4) if pose is None else pose)
 
 
 def surfels_of(
@@ -126,7 +124,7 @@ def test_edge_on_is_a_speck_with_the_depth_of_its_centre():
     assert bool(torch.isfinite(surfels.rotations.grad).all())
 
 
-def paper_alpha(surfels: splat.Surfels, camera: gc.Camera) -> np.ndarray:
+def paper_alpha(surfels: splat.Surfels, camera: Camera) -> np.ndarray:
     """Equations 8 to 10 of Huang et al. 2024, by homogeneous planes, for one surfel; no low-pass."""
     w, x, y, z = surfels.rotations[0].numpy()
     turn = Rotation.from_quat([x, y, z, w]).as_matrix()
@@ -141,7 +139,7 @@ def paper_alpha(surfels: splat.Surfels, camera: gc.Camera) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_papers_equations_say_the_same(seed: int):
-    pose = gc.look_at(np.array([0.3, -3.0, 1.0]), np.array([0.0, 0, 2]))
+    pose = look_at(np.array([0.3, -3.0, 1.0]), np.array([0.0, 0, 2]))
     camera = camera_of(24, 18, 30.0, pose)
     surfels = replace(random_surfels(1, seed, scale=0.5), centres=torch.tensor([[0.1, 0.2, 1.9]]).double())
     ours, paper = rasterize_reference(surfels, camera).alpha.numpy(), paper_alpha(surfels, camera)
@@ -172,7 +170,7 @@ def test_a_disc_through_the_cameras_plane_stays_finite():
 
 
 def test_turning_the_world_turns_only_the_normals():
-    surfels, pose = random_surfels(12, 1), gc.look_at(np.array([1.0, -2, 3]), np.array([0.0, 0, 0]))
+    surfels, pose = random_surfels(12, 1), look_at(np.array([1.0, -2, 3]), np.array([0.0, 0, 0]))
     turn = torch.from_numpy(pose[:3, :3].copy())
     turned = Rotation.from_matrix(turn.numpy()) * Rotation.from_quat(surfels.rotations, scalar_first=True)
     moved = replace(

@@ -13,8 +13,8 @@ import numba
 import pytest
 from llvmlite import binding
 
-from graycard.methods.splat import _simd as simd
-from graycard.methods.splat import _simd_many as many
+from graycard.methods.splat.simd import _many as many
+from graycard.methods.splat.simd import _vector as simd
 
 SCRIPT = Path(__file__).with_name("simd_checks.py")
 

@@ -7,10 +7,10 @@ import numba
 import numpy as np
 import pytest
 
-from graycard.methods.splat import _simd as simd
-from graycard.methods.splat import _simd_many as many
-from graycard.methods.splat import _simd_pixels as pixels
-from graycard.methods.splat import _simd_words as words
+from graycard.methods.splat.simd import _many as many
+from graycard.methods.splat.simd import _pixels as pixels
+from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd import _words as words
 
 LANES = simd.LANES
 SIZES = [1, 3, 7, 16]

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import MethodError
 from graycard.methods import splat
 
 
@@ -62,11 +62,11 @@ def test_saved_and_loaded_bit_by_bit(tmp_path: Path, count: int):
 
 def test_a_damaged_file_is_named(tmp_path: Path):
     path = tmp_path / "s.safetensors"
-    with pytest.raises(gc.MethodError, match="s.safetensors"):
+    with pytest.raises(MethodError, match="s.safetensors"):
         splat.load_surfels(path)
     splat.save_surfels(path, some_surfels())
     path.write_bytes(path.read_bytes()[:-8])
-    with pytest.raises(gc.MethodError, match="expected surfels that graycard saved"):
+    with pytest.raises(MethodError, match="expected surfels that graycard saved"):
         splat.load_surfels(path)
 
 
@@ -74,7 +74,7 @@ def test_other_tensors_are_no_surfels(tmp_path: Path):
     from safetensors.torch import save_file
 
     save_file({"centres": torch.zeros(2, 3)}, tmp_path / "other.safetensors")
-    with pytest.raises(gc.MethodError, match="metadata {}"):
+    with pytest.raises(MethodError, match="metadata {}"):
         splat.load_surfels(tmp_path / "other.safetensors")
 
 

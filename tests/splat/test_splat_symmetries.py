@@ -11,7 +11,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 from random_surfels import random_surfels as any_surfels
 
@@ -20,9 +20,9 @@ PLAIN = ("features", "alpha", "depth", "median_depth", "distortion")
 """Maps in which the orientation of the world does not appear."""
 
 
-def camera_of(width: int = 35, height: int = 26, pose: np.ndarray | None = None) -> gc.Camera:
+def camera_of(width: int = 35, height: int = 26, pose: np.ndarray | None = None) -> Camera:
     K = np.array([[30, 0, width / 2 + 0.3], [0, 33, height / 2 - 0.2], [0, 0, 1]])
-    return gc.Camera(width, height, K, np.eye(4) if pose is None else pose)
+    return Camera(width, height, K, np.eye(4) if pose is None else pose)
 
 
 IN_FRONT = ((-1.0, -1.0, 1.5), (1.0, 1.0, 3.5))
@@ -33,7 +33,7 @@ def random_surfels(count: int = 40, seed: int = 1000, channels: int = 3) -> spla
     return any_surfels(count, seed, channels, box=IN_FRONT, opacities=(0.02, 0.97), features=(-1.0, 1.0))
 
 
-def draw(surfels: splat.Surfels, camera: gc.Camera, backend: splat.Backend) -> splat.Maps:
+def draw(surfels: splat.Surfels, camera: Camera, backend: splat.Backend) -> splat.Maps:
     return splat.rasterize(surfels, camera, backend=backend)
 
 
@@ -46,7 +46,7 @@ def assert_close(got: torch.Tensor, want: torch.Tensor, backend: splat.Backend, 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_moving_the_world_and_the_camera_together(backend: splat.Backend):
-    surfels, pose = random_surfels(), gc.look_at(np.array([3.0, -2, 7]), np.array([1.0, 4, 0]))
+    surfels, pose = random_surfels(), look_at(np.array([3.0, -2, 7]), np.array([1.0, 4, 0]))
     turn, shift = torch.from_numpy(pose[:3, :3].copy()), torch.from_numpy(pose[:3, 3].copy())
     turned = Rotation.from_matrix(turn.numpy()) * Rotation.from_quat(surfels.rotations, scalar_first=True)
     moved = replace(
@@ -184,7 +184,7 @@ def test_finite_differences_confirm_the_specification(name: str):
     """Every map, by every tensor and by the offsets."""
     surfels = smooth_scene(name)
     K = np.array([[4, 0, 2.03], [0, 4.4, 1.46], [0, 0, 1]])
-    camera = gc.Camera(4, 3, K, np.eye(4))
+    camera = Camera(4, 3, K, np.eye(4))
     inputs = [getattr(surfels, f.name).requires_grad_() for f in fields(surfels)]
     offsets = torch.tensor([[0.11, -0.07]] * len(surfels), dtype=torch.float64, requires_grad=True)
 

@@ -8,7 +8,7 @@ import psutil
 import pytest
 import torch
 
-import graycard as gc
+from graycard import MethodError, UnknownNameError
 from graycard.methods import splat
 from random_surfels import random_surfels
 from traced_scenes import all_ways, facing
@@ -41,13 +41,13 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(
         ValueError, match="rays in torch.float64 on cpu, as the surfels are, got torch.float32"
     ):
-        splat.trace(surfels, splat.Rays(rays.origins.float(), rays.directions.float()))
+        splat.trace_rays(surfels, splat.Rays(rays.origins.float(), rays.directions.float()))
     with pytest.raises(ValueError, match=r"features of shape \(5, C\)"):
-        splat.trace(surfels, rays, torch.zeros(4, 3).double())
+        splat.trace_rays(surfels, rays, torch.zeros(4, 3).double())
     with pytest.raises(ValueError, match="near distance of zero metres or more, got -1"):
-        splat.trace(surfels, rays, near=-1)
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'reference'"):
-        splat.trace(surfels, rays, backend="referense")  # type: ignore[arg-type]  # on purpose
+        splat.trace_rays(surfels, rays, near=-1)
+    with pytest.raises(UnknownNameError, match="did you mean 'reference'"):
+        splat.trace_rays(surfels, rays, backend="referense")  # type: ignore[arg-type]  # on purpose
 
 
 @pytest.mark.parametrize(("surfels", "rays"), [(3, 2_000_000), (1_000_000, 3)])
@@ -63,8 +63,8 @@ def test_too_little_memory_is_said_before_it_is_taken(
     many = splat.Surfels(
         *(getattr(one, f.name).float().expand(surfels, *getattr(one, f.name).shape[1:]) for f in fields(one))
     )
-    with pytest.raises(gc.MethodError, match=rf"GiB of memory to draw {surfels} surfels along {rays} rays"):
-        splat.trace(many, lines)
+    with pytest.raises(MethodError, match=rf"GiB of memory to draw {surfels} surfels along {rays} rays"):
+        splat.trace_rays(many, lines)
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
@@ -85,4 +85,4 @@ def test_surfels_elsewhere_are_refused():
     with pytest.raises(ValueError, match="surfels on the CPU, got them on meta"):
         splat.build_bvh(elsewhere)
     with pytest.raises(ValueError, match="rays in torch.float64 on meta"):
-        splat.trace(elsewhere, all_ways(1))
+        splat.trace_rays(elsewhere, all_ways(1))

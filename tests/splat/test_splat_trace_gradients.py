@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from graycard.methods import splat
-from graycard.methods.splat import _trace_cpu
+from graycard.methods.splat.trace import _cpu as _trace_cpu
 from random_surfels import random_surfels
 from traced_scenes import (
     CASES,
@@ -54,7 +54,9 @@ def test_gradients_of_the_specification_are_differences_of_its_values():
     rays = rays_of(np.array([[0.1, 0, 0], [-0.1, 0.2, 0.1]]), np.array([[0.1, 0.1, 1], [0, -0.2, 1]]))
 
     def traced(*leaves: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        found = splat.trace(splat.Surfels(*leaves[:5]), splat.Rays(leaves[5], leaves[6]), backend="reference")
+        found = splat.trace_rays(
+            splat.Surfels(*leaves[:5]), splat.Rays(leaves[5], leaves[6]), backend="reference"
+        )
         return found.features, found.transmittance, found.depth
 
     leaves = [getattr(surfels, field.name) for field in fields(surfels)] + [rays.origins, rays.directions]
@@ -86,7 +88,7 @@ def test_one_thread_and_two_give_the_same_bits():
     try:
         for threads in (1, min(2, before), min(2, before)):
             numba.set_num_threads(threads)
-            traced = splat.trace(surfels, rays)
+            traced = splat.trace_rays(surfels, rays)
             found.append(
                 {**vars(traced), **{f"to {k}": v for k, v in gradients(surfels, rays, "cpu").items()}}
             )

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods import splat
 from random_surfels import random_surfels
 from traced_scenes import all_ways, assert_same, by_hand, facing, generator, given_by, grid, mixed, rays_of
@@ -22,8 +22,8 @@ def test_the_order_of_the_surfels_does_not_matter():
 def test_features_superpose():
     surfels, rays = random_surfels(200, 14), mixed()
     other = torch.rand(200, 3, generator=generator(2), dtype=torch.float64)
-    parts = [splat.trace(surfels, rays, f).features for f in (surfels.features, other)]
-    together = splat.trace(surfels, rays, 2 * surfels.features - 3 * other).features
+    parts = [splat.trace_rays(surfels, rays, f).features for f in (surfels.features, other)]
+    together = splat.trace_rays(surfels, rays, 2 * surfels.features - 3 * other).features
     torch.testing.assert_close(together, 2 * parts[0] - 3 * parts[1], atol=1e-5, rtol=0)
 
 
@@ -57,18 +57,18 @@ def test_a_mirror_shows_what_the_mirrored_camera_sees():
         surfels, centres=torch.from_numpy(centres), rotations=torch.from_numpy(turns), scales=wide
     )
     K, eye = np.array([[60.0, 0, 30], [0, 60, 25], [0, 0, 1]]), np.array([0.3, -1.8, 0.2])
-    camera = gc.Camera(64, 48, K, gc.look_at(eye, eye - [0, 1, 0]))
+    camera = Camera(64, 48, K, look_at(eye, eye - [0, 1, 0]))
     rays = splat.camera_rays(camera, torch.float64)
     way = (-3 - rays.origins[:, 1:2]) / rays.directions[:, 1:2]  # to the mirror at y = -3
     flip = torch.tensor([1.0, -1, 1], dtype=torch.float64)
     reflected = splat.Rays(rays.origins + way * rays.directions, rays.directions * flip, rays.width)
-    found = splat.trace(surfels, reflected).features.reshape(48, 64, 3)
+    found = splat.trace_rays(surfels, reflected).features.reshape(48, 64, 3)
     K_flipped, pose = K * 1, camera.camera_to_world * 1
     K_flipped[0, 2] = 64 - K[0, 2]
     pose[1] *= -1
     pose[1, 3] -= 6
     pose[:3, 0] *= -1  # the picture of a mirrored camera is right-handed only when turned over
-    drawn = splat.rasterize(surfels, gc.Camera(64, 48, K_flipped, pose)).features.flip(1)
+    drawn = splat.rasterize(surfels, Camera(64, 48, K_flipped, pose)).features.flip(1)
     assert 10 * torch.log10(1 / ((found - drawn) ** 2).mean()) > 40
     assert drawn.std() > 0.1
 
@@ -81,7 +81,7 @@ def test_an_image_is_its_rays_one_by_one():
 
 def test_rays_of_a_camera_go_through_its_pixels():
     K = np.array([[30.0, 0, 6.3], [0, 33, 4.8], [0, 0, 1]])
-    camera = gc.Camera(12, 10, K, gc.look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
+    camera = Camera(12, 10, K, look_at(np.array([0.2, -2.5, 0.3]), np.zeros(3)))
     rays = splat.camera_rays(camera, torch.float64)
     assert (rays.width, len(rays)) == (12, 120)
     points = camera.world_to_camera[:3, :3] @ rays.directions.numpy().T
@@ -94,6 +94,6 @@ def test_float32_comes_back_as_float32():
     surfels, rays = random_surfels(50), all_ways(40)
     single = splat.Surfels(*(getattr(surfels, f.name).float() for f in fields(surfels)))
     lines = splat.Rays(rays.origins.float(), rays.directions.float())
-    found = splat.trace(single, lines)
+    found = splat.trace_rays(single, lines)
     assert {values.dtype for values in vars(found).values()} == {torch.float32}
     np.testing.assert_allclose(found.features, by_hand(surfels, rays).features, atol=1e-5)

@@ -10,9 +10,9 @@ import pytest
 import torch
 
 from graycard.methods import splat
-from graycard.methods.splat import _bvh_kernels
-from graycard.methods.splat import _simd as simd
-from graycard.methods.splat import _trace_masks as masks
+from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.trace import _bvh_kernels
+from graycard.methods.splat.trace import _masks as masks
 from random_surfels import random_surfels
 from traced_scenes import all_ways, side_by_side
 
@@ -21,13 +21,13 @@ def test_a_tree_serves_more_than_once():
     surfels, rays = random_surfels(200, 2), all_ways(60)
     tree = splat.build_bvh(surfels)
     for lines in (rays, side_by_side(30)):
-        again, anew = splat.trace(surfels, lines, bvh=tree), splat.trace(surfels, lines)
+        again, anew = splat.trace_rays(surfels, lines, bvh=tree), splat.trace_rays(surfels, lines)
         assert torch.equal(again.features, anew.features)
     moved = replace(surfels, centres=surfels.centres + 1e-3)
     with pytest.raises(ValueError, match="others .in their centres."):
-        splat.trace(moved, rays, bvh=tree)
+        splat.trace_rays(moved, rays, bvh=tree)
     with pytest.raises(ValueError, match="others .in their centres."):
-        splat.trace(random_surfels(3), rays, bvh=tree)
+        splat.trace_rays(random_surfels(3), rays, bvh=tree)
 
 
 def test_neighbours_on_the_curve_are_neighbours_in_space():

@@ -16,10 +16,10 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, MethodError, look_at, methods
+from graycard.io import silent
 from graycard.methods import splat
-from graycard.methods.splat import _stages
+from graycard.methods.splat.raster import _stages
 
 PROGRAM = Path(__file__).with_name("fit_checks.py")
 _spec = importlib.util.spec_from_file_location("fit_checks", PROGRAM)
@@ -68,8 +68,7 @@ def test_parameters_without_sense(change, message: str):
 
 def test_the_extent_is_that_of_the_cameras():
     cameras = [
-        gc.Camera.from_fov(4, 4, 50, gc.look_at(np.array([x, 0.0, 0]), np.array([x, 1.0, 0])))
-        for x in (0, 1, 2)
+        Camera.from_fov(4, 4, 50, look_at(np.array([x, 0.0, 0]), np.array([x, 1.0, 0]))) for x in (0, 1, 2)
     ]
     assert splat.scene_extent(cameras) == pytest.approx(1.1)
     with pytest.raises(ValueError, match="at least one camera"):
@@ -183,8 +182,8 @@ def nan_at(name: str, at: int):
 def test_a_gradient_that_is_not_finite_is_named(name: str):
     plan = splat.Plan(9, {name: splat.Rate(1e-3)}, 1.0)
     message = f"expected finite gradients, got one of '{name}' that is not at step 3 \\(row 1\\)"
-    with pytest.raises(gc.MethodError, match=message):
-        splat.train(splat.initial_state(some_parameters(), 0), plan, nan_at(name, 3), gc.silent)
+    with pytest.raises(MethodError, match=message):
+        splat.train(splat.initial_state(some_parameters(), 0), plan, nan_at(name, 3), silent)
 
 
 def test_a_loss_that_is_not_finite_is_named():
@@ -192,16 +191,16 @@ def test_a_loss_that_is_not_finite_is_named():
         return splat.Look(values["albedo"].sum() / (0.0 if step == 2 else 1.0))
 
     plan = splat.Plan(9, {"albedo": splat.Rate(1e-3)}, 1.0)
-    with pytest.raises(gc.MethodError, match="expected a finite loss, got inf at step 2"):
-        splat.train(splat.initial_state(some_parameters(), 0), plan, look, gc.silent)
+    with pytest.raises(MethodError, match="expected a finite loss, got inf at step 2"):
+        splat.train(splat.initial_state(some_parameters(), 0), plan, look, silent)
 
 
 def test_a_fit_that_does_not_fit_into_memory_says_so(monkeypatch: pytest.MonkeyPatch):
     """Not at the step that would end the process, but before."""
     monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(available=1000))
     monkeypatch.setattr(_stages, "UNCHECKED", 0)
-    with pytest.raises(gc.MethodError, match=r"GiB of memory to draw 12 surfels, got .*: draw fewer"):
-        splat.train(fit_checks.start(), fit_checks.plan(None), fit_checks.objective, gc.silent)
+    with pytest.raises(MethodError, match=r"GiB of memory to draw 12 surfels, got .*: draw fewer"):
+        splat.train(fit_checks.start(), fit_checks.plan(None), fit_checks.objective, silent)
 
 
 @pytest.mark.parametrize("name", [splat.CENTRES, splat.LOG_SCALES, splat.ROTATIONS, splat.LOGITS])
@@ -211,7 +210,7 @@ def test_a_fit_of_what_is_no_number_is_refused(name: str):
     start.parameters.surfels[name].view(12, -1)[4, 0] = float("nan")
     of = {splat.LOG_SCALES: "scales", splat.LOGITS: "opacities"}.get(name, name)
     with pytest.raises(ValueError, match=f"expected {of} to be finite, got .*nan.* at surfel 4"):
-        splat.train(start, fit_checks.plan(None), fit_checks.objective, gc.silent)
+        splat.train(start, fit_checks.plan(None), fit_checks.objective, silent)
 
 
 def test_large_gradients_are_no_fault():
@@ -254,12 +253,12 @@ def test_a_killed_fit_goes_on_to_the_same_bits(tmp_path: Path):
 def test_a_fit_without_end_is_not_begun_anew(tmp_path: Path):
     """A finished fit that is asked for again is read, not run."""
     plan = fit_checks.plan(tmp_path / "saved")
-    first = splat.train(fit_checks.start(), plan, fit_checks.objective, gc.silent)
+    first = splat.train(fit_checks.start(), plan, fit_checks.objective, silent)
 
     def refuse(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
         raise AssertionError("this step is done")
 
-    again = splat.train(fit_checks.start(), plan, refuse, gc.silent)
+    again = splat.train(fit_checks.start(), plan, refuse, silent)
     for name, values in first.parameters.all.items():
         assert torch.equal(values, again.parameters.all[name]), name
 
@@ -271,7 +270,7 @@ def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
     plan = replace(whole, checkpoint=checkpoint)
 
     def fit(plan: splat.Plan) -> splat.FitState:
-        return splat.train(splat.initial_state(some_parameters(), 0), plan, far_from_zero, gc.silent)
+        return splat.train(splat.initial_state(some_parameters(), 0), plan, far_from_zero, silent)
 
     assert fit(replace(plan, until=4)).step == 4
     saved = splat.load_state(checkpoint)
@@ -343,13 +342,13 @@ def test_another_fit_and_a_damaged_file_are_refused(tmp_path: Path):
     mine = splat.Checkpoint(tmp_path / "saved", 1, "mine")
     assert splat.load_state(mine) is None
     splat.save_state(mine, fit_checks.start())
-    with pytest.raises(gc.MethodError, match="got one of others. Delete it to begin anew"):
+    with pytest.raises(MethodError, match="got one of others. Delete it to begin anew"):
         splat.load_state(replace(mine, identity="yours"))
     mine.path.write_bytes(mine.path.read_bytes()[:-9])
-    with pytest.raises(gc.MethodError, match="expected a saved fit in .*Delete it"):
+    with pytest.raises(MethodError, match="expected a saved fit in .*Delete it"):
         splat.load_state(mine)
     splat.save_surfels(mine.path, splat.surfels_of(fit_checks.start().parameters.surfels))
-    with pytest.raises(gc.MethodError, match="graycard-surfels"):
+    with pytest.raises(MethodError, match="graycard-surfels"):
         splat.load_state(mine)
 
 

@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, Light, RenderError, View, look_at
 from graycard.synth import Ball, Matte, Quad, Scene, Thing, use_renderer
-from graycard.synth._variant import LLVM_RGB, SCALAR
+from graycard.synth.renderer._variant import LLVM_RGB, SCALAR
 
 LLVM_PATH = "DRJIT_LIBLLVM_PATH"
 
@@ -44,7 +44,7 @@ def variant(request: pytest.FixtureRequest) -> str:
     """Each variant of the renderer that this machine can run, in use."""
     try:
         return use_renderer(variant=request.param).variant
-    except gc.RenderError as reason:
+    except RenderError as reason:
         pytest.skip(str(reason))
 
 
@@ -77,12 +77,12 @@ def make_plane() -> Callable[..., Scene]:
     """A Lambertian floor of albedo (0.5, 0.4, 0.3) and perhaps a ball, seen obliquely from above."""
 
     def make(
-        lights: tuple[gc.Light, ...] = (), ball: Ball | None = None, sky: np.ndarray | None = None
+        lights: tuple[Light, ...] = (), ball: Ball | None = None, sky: np.ndarray | None = None
     ) -> Scene:
         floor = Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte((0.5, 0.4, 0.3)))
         balls = (Thing("ball", ball, Matte((0.6, 0.5, 0.2))),) if ball else ()
-        pose = gc.look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.0]))
-        camera = gc.Camera.from_fov(24, 20, 50.0, pose)
-        return Scene((floor, *balls), lights, (gc.View("train_000", "train", camera),), sky)
+        pose = look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.0]))
+        camera = Camera.from_fov(24, 20, 50.0, pose)
+        return Scene((floor, *balls), lights, (View("train_000", "train", camera),), sky)
 
     return make

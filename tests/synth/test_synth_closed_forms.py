@@ -11,7 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    View,
+    look_at,
+    world_position,
+)
 from graycard.synth import Ball, Matte, RenderSettings, Scene, Thing
 from graycard.synth._scene import surface_of
 
@@ -22,7 +33,7 @@ RENDERS = 36
 Judge = Callable[[str, float, float], None]
 MakePlane = Callable[..., Scene]
 Point = tuple[float, float, float]
-AreaLight = gc.RectangleLight | gc.SphereLight
+AreaLight = RectangleLight | SphereLight
 
 
 def rounded(values: object) -> np.ndarray:
@@ -32,8 +43,8 @@ def rounded(values: object) -> np.ndarray:
 
 def at_centres(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Radiance by one bounce and the points that are seen, at the pixel centres: exact for points."""
-    from graycard.synth._mitsuba import centre_sensor, load, load_scene
-    from graycard.synth._views import _image, surface_layers
+    from graycard.synth.layers._views import _image, surface_layers
+    from graycard.synth.renderer._mitsuba import centre_sensor, load, load_scene
 
     camera = scene.views[0].camera
     loaded, path = load_scene(scene, camera), load({"type": "path", "max_depth": 2})
@@ -61,15 +72,15 @@ def judge_pixels(judge: Judge, what: str, ratio: np.ndarray) -> None:
     judge(f"{what}: standard error of the mean", ratio.mean(axis=1).std(ddof=1) / np.sqrt(renders), 1e-3)
 
 
-def view_of(points_at: Point, origin: Point, width: int = 4, fov: float = 0.01) -> gc.View:
+def view_of(points_at: Point, origin: Point, width: int = 4, fov: float = 0.01) -> View:
     """A view that sees nearly one point."""
-    pose = gc.look_at(np.array(origin), np.array(points_at))
-    return gc.View("train_000", "train", gc.Camera.from_fov(width, width, fov, pose))
+    pose = look_at(np.array(origin), np.array(points_at))
+    return View("train_000", "train", Camera.from_fov(width, width, fov, pose))
 
 
-def irradiances(loaded: Any, view: gc.View, samples: int = 64, albedo: np.ndarray = ALBEDO) -> np.ndarray:
+def irradiances(loaded: Any, view: View, samples: int = 64, albedo: np.ndarray = ALBEDO) -> np.ndarray:
     """Irradiance of the one Lambertian point that a view sees, a row of colours for each render."""
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._views import radiance_images
 
     camera = view.camera
     settings = RenderSettings(camera.width, camera.height, samples=RENDERS * samples, max_depth=2)
@@ -77,12 +88,12 @@ def irradiances(loaded: Any, view: gc.View, samples: int = 64, albedo: np.ndarra
     return np.pi * images.mean(axis=(1, 2)) / albedo
 
 
-def direct_irradiance(scene: Scene, light: gc.Light) -> tuple[np.ndarray, np.ndarray]:
+def direct_irradiance(scene: Scene, light: Light) -> tuple[np.ndarray, np.ndarray]:
     """The truth's own ``direct.irradiance.<light>`` of independent renders, and the points of the floor."""
-    from graycard.synth._direct_light import direct_light
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import light_names
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._direct_light import direct_light
+    from graycard.synth.layers._separation import light_names
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     loaded = load_scene(scene, camera)
@@ -94,28 +105,28 @@ def direct_irradiance(scene: Scene, light: gc.Light) -> tuple[np.ndarray, np.nda
 # --- lights without extent ---------------------------------------------------------------------------------
 
 POINTS = [
-    gc.PointLight("lamp", (0.4, -0.3, 1.7), (7.0, 6.0, 5.0)),
-    gc.PointLight("lamp", (0.5, -0.2, 0.1), (7.0, 6.0, 5.0), "camera"),
+    PointLight("lamp", (0.4, -0.3, 1.7), (7.0, 6.0, 5.0)),
+    PointLight("lamp", (0.5, -0.2, 0.1), (7.0, 6.0, 5.0), "camera"),
 ]
 SPOTS = [
-    gc.SpotLight("lamp", (0.4, -0.3, 1.7), (0.1, 0.2, -1.0), (7, 6, 5), 12.0, 40.0),
-    gc.SpotLight("lamp", (0.3, -0.1, 0.0), (-0.05, 0.02, 1.0), (7, 6, 5), 9.0, 24.0, "camera"),
+    SpotLight("lamp", (0.4, -0.3, 1.7), (0.1, 0.2, -1.0), (7, 6, 5), 12.0, 40.0),
+    SpotLight("lamp", (0.3, -0.1, 0.0), (-0.05, 0.02, 1.0), (7, 6, 5), 9.0, 24.0, "camera"),
 ]
 
 
-def under(scene: Scene, light: gc.PointLight | gc.SpotLight, points: np.ndarray) -> np.ndarray:
+def under(scene: Scene, light: PointLight | SpotLight, points: np.ndarray) -> np.ndarray:
     """Radiance ``a / pi I cos / d²`` of points of the floor, without the cone of a spot."""
-    to_light = rounded(gc.world_position(light, scene.views[0].camera)) - points
+    to_light = rounded(world_position(light, scene.views[0].camera)) - points
     falloff = to_light[..., 2] / np.linalg.norm(to_light, axis=-1) ** 3
     return rounded(ALBEDO) / np.pi * np.array(light.intensity) * falloff[..., None]
 
 
-def from_axis(scene: Scene, light: gc.SpotLight, points: np.ndarray) -> np.ndarray:
+def from_axis(scene: Scene, light: SpotLight, points: np.ndarray) -> np.ndarray:
     """Angle at which a spot shines on points, degrees."""
     camera = scene.views[0].camera
     axis = np.array(light.direction)
     axis = camera.camera_to_world[:3, :3] @ axis if light.frame == "camera" else axis
-    away = points - gc.world_position(light, camera)
+    away = points - world_position(light, camera)
     cosine = away @ axis / np.linalg.norm(away, axis=-1) / np.linalg.norm(axis)
     return np.degrees(np.arccos(cosine))
 
@@ -130,7 +141,7 @@ def test_the_irradiance_layer_of_a_point_light(llvm: str, make_plane: MakePlane,
 
 @pytest.mark.parametrize("light", POINTS, ids=["world", "camera"])
 def test_a_point_light_over_a_plane(
-    variant: str, make_plane: MakePlane, judge: Judge, light: gc.PointLight
+    variant: str, make_plane: MakePlane, judge: Judge, light: PointLight
 ) -> None:
     scene = make_plane((light,))
     seen, points = at_centres(scene)
@@ -139,7 +150,7 @@ def test_a_point_light_over_a_plane(
 
 @pytest.mark.parametrize("light", SPOTS, ids=["world", "camera"])
 def test_a_spot_light_falls_off_linearly_in_the_angle(
-    variant: str, make_plane: MakePlane, judge: Judge, light: gc.SpotLight
+    variant: str, make_plane: MakePlane, judge: Judge, light: SpotLight
 ) -> None:
     scene = make_plane((light,))
     seen, points = at_centres(scene)
@@ -158,7 +169,7 @@ def test_a_light_from_infinity_on_a_ball(variant: str, judge: Judge) -> None:
     """A point light 1e7 radii away: its rays diverge by 1e-7, so that L = a / pi E max(n.l, 0)."""
     towards, far = np.array((0.3, -0.8, 0.5)), 1e7
     towards /= np.linalg.norm(towards)
-    light = gc.PointLight("sun", tuple((far * towards).tolist()), (3 * far**2, 2 * far**2, far**2))
+    light = PointLight("sun", tuple((far * towards).tolist()), (3 * far**2, 2 * far**2, far**2))
     ball = Thing("ball", Ball((0, 0, 0), 1.0), Matte(tuple(ALBEDO.tolist())))
     scene = Scene((ball,), (light,), (view_of((0, 0, 0), (0, -4, 0), 32, 35.0),))
     seen, points = at_centres(scene)
@@ -178,7 +189,7 @@ def test_a_disc_over_a_point(variant: str, make_plane: MakePlane, judge: Judge) 
     """E = pi L sin² of the half angle. Our lights have no disc: it is Mitsuba's, over our floor."""
     import mitsuba as mi
 
-    from graycard.synth._mitsuba import _shape, load
+    from graycard.synth.renderer._mitsuba import _shape, load
 
     radius, height, radiance = 0.5, 1.0, 4.0
     down = mi.ScalarTransform4f().look_at([0, 0, height], [0, 0, 0], [0, 1, 0]).scale(radius)
@@ -190,12 +201,12 @@ def test_a_disc_over_a_point(variant: str, make_plane: MakePlane, judge: Judge) 
     judge("disc light: relative error", abs(found.mean() / expected - 1), 2e-4)
 
 
-BULB = gc.SphereLight("bulb", (0.4, -0.3, 1.3), 0.45, (4.0, 3.0, 2.0))
+BULB = SphereLight("bulb", (0.4, -0.3, 1.3), 0.45, (4.0, 3.0, 2.0))
 
 
 def test_a_sphere_light_over_a_point(variant: str, make_plane: MakePlane, judge: Judge) -> None:
     """E = pi L (r / d)² on the axis, the same for a large sphere as for a small one."""
-    from graycard.synth._mitsuba import load_scene
+    from graycard.synth.renderer._mitsuba import load_scene
 
     view, distance = view_of((0.4, -0.3, 0), (1.9, -1.8, 0.6)), BULB.position[2]
     loaded = load_scene(with_surface(make_plane(), BULB), view.camera)
@@ -216,10 +227,10 @@ def test_the_irradiance_layer_of_a_sphere_light(llvm: str, make_plane: MakePlane
     judge_pixels(judge, "sphere light, irradiance layer", ratio)
 
 
-PANEL = gc.RectangleLight("panel", (0.3, 0.1, 0.8), (0, 0.5, 0), (0.3, 0, 0), (5.0, 4.0, 3.0))
+PANEL = RectangleLight("panel", (0.3, 0.1, 0.8), (0, 0.5, 0), (0.3, 0, 0), (5.0, 4.0, 3.0))
 
 
-def facing_rectangle(light: gc.RectangleLight, points: np.ndarray) -> np.ndarray:
+def facing_rectangle(light: RectangleLight, points: np.ndarray) -> np.ndarray:
     """Configuration factor from an element of a floor to a rectangle parallel to it, shape ``(...)``.
 
     Howell's catalogue of configuration factors, B-4: the element is below a corner; the four corners of a
@@ -241,7 +252,7 @@ def facing_rectangle(light: gc.RectangleLight, points: np.ndarray) -> np.ndarray
 def test_a_rectangle_light_over_a_point(
     variant: str, make_plane: MakePlane, judge: Judge, where: Point
 ) -> None:
-    from graycard.synth._mitsuba import load_scene
+    from graycard.synth.renderer._mitsuba import load_scene
 
     view = view_of(where, (where[0] + 1.5, where[1] - 1.5, 0.5))
     loaded = load_scene(with_surface(make_plane(), PANEL), view.camera)
@@ -261,12 +272,12 @@ def test_the_irradiance_layer_of_a_rectangle_light(llvm: str, make_plane: MakePl
 
 # --- the environment ---------------------------------------------------------------------------------------
 
-SKY = gc.EnvironmentLight("sky", "environment.exr")
+SKY = EnvironmentLight("sky", "environment.exr")
 
 
 def test_a_constant_sky_over_a_floor(variant: str, make_plane: MakePlane, judge: Judge) -> None:
     """E = pi L."""
-    from graycard.synth._mitsuba import load_scene
+    from graycard.synth.renderer._mitsuba import load_scene
 
     radiance = np.array((0.9, 0.6, 0.3))
     view = view_of((0, 0, 0), (1.5, -1.5, 0.8))

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, DatasetError, EnvironmentLight, PointLight, View, look_at, open_truth
+from graycard.io import dumps
+from graycard.layers import find_fault
 from graycard.synth import (
     Ball,
     Quad,
@@ -20,10 +22,10 @@ from graycard.synth import (
     render_scene,
     use_renderer,
 )
-from graycard.synth._composition import Composed, composition, donor_of, moved
-from graycard.synth._free_space import Obstacles, bounds
 from graycard.synth._mesh import Mesh, box, turn_about_z
 from graycard.synth._scene import BLACK, Matte
+from graycard.synth.edits._composition import Composed, composition, donor_of, moved
+from graycard.synth.edits._free_space import Obstacles, bounds
 
 SETTINGS = RenderSettings(24, 24, 6, 3, 16)
 TINY = RenderSettings(20, 16, 3, 1, 16, 3, relighting=False)
@@ -81,8 +83,8 @@ def test_it_stands_on_the_floor_and_touches_nothing_else(composed: Made, seed: i
 def test_it_is_repeatable_and_differs_with_the_seed(composed: Made) -> None:
     again = composition(host(1000), 1000, SETTINGS)
     assert again is not None
-    assert gc.dumps(again.record) == gc.dumps(composed[1000][1].record)
-    assert len({gc.dumps(made.record.donor_to_host) for _, made in composed.values()}) == len(SEEDS)
+    assert dumps(again.record) == dumps(composed[1000][1].record)
+    assert len({dumps(made.record.donor_to_host) for _, made in composed.values()}) == len(SEEDS)
 
 
 @pytest.mark.parametrize(("track", "family"), [("dark", "corridor"), ("tabletop", "glossy-table")])
@@ -97,7 +99,7 @@ def test_a_scene_without_room_or_without_a_floor_has_none() -> None:
     assert composition(replace(scene, things=(*scene.things, block)), 1000, SETTINGS) is None
     no_floor = tuple(thing for thing in scene.things if thing.name != "floor")
     assert composition(replace(scene, things=no_floor), 1000, SETTINGS) is None
-    sky_only = tuple(light for light in scene.lights if isinstance(light, gc.EnvironmentLight))
+    sky_only = tuple(light for light in scene.lights if isinstance(light, EnvironmentLight))
     assert composition(replace(scene, lights=sky_only), 1000, SETTINGS) is None
 
 
@@ -135,7 +137,7 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_truth_opens_it(studio: Path, tiny_scenes: dict[str, Path]) -> None:
-    truth = gc.open_truth(studio / "truth")
+    truth = open_truth(studio / "truth")
     scene = family_of(SceneSpec("multilight", "studio", 1000)).build(1000, TINY)
     made = composition(scene, 1000, TINY)
     found = truth.composition()
@@ -148,13 +150,13 @@ def test_the_truth_opens_it(studio: Path, tiny_scenes: dict[str, Path]) -> None:
     estimates = {"radiance", "radiance.var", "radiance.half_a", "radiance.half_b"}
     assert layers.keys() == {*estimates, "object_id"}
     for name, values in layers.items():
-        assert gc.find_fault(name, values, 16, 20) is None
+        assert find_fault(name, values, 16, 20) is None
     guest, before = layers["object_id"] == found.object_id, truth.layers(test)
     assert 0.002 < guest.mean() < 0.3
     np.testing.assert_array_equal(layers["object_id"][~guest], before["object_id"][~guest])
-    with pytest.raises(gc.DatasetError, match="expected a held-out view, got train_000"):
+    with pytest.raises(DatasetError, match="expected a held-out view, got train_000"):
         truth.composed(train)
-    assert gc.open_truth(tiny_scenes["multilight"] / "truth").composition() is None
+    assert open_truth(tiny_scenes["multilight"] / "truth").composition() is None
 
 
 def test_a_broken_record_is_named(studio: Path) -> None:
@@ -162,8 +164,8 @@ def test_a_broken_record_is_named(studio: Path) -> None:
     whole = path.read_text()
     path.write_text(json.dumps(json.loads(whole) | {"donnor": 1}))
     try:
-        with pytest.raises(gc.DatasetError, match=r"composition.json.*did you mean 'donor'"):
-            gc.open_truth(studio / "truth", check=False).composition()
+        with pytest.raises(DatasetError, match=r"composition.json.*did you mean 'donor'"):
+            open_truth(studio / "truth", check=False).composition()
     finally:
         path.write_text(whole)
 
@@ -191,13 +193,13 @@ def test_it_can_be_left_out(tmp_path: Path, no_llvm: str, studio: Path) -> None:
 
 def test_the_composite_is_the_host_where_the_guest_plays_no_part() -> None:
     """A small ball in one corner of a large floor: far from it the pictures agree within the noise."""
-    from graycard.synth._relighting import composed_view
+    from graycard.synth.edits._relighting import composed_view
 
     use_renderer(variant="scalar_rgb")
     floor = Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte((0.5, 0.5, 0.5)))
-    pose = gc.look_at(np.array([0.0, -3.0, 3.0]), np.array([0.0, 0.0, 0.0]))
-    views = (gc.View("test_000", "test", gc.Camera.from_fov(24, 20, 50.0, pose)),)
-    lamp = gc.PointLight("lamp", (-1.0, 0.0, 2.0), (3.0, 3.0, 3.0))
+    pose = look_at(np.array([0.0, -3.0, 3.0]), np.array([0.0, 0.0, 0.0]))
+    views = (View("test_000", "test", Camera.from_fov(24, 20, 50.0, pose)),)
+    lamp = PointLight("lamp", (-1.0, 0.0, 2.0), (3.0, 3.0, 3.0))
     ball = Thing("ball", Ball((-1.2, 0.0, 0.2), 0.2), Matte((0.5, 0.4, 0.3)))
     settings = RenderSettings(24, 20, samples=256, max_depth=2)
     plain, with_ball = (

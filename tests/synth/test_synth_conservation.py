@@ -7,7 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    GaussianLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    View,
+    look_at,
+)
 from graycard.synth import Ball, Conductor, Glossy, LambertGGX, Matte, Quad, RenderSettings, Scene, Thing
 from graycard.synth._scene import Material, surface_of
 
@@ -19,8 +30,8 @@ Judge = Callable[[str, float, float], None]
 
 def renders(scene: Scene, samples: int, depth: int, first_seed: int = 1, count: int = RENDERS) -> np.ndarray:
     """Independent images by Mitsuba's ``path``, ``(count, H, W, 3)``."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     settings = RenderSettings(camera.width, camera.height, samples=count * samples, max_depth=depth)
@@ -39,9 +50,9 @@ def judge_mean(judge: Judge, what: str, estimates: np.ndarray, expected: float) 
     judge(f"{what}: relative standard error", error / expected, 1e-3)
 
 
-def view(origin: tuple[float, float, float], target: tuple[float, float, float], fov: float) -> gc.View:
-    pose = gc.look_at(np.array(origin), np.array(target))
-    return gc.View("train_000", "train", gc.Camera.from_fov(12, 12, fov, pose))
+def view(origin: tuple[float, float, float], target: tuple[float, float, float], fov: float) -> View:
+    pose = look_at(np.array(origin), np.array(target))
+    return View("train_000", "train", Camera.from_fov(12, 12, fov, pose))
 
 
 # --- furnaces ----------------------------------------------------------------------------------------------
@@ -62,7 +73,7 @@ def furnace() -> Scene:
             wall = Quad(_vector(center), _vector(u), _vector(v))
             name = f"wall-{len(things)}"
             things.append(Thing(name, wall, Matte((0.5, 0.5, 0.5)), name))
-            lights.append(gc.RectangleLight(name, wall.center, wall.half_u, wall.half_v, (1.0, 1.0, 1.0)))
+            lights.append(RectangleLight(name, wall.center, wall.half_u, wall.half_v, (1.0, 1.0, 1.0)))
     return Scene(tuple(things), tuple(lights), (view((0.3, -0.4, 0.1), (0.2, 0.9, 0.3), 70.0),))
 
 
@@ -83,8 +94,8 @@ def test_a_closed_furnace_shows_the_partial_sums(scalar: str, judge: Judge, dept
 
 def test_the_parts_of_a_closed_furnace(llvm: str, judge: Judge) -> None:
     """Emitted 1, direct 1/2, indirect 1/4 + 1/8 + 1/16, by the tracer that splits light."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import FIRST_PART, PARTS, separated_images
+    from graycard.synth.layers._separation import FIRST_PART, PARTS, separated_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     scene = furnace()
     camera = scene.views[0].camera
@@ -99,7 +110,7 @@ def test_the_parts_of_a_closed_furnace(llvm: str, judge: Judge) -> None:
 
 def in_a_white_room(material: Material) -> Scene:
     ball = Thing("ball", Ball((0, 0, 0), 2.0), material)
-    sky = gc.EnvironmentLight("sky", "environment.exr")
+    sky = EnvironmentLight("sky", "environment.exr")
     return Scene((ball,), (sky,), (view((0, -4, 0), (0, 0, 0), 30.0),), np.ones((8, 16, 3)))
 
 
@@ -124,15 +135,15 @@ def test_a_white_metal_vanishes_in_a_white_room(llvm: str, judge: Judge, materia
 
 # --- superposition and linearity ---------------------------------------------------------------------------
 
-PANEL = gc.RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
-BULB = gc.SphereLight("bulb", (2.3, -0.9, 0.8), 0.25, (8, 8, 9))  # out of sight: its outline would be noise
-POINT = gc.PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
-SPOT = gc.SpotLight("spot", (-0.5, -0.9, 1.8), (0.3, 0.5, -1.0), (6, 6, 5), 12.0, 35.0)
-SKY = gc.EnvironmentLight("sky", "environment.exr")
-LIGHTS: tuple[gc.Light, ...] = (PANEL, POINT, BULB, SKY, SPOT)
+PANEL = RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
+BULB = SphereLight("bulb", (2.3, -0.9, 0.8), 0.25, (8, 8, 9))  # out of sight: its outline would be noise
+POINT = PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
+SPOT = SpotLight("spot", (-0.5, -0.9, 1.8), (0.3, 0.5, -1.0), (6, 6, 5), 12.0, 35.0)
+SKY = EnvironmentLight("sky", "environment.exr")
+LIGHTS: tuple[Light, ...] = (PANEL, POINT, BULB, SKY, SPOT)
 
 
-def room(lights: tuple[gc.Light, ...] = LIGHTS) -> Scene:
+def room(lights: tuple[Light, ...] = LIGHTS) -> Scene:
     """Every kind of material under every kind of light; surfaces of lights that are off stay, black."""
     things = [
         Thing("floor", Quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), Matte((0.6, 0.5, 0.2))),
@@ -168,16 +179,16 @@ def brighter(scene: Scene, factor: float) -> Scene:
     return replace(scene, lights=lights, sky=factor * scene.sky)
 
 
-def _brighter(light: gc.Light, factor: float) -> gc.Light:
+def _brighter(light: Light, factor: float) -> Light:
     def times(color: tuple[float, float, float]) -> tuple[float, float, float]:
         return factor * color[0], factor * color[1], factor * color[2]
 
     match light:
-        case gc.EnvironmentLight():
+        case EnvironmentLight():
             return light  # its radiance is the scene's sky
-        case gc.PointLight() | gc.SpotLight():
+        case PointLight() | SpotLight():
             return replace(light, intensity=times(light.intensity))
-        case gc.GaussianLight():
+        case GaussianLight():
             lobes = tuple(replace(lobe, amplitude=times(lobe.amplitude)) for lobe in light.lobes)
             return replace(light, lobes=lobes)
         case _:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, Light, PointLight, View, look_at
+from graycard.layers import find_fault
 from graycard.synth import (
     Ball,
     LambertGGX,
@@ -18,7 +19,7 @@ from graycard.synth import (
     Scene,
     SceneSpec,
     Thing,
-    families,
+    all_families,
     family_of,
 )
 from graycard.synth._scene import Material
@@ -26,33 +27,33 @@ from graycard.synth._scene import Material
 CENTRE, RADIUS = np.array((0.2, 0.1, 0.6)), 0.4
 SEEDS = [1, 2, 3, 4]
 LAMPS = (
-    gc.PointLight("lamp", (1.6, 0.4, 2.4), (9.0, 8.0, 7.0)),
-    gc.PointLight("other", (-1.4, 0.9, 2.2), (5.0, 6.0, 7.0)),
+    PointLight("lamp", (1.6, 0.4, 2.4), (9.0, 8.0, 7.0)),
+    PointLight("other", (-1.4, 0.9, 2.2), (5.0, 6.0, 7.0)),
 )
-SKY = gc.EnvironmentLight("sky", "environment.exr")
+SKY = EnvironmentLight("sky", "environment.exr")
 NAMES = ("untouched", "footprint", "shadow", "mirror", "bleeding")
 
 
 pytestmark = pytest.mark.usefixtures("llvm")
 
 
-def ball_over(floor: Material, *lights: gc.Light, sky: np.ndarray | None = None) -> Scene:
+def ball_over(floor: Material, *lights: Light, sky: np.ndarray | None = None) -> Scene:
     """A matte red ball, the target, above a large plane, seen obliquely from above."""
     plane = Thing("floor", Quad((0, 0, 0), (6, 0, 0), (0, 6, 0)), floor)
     x, y, z = CENTRE.tolist()
     ball = Thing("ball", Ball((x, y, z), RADIUS), Matte((0.6, 0.1, 0.1)))
-    pose = gc.look_at(np.array([0.6, -2.4, 2.2]), np.array([0.1, 0.0, 0.2]))
-    camera = gc.Camera.from_fov(40, 36, 60.0, pose)
-    return Scene((plane, ball), lights, (gc.View("train_000", "train", camera),), sky, "ball")
+    pose = look_at(np.array([0.6, -2.4, 2.2]), np.array([0.1, 0.0, 0.2]))
+    camera = Camera.from_fov(40, 36, 60.0, pose)
+    return Scene((plane, ball), lights, (View("train_000", "train", camera),), sky, "ball")
 
 
 def effects(
     scene: Scene, samples: int = 64, max_depth: int = 3, other_seeds: list[int] | None = None
 ) -> dict[str, np.ndarray]:
     """The masks as bool, by the last part of their names."""
-    from graycard.synth._effects import effect_layers, target_footprint
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import separated_images
+    from graycard.synth.layers._effects import effect_layers, target_footprint
+    from graycard.synth.layers._separation import separated_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera, settings = scene.views[0].camera, RenderSettings(40, 36, samples=samples, max_depth=max_depth)
     whole, emptied = (load_scene(scene, camera, without) for without in ("", scene.target))
@@ -61,12 +62,12 @@ def effects(
     found = effect_layers(present, absent, target_footprint(whole, scene, camera, SEEDS, settings))
     assert list(found) == [f"effect.{name}" for name in NAMES]
     for name, mask in found.items():
-        assert gc.find_fault(name, mask, 36, 40) is None
+        assert find_fault(name, mask, 36, 40) is None
         assert set(np.unique(mask)) <= {0.0, 1.0}
     return {name.removeprefix("effect."): mask > 0 for name, mask in found.items()}
 
 
-def floor_points(camera: gc.Camera) -> np.ndarray:
+def floor_points(camera: Camera) -> np.ndarray:
     rays = camera.rays()
     return camera.position - (camera.position[2] / rays[..., 2])[..., None] * rays
 
@@ -78,7 +79,7 @@ def meets_ball(origin: np.ndarray, towards: np.ndarray) -> np.ndarray:
     return (along[..., 0] > 0) & (np.linalg.norm(origin + along * towards - CENTRE, axis=-1) < RADIUS)
 
 
-def shadow_of(lamp: gc.PointLight, points: np.ndarray) -> np.ndarray:
+def shadow_of(lamp: PointLight, points: np.ndarray) -> np.ndarray:
     return meets_ball(points, np.array(lamp.position) - points)
 
 
@@ -87,7 +88,7 @@ def inside(mask: np.ndarray) -> np.ndarray:
     return minimum_filter(mask, 3)
 
 
-def seen_ball(camera: gc.Camera) -> np.ndarray:
+def seen_ball(camera: Camera) -> np.ndarray:
     return meets_ball(camera.position, camera.rays())
 
 
@@ -151,7 +152,7 @@ def test_the_masks_of_the_same_seeds_are_the_same_to_the_bit() -> None:
 
 def images(**parts: float) -> np.ndarray:
     """Four constant images under two lights of total 1; parts by name, those of the second light."""
-    from graycard.synth._separation import FIRST_PART, PARTS
+    from graycard.synth.layers._separation import FIRST_PART, PARTS
 
     made = np.zeros((4, FIRST_PART + 2 * len(PARTS), 12, 14, 3))
     made[:, 0] = 1
@@ -162,7 +163,7 @@ def images(**parts: float) -> np.ndarray:
 
 def masks(present: np.ndarray, absent: np.ndarray, footprint: np.ndarray | None = None) -> dict[str, float]:
     """Share of each mask."""
-    from graycard.synth._effects import effect_layers
+    from graycard.synth.layers._effects import effect_layers
 
     footprint = np.zeros(present.shape[2:4], bool) if footprint is None else footprint
     found = effect_layers(present, absent, footprint)
@@ -213,7 +214,7 @@ def test_noise_alone_is_seldom_taken_for_an_effect() -> None:
 
 @pytest.mark.parametrize("name", ["metal-table", "matte-table"])
 def test_views_of_tables_hold_the_masks(name: str) -> None:
-    from graycard.synth._views import render_view
+    from graycard.synth.layers._views import render_view
 
     settings = RenderSettings(28, 24, 3, 1, 64, 4)
     scene = family_of(SceneSpec("tabletop", name, 1000, {"target_size": 1.4})).build(1000, settings)
@@ -241,13 +242,13 @@ def test_a_black_target_before_black_is_seen_all_the_same() -> None:
 
 @pytest.fixture
 def without_masks(scalar: str) -> Callable[[Scene], dict[str, np.ndarray]]:
-    from graycard.synth._views import render_view
+    from graycard.synth.layers._views import render_view
 
     return lambda scene: render_view(scene, 0, 0, RenderSettings(12, 10, 3, 1, 16, 3))
 
 
 def test_without_llvm_there_are_no_masks(without_masks: Callable[[Scene], dict[str, np.ndarray]]) -> None:
-    scene = families()["matte-table"]().build(0, RenderSettings(12, 10, 3, 1, 16, 3))
+    scene = all_families()["matte-table"]().build(0, RenderSettings(12, 10, 3, 1, 16, 3))
     found = without_masks(scene)
     assert "counterfactual.radiance.half_a" in found
     assert not [name for name in found if name.startswith("effect.")]

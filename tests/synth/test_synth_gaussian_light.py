@@ -8,36 +8,36 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, GaussianLight, PointLight, SphericalGaussian, world_position
 from graycard.synth import Ball, RenderSettings, Scene
 
 ALBEDO = np.array((0.5, 0.4, 0.3))
 MakePlane = Callable[..., Scene]
 
-DOWN = gc.SphericalGaussian((0.0, 0.0, -1.0), 6.0, (7.0, 6.0, 5.0))
-ASIDE = gc.SphericalGaussian((0.6, 0.0, -0.8), 25.0, (0.5, 2.0, 8.0))
-ALL_ROUND = gc.SphericalGaussian((0.0, 1.0, 0.0), 0.0, (0.3, 0.2, 0.1))
-WORLD = gc.GaussianLight("lamp", (0.4, -0.3, 1.7), (DOWN, ASIDE, ALL_ROUND))
-MOUNTED = gc.GaussianLight(
-    "lamp", (0.5, -0.2, 0.1), (gc.SphericalGaussian((0.0, 0.6, 0.8), 4.0, (7.0, 6.0, 5.0)),), "camera"
+DOWN = SphericalGaussian((0.0, 0.0, -1.0), 6.0, (7.0, 6.0, 5.0))
+ASIDE = SphericalGaussian((0.6, 0.0, -0.8), 25.0, (0.5, 2.0, 8.0))
+ALL_ROUND = SphericalGaussian((0.0, 1.0, 0.0), 0.0, (0.3, 0.2, 0.1))
+WORLD = GaussianLight("lamp", (0.4, -0.3, 1.7), (DOWN, ASIDE, ALL_ROUND))
+MOUNTED = GaussianLight(
+    "lamp", (0.5, -0.2, 0.1), (SphericalGaussian((0.0, 0.6, 0.8), 4.0, (7.0, 6.0, 5.0)),), "camera"
 )
 
 
 def rendered(scene: Scene) -> np.ndarray:
-    from graycard.synth._mitsuba import centre_sensor, load, load_scene
-    from graycard.synth._views import _image
+    from graycard.synth.layers._views import _image
+    from graycard.synth.renderer._mitsuba import centre_sensor, load, load_scene
 
     camera = scene.views[0].camera
     path = load({"type": "path", "max_depth": 2})
     return _image(load_scene(scene, camera), centre_sensor(camera), path, spp=1)
 
 
-def by_hand(scene: Scene, light: gc.GaussianLight) -> np.ndarray:
+def by_hand(scene: Scene, light: GaussianLight) -> np.ndarray:
     """Radiance a / pi I(w) cos / d² of the floor in float64."""
     camera = scene.views[0].camera
     rays = camera.rays()
     floor = camera.position - (camera.position[2] / rays[..., 2])[..., None] * rays
-    to_light = gc.world_position(light, camera) - floor
+    to_light = world_position(light, camera) - floor
     distance = np.linalg.norm(to_light, axis=-1, keepdims=True)
     away = -to_light / distance
     away = away @ camera.camera_to_world[:3, :3] if light.frame == "camera" else away
@@ -45,7 +45,7 @@ def by_hand(scene: Scene, light: gc.GaussianLight) -> np.ndarray:
 
 
 @pytest.mark.parametrize("light", [WORLD, MOUNTED], ids=["world", "camera"])
-def test_over_a_plane(variant: str, make_plane: MakePlane, light: gc.GaussianLight) -> None:
+def test_over_a_plane(variant: str, make_plane: MakePlane, light: GaussianLight) -> None:
     """To a few 1e-6: a float32 ray meets the floor 1e-7 of its length aside, and a sharp lobe sees that."""
     scene = make_plane((light,))
     found, expected = rendered(scene), by_hand(scene, light)
@@ -57,8 +57,8 @@ def test_at_points_that_float32_holds_exactly(variant: str) -> None:
     """I(w) / d² to 1e-6 where nothing but the emitter rounds."""
     import mitsuba as mi
 
-    emitter = emitter_of(gc.GaussianLight("a", (0.5, -0.25, 1.75), (DOWN, ASIDE, ALL_ROUND)))
-    light = gc.GaussianLight("a", (0.5, -0.25, 1.75), (DOWN, float32_axis(ASIDE), ALL_ROUND))
+    emitter = emitter_of(GaussianLight("a", (0.5, -0.25, 1.75), (DOWN, ASIDE, ALL_ROUND)))
+    light = GaussianLight("a", (0.5, -0.25, 1.75), (DOWN, float32_axis(ASIDE), ALL_ROUND))
     for point in np.random.default_rng(0).uniform(-2, 2, (60, 3)).astype(np.float32).tolist():
         away = np.array(point) - light.position
         distance = np.linalg.norm(away)
@@ -71,28 +71,28 @@ def test_at_points_that_float32_holds_exactly(variant: str) -> None:
         np.testing.assert_allclose(np.array(ds.dist), distance, rtol=2e-7)
 
 
-def float32_axis(lobe: gc.SphericalGaussian) -> gc.SphericalGaussian:
+def float32_axis(lobe: SphericalGaussian) -> SphericalGaussian:
     x, y, z = np.array(lobe.axis, np.float32).astype(float).tolist()
-    return gc.SphericalGaussian((x, y, z), lobe.sharpness, lobe.amplitude)
+    return SphericalGaussian((x, y, z), lobe.sharpness, lobe.amplitude)
 
 
-def emitter_of(light: gc.GaussianLight, weight: float = 1.0) -> Any:
-    from graycard.synth._gaussian_light import gaussian_emitter
-    from graycard.synth._mitsuba import load
+def emitter_of(light: GaussianLight, weight: float = 1.0) -> Any:
+    from graycard.synth.renderer._gaussian_light import gaussian_emitter
+    from graycard.synth.renderer._mitsuba import load
 
-    camera = gc.Camera.from_fov(4, 4, 50, np.eye(4))
+    camera = Camera.from_fov(4, 4, 50, np.eye(4))
     return load(gaussian_emitter(light, camera, {"sampling_weight": weight}))
 
 
 @pytest.mark.parametrize("sharpness", [0.0, 0.5, 8.0, 60.0])
 def test_its_flux(sharpness: float) -> None:
     """The integral of ``a exp(s (w . m - 1))`` over the sphere is ``2 pi a / s (1 - exp(-2 s))``."""
-    lobe = gc.SphericalGaussian((0.0, 0.6, 0.8), sharpness, (3.0, 2.0, 1.0))
+    lobe = SphericalGaussian((0.0, 0.6, 0.8), sharpness, (3.0, 2.0, 1.0))
     z, weights = np.polynomial.legendre.leggauss(160)
     azimuth = 2 * np.pi * np.arange(160) / 160
     across = np.sqrt(1 - z * z)[:, None]
     parts = across * np.cos(azimuth), across * np.sin(azimuth), z[:, None] + 0 * azimuth
-    value = gc.GaussianLight("a", (0, 0, 0), (lobe,)).intensity_towards(np.stack(parts, axis=-1))
+    value = GaussianLight("a", (0, 0, 0), (lobe,)).intensity_towards(np.stack(parts, axis=-1))
     flux = (value.mean(axis=1) * weights[:, None]).sum(axis=0) * 2 * np.pi
     share = 2 if sharpness == 0 else -np.expm1(-2 * sharpness) / sharpness
     np.testing.assert_allclose(flux, 2 * np.pi * share * np.array(lobe.amplitude), rtol=1e-12)
@@ -102,7 +102,7 @@ def test_the_flux_that_arrives_in_a_closed_room_is_all_of_it(scalar: str) -> Non
     """Irradiance over the inside of a sphere around the light, by the emitter itself."""
     import mitsuba as mi
 
-    emitter = emitter_of(gc.GaussianLight("a", (0.2, 0.1, 0.3), (ASIDE,)))
+    emitter = emitter_of(GaussianLight("a", (0.2, 0.1, 0.3), (ASIDE,)))
     z, weights = np.polynomial.legendre.leggauss(32)
     total = np.zeros(3)
     for cosine, weight in zip(z, weights, strict=True):
@@ -139,13 +139,13 @@ def test_no_ray_meets_it(variant: str) -> None:
 
 def test_its_visibility_is_exact_and_its_part_is_its_own(llvm: str, make_plane: MakePlane) -> None:
     """A ball shades the floor: visibility is 0 or 1, and the direct part is the closed form times it."""
-    from graycard.synth._direct_light import direct_light
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import light_names, separated_images
-    from graycard.synth._views import surface_layers
-    from graycard.synth._wavefront import centre_rays
+    from graycard.synth.layers._direct_light import direct_light
+    from graycard.synth.layers._separation import light_names, separated_images
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
+    from graycard.synth.renderer._wavefront import centre_rays
 
-    scene = make_plane((WORLD, gc.PointLight("other", (-1, 1, 2), (1, 1, 1))), Ball((0.3, 0, 0.8), 0.25))
+    scene = make_plane((WORLD, PointLight("other", (-1, 1, 2), (1, 1, 1))), Ball((0.3, 0, 0.8), 0.25))
     camera, settings = scene.views[0].camera, RenderSettings(24, 20, 2, 1, 16, 2)
     loaded = load_scene(scene, camera)
     assert sorted(light_names(loaded, scene)) == ["lamp", "other"]

@@ -15,7 +15,7 @@ COUNT = 20_000
 
 
 def material(roughness: float, metallic: float, base: tuple[float, float, float] = BASE) -> dict[str, Any]:
-    from graycard.synth._mitsuba import _bsdf
+    from graycard.synth.renderer._mitsuba import _bsdf
 
     return _bsdf(LambertGGX(base, roughness, metallic))
 
@@ -24,7 +24,7 @@ def evaluate(content: dict[str, Any], wi: np.ndarray, wo: np.ndarray, lobe: str 
     """The material without the cosine, shape ``(3, N)``."""
     import mitsuba as mi
 
-    from graycard.synth._mitsuba import load
+    from graycard.synth.renderer._mitsuba import load
 
     si, ctx = interaction(wi), mi.BSDFContext()
     ctx.type_mask = getattr(mi.BSDFFlags, lobe)
@@ -78,7 +78,7 @@ def test_samples_follow_the_density(
 ) -> None:
     import mitsuba as mi
 
-    from graycard.synth._lambert_ggx import register
+    from graycard.synth.renderer._lambert_ggx import register
 
     monkeypatch.chdir(tmp_path)  # a failing test of Mitsuba's leaves a file in the working folder
     ctx = mi.BSDFContext()
@@ -102,7 +102,7 @@ def test_it_exposes_its_parameters(variant: str) -> None:
     import drjit as dr
     import mitsuba as mi
 
-    from graycard.synth._mitsuba import load
+    from graycard.synth.renderer._mitsuba import load
 
     made = load(material(0.3, 0.25))
     si: Any = dr.zeros(mi.SurfaceInteraction3f)

@@ -6,20 +6,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard.synth import Ball, Quad, RenderSettings, Scene, SceneSpec, Thing, families, family_of
-from graycard.synth._free_space import bounds, is_seen, looked_at, obstacles
-from graycard.synth._light_edits import Edit, light_edits, scaled_light
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    GaussianLight,
+    Light,
+    LocalLight,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SphericalGaussian,
+    SpotLight,
+    View,
+    look_at,
+    luminance,
+)
+from graycard.synth import Ball, Quad, RenderSettings, Scene, SceneSpec, Thing, all_families, family_of
 from graycard.synth._mesh import box
 from graycard.synth._scene import BLACK, Matte, surface_of
 from graycard.synth._sky import Window, room
+from graycard.synth.edits._free_space import bounds, is_seen, looked_at, obstacles
+from graycard.synth.edits._light_edits import Edit, light_edits, scaled_light
 
 SETTINGS = RenderSettings(24, 24, 6, 2, 16)
-NAMES = tuple(families())
+NAMES = tuple(all_families())
 
 
 def build(name: str, seed: int, **knobs: float | str) -> Scene:
-    spec = SceneSpec(families()[name].track, name, seed, knobs)
+    spec = SceneSpec(all_families()[name].track, name, seed, knobs)
     return family_of(spec).build(seed, SETTINGS)
 
 
@@ -27,9 +41,9 @@ def edits_of(name: str, seed: int, **knobs: float | str) -> dict[str, Edit]:
     return {edit.record.name: edit for edit in light_edits(build(name, seed, **knobs), seed)}
 
 
-def local(scene: Scene, name: str) -> gc.LocalLight:
+def local(scene: Scene, name: str) -> LocalLight:
     light = next(x for x in scene.lights if x.name == name)
-    assert not isinstance(light, gc.EnvironmentLight)
+    assert not isinstance(light, EnvironmentLight)
     return light
 
 
@@ -62,8 +76,8 @@ def test_each_of_two_or_more_lights_is_off_once(name: str) -> None:
         assert (edit.scene.sky is None) == all(not is_sky(x) for x in edit.scene.lights)
 
 
-def is_sky(light: gc.Light) -> bool:
-    return isinstance(light, gc.EnvironmentLight)
+def is_sky(light: Light) -> bool:
+    return isinstance(light, EnvironmentLight)
 
 
 def test_what_the_scenes_of_the_tracks_have_beyond_that() -> None:
@@ -80,8 +94,8 @@ def test_the_flash_goes_to_the_other_side_and_keeps_its_aim(seed: int, offset: f
     scene = build("corridor", seed, light_offset=offset)
     before = local(scene, "lamp")
     after = local(edits_of("corridor", seed, light_offset=offset)["flash-moved"].scene, "lamp")
-    assert isinstance(before, gc.SpotLight)
-    assert isinstance(after, gc.SpotLight)
+    assert isinstance(before, SpotLight)
+    assert isinstance(after, SpotLight)
     assert after.frame == "camera"
     assert after.position[0] <= -0.2
     assert (after.intensity, after.cutoff_angle) == (before.intensity, before.cutoff_angle)
@@ -96,7 +110,7 @@ def test_another_colour_has_the_same_luminance_and_is_clearly_another(
 ) -> None:
     edit = next(e for n, e in edits_of(name, seed).items() if "recoloured" in n)
     before, after = (local(s, light).axial_intensity for s in (build(name, seed), edit.scene))
-    assert gc.luminance(after) == pytest.approx(gc.luminance(before), rel=1e-6)
+    assert luminance(after) == pytest.approx(luminance(before), rel=1e-6)
     assert abs(np.log(after[0] / after[2] * before[2] / before[0])) > 0.8
     assert edit.factors is not None
     np.testing.assert_allclose(before * edit.factors[light], after, rtol=1e-12)
@@ -116,8 +130,8 @@ def test_a_moved_light_has_air_around_it_and_is_out_of_sight(seed: int) -> None:
     assert replace(after, position=before.position, **aim(before)) == before
 
 
-def aim(light: gc.LocalLight) -> dict[str, gc.LocalLight]:
-    return {"direction": light.direction} if isinstance(light, gc.SpotLight) else {}  # pyright: ignore[reportReturnType]
+def aim(light: LocalLight) -> dict[str, LocalLight]:
+    return {"direction": light.direction} if isinstance(light, SpotLight) else {}  # pyright: ignore[reportReturnType]
 
 
 def test_environments_are_all_the_light_there_is_and_unlike_the_captured_one() -> None:
@@ -125,7 +139,7 @@ def test_environments_are_all_the_light_there_is_and_unlike_the_captured_one() -
     skies = [edits[f"environment-{k}"].scene.sky for k in (1, 2)]
     for number, sky in enumerate(skies, start=1):
         changed = edits[f"environment-{number}"].scene
-        assert changed.lights == (gc.EnvironmentLight("sky", "environment.exr"),)
+        assert changed.lights == (EnvironmentLight("sky", "environment.exr"),)
         assert not any(thing.light for thing in changed.things)
         assert sky is not None
         assert sky.shape == (64, 128, 3)
@@ -137,12 +151,12 @@ def test_environments_are_all_the_light_there_is_and_unlike_the_captured_one() -
             assert a @ b < 0.8
 
 
-def stage(lights: tuple[gc.Light, ...], *things: Thing, target: str = "", sky: bool = False) -> Scene:
+def stage(lights: tuple[Light, ...], *things: Thing, target: str = "", sky: bool = False) -> Scene:
     """Two cameras that look at (0, 0, 1) from either side of a floor."""
     floor = Thing("floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), Matte((0.5, 0.5, 0.5)))
-    poses = [gc.look_at(np.array([x, -3.0, 2.0]), np.array([0.0, 0.0, 1.0])) for x in (-1.0, 1.0)]
-    cameras = [gc.Camera.from_fov(20, 20, 40.0, pose) for pose in poses]
-    views = (gc.View("train_000", "train", cameras[0]), gc.View("test_001", "test", cameras[1]))
+    poses = [look_at(np.array([x, -3.0, 2.0]), np.array([0.0, 0.0, 1.0])) for x in (-1.0, 1.0)]
+    cameras = [Camera.from_fov(20, 20, 40.0, pose) for pose in poses]
+    views = (View("train_000", "train", cameras[0]), View("test_001", "test", cameras[1]))
     return Scene(
         (floor, *things), lights, views, room((1, 1, 1), (1, 1, 1), (1, 1, 1)) if sky else None, target
     )
@@ -154,26 +168,26 @@ def names(scene: Scene) -> list[str]:
 
 def test_a_single_light_is_not_switched_off_and_only_local_ones_are_moved() -> None:
     lamp, sky = (
-        gc.PointLight("lamp", (0.5, 0.2, 2.5), (1, 1, 1)),
-        gc.EnvironmentLight("day", "environment.exr"),
+        PointLight("lamp", (0.5, 0.2, 2.5), (1, 1, 1)),
+        EnvironmentLight("day", "environment.exr"),
     )
     everywhere = ["environment-1", "environment-2"]
     assert names(stage((sky,), sky=True)) == everywhere
     assert names(stage((lamp,))) == ["recoloured-lamp", "moved-lamp", *everywhere]
     assert light_edits(stage((lamp,)), 5)[-1].scene.lights == (
-        gc.EnvironmentLight("environment", "environment.exr"),
+        EnvironmentLight("environment", "environment.exr"),
     )
 
 
 def test_a_dark_lamp_has_no_colour_to_change() -> None:
-    assert "recoloured-lamp" not in names(stage((gc.PointLight("lamp", (0.5, 0.2, 2.5), (0, 0, 0)),)))
+    assert "recoloured-lamp" not in names(stage((PointLight("lamp", (0.5, 0.2, 2.5), (0, 0, 0)),)))
 
 
 def test_where_there_is_no_room_nothing_is_moved() -> None:
     cell = Thing("cell", Ball((0, 0, 2.5), 1.9), BLACK)
-    scene = stage((gc.PointLight("lamp", (0.0, 0.0, 2.5), (1, 1, 1)),), cell)
+    scene = stage((PointLight("lamp", (0.0, 0.0, 2.5), (1, 1, 1)),), cell)
     assert not any(name.startswith("moved") for name in names(scene))
-    flash = gc.PointLight("flash", (0.1, 0.0, 0.0), (1, 1, 1), "camera")
+    flash = PointLight("flash", (0.1, 0.0, 0.0), (1, 1, 1), "camera")
     assert "flash-moved" in names(stage((flash,)))
     eye = scene.views[1].camera.position
     helmet = Thing("helmet", Ball((eye[0], eye[1], eye[2]), 0.9), BLACK)
@@ -181,7 +195,7 @@ def test_where_there_is_no_room_nothing_is_moved() -> None:
 
 
 def test_the_surface_of_a_moved_light_goes_with_it() -> None:
-    bulb = gc.SphereLight("bulb", (0.3, 0.3, 2.6), 0.1, (2, 2, 1))
+    bulb = SphereLight("bulb", (0.3, 0.3, 2.6), 0.1, (2, 2, 1))
     moved = next(e for e in light_edits(stage((bulb,), surface_of(bulb)), 5) if "moved" in e.record.name)
     after = local(moved.scene, "bulb")
     assert moved.scene.things[1].geometry == Ball(after.position, 0.1)
@@ -189,34 +203,34 @@ def test_the_surface_of_a_moved_light_goes_with_it() -> None:
 
 
 def test_each_kind_of_local_light_is_recoloured() -> None:
-    lobes = tuple(gc.SphericalGaussian((0, 0, z), 2.0, (4, 2, 1)) for z in (1.0, -1.0))
-    lights: list[gc.LocalLight] = [
-        gc.PointLight("x", (0, 0, 1), (4, 2, 1)),
-        gc.SpotLight("x", (0, 0, 1), (0, 0, -1), (4, 2, 1), 10, 20),
-        gc.RectangleLight("x", (0, 0, 1), (1, 0, 0), (0, 1, 0), (4, 2, 1)),
-        gc.SphereLight("x", (0, 0, 1), 0.5, (4, 2, 1)),
-        gc.GaussianLight("x", (0, 0, 1), lobes),
+    lobes = tuple(SphericalGaussian((0, 0, z), 2.0, (4, 2, 1)) for z in (1.0, -1.0))
+    lights: list[LocalLight] = [
+        PointLight("x", (0, 0, 1), (4, 2, 1)),
+        SpotLight("x", (0, 0, 1), (0, 0, -1), (4, 2, 1), 10, 20),
+        RectangleLight("x", (0, 0, 1), (1, 0, 0), (0, 1, 0), (4, 2, 1)),
+        SphereLight("x", (0, 0, 1), 0.5, (4, 2, 1)),
+        GaussianLight("x", (0, 0, 1), lobes),
     ]
     for light in lights:
         after = scaled_light(light, (0.5, 1.0, 3.0))
-        assert not isinstance(after, gc.EnvironmentLight)
+        assert not isinstance(after, EnvironmentLight)
         np.testing.assert_allclose(after.axial_intensity, light.axial_intensity * (0.5, 1.0, 3.0))
         assert scaled_light(after, (2.0, 1.0, 1 / 3)) == light
 
 
 def test_an_environment_is_not_scaled_as_if_it_were_local() -> None:
     with pytest.raises(ValueError, match="expected a local light, got EnvironmentLight"):
-        scaled_light(gc.EnvironmentLight("e", "environment.exr"), (1, 1, 1))
+        scaled_light(EnvironmentLight("e", "environment.exr"), (1, 1, 1))
 
 
 def test_held_out_environments_are_as_bright_as_the_lights_were() -> None:
     """A sky of radiance 1 everywhere and nothing else: 4 pi W/m² over all directions."""
-    scene = stage((gc.EnvironmentLight("e", "environment.exr"),), sky=True)
+    scene = stage((EnvironmentLight("e", "environment.exr"),), sky=True)
     polar = np.pi * np.arange(64) / 63
     pixel = (np.sin(polar) * (np.pi / 63) * (2 * np.pi / 128))[:, None, None]
     for edit in light_edits(scene, 5):
         assert edit.scene.sky is not None
-        fluence = gc.luminance((pixel * edit.scene.sky).sum(axis=(0, 1)))
+        fluence = luminance((pixel * edit.scene.sky).sum(axis=(0, 1)))
         assert fluence == pytest.approx(4 * np.pi, rel=2e-3)
 
 

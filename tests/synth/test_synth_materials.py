@@ -36,7 +36,7 @@ pytestmark = pytest.mark.usefixtures("llvm")
 
 
 def made(material: Material) -> Any:
-    from graycard.synth._mitsuba import _bsdf, load
+    from graycard.synth.renderer._mitsuba import _bsdf, load
 
     return load(_bsdf(material))
 
@@ -67,7 +67,7 @@ def albedo(
     material: Material, wi: np.ndarray, lobe: str = "All", seed: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean of the directional albedo over ``wi`` by sampling, and its standard error, each ``(3,)``."""
-    from graycard.synth._mitsuba import load
+    from graycard.synth.renderer._mitsuba import load
 
     sampler = load({"type": "independent"})
     sampler.seed(seed, wi.shape[1])

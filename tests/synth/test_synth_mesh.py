@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from graycard.synth._mesh import Mesh, blob, box, lathe, merge, torus
-from graycard.synth.families import _props as props
-from graycard.synth.families import _toys as toys
+from graycard.synth.families.props import _everyday as props
+from graycard.synth.families.props import _toys as toys
 
 
 def rng() -> np.random.Generator:

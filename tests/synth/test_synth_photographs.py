@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Sensor, open_capture, srgb_encode
+from graycard.io import sha256
 from graycard.synth import CaptureSettings, RenderSettings, SceneSpec, render_scene
-from graycard.synth._photographs import photographed, sensor_of
+from graycard.synth.dataset._photographs import photographed, sensor_of
 
 EXPOSURE = 0.25
 WHITE = 1 / EXPOSURE
@@ -46,7 +47,7 @@ def test_noise_has_the_mean_and_variance_of_counted_electrons(level: float, read
 def test_a_longer_exposure_is_less_noisy_and_saturates_earlier() -> None:
     flat = np.full((128, 128, 3), 0.2 * WHITE, np.float32)
     for factor in (0.5, 2.0):
-        sensor = gc.Sensor(shot_noise=2000, exposures={VIEWS[0]: factor})
+        sensor = Sensor(shot_noise=2000, exposures={VIEWS[0]: factor})
         found = photographed(flat, VIEWS[0], EXPOSURE, sensor, 1000) / WHITE
         assert found.var(dtype=np.float64) == pytest.approx(0.2 / (2000 * factor), rel=0.04)  # 4 sigma: 2.6 %
         assert found.mean(dtype=np.float64) == pytest.approx(0.2, rel=1e-3)
@@ -57,7 +58,7 @@ def test_a_longer_exposure_is_less_noisy_and_saturates_earlier() -> None:
 @pytest.mark.parametrize("bits", [8, 12])
 def test_levels_are_rounded_to_the_nearest_and_cut_off(bits: int) -> None:
     found = taken(RAMP, bits=bits)
-    shown, wanted = (gc.srgb_encode(x * EXPOSURE) for x in (found, np.minimum(RAMP, WHITE)))
+    shown, wanted = (srgb_encode(x * EXPOSURE) for x in (found, np.minimum(RAMP, WHITE)))
     assert np.abs(shown - wanted).max() <= 0.5 / (2**bits - 1) + 1e-6
     steps = shown * (2**bits - 1)
     assert np.abs(steps - np.rint(steps)).max() < 1e-2
@@ -133,7 +134,7 @@ def test_faults_out_of_range_are_refused(faults: dict[str, Any], message: str) -
 
 def test_exposures_of_nothing_are_refused() -> None:
     with pytest.raises(ValueError, match="expected finite exposures above 0"):
-        gc.Sensor(exposures={"train_000": 0.0})
+        Sensor(exposures={"train_000": 0.0})
 
 
 def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: Path, no_llvm: str) -> None:
@@ -142,7 +143,7 @@ def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: P
     spec = SceneSpec("tabletop", "glossy-table", 1000)
     plain = render_scene(spec, clean, tmp_path / "plain")
     found = render_scene(spec, replace(clean, capture=faults), tmp_path / "faulty")
-    capture, ideal = (gc.open_capture(f / "capture") for f in (found, plain))
+    capture, ideal = (open_capture(f / "capture") for f in (found, plain))
     assert ideal.sensor is None
     assert capture.sensor is not None
     assert (capture.sensor.bits, capture.sensor.shot_noise, capture.sensor.read_noise) == (8, 4000, 4)
@@ -150,7 +151,7 @@ def test_a_rendered_capture_says_what_took_it_and_truth_is_as_it_was(tmp_path: P
     assert "knobs" not in json.loads((found / "capture" / "manifest.json").read_text())["settings"]
     assert capture.exposure == ideal.exposure
     for view in capture.views:
-        assert gc.sha256(found / f"truth/views/{view.name}.exr") == gc.sha256(
+        assert sha256(found / f"truth/views/{view.name}.exr") == sha256(
             plain / f"truth/views/{view.name}.exr"
         )
     for view in capture.train:

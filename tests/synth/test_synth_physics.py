@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, RectangleLight, SphereLight, View, look_at
 from graycard.synth import Ball, Glossy, Matte, Quad, RenderSettings, Scene, Texture, Thing
 from graycard.synth._scene import surface_of
 
@@ -17,8 +17,8 @@ Judge = Callable[[str, float, float], None]
 
 def at_centres(scene: Scene, depth: int = 2) -> np.ndarray:
     """Radiance at the pixel centres; without noise where all lights are points."""
-    from graycard.synth._mitsuba import centre_sensor, load, load_scene
-    from graycard.synth._views import _image
+    from graycard.synth.layers._views import _image
+    from graycard.synth.renderer._mitsuba import centre_sensor, load, load_scene
 
     camera = scene.views[0].camera
     path = load({"type": "path", "max_depth": depth})
@@ -26,8 +26,8 @@ def at_centres(scene: Scene, depth: int = 2) -> np.ndarray:
 
 
 def surfaces(scene: Scene) -> dict[str, np.ndarray]:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     return surface_layers(load_scene(scene, camera), scene, camera)
@@ -79,9 +79,9 @@ def test_depth_and_normal_of_a_ball(variant: str, make_plane: MakePlane, judge: 
 
 
 def test_background_has_no_surface(variant: str) -> None:
-    camera = gc.Camera.from_fov(8, 6, 60, gc.look_at(np.zeros(3), np.array([1.0, 0, 0])))
+    camera = Camera.from_fov(8, 6, 60, look_at(np.zeros(3), np.array([1.0, 0, 0])))
     ball = Thing("ball", Ball((3, 0, 0), 0.4), Matte((0.5, 0.5, 0.5)))
-    layers = surfaces(Scene((ball,), (), (gc.View("train_000", "train", camera),)))
+    layers = surfaces(Scene((ball,), (), (View("train_000", "train", camera),)))
     empty = layers["object_id"] == 0
     assert 0 < empty.sum() < empty.size
     assert np.isposinf(layers["depth"][empty]).all()
@@ -95,13 +95,13 @@ def test_a_bright_dot_lands_where_the_camera_projects_it(
     scalar: str, judge: Judge, where: tuple[float, float, float]
 ) -> None:
     """A camera whose pixel centres were at whole numbers would be off by half a pixel."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
-    pose = gc.look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.3]))
-    camera = gc.Camera.from_fov(96, 64, 60, pose)
-    light = gc.SphereLight("dot", where, 0.07, (1, 1, 1))
-    scene = Scene((surface_of(light),), (light,), (gc.View("train_000", "train", camera),))
+    pose = look_at(np.array([1.2, -2.0, 2.5]), np.array([0.1, 0.2, 0.3]))
+    camera = Camera.from_fov(96, 64, 60, pose)
+    light = SphereLight("dot", where, 0.07, (1, 1, 1))
+    scene = Scene((surface_of(light),), (light,), (View("train_000", "train", camera),))
     settings = RenderSettings(96, 64, samples=256, max_depth=1)
     images = radiance_images(load_scene(scene, camera), camera, [1, 2, 3, 4], settings)
     image = images.mean(axis=0)[..., 0]
@@ -113,22 +113,22 @@ def test_a_bright_dot_lands_where_the_camera_projects_it(
 
 
 def test_a_rectangle_light_shines_along_u_cross_v(scalar: str, make_plane: MakePlane) -> None:
-    down = gc.RectangleLight("panel", (0, 0, 2), (0, 0.3, 0), (0.3, 0, 0), (5, 5, 5))
-    up = gc.RectangleLight("panel", (0, 0, 2), (0.3, 0, 0), (0, 0.3, 0), (5, 5, 5))
+    down = RectangleLight("panel", (0, 0, 2), (0, 0.3, 0), (0.3, 0, 0), (5, 5, 5))
+    up = RectangleLight("panel", (0, 0, 2), (0.3, 0, 0), (0, 0.3, 0), (5, 5, 5))
     lit, dark = (at_centres(with_surface(make_plane((light,)), light)) for light in (down, up))
     assert dark.max() == 0
     assert lit.mean() > 0.01
 
 
-def with_surface(scene: Scene, light: gc.RectangleLight | gc.SphereLight) -> Scene:
+def with_surface(scene: Scene, light: RectangleLight | SphereLight) -> Scene:
     return Scene((*scene.things, surface_of(light)), scene.lights, scene.views, scene.sky)
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
 def test_base_color_of_a_principled_material_is_its_parameter(variant: str, metallic: float) -> None:
-    camera = gc.Camera.from_fov(8, 8, 30, gc.look_at(np.array([0, -4.0, 0]), np.zeros(3)))
+    camera = Camera.from_fov(8, 8, 30, look_at(np.array([0, -4.0, 0]), np.zeros(3)))
     ball = Thing("ball", Ball((0, 0, 0), 2.0), Glossy((0.6, 0.3, 0.1), 0.3, metallic))
-    layers = surfaces(Scene((ball,), (), (gc.View("train_000", "train", camera),)))
+    layers = surfaces(Scene((ball,), (), (View("train_000", "train", camera),)))
     np.testing.assert_allclose(layers["base_color"], np.broadcast_to((0.6, 0.3, 0.1), (8, 8, 3)), atol=1e-6)
 
 
@@ -139,17 +139,17 @@ def test_a_texture_stands_upright_and_repeats(variant: str) -> None:
     board = Quad((0, 0, 0), (1, 0, 0), (0, 0, 1))
     thing = Thing("board", board, Matte(Texture(pixels, (2, 1), smooth=False)))
     # a field of view of exactly the board: 4 x 2 pixels, one a cell
-    pose = gc.look_at(np.array([0, -4.0, 0]), np.zeros(3))
-    camera = gc.Camera.from_fov(4, 4, 2 * np.degrees(np.arctan(0.25)), pose)
-    layers = surfaces(Scene((thing,), (), (gc.View("train_000", "train", camera),)))
+    pose = look_at(np.array([0, -4.0, 0]), np.zeros(3))
+    camera = Camera.from_fov(4, 4, 2 * np.degrees(np.arctan(0.25)), pose)
+    layers = surfaces(Scene((thing,), (), (View("train_000", "train", camera),)))
     np.testing.assert_allclose(layers["base_color"][0, :, 0], (0.1, 0.2, 0.1, 0.2), atol=1e-6)
     np.testing.assert_allclose(layers["base_color"][3, :, 0], (0.3, 0.4, 0.3, 0.4), atol=1e-6)
 
 
 def test_normals_face_the_camera_where_interpolation_or_the_side_does_not(scalar: str) -> None:
-    from graycard.synth._views import _facing
+    from graycard.synth.layers._views import _facing
 
-    camera = gc.Camera.from_fov(3, 1, 1.0, gc.look_at(np.array([0, -4.0, 0]), np.zeros(3)))
+    camera = Camera.from_fov(3, 1, 1.0, look_at(np.array([0, -4.0, 0]), np.zeros(3)))
     toward, away = np.array([0.6, -0.8, 0]), np.array([0.8, 0.6, 0])
     shading = np.stack([toward, away, -toward])[None]
     geometric = np.stack([toward, np.array([0.995, -0.0998749, 0]), -toward])[None]
@@ -158,7 +158,7 @@ def test_normals_face_the_camera_where_interpolation_or_the_side_does_not(scalar
 
 
 def test_ids_do_not_depend_on_what_else_is_loaded(variant: str, make_plane: MakePlane) -> None:
-    from graycard.synth._mitsuba import load_scene
+    from graycard.synth.renderer._mitsuba import load_scene
 
     scene = make_plane(ball=Ball((0.2, 0.1, 0.6), 0.6))
     first = surfaces(scene)["object_id"]
@@ -168,20 +168,20 @@ def test_ids_do_not_depend_on_what_else_is_loaded(variant: str, make_plane: Make
 
 
 def test_a_camera_that_mitsuba_cannot_have_is_refused(scalar: str) -> None:
-    from graycard.synth._mitsuba import centre_sensor
+    from graycard.synth.renderer._mitsuba import centre_sensor
 
     K = np.array([[20.0, 0, 3], [0, 20, 5], [0, 0, 1]])
     with pytest.raises(ValueError, match="expected square pixels and a centred principal point"):
-        centre_sensor(gc.Camera(10, 10, K, np.eye(4)))
+        centre_sensor(Camera(10, 10, K, np.eye(4)))
 
 
 def test_the_variance_is_that_of_the_mean(scalar: str, make_plane: MakePlane) -> None:
     """Predicted from four sub-buffers against found from repeated renders: ratio 1 within its own error."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import estimate
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._separation import estimate
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
-    light = gc.RectangleLight("panel", (0.4, -0.3, 1.2), (0, 0.4, 0), (0.4, 0, 0), (5, 5, 5))
+    light = RectangleLight("panel", (0.4, -0.3, 1.2), (0, 0.4, 0), (0.4, 0, 0), (5, 5, 5))
     scene = with_surface(make_plane((light,), ball=Ball((0.2, 0.1, 0.5), 0.5)), light)
     camera = scene.views[0].camera
     loaded = load_scene(scene, camera)
@@ -200,7 +200,7 @@ def test_the_variance_is_that_of_the_mean(scalar: str, make_plane: MakePlane) ->
 
 
 def test_sub_buffers_have_seeds_of_their_own() -> None:
-    from graycard.synth._views import sub_buffer_seeds
+    from graycard.synth.layers._views import sub_buffer_seeds
 
     seeds = [s for scene in range(3) for view in range(5) for s in sub_buffer_seeds(scene, view)]
     assert len(set(seeds)) == len(seeds) == 60

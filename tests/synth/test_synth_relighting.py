@@ -11,7 +11,23 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-import graycard as gc
+from graycard import (
+    Camera,
+    DatasetError,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    RenderError,
+    SphereLight,
+    UnknownNameError,
+    View,
+    look_at,
+    open_truth,
+    world_position,
+)
+from graycard.io import read_manifest, read_rgb, sha256, write_json, write_manifest
+from graycard.layers import find_fault
 from graycard.synth import (
     Ball,
     LambertGGX,
@@ -20,25 +36,25 @@ from graycard.synth import (
     Scene,
     SceneSpec,
     Thing,
-    families,
+    all_families,
     family_of,
     find_scene,
     render_scene,
     use_renderer,
 )
-from graycard.synth._light_edits import Edit, light_edits, scaled_light
 from graycard.synth._scene import surface_of
 from graycard.synth._sky import recorded
+from graycard.synth.edits._light_edits import Edit, light_edits, scaled_light
 
 SETTINGS = RenderSettings(24, 20, samples=576, max_depth=4)
 SEED = 1000
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
 STUDIO = SceneSpec("multilight", "studio", SEED)
 
-PANEL = gc.RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
-BULB = gc.SphereLight("bulb", (0.9, 0.9, 0.5), 0.12, (8, 8, 9))
-POINT = gc.PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
-SKY = gc.EnvironmentLight("sky", "environment.exr")
+PANEL = RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
+BULB = SphereLight("bulb", (0.9, 0.9, 0.5), 0.12, (8, 8, 9))
+POINT = PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
+SKY = EnvironmentLight("sky", "environment.exr")
 
 
 def corner() -> Scene:
@@ -46,23 +62,23 @@ def corner() -> Scene:
     material = LambertGGX((0.6, 0.5, 0.2), 0.4)
     floor = Thing("floor", Quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), material)
     ball = Thing("ball", Ball((0.1, 0.1, 0.5), 0.5), material)
-    pose = gc.look_at(np.array([1.2, -2.4, 1.5]), np.array([0.2, 0.2, 0.6]))
-    camera = gc.Camera.from_fov(SETTINGS.width, SETTINGS.height, 60.0, pose)
+    pose = look_at(np.array([1.2, -2.4, 1.5]), np.array([0.2, 0.2, 0.6]))
+    camera = Camera.from_fov(SETTINGS.width, SETTINGS.height, 60.0, pose)
     sky = np.linspace(0.05, 0.5, 8 * 16 * 3).reshape(8, 16, 3)
     things = floor, ball, surface_of(PANEL), surface_of(BULB)
-    return Scene(things, (PANEL, POINT, BULB, SKY), (gc.View("test_000", "test", camera),), sky)
+    return Scene(things, (PANEL, POINT, BULB, SKY), (View("test_000", "test", camera),), sky)
 
 
 def sums(edits: list[Edit], settings: RenderSettings = SETTINGS) -> dict[str, dict[str, np.ndarray]]:
-    from graycard.synth._relighting import view_with_edits
+    from graycard.synth.edits._relighting import view_with_edits
 
     return view_with_edits(corner(), 0, SEED, settings, edits)[1]
 
 
 def rendered(scene: Scene, seeds: list[int], settings: RenderSettings = SETTINGS) -> dict[str, np.ndarray]:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import estimate
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._separation import estimate
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     return estimate("radiance", radiance_images(load_scene(scene, camera), camera, seeds, settings))
@@ -87,9 +103,9 @@ def agree(found: dict[str, np.ndarray], expected: dict[str, np.ndarray], tests: 
 
 
 def test_what_lights_give_adds_up_to_the_picture(llvm: str) -> None:
-    from graycard.synth._light_shares import emitted_images, light_shares
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import light_names, separated_images
+    from graycard.synth.layers._light_shares import emitted_images, light_shares
+    from graycard.synth.layers._separation import light_names, separated_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     scene, seeds = corner(), [3, 4]
     camera = scene.views[0].camera
@@ -117,7 +133,7 @@ def test_sums_are_what_rendering_the_changed_scene_anew_gives(llvm: str) -> None
 
 def test_with_the_same_random_numbers_they_are_equal_to_rounding(llvm: str) -> None:
     """A light that is off is left in at radiance 0, so that the others are given the same samples."""
-    from graycard.synth._views import sub_buffer_seeds
+    from graycard.synth.layers._views import sub_buffer_seeds
 
     settings = replace(SETTINGS, samples=64)
     found, scene = sums(linear_edits(), settings), corner()
@@ -134,7 +150,7 @@ def test_with_the_same_random_numbers_they_are_equal_to_rounding(llvm: str) -> N
 
 def test_without_a_light_nothing_of_it_is_left(llvm: str) -> None:
     """All lights but one off, one after the other: the rest is what this light alone gives."""
-    from graycard.synth._relighting import view_with_edits
+    from graycard.synth.edits._relighting import view_with_edits
 
     scene, settings = corner(), replace(SETTINGS, samples=64)
     layers, relit = view_with_edits(scene, 0, SEED, settings, linear_edits())
@@ -165,21 +181,21 @@ def test_a_moved_light_shines_from_where_it_is_said_to_be(
     variant: str, make_plane: Callable[..., Scene], frame: str
 ) -> None:
     """Direct light of a point on a Lambertian plane: L = albedo / pi I cos / d², at the pixel centres."""
-    from graycard.synth._relighting import relit_view
+    from graycard.synth.edits._relighting import relit_view
 
     where = (0.4, 0.3, 2.2) if frame == "world" else (0.2, 0.0, 0.0)
-    lamp = gc.PointLight("lamp", where, (3.0, 2.0, 1.0), frame)  # pyright: ignore[reportArgumentType]
+    lamp = PointLight("lamp", where, (3.0, 2.0, 1.0), frame)  # pyright: ignore[reportArgumentType]
     plane = make_plane((lamp,))
     plane = replace(plane, views=(replace(plane.views[0], split="test"),))
     edit = next(e for e in light_edits(plane, SEED) if "moved" in e.record.name)
     settings = RenderSettings(24, 20, samples=256, max_depth=2)
     found = relit_view(edit, 0, SEED, settings)["radiance"]
     camera, light = plane.views[0].camera, edit.scene.lights[0]
-    assert isinstance(light, gc.PointLight)
+    assert isinstance(light, PointLight)
     assert light.position != where
     rays, eye = camera.rays(), camera.position
     point = eye - (eye[2] / rays[..., 2])[..., None] * rays
-    to_light = gc.world_position(light, camera) - point
+    to_light = world_position(light, camera) - point
     square = (to_light**2).sum(-1)
     irradiance = np.array(light.intensity) * (to_light[..., 2] / square**1.5)[..., None]
     expected = np.array([0.5, 0.4, 0.3]) / np.pi * irradiance
@@ -193,13 +209,13 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A tiny studio with parts of the radiance, not to be changed."""
     try:
         use_renderer(variant="llvm_ad_rgb")
-    except gc.RenderError as reason:
+    except RenderError as reason:
         pytest.skip(str(reason))
     return render_scene(STUDIO, TINY, tmp_path_factory.mktemp("studio"))
 
 
 def test_the_truth_lists_its_edits_and_opens_them(studio: Path) -> None:
-    truth = gc.open_truth(studio / "truth")
+    truth = open_truth(studio / "truth")
     edits = light_edits(family_of(STUDIO).build(SEED, TINY), SEED)
     assert truth.edits == tuple(edit.record for edit in edits)
     held_out = next(view for view in truth.views if view.split == "test")
@@ -207,36 +223,36 @@ def test_the_truth_lists_its_edits_and_opens_them(studio: Path) -> None:
         layers = truth.relit(edit.record.name, held_out)
         assert layers.keys() == {"radiance", "radiance.var", "radiance.half_a", "radiance.half_b"}
         for name, values in layers.items():
-            assert gc.find_fault(name, values, 16, 20) is None
+            assert find_fault(name, values, 16, 20) is None
         assert truth.relit_lights(edit.record.name) == edit.scene.lights
         image = studio / "truth" / "relighting" / edit.record.name / "environment.exr"
         assert image.is_file() == (edit.scene.sky is not None)
         if edit.scene.sky is not None:
-            np.testing.assert_array_equal(gc.read_rgb(image), recorded(edit.scene.sky))
+            np.testing.assert_array_equal(read_rgb(image), recorded(edit.scene.sky))
     whole = truth.layers(held_out)["radiance"].astype(np.float64).mean()
     without = [truth.relit(f"without-{x.name}", held_out)["radiance"].mean() for x in truth.lights()]
     assert sum(whole - w for w in without) == pytest.approx(whole, rel=1e-5)
 
 
 def test_what_is_not_there_is_named(studio: Path) -> None:
-    truth = gc.open_truth(studio / "truth", check=False)
+    truth = open_truth(studio / "truth", check=False)
     train, test = (next(v for v in truth.views if v.split == split) for split in ("train", "test"))
-    with pytest.raises(gc.UnknownNameError, match=r"light edit.*without-lamp"):
+    with pytest.raises(UnknownNameError, match=r"light edit.*without-lamp"):
         truth.relit("without-lampp-3", test)
-    with pytest.raises(gc.UnknownNameError, match="light edit"):
+    with pytest.raises(UnknownNameError, match="light edit"):
         truth.relit_lights("moved")
-    with pytest.raises(gc.DatasetError, match="expected a held-out view, got train_000"):
+    with pytest.raises(DatasetError, match="expected a held-out view, got train_000"):
         truth.relit("without-lamp-3", train)
 
 
 def test_lights_of_an_edit_render_to_its_pictures(studio: Path) -> None:
     """The scene built anew from ``lights.json`` gives the picture that lies beside it."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import estimate
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._separation import estimate
+    from graycard.synth.layers._views import radiance_images
+    from graycard.synth.renderer._mitsuba import load_scene
 
     use_renderer(variant="llvm_ad_rgb")
-    truth, scene = gc.open_truth(studio / "truth"), family_of(STUDIO).build(SEED, TINY)
+    truth, scene = open_truth(studio / "truth"), family_of(STUDIO).build(SEED, TINY)
     number = next(n for n, view in enumerate(scene.views) if view.split == "test")
     view = scene.views[number]
     for edit in truth.edits:
@@ -244,7 +260,7 @@ def test_lights_of_an_edit_render_to_its_pictures(studio: Path) -> None:
             continue  # its image is recorded on another grid, and compared above
         lights = truth.relit_lights(edit.name)
         things = tuple(relit_surface(thing, lights) for thing in scene.things)
-        sky = scene.sky if any(isinstance(x, gc.EnvironmentLight) for x in lights) else None
+        sky = scene.sky if any(isinstance(x, EnvironmentLight) for x in lights) else None
         changed = replace(scene, things=things, lights=lights, sky=sky)
         settings = replace(TINY, samples=1024)
         images = radiance_images(load_scene(changed, view.camera), view.camera, [1, 2, 3, 4], settings)
@@ -255,13 +271,13 @@ def test_lights_of_an_edit_render_to_its_pictures(studio: Path) -> None:
         assert abs(off) < 4 * np.sqrt(3) * error, edit.name
 
 
-def relit_surface(thing: Thing, lights: tuple[gc.Light, ...]) -> Thing:
+def relit_surface(thing: Thing, lights: tuple[Light, ...]) -> Thing:
     light = next((x for x in lights if x.name == thing.light), None)
-    return surface_of(light) if isinstance(light, gc.RectangleLight | gc.SphereLight) else thing
+    return surface_of(light) if isinstance(light, RectangleLight | SphereLight) else thing
 
 
 def bits(folder: Path) -> dict[str, str]:
-    return {str(p.relative_to(folder)): gc.sha256(p) for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {str(p.relative_to(folder)): sha256(p) for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 @pytest.mark.parametrize(
@@ -291,28 +307,28 @@ def test_the_capture_learns_nothing_of_it(studio: Path, tmp_path: Path) -> None:
     other = render_scene(STUDIO, plain, tmp_path)
     assert bits(other / "capture") == bits(studio / "capture")
     assert not (other / "truth" / "relighting").exists()
-    assert gc.open_truth(other / "truth").edits == ()
+    assert open_truth(other / "truth").edits == ()
     views = {name: sha for name, sha in bits(other / "truth").items() if name.startswith("views/")}
     assert views.items() <= bits(studio / "truth").items()
-    with pytest.raises(gc.DatasetError, match="relighting"):
+    with pytest.raises(DatasetError, match="relighting"):
         find_scene(STUDIO, plain, studio.parent.parent)
 
 
 def test_a_truth_of_before_has_no_edits(studio: Path, tmp_path: Path) -> None:
     data: dict[str, Any] = json.loads((studio / "truth" / "truth.json").read_text())
     del data["edits"]
-    gc.write_json(tmp_path / "truth" / "truth.json", data)
-    manifest = gc.read_manifest(studio / "truth", "graycard-truth")
-    gc.seal(tmp_path / "truth", manifest)
-    assert gc.open_truth(tmp_path / "truth").edits == ()
+    write_json(tmp_path / "truth" / "truth.json", data)
+    manifest = read_manifest(studio / "truth", "graycard-truth")
+    write_manifest(tmp_path / "truth", manifest)
+    assert open_truth(tmp_path / "truth").edits == ()
 
 
-@pytest.mark.parametrize("name", families())
+@pytest.mark.parametrize("name", all_families())
 def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: str) -> None:
     """Nothing is a sum there: all edits are rendered."""
     settings = RenderSettings(8, 8, 2, 1, 4, 2)
-    spec = SceneSpec(families()[name].track, name, SEED)
-    truth = gc.open_truth(render_scene(spec, settings, tmp_path) / "truth")
+    spec = SceneSpec(all_families()[name].track, name, SEED)
+    truth = open_truth(render_scene(spec, settings, tmp_path) / "truth")
     view = next(view for view in truth.views if view.split == "test")
     assert truth.edits
     for edit in truth.edits:
@@ -321,8 +337,8 @@ def test_every_family_is_relit_without_llvm(name: str, tmp_path: Path, no_llvm: 
 
 def test_pictures_are_the_same_to_the_bit_with_any_number_of_threads(llvm: str) -> None:
     """With enough samples for several blocks of work, and none that fill a block evenly."""
-    from graycard.synth._relighting import composed_view, relit_view
-    from graycard.synth._views import render_view
+    from graycard.synth.edits._relighting import composed_view, relit_view
+    from graycard.synth.layers._views import render_view
 
     settings = RenderSettings(64, 64, 2, 1, 100)
     scene = family_of(STUDIO).build(SEED, settings)

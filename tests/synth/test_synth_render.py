@@ -14,19 +14,32 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard._lock import alone
+from graycard import (
+    TRACKS,
+    Camera,
+    DatasetError,
+    OutputError,
+    RenderError,
+    View,
+    capture_folders,
+    look_at,
+    open_capture,
+    open_truth,
+)
+from graycard.io import read_layers, read_manifest, sha256, to_builtins, writable_folder, write_json
+from graycard.io._lock import file_lock
+from graycard.layers import find_fault
 from graycard.synth import (
     GENERATOR_VERSION,
     RenderSettings,
     SceneSpec,
-    families,
+    all_families,
     find_llvm,
     find_scene,
     render_scene,
     scene_name,
 )
-from graycard.synth._store import Place
+from graycard.synth.dataset._store import Place
 
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
 TABLE = SceneSpec("tabletop", "glossy-table", 0)
@@ -38,12 +51,13 @@ RunPython = Callable[..., subprocess.CompletedProcess[str]]
 
 RENDER = """
 import os, signal, sys, json
-import graycard as gc, graycard.synth as synth
+import graycard.synth as synth
+from graycard.io import from_builtins
 spec, settings, out, threads, kill_at = json.loads(sys.argv[1])
 def progress(done, doing):
     if kill_at and kill_at in doing:
         os.kill(os.getpid(), signal.SIGKILL)
-spec, settings = gc.decode(synth.SceneSpec, spec), gc.decode(synth.RenderSettings, settings)
+spec, settings = from_builtins(synth.SceneSpec, spec), from_builtins(synth.RenderSettings, settings)
 print(synth.render_scene(spec, settings, out, progress, threads))
 print("mitsuba" in sys.modules, "colour" in sys.modules)
 """
@@ -56,7 +70,7 @@ def in_process(run_python: RunPython) -> RunPython:
     def run(
         out: Path, spec: SceneSpec = TABLE, threads: int | None = None, kill_at: str = "", hide: bool = True
     ) -> subprocess.CompletedProcess[str]:
-        request = json.dumps([gc.encode(spec), gc.encode(TINY), str(out), threads, kill_at])
+        request = json.dumps([to_builtins(spec), to_builtins(TINY), str(out), threads, kill_at])
         return run_python(RENDER, request, **(HIDDEN if hide else {}))
 
     return run
@@ -64,7 +78,7 @@ def in_process(run_python: RunPython) -> RunPython:
 
 def bits(folder: Path) -> dict[str, str]:
     """Hash of each file, hidden ones as well."""
-    return {str(p.relative_to(folder)): gc.sha256(p) for p in sorted(folder.rglob("*")) if p.is_file()}
+    return {str(p.relative_to(folder)): sha256(p) for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 @pytest.fixture(scope="session")
@@ -85,10 +99,10 @@ def table(rendered: dict[str, Path], tmp_path: Path, no_llvm: str) -> Path:
     return target
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str) -> None:
     folder = rendered[track]
-    capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
+    capture, truth = open_capture(folder / "capture"), open_truth(folder / "truth")
     assert capture.views == truth.views
     assert capture.light_on_camera == (track == "dark")
     estimates = {"", ".var", ".half_a", ".half_b"}
@@ -108,15 +122,15 @@ def test_folders_open_and_hold_every_layer(rendered: dict[str, Path], track: str
         layers = truth.layers(view)
         assert layers.keys() == names
         for name, values in layers.items():
-            assert gc.find_fault(name, values, 16, 20) is None
+            assert find_fault(name, values, 16, 20) is None
         assert layers["radiance"].min() >= 0
         assert layers["radiance.var"].min() >= 0
         assert layers["radiance.var"].max() > 0
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_normals_are_unit_and_face_the_camera(rendered: dict[str, Path], track: str) -> None:
-    truth = gc.open_truth(rendered[track] / "truth")
+    truth = open_truth(rendered[track] / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         seen = layers["object_id"] > 0
@@ -126,47 +140,47 @@ def test_normals_are_unit_and_face_the_camera(rendered: dict[str, Path], track: 
         assert (np.isfinite(layers["depth"]) == seen).all()
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_photographs_are_of_training_views_only(rendered: dict[str, Path], track: str) -> None:
-    capture = gc.open_capture(rendered[track] / "capture")
-    truth = gc.open_truth(rendered[track] / "truth")
+    capture = open_capture(rendered[track] / "capture")
+    truth = open_truth(rendered[track] / "truth")
     for view in capture.train:
         assert np.array_equal(capture.photograph(view), truth.layers(view)["radiance"])
     files = {p.stem for p in (rendered[track] / "capture").rglob("*.exr")}
     assert files == {v.name for v in capture.train}
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 def test_exposure_brings_the_99th_percentile_to_white(rendered: dict[str, Path], track: str) -> None:
-    capture = gc.open_capture(rendered[track] / "capture")
+    capture = open_capture(rendered[track] / "capture")
     photographs = [capture.photograph(v) for v in capture.train]
     assert capture.exposure * np.percentile(photographs, 99) == pytest.approx(1)
 
 
 def test_the_capture_tells_nothing_of_the_scene(rendered: dict[str, Path]) -> None:
     for folder in rendered.values():
-        manifest = gc.read_manifest(folder / "capture", "graycard-capture")
+        manifest = read_manifest(folder / "capture", "graycard-capture")
         assert not manifest.seeds
         assert not manifest.settings
         assert manifest.generator.keys() == {"name", "version"}
 
 
 def test_the_truth_tells_how_it_was_made(rendered: dict[str, Path]) -> None:
-    manifest = gc.read_manifest(rendered["dark"] / "truth", "graycard-truth")
+    manifest = read_manifest(rendered["dark"] / "truth", "graycard-truth")
     assert manifest.seeds == {"scene": 0}
     assert manifest.settings["family"] == "corridor"
-    assert manifest.settings["render"] == gc.encode(TINY)
+    assert manifest.settings["render"] == to_builtins(TINY)
     assert manifest.settings["knobs"]["light_offset"] == 0.25
     assert manifest.generator["variant"] == "scalar_rgb"
 
 
 def test_target_masks_hold_the_target_where_it_is_seen(rendered: dict[str, Path]) -> None:
     folder = rendered["tabletop"]
-    capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
+    capture, truth = open_capture(folder / "capture"), open_truth(folder / "truth")
     assert capture.target == truth.target
     seen = 0
     for view in capture.train:
-        mask = gc.read_layers(folder / "capture" / "masks" / "target" / f"{view.name}.exr")["object_id"]
+        mask = read_layers(folder / "capture" / "masks" / "target" / f"{view.name}.exr")["object_id"]
         ids = truth.layers(view)["object_id"]
         assert np.array_equal(mask, np.where(ids == capture.target, ids, 0))
         seen += int((mask > 0).sum())
@@ -174,7 +188,7 @@ def test_target_masks_hold_the_target_where_it_is_seen(rendered: dict[str, Path]
 
 
 def test_the_counterfactual_differs_only_where_the_target_plays_a_part(rendered: dict[str, Path]) -> None:
-    truth = gc.open_truth(rendered["tabletop"] / "truth")
+    truth = open_truth(rendered["tabletop"] / "truth")
     for view in truth.views:
         layers = truth.layers(view)
         same = (layers["radiance"] == layers["counterfactual.radiance"]).all(-1)
@@ -186,8 +200,8 @@ def test_the_counterfactual_differs_only_where_the_target_plays_a_part(rendered:
 
 def test_lights_are_those_of_the_scene(rendered: dict[str, Path]) -> None:
     for track, folder in rendered.items():
-        truth = gc.open_truth(folder / "truth")
-        family = families()[truth.scene.rpartition("-")[0]]
+        truth = open_truth(folder / "truth")
+        family = all_families()[truth.scene.rpartition("-")[0]]
         scene = family().build(0, TINY)
         assert truth.lights() == scene.lights, track
         assert (folder / "truth" / "environment.exr").is_file() == (scene.sky is not None)
@@ -196,13 +210,13 @@ def test_lights_are_those_of_the_scene(rendered: dict[str, Path]) -> None:
 
 
 def test_the_diameter_spans_cameras_and_what_they_see(rendered: dict[str, Path]) -> None:
-    truth = gc.open_truth(rendered["dark"] / "truth")
+    truth = open_truth(rendered["dark"] / "truth")
     assert 5 < truth.diameter < np.linalg.norm((7.0, 2.6, 3.4))
 
 
 def test_every_base_color_of_an_emitter_is_black(rendered: dict[str, Path]) -> None:
     for folder in rendered.values():
-        truth = gc.open_truth(folder / "truth")
+        truth = open_truth(folder / "truth")
         for view in truth.views:
             layers = truth.layers(view)
             lamp = np.isin(layers["object_id"], list(truth.emitter_ids()))
@@ -212,17 +226,17 @@ def test_every_base_color_of_an_emitter_is_black(rendered: dict[str, Path]) -> N
 def test_the_chart_shows_its_measured_colors() -> None:
     """Of the patches that a camera in front of the studio's chart sees, each is the right one."""
     from graycard.synth import Quad, Scene, use_renderer
-    from graycard.synth._mitsuba import load_scene
     from graycard.synth._spectra import chart_patches
-    from graycard.synth._views import surface_layers
     from graycard.synth.families._studio import _chart
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     use_renderer(variant="scalar_rgb")
     chart = _chart()
     assert isinstance(chart.geometry, Quad)
     centre = np.array(chart.geometry.center)
-    camera = gc.Camera.from_fov(96, 64, 36, gc.look_at(centre + np.array([1.0, 0, 0]), centre))
-    scene = Scene((chart,), (), (gc.View("train_000", "train", camera),))
+    camera = Camera.from_fov(96, 64, 36, look_at(centre + np.array([1.0, 0, 0]), centre))
+    scene = Scene((chart,), (), (View("train_000", "train", camera),))
     color = surface_layers(load_scene(scene, camera), scene, camera)["base_color"]
     for number, reflectance in enumerate(chart_patches().values()):
         row, column = divmod(number, 6)
@@ -266,7 +280,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
 ) -> None:
     killed = in_process(tmp_path, kill_at=kill_at)
     assert killed.returncode == -signal.SIGKILL
-    assert gc.capture_folders(tmp_path) == []
+    assert capture_folders(tmp_path) == []
     assert find_scene(TABLE, TINY, tmp_path) is None
     truth = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth"
     kept = {p: p.stat().st_mtime_ns for p in truth.rglob("views/*.exr")}
@@ -294,8 +308,8 @@ def test_leftovers_of_another_spec_are_not_used(
 ) -> None:
     place = Place(tmp_path, "tabletop", scene_name(TABLE))
     views = place.partial / "truth" / "views"
-    gc.write_json(place.stamp, {"generator": 0, "variant": "scalar_rgb"})
-    shutil.copy(rendered["dark"] / "truth" / "views" / "train_000.exr", gc.writable_folder(views))
+    write_json(place.stamp, {"generator": 0, "variant": "scalar_rgb"})
+    shutil.copy(rendered["dark"] / "truth" / "views" / "train_000.exr", writable_folder(views))
     folder = render_scene(TABLE, TINY, tmp_path)
     assert bits(folder.parent) == bits(rendered["tabletop"].parent)
 
@@ -351,10 +365,10 @@ def test_a_run_cut_off_between_seal_and_name_goes_on(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("graycard.synth._render.promote", interrupted)
+        patch.setattr("graycard.synth.dataset._render.promote", interrupted)
         with pytest.raises(KeyboardInterrupt):
             render_scene(TABLE, TINY, tmp_path)
-    assert gc.capture_folders(tmp_path) == []
+    assert capture_folders(tmp_path) == []
     folder = render_scene(TABLE, TINY, tmp_path)
     assert bits(folder.parent) == bits(rendered["tabletop"].parent)
 
@@ -376,8 +390,8 @@ def test_a_disk_that_refuses_is_named(
             raise PermissionError(13, "Permission denied")
         real(path, *others)
 
-    monkeypatch.setattr(f"graycard.synth._store.{call}", refuse)
-    with pytest.raises(gc.OutputError, match=complaint):
+    monkeypatch.setattr(f"graycard.synth.dataset._store.{call}", refuse)
+    with pytest.raises(OutputError, match=complaint):
         render_scene(TABLE, TINY, table.parent.parent)
 
 
@@ -431,7 +445,7 @@ def test_a_scene_of_other_settings_is_left_alone(
     table: Path, settings: RenderSettings, difference: str
 ) -> None:
     before = bits(table)
-    with pytest.raises(gc.DatasetError, match=f"{difference}.*Choose another output folder"):
+    with pytest.raises(DatasetError, match=f"{difference}.*Choose another output folder"):
         render_scene(TABLE, settings, table.parent.parent)
     assert bits(table) == before
 
@@ -451,7 +465,7 @@ def test_a_scene_of_another_spec_is_left_alone(
     manifest = json.loads(path.read_text())
     manifest[part] |= change
     path.write_text(json.dumps(manifest))
-    with pytest.raises(gc.DatasetError, match=difference):
+    with pytest.raises(DatasetError, match=difference):
         render_scene(TABLE, TINY, table.parent.parent)
 
 
@@ -459,7 +473,7 @@ def test_a_scene_of_another_spec_is_left_alone(
 def test_a_newer_format_is_left_alone(table: Path, part: str) -> None:
     path = table / part / "manifest.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"format_version": 99}))
-    with pytest.raises(gc.DatasetError, match="got version 99"):
+    with pytest.raises(DatasetError, match="got version 99"):
         render_scene(TABLE, TINY, table.parent.parent)
 
 
@@ -467,7 +481,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     thesis = tmp_path / "tabletop" / "glossy-table-0000" / "thesis.tex"
     thesis.parent.mkdir(parents=True)
     thesis.write_text("years of work")
-    with pytest.raises(gc.DatasetError, match=r"got thesis.tex in it. Choose another"):
+    with pytest.raises(DatasetError, match=r"got thesis.tex in it. Choose another"):
         render_scene(TABLE, TINY, tmp_path)
     assert thesis.read_text() == "years of work"
 
@@ -476,21 +490,21 @@ def test_a_file_in_the_place_of_the_scene_is_left_alone(tmp_path: Path) -> None:
     path = tmp_path / "tabletop" / "glossy-table-0000"
     path.parent.mkdir()
     path.write_text("x")
-    with pytest.raises(gc.DatasetError, match="Choose another"):
+    with pytest.raises(DatasetError, match="Choose another"):
         render_scene(TABLE, TINY, tmp_path)
 
 
 def test_an_output_that_is_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("x")
-    with pytest.raises(gc.OutputError, match="expected an output folder that can be written to"):
+    with pytest.raises(OutputError, match="expected an output folder that can be written to"):
         render_scene(TABLE, TINY, tmp_path / "out")
 
 
 def test_a_black_scene_is_refused(tmp_path: Path, no_llvm: str) -> None:
     spec = SceneSpec("tabletop", "glossy-table", 0, {"lamp": 0.0, "daylight": 0.0})
-    with pytest.raises(gc.RenderError, match="expected a scene with light in it"):
+    with pytest.raises(RenderError, match="expected a scene with light in it"):
         render_scene(spec, TINY, tmp_path)
-    assert gc.capture_folders(tmp_path) == []
+    assert capture_folders(tmp_path) == []
 
 
 def test_progress_never_goes_back_and_ends_at_one(tmp_path: Path, no_llvm: str) -> None:
@@ -520,12 +534,12 @@ def test_the_lock_is_held_by_one_and_leaves_nothing(tmp_path: Path) -> None:
 
     def second() -> None:
         inside.wait(10)
-        with alone(tmp_path / "lock", waiting.set):
+        with file_lock(tmp_path / "lock", waiting.set):
             order.append("second")
 
     thread = threading.Thread(target=second)
     thread.start()
-    with alone(tmp_path / "lock", lambda: order.append("waited for nothing")):
+    with file_lock(tmp_path / "lock", lambda: order.append("waited for nothing")):
         inside.set()
         assert waiting.wait(10)
         order.append("first")

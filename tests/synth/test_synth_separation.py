@@ -8,7 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SpotLight,
+    View,
+    look_at,
+)
+from graycard.layers import find_fault
 from graycard.synth import Ball, Glossy, LambertGGX, Matte, Quad, RenderSettings, Scene, Thing, use_renderer
 from graycard.synth._scene import Material, surface_of
 
@@ -17,12 +28,12 @@ Judge = Callable[[str, float, float], None]
 SETTINGS = RenderSettings(24, 20, samples=64, max_depth=5)
 SEEDS = [1, 2, 3, 4]
 
-PANEL = gc.RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
-BULB = gc.SphereLight("bulb", (0.9, 0.9, 0.5), 0.12, (8, 8, 9))
-POINT = gc.PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
-SPOT = gc.SpotLight("spot", (-0.5, -0.9, 1.8), (0.3, 0.5, -1.0), (6, 6, 5), 12.0, 35.0)
-SKY = gc.EnvironmentLight("sky", "environment.exr")
-LIGHTS: tuple[gc.Light, ...] = (PANEL, POINT, BULB, SKY, SPOT)
+PANEL = RectangleLight("panel", (-0.8, 0.3, 2.0), (0, 0.3, 0), (0.3, 0, 0), (5, 4, 3))
+BULB = SphereLight("bulb", (0.9, 0.9, 0.5), 0.12, (8, 8, 9))
+POINT = PointLight("point", (0.5, -0.8, 1.6), (2.0, 2.5, 3.0))
+SPOT = SpotLight("spot", (-0.5, -0.9, 1.8), (0.3, 0.5, -1.0), (6, 6, 5), 12.0, 35.0)
+SKY = EnvironmentLight("sky", "environment.exr")
+LIGHTS: tuple[Light, ...] = (PANEL, POINT, BULB, SKY, SPOT)
 
 MATERIALS: dict[str, Material] = {
     "matte": Matte((0.6, 0.5, 0.2)),
@@ -35,23 +46,21 @@ MATERIALS: dict[str, Material] = {
 pytestmark = pytest.mark.usefixtures("llvm")
 
 
-def room(material: Material, lights: tuple[gc.Light, ...] = LIGHTS) -> Scene:
+def room(material: Material, lights: tuple[Light, ...] = LIGHTS) -> Scene:
     """A floor and a ball of the material under all kinds of lights; the bulb is in the picture."""
     floor = Thing("floor", Quad((0, 0, 0), (3, 0, 0), (0, 3, 0)), material)
     ball = Thing("ball", Ball((0.1, 0.1, 0.5), 0.5), material)
-    surfaces = [
-        surface_of(light) for light in LIGHTS if isinstance(light, gc.RectangleLight | gc.SphereLight)
-    ]
+    surfaces = [surface_of(light) for light in LIGHTS if isinstance(light, RectangleLight | SphereLight)]
     lit = {light.name for light in lights}
     surfaces = [thing if thing.name in lit else replace(thing, light="") for thing in surfaces]
-    pose = gc.look_at(np.array([1.2, -2.4, 2.2]), np.array([0.2, 0.2, 0.4]))
-    camera = gc.Camera.from_fov(SETTINGS.width, SETTINGS.height, 55.0, pose)
+    pose = look_at(np.array([1.2, -2.4, 2.2]), np.array([0.2, 0.2, 0.4]))
+    camera = Camera.from_fov(SETTINGS.width, SETTINGS.height, 55.0, pose)
     sky = np.linspace(0.05, 0.3, 8 * 16 * 3).reshape(8, 16, 3)
-    return Scene((floor, ball, *surfaces), lights, (gc.View("train_000", "train", camera),), sky)
+    return Scene((floor, ball, *surfaces), lights, (View("train_000", "train", camera),), sky)
 
 
-def loaded(scene: Scene) -> tuple[Any, gc.Camera]:
-    from graycard.synth._mitsuba import load_scene
+def loaded(scene: Scene) -> tuple[Any, Camera]:
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     return load_scene(scene, camera), camera
@@ -60,7 +69,7 @@ def loaded(scene: Scene) -> tuple[Any, gc.Camera]:
 def separated(
     scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
 ) -> dict[str, np.ndarray]:
-    from graycard.synth._separation import named_layers, part_names, separated_images
+    from graycard.synth.layers._separation import named_layers, part_names, separated_images
 
     made, camera = loaded(scene)
     return named_layers(separated_images(made, camera, seeds, settings), part_names(made, scene))
@@ -70,8 +79,8 @@ def by_path(
     scene: Scene, settings: RenderSettings = SETTINGS, seeds: list[int] = SEEDS
 ) -> tuple[np.ndarray, np.ndarray]:
     """The radiance and its variance as Mitsuba's own integrator gives them, float32."""
-    from graycard.synth._separation import estimate
-    from graycard.synth._views import radiance_images
+    from graycard.synth.layers._separation import estimate
+    from graycard.synth.layers._views import radiance_images
 
     layers = estimate("radiance", radiance_images(*loaded(scene), seeds, settings))
     return layers["radiance"], layers["radiance.var"]
@@ -91,7 +100,7 @@ def test_parts_add_up_and_none_is_negative(material: Material) -> None:
     whole = layers["radiance"].astype(np.float64)
     assert (np.abs(total_of(layers, *PART_STEMS) - whole) / np.maximum(whole, 1e-3)).max() < 5e-7
     for name, values in layers.items():
-        assert gc.find_fault(name, values, SETTINGS.height, SETTINGS.width) is None
+        assert find_fault(name, values, SETTINGS.height, SETTINGS.width) is None
         assert values.dtype == np.float32
         assert values.min() >= -1e-6 * whole.max()
 
@@ -137,7 +146,7 @@ RENDERS = 36
 
 def reflected(scene: Scene, first_seed: int, samples: int = 64) -> dict[str, np.ndarray]:
     """Means over the picture of the parts of each light by independent renders, ``<part>.<light>``."""
-    from graycard.synth._separation import FIRST_PART, part_names, separated_images
+    from graycard.synth.layers._separation import FIRST_PART, part_names, separated_images
 
     made, camera = loaded(scene)
     settings = replace(SETTINGS, samples=RENDERS * samples)
@@ -164,7 +173,7 @@ def test_the_parts_of_a_light_are_the_picture_under_it_alone(judge: Judge) -> No
 
 
 def parts_of_a_light() -> tuple[str, ...]:
-    from graycard.synth._separation import PARTS
+    from graycard.synth.layers._separation import PARTS
 
     return PARTS
 
@@ -189,7 +198,7 @@ def test_the_diffuse_lobe_of_the_papers_material_is_a_matte_one(judge: Judge) ->
 
 def test_lights_keep_their_names() -> None:
     """Only what a light reaches is booked under it."""
-    from graycard.synth._separation import light_names
+    from graycard.synth.layers._separation import light_names
 
     scene = room(MATERIALS["matte"])
     made, _ = loaded(scene)
@@ -213,10 +222,10 @@ def test_the_same_seeds_give_the_same_bits_with_any_number_of_threads() -> None:
 
 def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
     """The identity L = albedo S, with the same random numbers."""
-    from graycard.synth._scattering import white_first
-    from graycard.synth._separation import separated_images
-    from graycard.synth._views import surface_layers
-    from graycard.synth._wavefront import centre_rays
+    from graycard.synth.layers._separation import separated_images
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._scattering import white_first
+    from graycard.synth.renderer._wavefront import centre_rays
 
     scene = room(MATERIALS["matte"])
     made, camera = loaded(scene)
@@ -231,10 +240,10 @@ def test_a_lambertian_surface_shows_albedo_times_shading() -> None:
 
 def test_shading_is_what_white_surfaces_show() -> None:
     """Direct light from samples on each light and bounced light, against one path tracer for both."""
-    from graycard.synth._irradiance import light_layers
-    from graycard.synth._scattering import white_first
-    from graycard.synth._separation import separated_images
-    from graycard.synth._wavefront import centre_rays
+    from graycard.synth.layers._irradiance import light_layers
+    from graycard.synth.layers._separation import separated_images
+    from graycard.synth.renderer._scattering import white_first
+    from graycard.synth.renderer._wavefront import centre_rays
 
     scene = room(MATERIALS["papers"])
     made, camera = loaded(scene)
@@ -249,12 +258,12 @@ def test_shading_is_what_white_surfaces_show() -> None:
 
 def test_shading_of_a_floor_is_the_closed_form(judge: Judge) -> None:
     """A point light over a plane: S = I cos / (pi d²), whatever the floor is made of."""
-    from graycard.synth._irradiance import light_layers
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._irradiance import light_layers
+    from graycard.synth.layers._views import surface_layers
 
     floor = Thing("floor", Quad((0, 0, 0), (9, 0, 0), (0, 9, 0)), LambertGGX((0.2, 0.3, 0.4), 0.3, 0.7))
     camera = room(MATERIALS["matte"]).views[0].camera
-    scene = Scene((floor,), (POINT,), (gc.View("train_000", "train", camera),))
+    scene = Scene((floor,), (POINT,), (View("train_000", "train", camera),))
     made, _ = loaded(scene)
     light = light_layers(made, scene, camera, SEEDS, replace(SETTINGS, max_depth=2, samples=4))
     surface = surface_layers(made, scene, camera)
@@ -276,8 +285,8 @@ def test_the_diffuse_lobe_of_the_principled_material_is_mitsubas(roughness: floa
     import drjit as dr
     import mitsuba as mi
 
-    from graycard.synth._mitsuba import _bsdf, load
-    from graycard.synth._scattering import _diffuse_values
+    from graycard.synth.renderer._mitsuba import _bsdf, load
+    from graycard.synth.renderer._scattering import _diffuse_values
 
     rng = np.random.default_rng(3)
     wi, wo = rng.normal(size=(2, 3, 4000))

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, look_at
 from graycard.synth import Scene
 from graycard.synth._sky import Window, recorded, room
 
@@ -42,26 +42,26 @@ def test_a_constant_sky_is_recorded_as_such() -> None:
 
 def test_the_renderer_sees_what_is_recorded(variant: str) -> None:
     """Every pixel is looked at along its documented direction, in an otherwise empty scene."""
-    from graycard.synth._mitsuba import load_scene
+    from graycard.synth.renderer._mitsuba import load_scene
 
     rng = np.random.default_rng(3)
     sky = rng.uniform(0.1, 1.0, size=(9, 18, 3))
     image = recorded(sky)
-    light = gc.EnvironmentLight("sky", "environment.exr")
-    loaded = load_scene(Scene((), (light,), (), sky), gc.Camera.from_fov(4, 4, 40, np.eye(4)))
+    light = EnvironmentLight("sky", "environment.exr")
+    loaded = load_scene(Scene((), (light,), (), sky), Camera.from_fov(4, 4, 40, np.eye(4)))
     seen = look_along(loaded, directions(9).reshape(-1, 3))
     np.testing.assert_allclose(seen, image.reshape(-1, 3), rtol=2e-4, atol=2e-5)
 
 
 def look_along(loaded: object, rays: np.ndarray) -> np.ndarray:
     """Radiance along rays from the origin; each is a camera of one pixel."""
-    from graycard.synth._mitsuba import centre_sensor, load
-    from graycard.synth._views import _image
+    from graycard.synth.layers._views import _image
+    from graycard.synth.renderer._mitsuba import centre_sensor, load
 
     path = load({"type": "path", "max_depth": 2})
     seen = []
     for ray in rays:
-        pose = gc.look_at(np.zeros(3), ray, up=(1, 0, 0) if abs(ray[2]) > 0.9 else (0, 0, 1))
-        eye = centre_sensor(gc.Camera.from_fov(1, 1, 0.01, pose))
+        pose = look_at(np.zeros(3), ray, up=(1, 0, 0) if abs(ray[2]) > 0.9 else (0, 0, 1))
+        eye = centre_sensor(Camera.from_fov(1, 1, 0.01, pose))
         seen.append(_image(loaded, eye, path, spp=1)[0, 0])  # pyright: ignore[reportArgumentType]
     return np.array(seen)

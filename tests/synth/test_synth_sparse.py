@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, Points, look_at
 from graycard.synth import CaptureSettings
-from graycard.synth._sparse import MIN_VIEWS, Sighting, sparse_points, triangulate
+from graycard.synth.dataset._sparse import MIN_VIEWS, Sighting, sparse_points, triangulate
 
 SIZE, FOV = 96, 50
 EXACT = CaptureSettings(point_noise=0, outliers=0)
@@ -19,7 +19,7 @@ def floor_view(index: int, lit: float = np.inf, wall: float = np.inf) -> Sightin
     """A chequered floor, z = 0, lit where x < ``lit``, hidden from above where x > ``wall``."""
     angle = index * 0.25
     eye = np.array([3 * np.sin(angle), -3 * np.cos(angle), 2.5])
-    camera = gc.Camera.from_fov(SIZE, SIZE, FOV, gc.look_at(eye, np.zeros(3)))
+    camera = Camera.from_fov(SIZE, SIZE, FOV, look_at(eye, np.zeros(3)))
     rays = camera.rays()
     position = eye - eye[2] / rays[..., 2:] * rays
     chequer = (np.floor(3 * position[..., 0]) + np.floor(3 * position[..., 1])) % 2
@@ -36,11 +36,11 @@ def views() -> list[Sighting]:
 
 
 @pytest.fixture(scope="module")
-def cameras(views: list[Sighting]) -> dict[int, gc.Camera]:
+def cameras(views: list[Sighting]) -> dict[int, Camera]:
     return {v.index: v.camera for v in views}
 
 
-def test_without_noise_points_lie_on_the_floor(views: list[Sighting], cameras: dict[int, gc.Camera]) -> None:
+def test_without_noise_points_lie_on_the_floor(views: list[Sighting], cameras: dict[int, Camera]) -> None:
     points = sparse_points(views, EXACT, 1000)
     assert len(points) > 50
     assert np.abs(points.positions[:, 2]).max() < 1e-9
@@ -53,7 +53,7 @@ def test_without_noise_points_lie_on_the_floor(views: list[Sighting], cameras: d
         assert ((pixel >= 0) & (pixel < SIZE)).all()
 
 
-def covariance(points: gc.Points, cameras: dict[int, gc.Camera], noise: float) -> np.ndarray:
+def covariance(points: Points, cameras: dict[int, Camera], noise: float) -> np.ndarray:
     """Of triangulated positions, ``(N, 3, 3)``, m², for a noise in pixels; to first order ``σ² (Σ JᵀJ)⁻¹``.
 
     The slope J of the projection is found by central differences.
@@ -69,7 +69,7 @@ def covariance(points: gc.Points, cameras: dict[int, gc.Camera], noise: float) -
 
 
 def test_noise_is_that_of_the_propagated_covariance(
-    views: list[Sighting], cameras: dict[int, gc.Camera]
+    views: list[Sighting], cameras: dict[int, Camera]
 ) -> None:
     """Mahalanobis distance² of three numbers is chi-squared with mean 3 and variance 6."""
     exact = sparse_points(views, EXACT, 1000)
@@ -85,11 +85,11 @@ def test_noise_is_that_of_the_propagated_covariance(
 
 def test_depth_error_grows_as_distance_squared_over_baseline() -> None:
     def sigma(distance: float, baseline: float) -> float:
-        poses = [gc.look_at(np.array([x, -distance, 0.0]), np.array([x, 0.0, 0.0])) for x in (0, baseline)]
-        pair = {i: gc.Camera.from_fov(SIZE, SIZE, FOV, pose) for i, pose in enumerate(poses)}
+        poses = [look_at(np.array([x, -distance, 0.0]), np.array([x, 0.0, 0.0])) for x in (0, baseline)]
+        pair = {i: Camera.from_fov(SIZE, SIZE, FOV, pose) for i, pose in enumerate(poses)}
         pixel = np.array([camera.project(np.zeros(3))[0] for camera in pair.values()])
         colors = np.zeros((1, 3), np.uint8)
-        one = gc.Points(np.zeros((1, 3)), colors, np.array([0, 0]), np.array([0, 1]), pixel)
+        one = Points(np.zeros((1, 3)), colors, np.array([0, 0]), np.array([0, 1]), pixel)
         focal = pair[0].K[0, 0]
         depth = np.sqrt(covariance(one, pair, 0.5)[0, 1, 1])
         assert depth == pytest.approx(np.sqrt(2) * 0.5 * distance**2 / (focal * baseline), rel=2e-2)
@@ -98,14 +98,14 @@ def test_depth_error_grows_as_distance_squared_over_baseline() -> None:
     assert sigma(4, 0.1) / sigma(2, 0.1) == pytest.approx(4, rel=1e-2)
 
 
-def test_triangulation_finds_the_way_back(views: list[Sighting], cameras: dict[int, gc.Camera]) -> None:
+def test_triangulation_finds_the_way_back(views: list[Sighting], cameras: dict[int, Camera]) -> None:
     exact = sparse_points(views, EXACT, 1000)
     away = replace(exact, positions=exact.positions + 0.05)
     assert np.abs(triangulate(away, cameras) - exact.positions).max() < 1e-9
 
 
 def test_outliers_are_few_and_agree_with_their_pixels(
-    views: list[Sighting], cameras: dict[int, gc.Camera]
+    views: list[Sighting], cameras: dict[int, Camera]
 ) -> None:
     right = sparse_points(views, NOISY, 1000)
     some = sparse_points(views, replace(NOISY, outliers=0.2), 1000)

@@ -5,14 +5,15 @@ import json
 
 import pytest
 
-import graycard as gc
+from graycard import TRACKS, PointLight, RecordError, UnknownNameError
+from graycard.io import dumps, from_builtins
 from graycard.synth import (
     Family,
     RenderSettings,
     Scene,
     SceneSpec,
+    all_families,
     describe,
-    families,
     family_of,
     resolved_knobs,
     scene_name,
@@ -40,7 +41,7 @@ def test_settings_out_of_range_are_refused(name: str) -> None:
 
 @pytest.mark.parametrize("names", [("lamp", "lamp"), ("key.light",), ("var",), ("",)])
 def test_lights_whose_layers_would_be_mixed_up_are_refused(names: tuple[str, ...]) -> None:
-    lights = tuple(gc.PointLight(name, (0, 0, 1), (1, 1, 1)) for name in names)
+    lights = tuple(PointLight(name, (0, 0, 1), (1, 1, 1)) for name in names)
     with pytest.raises(ValueError, match="expected each light once, its name of letters"):
         Scene((), lights, ())
 
@@ -52,15 +53,15 @@ def test_a_negative_seed_is_refused() -> None:
 
 def test_specs_and_settings_survive_json() -> None:
     spec = SceneSpec("dark", "corridor", 3, {"ambient": 0.1})
-    assert gc.decode(SceneSpec, json.loads(gc.dumps(spec))) == spec
+    assert from_builtins(SceneSpec, json.loads(dumps(spec))) == spec
     settings = RenderSettings(32, 24, 4, 2, 36, 3)
-    assert gc.decode(RenderSettings, json.loads(gc.dumps(settings))) == settings
+    assert from_builtins(RenderSettings, json.loads(dumps(settings))) == settings
     assert settings.views == 6
 
 
 def test_a_bad_setting_in_json_is_a_mendable_error() -> None:
-    with pytest.raises(gc.RecordError, match="4 times a square"):
-        gc.decode(RenderSettings, {"samples": 5})
+    with pytest.raises(RecordError, match="4 times a square"):
+        from_builtins(RenderSettings, {"samples": 5})
 
 
 def test_names() -> None:
@@ -79,25 +80,25 @@ def test_a_knob_at_its_default_changes_no_name() -> None:
 
 
 def test_there_is_a_family_for_each_track() -> None:
-    assert {f.track for f in families().values()} == set(gc.TRACKS)
-    for name, family in families().items():
+    assert {f.track for f in all_families().values()} == set(TRACKS)
+    for name, family in all_families().items():
         made = family_of(SceneSpec(family.track, name, 0))
         assert isinstance(made, Family)
         assert made.name == name
 
 
 def test_an_unknown_family_is_named_with_the_nearest() -> None:
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'dark/corridor'"):
+    with pytest.raises(UnknownNameError, match="did you mean 'dark/corridor'"):
         scene_name(SceneSpec("dark", "coridor", 0))
 
 
 def test_a_family_of_another_track_is_unknown() -> None:
-    with pytest.raises(gc.UnknownNameError, match="expected a scene family that exists, got 'dark/studio'"):
+    with pytest.raises(UnknownNameError, match="expected a scene family that exists, got 'dark/studio'"):
         family_of(SceneSpec("dark", "studio", 0))
 
 
 def test_a_misspelt_knob_is_refused() -> None:
-    with pytest.raises(gc.RecordError, match=r"(?s)the knobs of dark/corridor.*ambiant"):
+    with pytest.raises(RecordError, match=r"(?s)the knobs of dark/corridor.*ambiant"):
         family_of(SceneSpec("dark", "corridor", 0, {"ambiant": 0.1}))
 
 
@@ -110,7 +111,7 @@ def test_a_misspelt_knob_is_refused() -> None:
     ],
 )
 def test_a_knob_out_of_range_is_refused(track: str, family: str, knob: str, value: float) -> None:
-    with pytest.raises(gc.RecordError, match=rf"expected {knob} in \[.*\], got {value}"):
+    with pytest.raises(RecordError, match=rf"expected {knob} in \[.*\], got {value}"):
         family_of(SceneSpec(track, family, 0, {knob: value}))
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, PointLight, RectangleLight, View, look_at
+from graycard.layers import find_fault, with_sums
 from graycard.synth import (
     Ball,
     Glossy,
@@ -20,39 +21,39 @@ from graycard.synth import (
     Scene,
     Texture,
     Thing,
-    families,
+    all_families,
 )
-from graycard.synth._material_layers import material_layers
 from graycard.synth._scene import surface_of
+from graycard.synth.layers._material_layers import material_layers
 
 MakePlane = Callable[..., Scene]
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
 
 
-def loaded(scene: Scene, without: str = "") -> tuple[Any, gc.Camera]:
-    from graycard.synth._mitsuba import load_scene
+def loaded(scene: Scene, without: str = "") -> tuple[Any, Camera]:
+    from graycard.synth.renderer._mitsuba import load_scene
 
     camera = scene.views[0].camera
     return load_scene(scene, camera, without), camera
 
 
 def surfaces(scene: Scene) -> dict[str, np.ndarray]:
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._views import surface_layers
 
     made, camera = loaded(scene)
     return surface_layers(made, scene, camera)
 
 
 def pure(scene: Scene) -> np.ndarray:
-    from graycard.synth._purity import pure_pixels
+    from graycard.synth.layers._purity import pure_pixels
 
     made, camera = loaded(scene)
     return pure_pixels(made, scene, camera)
 
 
 def visibility(scene: Scene, samples: int = 64) -> dict[str, np.ndarray]:
-    from graycard.synth._direct_light import direct_light
-    from graycard.synth._separation import light_names
+    from graycard.synth.layers._direct_light import direct_light
+    from graycard.synth.layers._separation import light_names
 
     made, camera = loaded(scene)
     found = direct_light(made, camera, [5, 6], samples).visibility()
@@ -80,17 +81,17 @@ def test_material_layers_of_each_material() -> None:
     np.testing.assert_allclose(layers["f0"][0, :, 2], (0, 0, 0.08, 0.12, 0.2), rtol=1e-6)
     np.testing.assert_allclose(layers["diffuse_reflectance"][0, :, 0], (0, 0.5, 0.5, 0.25, 0), rtol=1e-6)
     for name, values in layers.items():
-        assert gc.find_fault(name, values, 1, 5) is None
+        assert find_fault(name, values, 1, 5) is None
         assert values.dtype == np.float32
 
 
-@pytest.mark.parametrize("family", families().values(), ids=families().keys())
+@pytest.mark.parametrize("family", all_families().values(), ids=all_families().keys())
 def test_material_layers_are_what_the_renderer_shades_with(llvm: str, family: Any) -> None:
     """Against the attributes of Mitsuba's own materials at the same points."""
     import drjit as dr
 
-    from graycard.synth._mitsuba import sensor
-    from graycard.synth._wavefront import centre_rays
+    from graycard.synth.renderer._mitsuba import sensor
+    from graycard.synth.renderer._wavefront import centre_rays
 
     scene = family().build(0, TINY)
     made, camera = loaded(scene)
@@ -123,23 +124,23 @@ def test_position_and_distance_of_a_plane(variant: str, make_plane: MakePlane) -
 
 
 def test_where_nothing_is_seen(variant: str) -> None:
-    camera = gc.Camera.from_fov(8, 6, 60, gc.look_at(np.zeros(3), np.array([1.0, 0, 0])))
+    camera = Camera.from_fov(8, 6, 60, look_at(np.zeros(3), np.array([1.0, 0, 0])))
     ball = Thing("ball", Ball((3, 0, 0), 0.4), LambertGGX((0.5, 0.5, 0.5), 0.4))
-    layers = surfaces(Scene((ball,), (), (gc.View("train_000", "train", camera),)))
+    layers = surfaces(Scene((ball,), (), (View("train_000", "train", camera),)))
     empty = layers["object_id"] == 0
     assert 0 < empty.sum() < empty.size
     assert np.isposinf(layers["distance"][empty]).all()
     for name in ("position", "roughness", "alpha", "metallic", "diffuse_reflectance", "f0", "base_color"):
         assert (layers[name][empty] == 0).all()
     for name, values in layers.items():
-        assert gc.find_fault(name, values, 6, 8) is None
+        assert find_fault(name, values, 6, 8) is None
 
 
 def test_pixels_at_an_outline_are_not_pure(variant: str, make_plane: MakePlane) -> None:
     scene = make_plane(ball=Ball((0.2, 0.1, 0.6), 0.6))
     found, ids = pure(scene), surfaces(scene)["object_id"]
     assert set(np.unique(found)) == {0.0, 1.0}
-    assert gc.find_fault("pure", found, 20, 24) is None
+    assert find_fault("pure", found, 20, 24) is None
     among_equals = ndimage.minimum_filter(ids, 3) == ndimage.maximum_filter(ids, 3)
     assert (found[1:-1, 1:-1][among_equals[1:-1, 1:-1]] == 1).all()
     differ = ids[:, 1:] != ids[:, :-1]
@@ -154,15 +155,15 @@ def test_pixels_that_mix_colors_are_not_pure(variant: str) -> None:
         pixels = np.full((1, 2, 3), 0.3)
         pixels[0, 1] += step
         board = Thing("board", Quad((0, 0, 0), (1, 0, 0), (0, 0, 1)), Matte(Texture(pixels, smooth=False)))
-        pose = gc.look_at(np.array([0, -4.0, 0]), np.zeros(3))
-        camera = gc.Camera.from_fov(5, 5, 2 * np.degrees(np.arctan(0.25)), pose)
-        found = pure(Scene((board,), (), (gc.View("train_000", "train", camera),)))
+        pose = look_at(np.array([0, -4.0, 0]), np.zeros(3))
+        camera = Camera.from_fov(5, 5, 2 * np.degrees(np.arctan(0.25)), pose)
+        found = pure(Scene((board,), (), (View("train_000", "train", camera),)))
         assert (found[:, 2] == expected).all()
         assert (found[:, [0, 1, 3, 4]] == 1).all()
 
 
 def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: str, make_plane: MakePlane) -> None:
-    centre, radius, light = np.array((0.2, 0.1, 0.6)), 0.6, gc.PointLight("lamp", (1.6, 0.4, 2.0), (9, 9, 9))
+    centre, radius, light = np.array((0.2, 0.1, 0.6)), 0.6, PointLight("lamp", (1.6, 0.4, 2.0), (9, 9, 9))
     scene = make_plane((light,), ball=Ball((0.2, 0.1, 0.6), radius))
     layers = surfaces(scene)
     found = visibility(scene)["visibility.lamp"]
@@ -182,11 +183,11 @@ def test_visibility_of_a_point_light_is_the_shadow_of_the_ball(llvm: str, make_p
 
 def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: str, make_plane: MakePlane) -> None:
     """Against the path tracer: direct shading of the floor with the ball over that without it."""
-    from graycard.synth._scattering import white_first
-    from graycard.synth._separation import separated_images
-    from graycard.synth._wavefront import centre_rays
+    from graycard.synth.layers._separation import separated_images
+    from graycard.synth.renderer._scattering import white_first
+    from graycard.synth.renderer._wavefront import centre_rays
 
-    lamp = gc.RectangleLight("lamp", (1.2, 0.3, 2.0), (0, 0.5, 0), (0.5, 0, 0), (5, 5, 5))
+    lamp = RectangleLight("lamp", (1.2, 0.3, 2.0), (0, 0.5, 0), (0.5, 0, 0), (5, 5, 5))
     bare = make_plane((lamp,), ball=Ball((0.2, 0.1, 0.5), 0.5))
     scene = Scene((*bare.things, surface_of(lamp)), bare.lights, bare.views)
     settings = RenderSettings(24, 20, samples=1024, max_depth=2)
@@ -203,17 +204,17 @@ def test_visibility_times_unshadowed_light_is_the_shadowed_one(llvm: str, make_p
 
 
 def test_a_light_behind_a_surface_is_not_seen_and_an_open_sky_is(llvm: str, make_plane: MakePlane) -> None:
-    below = gc.PointLight("below", (0.0, 0.0, -1.0), (9, 9, 9))
-    sky = gc.EnvironmentLight("sky", "environment.exr")
+    below = PointLight("below", (0.0, 0.0, -1.0), (9, 9, 9))
+    sky = EnvironmentLight("sky", "environment.exr")
     found = visibility(make_plane((below, sky), sky=np.ones((8, 16, 3))))
     assert (found["visibility.below"] == 0).all()
     assert (found["visibility.sky"] == 1).all()
 
 
 def render(track_family: str) -> tuple[Scene, dict[str, np.ndarray]]:
-    from graycard.synth._views import render_view
+    from graycard.synth.layers._views import render_view
 
-    scene = families()[track_family]().build(0, TINY)
+    scene = all_families()[track_family]().build(0, TINY)
     return scene, render_view(scene, 0, 0, TINY)
 
 
@@ -224,7 +225,7 @@ def test_views_hold_the_parts_and_the_visibility_of_each_light(llvm: str) -> Non
             assert f"{stem}.{light.name}" in layers
         assert 0 <= layers[f"visibility.{light.name}"].min() < layers[f"visibility.{light.name}"].max() <= 1
     for name, values in layers.items():
-        assert gc.find_fault(name, values, 16, 20) is None
+        assert find_fault(name, values, 16, 20) is None
     stems = ("emitted", "direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
     parts = [v for k, v in layers.items() if k.startswith(stems)]
     np.testing.assert_allclose(np.sum(parts, axis=0), layers["radiance"], rtol=1e-6, atol=1e-7)
@@ -255,10 +256,10 @@ def test_irradiance_of_all_lights_is_pi_times_shading(llvm: str) -> None:
 
 
 def test_paths_of_one_segment_light_nothing(llvm: str) -> None:
-    from graycard.synth._views import render_view
+    from graycard.synth.layers._views import render_view
 
     settings = replace(TINY, max_depth=1)
-    scene = families()["studio"]().build(0, settings)
+    scene = all_families()["studio"]().build(0, settings)
     layers = render_view(scene, 0, 0, settings)
     assert not layers["shading"].any()
     np.testing.assert_array_equal(layers["radiance"], layers["emitted"])
@@ -267,7 +268,7 @@ def test_paths_of_one_segment_light_nothing(llvm: str) -> None:
 def test_albedo_of_a_matte_surface_is_its_color_and_of_black_is_black(
     llvm: str, make_plane: MakePlane
 ) -> None:
-    found = albedo(make_plane((gc.PointLight("lamp", (0, 0, 2), (1, 1, 1)),)))
+    found = albedo(make_plane((PointLight("lamp", (0, 0, 2), (1, 1, 1)),)))
     seen = found.max(axis=-1) > 0
     assert seen.mean() > 0.9
     np.testing.assert_allclose(found[seen], np.broadcast_to([0.5, 0.4, 0.3], found[seen].shape), rtol=1e-5)
@@ -282,7 +283,7 @@ def test_albedo_of_a_shiny_surface_is_the_integral_of_its_formula(
     floor = Thing(
         "floor", Quad((0, 0, 0), (4, 0, 0), (0, 4, 0)), LambertGGX(tuple(color), roughness, metallic)
     )
-    plane = make_plane((gc.PointLight("lamp", (0, 0, 2), (1, 1, 1)),))
+    plane = make_plane((PointLight("lamp", (0, 0, 2), (1, 1, 1)),))
     scene = replace(plane, things=(floor,))
     found = albedo(scene)
     rays = scene.views[0].camera.rays()
@@ -325,7 +326,7 @@ def smith(cosine: np.ndarray, alpha: float) -> np.ndarray:
 
 
 def albedo(scene: Scene) -> np.ndarray:
-    from graycard.synth._albedo import directional_albedo
+    from graycard.synth.layers._albedo import directional_albedo
 
     made, camera = loaded(scene)
     return directional_albedo(made, camera, 7)["albedo"]
@@ -342,7 +343,7 @@ def test_pixels_that_the_target_does_not_touch_are_equal_to_the_bit(llvm: str) -
 
 def test_without_the_target_specular_light_differs_in_its_mirror_image(llvm: str) -> None:
     _, layers = render("metal-table")
-    present, emptied = gc.with_sums(layers)["specular"], layers["counterfactual.specular"]
+    present, emptied = with_sums(layers)["specular"], layers["counterfactual.specular"]
     mirror, untouched = (layers[f"effect.{name}"] > 0 for name in ("mirror", "untouched"))
     assert mirror.any()
     assert untouched.any()

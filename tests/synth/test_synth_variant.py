@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
-from graycard.synth import _variant as variant_module
+from graycard import RenderError
 from graycard.synth import find_llvm, use_renderer
-from graycard.synth._variant import LLVM_RGB, SCALAR, can_render, llvm_version
+from graycard.synth.renderer import _variant as variant_module
+from graycard.synth.renderer._variant import LLVM_RGB, SCALAR, can_render, llvm_version
 
 PATH = "DRJIT_LIBLLVM_PATH"
 RunPython = Callable[..., subprocess.CompletedProcess[str]]
@@ -125,14 +125,14 @@ def test_llvm_is_used_where_it_is(run_python: RunPython) -> None:
 
 
 def test_insisting_on_llvm_without_it_fails(no_llvm: str) -> None:
-    with pytest.raises(gc.RenderError, match="expected an LLVM library for llvm_ad_rgb, got none"):
+    with pytest.raises(RenderError, match="expected an LLVM library for llvm_ad_rgb, got none"):
         use_renderer(variant=LLVM_RGB)
 
 
 def test_bad_requests_are_refused() -> None:
     with pytest.raises(ValueError, match="expected 1 or more threads, got 0"):
         use_renderer(threads=0)
-    with pytest.raises(gc.RenderError, match="expected scalar_rgb or llvm_ad_rgb, got 'cuda_ad_rgb'"):
+    with pytest.raises(RenderError, match="expected scalar_rgb or llvm_ad_rgb, got 'cuda_ad_rgb'"):
         use_renderer(variant="cuda_ad_rgb")
 
 

@@ -10,20 +10,36 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import graycard as gc
+from graycard import (
+    TRACKS,
+    Capture,
+    DatasetError,
+    GraycardError,
+    OutputError,
+    UnknownNameError,
+    capture_folders,
+    look_at,
+    open_capture,
+    open_truth,
+    srgb_decode,
+    srgb_encode,
+)
+from graycard.dataset import manifest_of
+from graycard.exchange import ExchangeFormat, export_capture, import_capture
+from graycard.io import sha256_of_files, write_rgb
 
-FORMATS: tuple[gc.ExchangeFormat, ...] = ("nerfstudio", "colmap")
+FORMATS: tuple[ExchangeFormat, ...] = ("nerfstudio", "colmap")
 KEPT, TURNED = np.array([0.1, -0.2, 1.5]), np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @pytest.fixture(params=FORMATS)
 def exported(request: pytest.FixtureRequest, tiny_scenes: dict[str, Path], tmp_path: Path) -> Path:
-    gc.export_capture(tiny_scenes["dark"], request.param, tmp_path / "out")
+    export_capture(tiny_scenes["dark"], request.param, tmp_path / "out")
     return tmp_path / "out"
 
 
-def take_in(folder: Path, dataset: Path, track: str = "dark", **options: Any) -> gc.Capture:
-    return gc.open_capture(gc.import_capture(folder, dataset, track, "mine", **options) / "capture")
+def take_in(folder: Path, dataset: Path, track: str = "dark", **options: Any) -> Capture:
+    return open_capture(import_capture(folder, dataset, track, "mine", **options) / "capture")
 
 
 @pytest.fixture
@@ -31,7 +47,7 @@ def folder(tmp_path: Path) -> Path:
     """Ten photographs and a transforms.json with global intrinsics, as another program writes it."""
     frames = []
     for i in range(10):
-        pose = gc.look_at(np.array([2.0, i / 4, 1.0]), np.zeros(3)) @ TURNED
+        pose = look_at(np.array([2.0, i / 4, 1.0]), np.zeros(3)) @ TURNED
         frames.append({"file_path": f"./images/{i:02d}.png", "transform_matrix": pose.tolist()})
         path = tmp_path / "source" / "images" / f"{i:02d}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,12 +64,10 @@ def change(folder: Path, edit: Callable[[dict[str, Any]], Any]) -> None:
     path.write_text(json.dumps(index))
 
 
-@pytest.mark.parametrize("track", gc.TRACKS)
+@pytest.mark.parametrize("track", TRACKS)
 @pytest.mark.parametrize("kind", FORMATS)
-def test_a_capture_comes_back(
-    kind: gc.ExchangeFormat, track: str, tiny_scenes: dict[str, Path], tmp_path: Path
-):
-    before = gc.export_capture(tiny_scenes[track], kind, tmp_path / "out")
+def test_a_capture_comes_back(kind: ExchangeFormat, track: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    before = export_capture(tiny_scenes[track], kind, tmp_path / "out")
     after = take_in(tmp_path / "out", tmp_path / "data", track)
     assert {(v.name, v.split) for v in after.views} == {(v.name, v.split) for v in before.views}
     for view in before.views:
@@ -64,8 +78,8 @@ def test_a_capture_comes_back(
     assert after.light_on_camera == before.light_on_camera
     assert (after.target is None) == (before.target is None)
     for view in before.train:
-        shown = gc.srgb_encode(before.photograph(view) * before.exposure)
-        again = gc.srgb_encode(after.photograph(after.view(view.name)))
+        shown = srgb_encode(before.photograph(view) * before.exposure)
+        again = srgb_encode(after.photograph(after.view(view.name)))
         assert np.abs(again - shown).max() <= 0.5 / 255 + 1e-6
         if before.target is not None:
             same = after.target_mask(after.view(view.name)) == before.target_mask(view)
@@ -79,7 +93,7 @@ def test_held_out_photographs_are_not_exported(exported: Path):
 
 
 def test_nerfstudio_axes_and_lists(tiny_scenes: dict[str, Path], tmp_path: Path):
-    capture = gc.export_capture(tiny_scenes["tabletop"], "nerfstudio", tmp_path / "out")
+    capture = export_capture(tiny_scenes["tabletop"], "nerfstudio", tmp_path / "out")
     index = json.loads((tmp_path / "out" / "transforms.json").read_text())
     assert "applied_transform" not in index
     view, frame = capture.train[0], index["frames"][0]
@@ -96,7 +110,7 @@ def test_nerfstudio_axes_and_lists(tiny_scenes: dict[str, Path], tmp_path: Path)
 
 def test_colmap_projects_like_the_camera(tiny_scenes: dict[str, Path], tmp_path: Path):
     """By COLMAP's own formula for a unit quaternion, not by the library that wrote it."""
-    capture = gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    capture = export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
     lines = (tmp_path / "out" / "sparse" / "0" / "images.txt").read_text().splitlines()
     assert lines[2] == ""  # the keypoints
     fields = lines[1].split()
@@ -121,18 +135,18 @@ def test_colmap_projects_like_the_camera(tiny_scenes: dict[str, Path], tmp_path:
 def test_every_nth_photograph_is_held_out_and_that_is_recorded(folder: Path, tmp_path: Path):
     capture = take_in(folder, tmp_path / "data")
     assert [v.name for v in capture.test] == ["07"]
-    assert gc.manifest_of(capture).settings == {"format": "nerfstudio", "hold_out_every": 8}
-    thirds = gc.import_capture(folder, tmp_path / "data", "dark", "thirds", hold_out_every=3)
-    assert [v.name for v in gc.open_capture(thirds / "capture").test] == ["02", "05", "08"]
-    none = gc.import_capture(folder, tmp_path / "data", "dark", "none", hold_out_every=0)
-    assert gc.open_capture(none / "capture").test == ()
+    assert manifest_of(capture).settings == {"format": "nerfstudio", "hold_out_every": 8}
+    thirds = import_capture(folder, tmp_path / "data", "dark", "thirds", hold_out_every=3)
+    assert [v.name for v in open_capture(thirds / "capture").test] == ["02", "05", "08"]
+    none = import_capture(folder, tmp_path / "data", "dark", "none", hold_out_every=0)
+    assert open_capture(none / "capture").test == ()
 
 
 def test_photographs_become_linear(folder: Path, tmp_path: Path):
     """IEC 61966-2-1 by hand: 128/255 is 0.21586, 10/255 is on the straight piece."""
     Image.fromarray(np.full((6, 8, 3), 128, np.uint8)).save(folder / "images" / "03.png")
     light = np.full((6, 8, 3), 5.5, np.float32)
-    gc.write_rgb(folder / "images" / "04.exr", light)
+    write_rgb(folder / "images" / "04.exr", light)
     change(folder, lambda index: index["frames"][4].update(file_path="images/04.exr"))
     Image.fromarray(np.full((6, 8), 128, np.uint8)).save(folder / "images" / "05.jpg", quality=100)
     change(folder, lambda index: index["frames"][5].update(file_path="images/05.jpg"))
@@ -153,12 +167,12 @@ def test_a_rounded_pose_is_made_a_rotation(folder: Path, tmp_path: Path):
         ),
     )
     camera = take_in(folder, tmp_path / "data").view("00").camera
-    expected = gc.look_at(np.array([2.0, 0, 1.0]), np.zeros(3))
+    expected = look_at(np.array([2.0, 0, 1.0]), np.zeros(3))
     assert np.abs(camera.camera_to_world - expected).max() < 1e-4
 
 
 def test_masks_elsewhere_than_on_tabletop_are_left_out(tiny_scenes: dict[str, Path], tmp_path: Path):
-    gc.export_capture(tiny_scenes["tabletop"], "colmap", tmp_path / "out")
+    export_capture(tiny_scenes["tabletop"], "colmap", tmp_path / "out")
     assert take_in(tmp_path / "out", tmp_path / "data", "multilight").target is None
 
 
@@ -197,7 +211,7 @@ def test_masks_that_show_no_object_or_nothing_else_are_refused(
     black: Callable[[int], np.ndarray | bool], message: str, folder: Path, tmp_path: Path
 ):
     give_masks(folder, black)
-    with pytest.raises(gc.DatasetError, match=message):
+    with pytest.raises(DatasetError, match=message):
         take_in(folder, tmp_path / "data", "tabletop")
     assert not (tmp_path / "data").exists()
     assert take_in(folder, tmp_path / "data", "multilight").target is None
@@ -206,13 +220,13 @@ def test_masks_that_show_no_object_or_nothing_else_are_refused(
 def test_what_is_wrong_with_a_mask_is_said_of_the_mask(folder: Path, tmp_path: Path):
     give_masks(folder, some)
     Image.fromarray(np.zeros((3, 4), np.uint8)).save(folder / "masks" / "02.png")
-    with pytest.raises(gc.DatasetError, match=r"02\.png to be 8x6 pixels, .* got 4x3\. Scale the mask$"):
+    with pytest.raises(DatasetError, match=r"02\.png to be 8x6 pixels, .* got 4x3\. Scale the mask$"):
         take_in(folder, tmp_path / "data", "tabletop")
     (folder / "masks" / "02.png").unlink()
-    with pytest.raises(gc.DatasetError, match=r"expected a mask at .*02\.png, got none"):
+    with pytest.raises(DatasetError, match=r"expected a mask at .*02\.png, got none"):
         take_in(folder, tmp_path / "data", "tabletop")
     change(folder, lambda index: index["frames"][0].update(mask_path="masks/00.exr"))
-    with pytest.raises(gc.DatasetError, match=r"expected a mask as \.png, \.jpg, \.jpeg, got .*00\.exr"):
+    with pytest.raises(DatasetError, match=r"expected a mask as \.png, \.jpg, \.jpeg, got .*00\.exr"):
         take_in(folder, tmp_path / "data", "tabletop")
 
 
@@ -256,7 +270,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
 def test_a_broken_nerfstudio_folder_is_named(fault: str, folder: Path, tmp_path: Path):
     edit, message = FAULTS[fault]
     change(folder, edit)
-    with pytest.raises(gc.DatasetError, match=message):
+    with pytest.raises(DatasetError, match=message):
         take_in(folder, tmp_path / "data", "tabletop")
     assert not (tmp_path / "data").exists()
 
@@ -268,7 +282,7 @@ def test_a_list_may_name_frames_with_or_without_files(folder: Path, tmp_path: Pa
     (folder / "images" / "02.png").unlink()
     capture = take_in(folder, tmp_path / "data")
     assert [v.name for v in capture.test] == ["01", "02"]
-    assert gc.manifest_of(capture).settings["split"] == "as listed"
+    assert manifest_of(capture).settings["split"] == "as listed"
 
 
 COLMAP_FAULTS: dict[str, tuple[str, str, str, str]] = {
@@ -299,27 +313,27 @@ COLMAP_FAULTS: dict[str, tuple[str, str, str, str]] = {
 
 @pytest.mark.parametrize("fault", COLMAP_FAULTS)
 def test_a_broken_colmap_folder_is_named(fault: str, tiny_scenes: dict[str, Path], tmp_path: Path):
-    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
     name, old, new, message = COLMAP_FAULTS[fault]
     path = tmp_path / "out" / "sparse" / "0" / name
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
-    with pytest.raises(gc.DatasetError, match=message):
+    with pytest.raises(DatasetError, match=message):
         take_in(tmp_path / "out", tmp_path / "data")
     assert not (tmp_path / "data").exists()
 
 
 @pytest.mark.parametrize("numbers", ["nan 0 0 0 0 0 0", "0 0 0 0 0 0 0", "1 0 0 0 0 inf 0"])
 def test_a_colmap_pose_that_is_none(numbers: str, tiny_scenes: dict[str, Path], tmp_path: Path):
-    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
     path = tmp_path / "out" / "sparse" / "0" / "images.txt"
     path.write_text(f"1 {numbers} 1 train_000.png\n\n")
-    with pytest.raises(gc.DatasetError, match="expected a unit quaternion and a finite translation"):
+    with pytest.raises(DatasetError, match="expected a unit quaternion and a finite translation"):
         take_in(tmp_path / "out", tmp_path / "data")
 
 
 def test_simple_pinholes_and_keypoints_are_read(tiny_scenes: dict[str, Path], tmp_path: Path):
-    gc.export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
+    export_capture(tiny_scenes["dark"], "colmap", tmp_path / "out")
     model = tmp_path / "out" / "sparse" / "0"
     (model / "cameras.txt").write_text("\n9 SIMPLE_PINHOLE 28 24 30.5 14 12\n")
     (model / "images.txt").write_text("# a\n4 1 0 0 0 0.5 0 2 9 train_000.png\n1.5 2.5 -1 3 4 17\n")
@@ -332,13 +346,13 @@ def test_simple_pinholes_and_keypoints_are_read(tiny_scenes: dict[str, Path], tm
 def test_binary_colmap_is_told_how_to_become_text(tmp_path: Path):
     (tmp_path / "sparse").mkdir()
     (tmp_path / "sparse" / "cameras.bin").write_bytes(b"x")
-    with pytest.raises(gc.DatasetError, match="model_converter"):
+    with pytest.raises(DatasetError, match="model_converter"):
         take_in(tmp_path, tmp_path / "data")
 
 
 def test_a_model_without_its_images(tmp_path: Path):
     (tmp_path / "cameras.txt").write_text("1 PINHOLE 8 6 7 7 4 3\n")
-    with pytest.raises(gc.DatasetError, match=r"expected a COLMAP text file at .*images\.txt"):
+    with pytest.raises(DatasetError, match=r"expected a COLMAP text file at .*images\.txt"):
         take_in(tmp_path, tmp_path / "data")
 
 
@@ -368,22 +382,22 @@ def test_a_broken_photograph_leaves_nothing(
     spoil: Callable[[Path], None], message: str, folder: Path, tmp_path: Path
 ):
     spoil(folder / "images" / "06.png")
-    with pytest.raises(gc.DatasetError, match=message):
+    with pytest.raises(DatasetError, match=message):
         take_in(folder, tmp_path / "data")
     assert not (tmp_path / "data").exists()
 
 
 def test_light_that_is_not_finite(folder: Path, tmp_path: Path):
-    gc.write_rgb(folder / "images" / "04.exr", np.full((6, 8, 3), np.nan))
+    write_rgb(folder / "images" / "04.exr", np.full((6, 8, 3), np.nan))
     change(folder, lambda index: index["frames"][4].update(file_path="images/04.exr"))
-    with pytest.raises(gc.DatasetError, match="expected finite light"):
+    with pytest.raises(DatasetError, match="expected finite light"):
         take_in(folder, tmp_path / "data")
 
 
 def test_black_photographs(folder: Path, tmp_path: Path):
     for path in (folder / "images").iterdir():
         Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(path)
-    with pytest.raises(gc.DatasetError, match="expected photographs with some light"):
+    with pytest.raises(DatasetError, match="expected photographs with some light"):
         take_in(folder, tmp_path / "data")
 
 
@@ -398,43 +412,43 @@ def test_black_photographs(folder: Path, tmp_path: Path):
     ],
 )
 def test_wrong_options(track: str, scene: str, every: int, message: str, folder: Path, tmp_path: Path):
-    with pytest.raises(gc.GraycardError, match=message):
-        gc.import_capture(folder, tmp_path / "data", track, scene, hold_out_every=every)
+    with pytest.raises(GraycardError, match=message):
+        import_capture(folder, tmp_path / "data", track, scene, hold_out_every=every)
     assert not (tmp_path / "data").exists()
 
 
 def test_what_is_there_is_never_replaced(folder: Path, tiny_scenes: dict[str, Path], tmp_path: Path):
     take_in(folder, tmp_path / "data")
-    before = gc.sha256_of_files(tmp_path / "data")
-    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
+    before = sha256_of_files(tmp_path / "data")
+    with pytest.raises(OutputError, match="expected a new or an empty folder"):
         take_in(folder, tmp_path / "data")
-    with pytest.raises(gc.OutputError, match="expected a new or an empty folder"):
-        gc.export_capture(tiny_scenes["dark"], "colmap", folder)
-    assert gc.sha256_of_files(tmp_path / "data") == before
-    with pytest.raises(gc.OutputError, match="expected an output folder that can be written to"):
-        gc.export_capture(tiny_scenes["dark"], "colmap", Path("/proc/graycard"))
+    with pytest.raises(OutputError, match="expected a new or an empty folder"):
+        export_capture(tiny_scenes["dark"], "colmap", folder)
+    assert sha256_of_files(tmp_path / "data") == before
+    with pytest.raises(OutputError, match="expected an output folder that can be written to"):
+        export_capture(tiny_scenes["dark"], "colmap", Path("/proc/graycard"))
 
 
 def test_an_unknown_format(tiny_scenes: dict[str, Path], tmp_path: Path):
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'colmap'"):
-        gc.export_capture(tiny_scenes["dark"], "colmp", tmp_path)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(UnknownNameError, match="did you mean 'colmap'"):
+        export_capture(tiny_scenes["dark"], "colmp", tmp_path)  # pyright: ignore[reportArgumentType]
 
 
 def test_an_imported_capture_has_no_truth_and_says_so(folder: Path, tmp_path: Path):
     take_in(folder, tmp_path / "data")
-    with pytest.raises(gc.DatasetError, match="got an imported capture, which has no truth"):
-        gc.open_truth(tmp_path / "data" / "dark" / "mine" / "truth")
-    assert [p.name for p in gc.capture_folders(tmp_path / "data")] == ["mine"]
+    with pytest.raises(DatasetError, match="got an imported capture, which has no truth"):
+        open_truth(tmp_path / "data" / "dark" / "mine" / "truth")
+    assert [p.name for p in capture_folders(tmp_path / "data")] == ["mine"]
 
 
 def test_a_half_written_truth_hides_its_scene(make_scene: Callable[..., Path]):
     scene = make_scene()
-    assert gc.capture_folders(scene.parents[1]) == [scene]
+    assert capture_folders(scene.parents[1]) == [scene]
     (scene / "truth" / "manifest.json").unlink()
-    assert gc.capture_folders(scene.parents[1]) == []
+    assert capture_folders(scene.parents[1]) == []
 
 
 def test_srgb_decode_undoes_encode():
     linear = np.linspace(0, 1, 1001)
-    np.testing.assert_allclose(gc.srgb_decode(gc.srgb_encode(linear)), linear, atol=1e-12)
-    assert gc.srgb_decode(np.array([-1.0, 2.0])).tolist() == [0, 1]
+    np.testing.assert_allclose(srgb_decode(srgb_encode(linear)), linear, atol=1e-12)
+    assert srgb_decode(np.array([-1.0, 2.0])).tolist() == [0, 1]

@@ -6,7 +6,9 @@ import numpy as np
 import OpenEXR
 import pytest
 
-import graycard as gc
+from graycard import DatasetError, PredictionError, UnknownNameError, all_layers, find_layer
+from graycard.io import read_layers, read_rgb, write_layers, write_rgb
+from graycard.layers import find_fault, shape_of
 
 rng = np.random.default_rng(3)
 
@@ -26,8 +28,8 @@ def arrays() -> dict[str, np.ndarray]:
 
 
 def test_round_trip_is_exact(tmp_path: Path, arrays: dict[str, np.ndarray]):
-    gc.write_layers(tmp_path / "a.exr", arrays)
-    back = gc.read_layers(tmp_path / "a.exr")
+    write_layers(tmp_path / "a.exr", arrays)
+    back = read_layers(tmp_path / "a.exr")
     assert back.keys() == arrays.keys()
     for name, values in arrays.items():
         assert back[name].dtype == values.dtype
@@ -37,12 +39,12 @@ def test_round_trip_is_exact(tmp_path: Path, arrays: dict[str, np.ndarray]):
 def test_strided_views_are_written_right(tmp_path: Path):
     """OpenEXR itself writes wrong pixels for them, without an error."""
     image = rng.random((9, 7, 3)).astype(np.float32)
-    gc.write_rgb(tmp_path / "a.exr", image[::-1, :, ::-1])
-    assert np.array_equal(gc.read_rgb(tmp_path / "a.exr"), image[::-1, :, ::-1])
+    write_rgb(tmp_path / "a.exr", image[::-1, :, ::-1])
+    assert np.array_equal(read_rgb(tmp_path / "a.exr"), image[::-1, :, ::-1])
 
 
 def test_another_program_sees_named_float32_channels_in_rec709(tmp_path: Path, arrays: dict[str, np.ndarray]):
-    gc.write_layers(tmp_path / "a.exr", arrays, {"view": "test_000"})
+    write_layers(tmp_path / "a.exr", arrays, {"view": "test_000"})
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         assert {
             "radiance.R",
@@ -66,7 +68,7 @@ def test_channels_of_several_types_and_in_any_company(tmp_path: Path):
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     for channels in (planes, half, {**half, "depth.Z": planes["radiance.B"]}):
         OpenEXR.File(dict(header), channels).write(str(tmp_path / "a.exr"))
-        found = gc.read_layers(tmp_path / "a.exr")["radiance"]
+        found = read_layers(tmp_path / "a.exr")["radiance"]
         assert np.array_equal(found, colours)
         assert found.dtype == np.float32
         found[0] = 0  # nothing else holds it
@@ -75,18 +77,16 @@ def test_channels_of_several_types_and_in_any_company(tmp_path: Path):
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.99])
 def test_a_truncated_file(tmp_path: Path, arrays: dict[str, np.ndarray], share: float):
     path = tmp_path / "a.exr"
-    gc.write_layers(path, arrays)
+    write_layers(path, arrays)
     data = path.read_bytes()
     path.write_bytes(data[: int(share * len(data))])
-    with pytest.raises(
-        gc.DatasetError, match=r"expected a whole EXR file at .*a\.exr, got one that breaks off"
-    ):
-        gc.read_layers(path)
+    with pytest.raises(DatasetError, match=r"expected a whole EXR file at .*a\.exr, got one that breaks off"):
+        read_layers(path)
 
 
 def test_a_missing_file(tmp_path: Path):
-    with pytest.raises(gc.PredictionError, match="expected an EXR file at .*, got none"):
-        gc.read_layers(tmp_path / "no.exr", gc.PredictionError)
+    with pytest.raises(PredictionError, match="expected an EXR file at .*, got none"):
+        read_layers(tmp_path / "no.exr", PredictionError)
 
 
 @pytest.mark.parametrize(
@@ -109,14 +109,14 @@ def test_wrong_channel_names(tmp_path: Path, channels: list[str], message: str):
     planes = {name: np.zeros((4, 4), np.float32) for name in channels}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, planes).write(str(tmp_path / "a.exr"))
-    with pytest.raises(gc.DatasetError, match=message):
-        gc.read_layers(tmp_path / "a.exr")
+    with pytest.raises(DatasetError, match=message):
+        read_layers(tmp_path / "a.exr")
 
 
 def test_a_photograph_has_plain_channels(tmp_path: Path, arrays: dict[str, np.ndarray]):
-    gc.write_layers(tmp_path / "a.exr", arrays)
-    with pytest.raises(gc.DatasetError, match="expected channels R, G, B"):
-        gc.read_rgb(tmp_path / "a.exr")
+    write_layers(tmp_path / "a.exr", arrays)
+    with pytest.raises(DatasetError, match="expected channels R, G, B"):
+        read_rgb(tmp_path / "a.exr")
 
 
 @pytest.mark.parametrize(
@@ -130,25 +130,25 @@ def test_a_photograph_has_plain_channels(tmp_path: Path, arrays: dict[str, np.nd
 )
 def test_wrong_shapes(tmp_path: Path, arrays: dict[str, np.ndarray], message: str):
     with pytest.raises(ValueError, match=message):
-        gc.write_layers(tmp_path / "a.exr", arrays)
+        write_layers(tmp_path / "a.exr", arrays)
 
 
 def test_layers_have_units_and_know_their_families():
-    assert gc.layer("irradiance.lamp_2").unit == "W/m²"
-    assert gc.layer("counterfactual.radiance.var").channels == ("R", "G", "B")
-    assert len({layer.name for layer in gc.layers()}) == len(gc.layers())
-    assert gc.shape_of("normal", 4, 5) == (4, 5, 3)
-    with pytest.raises(gc.UnknownNameError, match="did you mean 'roughness'"):
-        gc.layer("roughnes")
+    assert find_layer("irradiance.lamp_2").unit == "W/m²"
+    assert find_layer("counterfactual.radiance.var").channels == ("R", "G", "B")
+    assert len({layer.name for layer in all_layers()}) == len(all_layers())
+    assert shape_of("normal", 4, 5) == (4, 5, 3)
+    with pytest.raises(UnknownNameError, match="did you mean 'roughness'"):
+        find_layer("roughnes")
 
 
 def test_faults_are_found():
     good = np.ones((4, 5, 3))
-    assert gc.find_fault("radiance", good, 4, 5) is None
-    assert "of shape (4, 6, 3), got (4, 5, 3)" in str(gc.find_fault("radiance", good, 4, 6))
+    assert find_fault("radiance", good, 4, 5) is None
+    assert "of shape (4, 6, 3), got (4, 5, 3)" in str(find_fault("radiance", good, 4, 6))
     good[2, 3, 1] = np.nan
-    assert "1 of 60 values are not, the first at (2, 3, 1)" in str(gc.find_fault("radiance", good, 4, 5))
+    assert "1 of 60 values are not, the first at (2, 3, 1)" in str(find_fault("radiance", good, 4, 5))
     depth = np.array([[np.inf, 1.0]])
-    assert gc.find_fault("depth", depth, 1, 2) is None
-    assert gc.find_fault("depth", -depth, 1, 2) is not None
-    assert gc.find_fault("object_id", np.zeros((1, 2), np.uint32), 1, 2) is None
+    assert find_fault("depth", depth, 1, 2) is None
+    assert find_fault("depth", -depth, 1, 2) is not None
+    assert find_fault("object_id", np.zeros((1, 2), np.uint32), 1, 2) is None

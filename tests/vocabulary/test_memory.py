@@ -10,7 +10,7 @@ import pytest
 FAULTS = """
 import resource
 import numpy as np
-from graycard._memory import keep_freed_memory
+from graycard.io._memory import keep_freed_memory
 
 {call}
 

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Capture, GraycardError, MethodError, View, methods, open_capture, srgb_encode
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods.appearance import AppearanceScene, AppearanceSettings
 from graycard.methods.appearance._method import start
 from graycard.methods.appearance._nearest import eyes_of
 from graycard.methods.appearance._tone import EMBEDDINGS, tone_rates, toned
 from graycard.methods.splat import LOGITS, initial_state
-from graycard.methods.splat._optimise import leaves
+from graycard.methods.splat.fit._optimise import leaves
 from graycard.methods.surfels import Objective, Tones, learning_rates
 from graycard.methods.surfels._objective import photographs
 from sparse_points import with_points
@@ -36,7 +37,7 @@ def settings(**changes: object) -> AppearanceSettings:
 
 def fitted(scene: Path, seed: int = 0, **changes: object) -> AppearanceScene:
     method = methods.load_method("appearance")
-    found = method.fit(with_points(scene), methods.Priors(), settings(**changes), seed, gc.silent)
+    found = method.fit(with_points(scene), methods.Priors(), settings(**changes), seed, silent)
     assert isinstance(found, AppearanceScene)
     return found
 
@@ -47,17 +48,17 @@ def test_it_follows_the_contract(scene: Path):
     assert methods.asks_of(methods.load_method("appearance")) == ()
     assert isinstance(found, methods.Decomposition)
     assert found.lights() is None
-    for view in gc.open_capture(scene / "capture", check=False).views:
+    for view in open_capture(scene / "capture", check=False).views:
         layers = found.render(view.camera, sorted(found.provides))
         assert layers.keys() == {"radiance", "normal", "depth"}
         for layer, values in layers.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
             assert values.dtype == np.float32
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
-        found.render(gc.open_capture(scene / "capture", check=False).views[0].camera, ["albedo"])
+    with pytest.raises(MethodError, match="expected layers out of"):
+        found.render(open_capture(scene / "capture", check=False).views[0].camera, ["albedo"])
 
 
-def own_scene(capture: gc.Capture) -> AppearanceScene:
+def own_scene(capture: Capture) -> AppearanceScene:
     """Surfels whose photographs differ far more than those of a new fit."""
     own = start(capture, settings(), 0)
     random = torch.Generator().manual_seed(1)
@@ -69,12 +70,12 @@ def own_scene(capture: gc.Capture) -> AppearanceScene:
     return AppearanceScene(parameters, eyes_of([v.camera for v in capture.train]), capture.exposure)
 
 
-def display_error(found: methods.Decomposition, true: methods.Decomposition, views: tuple[gc.View, ...]):
+def display_error(found: methods.Decomposition, true: methods.Decomposition, views: tuple[View, ...]):
     """Mean square, as displayed."""
     errors = []
     for view in views:
         shown = [s.render(view.camera, ["radiance"])["radiance"] for s in (found, true)]
-        drawn, expected = (gc.srgb_encode(image) for image in shown)
+        drawn, expected = (srgb_encode(image) for image in shown)
         errors.append(((drawn - expected) ** 2).mean())
     return float(np.mean(errors))
 
@@ -84,13 +85,13 @@ def test_a_scene_of_its_own_class_is_recovered(scene: Path, monkeypatch: pytest.
     capture = replace(with_points(scene), exposure=1.0)
     true = own_scene(capture)
     monkeypatch.setattr(
-        gc.Capture, "photograph", lambda capture, view: true.render(view.camera, ["radiance"])["radiance"]
+        Capture, "photograph", lambda capture, view: true.render(view.camera, ["radiance"])["radiance"]
     )
     errors, faster = {}, {"embedding_rate": 1e-2, "network_rate": 2e-3}  # tones differ by far here
     for name, rates in (("appearance", faster), ("2dgs", {})):
         method = methods.load_method(name)
         chosen = methods.settings_of(method, QUICK | {"iterations": 400, "degree": 0} | rates)
-        found = method.fit(capture, methods.Priors(), chosen, 0, gc.silent)
+        found = method.fit(capture, methods.Priors(), chosen, 0, silent)
         errors[name] = [display_error(found, true, views) for views in (capture.train, capture.test)]
     for ours, plain in zip(errors["appearance"], errors["2dgs"], strict=True):
         assert ours < 0.4 * plain
@@ -132,11 +133,11 @@ def test_equal_seeds_give_equal_bits_and_a_save_renders_the_same(scene: Path, tm
     assert not torch.equal(first.parameters.shared[EMBEDDINGS], other.parameters.shared[EMBEDDINGS])
     first.save(tmp_path / "saved")
     back = methods.load_method("appearance").load(tmp_path / "saved")
-    for view in gc.open_capture(scene / "capture", check=False).views:
+    for view in open_capture(scene / "capture", check=False).views:
         for layer, values in first.render(view.camera, sorted(first.provides)).items():
             assert np.array_equal(values, back.render(view.camera, [layer])[layer])
     assert (tmp_path / "saved" / "surfels.ply").is_file()
-    with pytest.raises(gc.MethodError, match="expected a decomposition by '2dgs'"):
+    with pytest.raises(MethodError, match="expected a decomposition by '2dgs'"):
         methods.load_method("2dgs").load(tmp_path / "saved")
 
 
@@ -152,7 +153,7 @@ def test_a_fit_goes_on_where_it_was_cut_off(scene: Path, tmp_path: Path):
     whole, resumed = fitted(scene), fitted(scene, checkpoint=path)
     for name, values in whole.parameters.all.items():
         assert torch.equal(values, resumed.parameters.all[name])
-    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+    with pytest.raises(MethodError, match="to hold a fit of these photographs"):
         method.fit(with_points(scene), methods.Priors(), settings(checkpoint=path, embedding=8), 0, no_step)
 
 
@@ -170,15 +171,15 @@ def no_step(share: float, message: str) -> None:
 def test_photographs_without_light_or_sense_are_refused(
     scene: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray], message: str
 ):
-    honest = gc.Capture.photograph
-    monkeypatch.setattr(gc.Capture, "photograph", lambda capture, view: change(honest(capture, view)))
-    capture = gc.open_capture(scene / "capture", check=False)
-    with pytest.raises(gc.MethodError, match=message):
-        methods.load_method("appearance").fit(capture, methods.Priors(), settings(), 0, gc.silent)
+    honest = Capture.photograph
+    monkeypatch.setattr(Capture, "photograph", lambda capture, view: change(honest(capture, view)))
+    capture = open_capture(scene / "capture", check=False)
+    with pytest.raises(MethodError, match=message):
+        methods.load_method("appearance").fit(capture, methods.Priors(), settings(), 0, silent)
 
 
 def test_one_view_is_refused(make_scene: Callable[..., Path]):
-    with pytest.raises(gc.MethodError, match="from different places"):
+    with pytest.raises(MethodError, match="from different places"):
         fitted(make_scene(train=1, test=1))
 
 
@@ -191,5 +192,5 @@ def test_one_view_is_refused(make_scene: Callable[..., Path]):
     ],
 )
 def test_bad_settings(changes: dict[str, object], message: str):
-    with pytest.raises(gc.GraycardError, match=message):
+    with pytest.raises(GraycardError, match=message):
         settings(**changes)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.appearance import AppearanceSettings
 from graycard.methods.appearance._nearest import eyes_of
 from graycard.methods.appearance._tone import (
@@ -77,10 +77,10 @@ def test_codes_are_waves_over_the_scene():
     assert torch.isfinite(codes_of(torch.zeros(3, 3))).all()
 
 
-def camera(x: float, towards: float) -> gc.Camera:
+def camera(x: float, towards: float) -> Camera:
     eye = np.array([x, 0.0, 1.0])
     ahead = np.array([np.sin(towards), np.cos(towards), 0.0])
-    return gc.Camera.from_fov(8, 6, 50, gc.look_at(eye, eye + ahead))
+    return Camera.from_fov(8, 6, 50, look_at(eye, eye + ahead))
 
 
 def test_the_nearest_photograph_is_told_by_place_and_direction():

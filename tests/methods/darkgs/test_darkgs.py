@@ -9,15 +9,26 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    Capture,
+    EnvironmentLight,
+    GraycardError,
+    Light,
+    MethodError,
+    RectangleLight,
+    methods,
+    open_capture,
+    open_truth,
+)
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods.darkgs import DarkGsScene, DarkGsSettings
 from graycard.methods.darkgs._method import learning_rates, start
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT
 from graycard.methods.darkgs._objective import Objective, photographs
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import LOGITS, Parameters, initial_state
-from graycard.methods.splat._optimise import leaves
+from graycard.methods.splat.fit._optimise import leaves
 from sparse_points import with_points
 
 QUICK = {"iterations": 80, "surfels": 400, "fill": 0.0}
@@ -34,8 +45,8 @@ def settings(**changes: object) -> DarkGsSettings:
 
 
 def oracle(scene: Path, severity: int = 0) -> methods.Priors:
-    lights = gc.open_truth(scene / "truth", check=False).lights()
-    capture = gc.open_capture(scene / "capture", check=False)
+    lights = open_truth(scene / "truth", check=False).lights()
+    capture = open_capture(scene / "capture", check=False)
     asks = methods.asks_of(methods.load_method("darkgs"))
     return make_priors(PriorSpec("oracle", severity), asks, capture, {}, lights)
 
@@ -44,7 +55,7 @@ def fitted(
     scene: Path, priors: methods.Priors | None = None, seed: int = 0, **changes: object
 ) -> DarkGsScene:
     method = methods.load_method("darkgs")
-    found = method.fit(with_points(scene), priors or oracle(scene), settings(**changes), seed, gc.silent)
+    found = method.fit(with_points(scene), priors or oracle(scene), settings(**changes), seed, silent)
     assert isinstance(found, DarkGsScene)
     return found
 
@@ -54,22 +65,22 @@ def test_it_follows_the_contract(scene: Path):
     assert isinstance(methods.load_method("darkgs"), methods.Method)
     assert isinstance(methods.load_method("darkgs"), methods.Asking)
     assert isinstance(found, methods.Decomposition)
-    assert found.lights() == gc.open_truth(scene / "truth", check=False).lights()
-    for view in gc.open_capture(scene / "capture", check=False).views:
+    assert found.lights() == open_truth(scene / "truth", check=False).lights()
+    for view in open_capture(scene / "capture", check=False).views:
         layers = found.render(view.camera, sorted(found.provides))
         for layer, values in layers.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
             assert values.dtype == np.float32
         apart = layers["radiance.lamp"] + layers["radiance.ambient"]
         np.testing.assert_allclose(layers["radiance"], apart, atol=1e-5)
         np.testing.assert_allclose(np.linalg.norm(layers["normal"], axis=-1), 1, atol=1e-5)
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
-        found.render(gc.open_capture(scene / "capture", check=False).views[0].camera, ["roughness"])
+    with pytest.raises(MethodError, match="expected layers out of"):
+        found.render(open_capture(scene / "capture", check=False).views[0].camera, ["roughness"])
 
 
 def held_out(scene: Path, found: DarkGsScene, layer: str) -> tuple[np.ndarray, np.ndarray]:
     """Drawn and true values of the held-out pixels that see something."""
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     pairs = []
     for view in truth.views:
         if view.split == "test":
@@ -109,7 +120,7 @@ def test_a_scene_of_its_own_class_is_recovered(scene: Path, monkeypatch: pytest.
     parameters, lamp = Parameters(surfels, {AMBIENT: ambient}), told.light()
     true = DarkGsScene(parameters, lamp, capture.exposure, (lamp,))
     monkeypatch.setattr(
-        gc.Capture, "photograph", lambda capture, view: true.render(view.camera, ["radiance"])["radiance"]
+        Capture, "photograph", lambda capture, view: true.render(view.camera, ["radiance"])["radiance"]
     )
     found = fitted(scene, told, iterations=500)
     for view in capture.test:
@@ -170,13 +181,13 @@ def test_a_fit_goes_on_where_it_was_cut_off(scene: Path, tmp_path: Path):
     chosen, told = settings(checkpoint=str(tmp_path / "fit")), oracle(scene, 3)
     with pytest.raises(KeyboardInterrupt):
         method.fit(capture, told, chosen, 0, cut)
-    resumed = method.fit(capture, told, chosen, 0, gc.silent)
-    whole = method.fit(capture, told, replace(chosen, checkpoint=""), 0, gc.silent)
+    resumed = method.fit(capture, told, chosen, 0, silent)
+    whole = method.fit(capture, told, replace(chosen, checkpoint=""), 0, silent)
     assert isinstance(resumed, DarkGsScene)
     assert isinstance(whole, DarkGsScene)
     for name, values in whole.parameters.all.items():
         assert torch.equal(values, resumed.parameters.all[name])
-    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+    with pytest.raises(MethodError, match="to hold a fit of these photographs"):
         method.fit(capture, oracle(scene, 1), chosen, 0, no_step)  # another calibration
 
 
@@ -185,28 +196,28 @@ def no_step(share: float, message: str) -> None:
 
 
 def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
-    found, view = fitted(scene, iterations=5), gc.open_capture(scene / "capture", check=False).views[0]
+    found, view = fitted(scene, iterations=5), open_capture(scene / "capture", check=False).views[0]
     found.save(tmp_path / "saved")
     loaded = methods.load_method("darkgs").load(tmp_path / "saved")
     assert loaded.lights() == found.lights()
     for layer, values in found.render(view.camera, sorted(found.provides)).items():
         assert np.array_equal(values, loaded.render(view.camera, [layer])[layer])
     assert (tmp_path / "saved" / "surfels.ply").is_file()
-    with pytest.raises(gc.MethodError, match="expected a decomposition by 'sunfaded'"):
+    with pytest.raises(MethodError, match="expected a decomposition by 'sunfaded'"):
         methods.load_method("sunfaded").load(tmp_path / "saved")
-    ceiling = gc.RectangleLight("ambient", (0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.1, 0.1, 0.1))
+    ceiling = RectangleLight("ambient", (0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.1, 0.1, 0.1))
     replace(found, lamp=ceiling).save(tmp_path / "odd")  # pyright: ignore[reportArgumentType]
-    with pytest.raises(gc.MethodError, match="expected a point or spot light"):
+    with pytest.raises(MethodError, match="expected a point or spot light"):
         methods.load_method("darkgs").load(tmp_path / "odd")
 
 
 def test_lamps_and_the_light_that_stays_can_be_exchanged(scene: Path, tmp_path: Path):
     found = fitted(scene, iterations=20)
     assert isinstance(found, methods.Relightable)
-    lamp, camera = found.lamp, gc.open_capture(scene / "capture", check=False).test[0].camera
-    ceiling = gc.RectangleLight("ambient", (0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.1, 0.1, 0.1))
+    lamp, camera = found.lamp, open_capture(scene / "capture", check=False).test[0].camera
+    ceiling = RectangleLight("ambient", (0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.1, 0.1, 0.1))
 
-    def picture(*lights: gc.Light) -> np.ndarray:
+    def picture(*lights: Light) -> np.ndarray:
         relit = found.relight(lights)
         assert relit is not None
         return relit.render(camera, ["radiance"])["radiance"]
@@ -222,7 +233,7 @@ def test_lamps_and_the_light_that_stays_can_be_exchanged(scene: Path, tmp_path: 
     moved = replace(lamp, position=(-0.3, -0.1, 0.0))
     assert np.abs(picture(moved) - layers["radiance.lamp"]).max() > 1e-3
     np.testing.assert_allclose(picture(lamp, moved), picture(lamp) + picture(moved), rtol=1e-5, atol=1e-8)
-    assert found.relight((gc.EnvironmentLight("sky", "sky.exr"),)) is None
+    assert found.relight((EnvironmentLight("sky", "sky.exr"),)) is None
     assert found.relight((replace(ceiling, frame="camera"),)) is None
     relit = found.relight((moved,))
     assert relit is not None
@@ -235,12 +246,12 @@ def test_lamps_and_the_light_that_stays_can_be_exchanged(scene: Path, tmp_path: 
 @pytest.mark.parametrize("track", ["multilight", "tabletop"])
 def test_a_light_that_stays_is_refused(make_scene: Callable[..., Path], track: str):
     other = make_scene(track=track, train=5, test=2)
-    with pytest.raises(gc.MethodError, match="light moves with the camera"):
+    with pytest.raises(MethodError, match="light moves with the camera"):
         fitted(other, methods.Priors())
 
 
 def test_without_a_calibration_it_says_what_it_needs(scene: Path):
-    with pytest.raises(gc.MethodError, match="expected a prior that gives light, got one of source 'none'"):
+    with pytest.raises(MethodError, match="expected a prior that gives light, got one of source 'none'"):
         fitted(scene, methods.Priors("none", layers={"x": {}}))
 
 
@@ -254,15 +265,15 @@ def test_without_a_calibration_it_says_what_it_needs(scene: Path):
 def test_photographs_without_light_or_sense_are_refused(
     scene: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray], message: str
 ):
-    told, honest = oracle(scene), gc.Capture.photograph
-    monkeypatch.setattr(gc.Capture, "photograph", lambda capture, view: change(honest(capture, view)))
-    capture = gc.open_capture(scene / "capture", check=False)
-    with pytest.raises(gc.MethodError, match=message):
-        methods.load_method("darkgs").fit(capture, told, settings(), 0, gc.silent)
+    told, honest = oracle(scene), Capture.photograph
+    monkeypatch.setattr(Capture, "photograph", lambda capture, view: change(honest(capture, view)))
+    capture = open_capture(scene / "capture", check=False)
+    with pytest.raises(MethodError, match=message):
+        methods.load_method("darkgs").fit(capture, told, settings(), 0, silent)
 
 
 def test_one_view_is_refused(make_scene: Callable[..., Path]):
-    with pytest.raises(gc.MethodError, match="from different places"):
+    with pytest.raises(MethodError, match="from different places"):
         fitted(make_scene(train=1, test=1))
 
 
@@ -276,5 +287,5 @@ def test_one_view_is_refused(make_scene: Callable[..., Path]):
     ],
 )
 def test_bad_settings(changes: dict[str, object], message: str):
-    with pytest.raises(gc.GraycardError, match=message):
+    with pytest.raises(GraycardError, match=message):
         settings(**changes)

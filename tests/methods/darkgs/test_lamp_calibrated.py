@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, PointLight, SpotLight, angles, look_at
 from graycard.methods.darkgs._lamp import TAU, irradiance, warming
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT, albedo_of, shade
 from graycard.methods.splat import CENTRES
 
-SPOT = gc.SpotLight("lamp", (0.25, -0.06, 0.1), (-0.2, 0.1, 2.0), (9.0, 8.0, 6.0), 15.0, 38.0, "camera")
-BULB = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
-CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
+SPOT = SpotLight("lamp", (0.25, -0.06, 0.1), (-0.2, 0.1, 2.0), (9.0, 8.0, 6.0), 15.0, 38.0, "camera")
+BULB = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+CAMERA = Camera.from_fov(24, 20, 50, look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
 
 
 def at(angle: float, distance: float) -> torch.Tensor:
@@ -42,7 +42,7 @@ def test_a_bare_bulb_falls_with_the_square_of_the_distance():
 
 
 @pytest.mark.parametrize("lamp", [SPOT, BULB])
-def test_its_slope_is_that_of_finite_differences(lamp: gc.SpotLight | gc.PointLight):
+def test_its_slope_is_that_of_finite_differences(lamp: SpotLight | PointLight):
     points = torch.stack([at(5, 1.0), at(25, 2.0), at(33, 0.5)]).requires_grad_()
     assert torch.autograd.gradcheck(lambda p: irradiance(lamp, p), (points,))
     on_axis = at(0, 1.0).requires_grad_()
@@ -58,10 +58,10 @@ def test_the_lamp_warms_up_from_the_lens_to_its_place():
         assert warming(lamp, 0.5).position == pytest.approx(np.array(lamp.position) / 2)
         assert (first.intensity, first.frame) == (lamp.intensity, "camera")
     first, last = warming(SPOT, 0.0), warming(SPOT, 1.0)
-    assert isinstance(first, gc.SpotLight)
-    assert isinstance(last, gc.SpotLight)
+    assert isinstance(first, SpotLight)
+    assert isinstance(last, SpotLight)
     assert first.direction == (0, 0, 1)
-    assert float(gc.angles(np.array(last.direction), np.array(SPOT.direction))) < 1e-5
+    assert float(angles(np.array(last.direction), np.array(SPOT.direction))) < 1e-5
 
 
 def surfel(angle: float) -> dict[str, torch.Tensor]:

@@ -6,7 +6,7 @@ import pytest
 import torch
 from scipy.ndimage import minimum_filter
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, View, look_at, srgb_encode
 from graycard.eval import psnr
 from graycard.methods.goris import GorisSettings
 from graycard.methods.goris._model import (
@@ -57,21 +57,21 @@ def metal_floor() -> Scene:
     azimuth = np.linspace(0, 2 * np.pi, 64, endpoint=False)
     sky = (0.6 + 0.3 * np.cos(azimuth))[None, :, None] * np.ones((32, 1, 3)) * (0.9, 1.0, 1.2)
     cameras = [
-        gc.Camera.from_fov(
-            SETTINGS.width, SETTINGS.height, 50, gc.look_at(np.array(place), np.array([0.0, 0.1, 0.2]))
+        Camera.from_fov(
+            SETTINGS.width, SETTINGS.height, 50, look_at(np.array(place), np.array([0.0, 0.1, 0.2]))
         )
         for place in (*PLACES, HELD_OUT)
     ]
-    views = [gc.View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(cameras[:-1])]
-    held_out = gc.View("test_000", "test", cameras[-1])
-    return Scene(things, (gc.EnvironmentLight("sky", "environment.exr"),), (*views, held_out), sky)
+    views = [View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(cameras[:-1])]
+    held_out = View("test_000", "test", cameras[-1])
+    return Scene(things, (EnvironmentLight("sky", "environment.exr"),), (*views, held_out), sky)
 
 
-def rendered(scene: Scene, camera: gc.Camera) -> dict[str, np.ndarray]:
+def rendered(scene: Scene, camera: Camera) -> dict[str, np.ndarray]:
     """What is seen, and of which the specular lobe returns."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._separation import lobe_light
-    from graycard.synth._views import light_images, surface_layers
+    from graycard.synth.layers._separation import lobe_light
+    from graycard.synth.layers._views import light_images, surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     loaded = load_scene(scene, camera)
     images = light_images(loaded, camera, [1, 2, 3, 4], SETTINGS)
@@ -86,7 +86,7 @@ def surfels_of_boards(seen: list[dict[str, np.ndarray]]) -> Surfels:
         np.concatenate([layers[name][mask] for layers, mask in zip(seen, matte, strict=True)]).astype(float)
         for name in ("position", "normal", "radiance")
     )
-    return surfels_on_surface(points, normals, np.asarray(gc.srgb_encode(radiance * EXPOSURE)), SURFELS, 0)
+    return surfels_on_surface(points, normals, np.asarray(srgb_encode(radiance * EXPOSURE)), SURFELS, 0)
 
 
 def test_a_metal_floor_mirrors_what_mitsuba_says() -> None:
@@ -97,7 +97,7 @@ def test_a_metal_floor_mirrors_what_mitsuba_says() -> None:
     floor = np.asarray(minimum_filter(truth["object_id"] == 1, size=3), bool)  # outlines are mixed in a pixel
     reflected = _reflected(discs, scene, camera, truth)
     shown, true = (
-        np.asarray(gc.srgb_encode(np.clip(values[floor], 0, 1)))
+        np.asarray(srgb_encode(np.clip(values[floor], 0, 1)))
         for values in (reflected, truth["specular"] * EXPOSURE)
     )
     boards = np.abs(true - np.median(true, axis=0)).max(axis=-1) > 0.1
@@ -106,7 +106,7 @@ def test_a_metal_floor_mirrors_what_mitsuba_says() -> None:
     assert psnr(float(np.mean((shown - true)[boards] ** 2))) > 27
 
 
-def _reflected(discs: Surfels, scene: Scene, camera: gc.Camera, truth: dict[str, np.ndarray]) -> np.ndarray:
+def _reflected(discs: Surfels, scene: Scene, camera: Camera, truth: dict[str, np.ndarray]) -> np.ndarray:
     """The glossy term of the true floor, shape ``(H, W, 3)``, exposed."""
     count, even = len(discs), torch.ones(len(discs), 1)
     own = {

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-import graycard as gc
 from glossy_rooms import Painter, write_room
 from glossy_sheets import (
     EXTENT,
@@ -17,7 +16,8 @@ from glossy_sheets import (
     shots_of_world,
     with_settings,
 )
-from graycard import methods
+from graycard import Camera, Capture, View, methods
+from graycard.io import silent
 from graycard.methods.goris._remove import _drawn, _effects, without_object
 from graycard.methods.removal._behind import views_behind
 from graycard.methods.removal._target import widened
@@ -39,7 +39,7 @@ def test_photographs_are_doubted_where_they_show_the_object_or_its_reflection(tm
     for effect_mask in (True, False):
         settings = with_settings(iterations=4, effect_mask=effect_mask, grow=0.03)
         changed[effect_mask] = without_object(
-            room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
+            room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
         ).changed
     for view, shot, effect in zip(room.train, shots, effects, strict=True):
         hidden = widened(shot.target.numpy() > 0.5, 0.03)
@@ -53,7 +53,7 @@ def test_photographs_are_doubted_where_they_show_the_object_or_its_reflection(tm
 def test_unseen_is_what_no_other_view_has_seen():
     """Against true rays to the floor and the boards, at a size at which a pixel spans little depth."""
     coarse = glossy_world()
-    cameras = [gc.Camera.from_fov(132, 108, 55, c.camera_to_world) for c in coarse.cameras]
+    cameras = [Camera.from_fov(132, 108, 55, c.camera_to_world) for c in coarse.cameras]
     world = GlossyWorld(coarse.parameters, coarse.part, cameras)
     left = world.parameters.take(torch.from_numpy(world.part != OBJECT))
     masks = [shot.target.numpy() > 0.5 for shot in shots_of_world(world)]
@@ -64,18 +64,18 @@ def test_unseen_is_what_no_other_view_has_seen():
         assert (true & one.hole).sum() / (true | one.hole).sum() > 0.8
 
 
-def _dark(cameras: list[gc.Camera]) -> gc.Capture:
+def _dark(cameras: list[Camera]) -> Capture:
     """A capture of black photographs that lies nowhere."""
 
-    class Dark(gc.Capture):
-        def photograph(self, view: gc.View) -> np.ndarray:
+    class Dark(Capture):
+        def photograph(self, view: View) -> np.ndarray:
             return np.zeros((view.camera.height, view.camera.width, 3), np.float32)
 
-    views = tuple(gc.View(str(n), "train", camera) for n, camera in enumerate(cameras))
+    views = tuple(View(str(n), "train", camera) for n, camera in enumerate(cameras))
     return Dark("tabletop", "dark", views, 1.0, light_on_camera=False, target=3)
 
 
-def _seen_by_others(number: int, cameras: list[gc.Camera]) -> np.ndarray:
+def _seen_by_others(number: int, cameras: list[Camera]) -> np.ndarray:
     """Where a view would see, were the object gone, what another one sees past it, shape ``(H, W)``, bool."""
     camera = cameras[number]
     floor, board, _ = _distances(camera.position, camera.rays())

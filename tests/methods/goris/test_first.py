@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from glossy_sheets import EXTENT, FLOOR, SETTINGS, GlossyWorld, glossy_world, shots_of_world
-from graycard import silent
+from graycard.io import silent
 from graycard.methods.goris import _first
 from graycard.methods.goris._first import (
     CANDIDATES,

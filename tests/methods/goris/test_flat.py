@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
 from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
+from graycard import Camera, look_at
 from graycard.methods.goris import GorisSettings, _flat
 from graycard.methods.goris._flat import _Outline, agreement, flat_surface
 from graycard.methods.goris._shots import Shot
@@ -31,8 +31,8 @@ def world() -> GlossyWorld:
 def from_above(world: GlossyWorld) -> GlossyWorld:
     """With cameras that see where the floor ends."""
     places = [(3.2, 0.6), (0.4, -3.4), (-3.3, -0.5), (-0.7, 3.1), (2.3, 2.2)]
-    eyes = [gc.look_at(np.array([x, y, 2.4]), np.zeros(3)) for x, y in places]
-    return replace(world, cameras=[gc.Camera.from_fov(88, 72, 45, eye) for eye in eyes])
+    eyes = [look_at(np.array([x, y, 2.4]), np.zeros(3)) for x, y in places]
+    return replace(world, cameras=[Camera.from_fov(88, 72, 45, eye) for eye in eyes])
 
 
 def leaning(shots: list[Shot], degrees: float) -> list[Shot]:

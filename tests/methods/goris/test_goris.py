@@ -11,7 +11,6 @@ import pytest
 import torch
 from scipy.ndimage import maximum_filter
 
-import graycard as gc
 from glossy_captures import QUICK, UNTOLD, NothingGlossy, told
 from glossy_rooms import Painter, knowing, write_room
 from glossy_sheets import (
@@ -24,7 +23,9 @@ from glossy_sheets import (
     shots_of_world,
     with_settings,
 )
-from graycard import methods
+from graycard import Camera, Capture, MethodError, View, look_at, methods, open_capture
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _fit, _method, _remove
 from graycard.methods.goris._distil import cameras_between, distilled
 from graycard.methods.goris._fit import light_rates, with_light
@@ -74,20 +75,20 @@ def world() -> GlossyWorld:
 )
 def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
     """Everything is provided, finite, saved and loaded, and the same again."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
     settings = replace(QUICK, **changes)  # pyright: ignore[reportArgumentType]
-    found = method.fit(capture, priors, settings, 0, gc.silent)
+    found = method.fit(capture, priors, settings, 0, silent)
     assert isinstance(found, methods.Removable)
     camera = capture.test[0].camera
     layers = found.render(camera, sorted(found.provides))
     assert set(layers) == LAYERS
     for name, image in layers.items():
-        assert gc.find_fault(name, image, camera.height, camera.width) is None
+        assert find_fault(name, image, camera.height, camera.width) is None
     without = found.remove(3).render(camera, ["radiance"])["radiance"]
     assert np.isfinite(without).all()
     assert not np.array_equal(without, layers["radiance"])
-    again = method.fit(capture, priors, settings, 0, gc.silent)
+    again = method.fit(capture, priors, settings, 0, silent)
     np.testing.assert_array_equal(again.remove(3).render(camera, ["radiance"])["radiance"], without)
     found.save(tmp_path / "d")
     loaded = method.load(tmp_path / "d")
@@ -103,21 +104,21 @@ def test_the_whole_way(scene: Path, changes: dict[str, object], tmp_path: Path):
         assert masks.doubted[capture.target_mask(view)].all()
         assert masks.doubted[masks.unseen].all()
     assert any(masks.unseen.any() for masks in loaded.changed.values())
-    with pytest.raises(gc.MethodError, match=r"expected the object that was fitted \(3\), got 2"):
+    with pytest.raises(MethodError, match=r"expected the object that was fitted \(3\), got 2"):
         found.remove(2)
 
 
 def test_priors_that_know_more_are_asked(scene: Path):
     """With a mask and normals; where nothing is glossy all steps are in colours, and nothing reflects."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     known = told(scene, PriorSpec("classical"))
     models = {**known.models, "mask": NothingGlossy(), "normal": NothingGlossy()}
-    found = GorisMethod().fit(capture, replace(known, models=models), QUICK, 0, gc.silent)
+    found = GorisMethod().fit(capture, replace(known, models=models), QUICK, 0, silent)
     layers = found.render(capture.test[0].camera, ["glossy", "specular"])
     assert float(layers["glossy"].max()) == float(layers["specular"].max()) == 0
     assert (found.before.settings.light_steps, QUICK.light_steps > 0) == (0, True)
     priors, divided = replace(known, models=models), replace(QUICK, matte_in_colours=False)
-    found = GorisMethod().fit(capture, priors, divided, 0, gc.silent)
+    found = GorisMethod().fit(capture, priors, divided, 0, silent)
     assert found.before.settings.light_steps == QUICK.light_steps
     assert float(found.render(capture.test[0].camera, ["glossy"])["glossy"].max()) < 0.1
 
@@ -130,21 +131,21 @@ def test_bad_input_is_refused_before_any_fit(
     def progress(share: float, doing: str) -> None:
         started.append(doing)
 
-    without = gc.open_capture(make_scene() / "capture")
-    with pytest.raises(gc.MethodError, match="expected a capture that names an object to remove"):
+    without = open_capture(make_scene() / "capture")
+    with pytest.raises(MethodError, match="expected a capture that names an object to remove"):
         method.fit(without, methods.Priors(), QUICK, 0, progress)
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     cases = {
         "expected the mask of view .* of shape": np.ones((3, 4), bool),
         "got one of the whole picture": np.ones((24, 28), bool),
         "got empty masks only": np.zeros((24, 28), bool),
     }
     for says, mask in cases.items():
-        monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view, mask=mask: mask)
-        with pytest.raises(gc.MethodError, match=says):
+        monkeypatch.setattr(Capture, "target_mask", lambda self, view, mask=mask: mask)
+        with pytest.raises(MethodError, match=says):
             method.fit(capture, methods.Priors(), QUICK, 0, progress)
     monkeypatch.undo()
-    with pytest.raises(gc.MethodError, match="expected a prior that gives inpainting"):
+    with pytest.raises(MethodError, match="expected a prior that gives inpainting"):
         method.fit(capture, methods.Priors(), QUICK, 0, progress)
     assert not started
 
@@ -239,7 +240,7 @@ def target_of(world: GlossyWorld, glossy: float) -> Target:
         "glossy": np.full(shape, glossy),
         "normal": np.tile([0.0, 0.0, 2.0], (*shape, 1)),
     }
-    view = gc.View("0", "train", world.cameras[0])
+    view = View("0", "train", world.cameras[0])
     behind = Behind(view, hole, hole, np.full((*shape, 3), 0.3), np.ones(shape), layers)
     return Target(behind, behind.picture, hole, layers)
 
@@ -297,12 +298,12 @@ def test_the_object_in_a_photograph_says_nothing_to_what_is_beside_it(world: Glo
 
 
 @pytest.fixture(scope="module")
-def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> gc.Capture:
+def room(world: GlossyWorld, tmp_path_factory: pytest.TempPathFactory) -> Capture:
     return write_room(world, tmp_path_factory.mktemp("room"))
 
 
 def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
-    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch
+    world: GlossyWorld, room: Capture, monkeypatch: pytest.MonkeyPatch
 ):
     """The whole way as it is judged, with a plane above the floor and no mirror in the left of pictures."""
     plane, left = np.array([0.0, 0.0, 1.0, -0.2]), np.arange(36 * 44).reshape(36, 44) % 44 < 22
@@ -313,7 +314,7 @@ def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
 
     monkeypatch.setattr(_method, "flat_surface", found)
     settings = GorisSettings(iterations=16, surfels=1000, fill=0.9, sky_size=2)
-    scene = GorisMethod().fit(room, knowing(world, room), settings, 0, gc.silent)
+    scene = GorisMethod().fit(room, knowing(world, room), settings, 0, silent)
     glossy = torch.stack(
         [
             torch.from_numpy(scene.render(view.camera, ["glossy"])["glossy"].copy()).float()
@@ -329,7 +330,7 @@ def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
 
 @pytest.mark.parametrize(("name", "module"), [("flat_start", _method), ("first_light", _fit)])
 def test_what_is_switched_off_is_not_looked_for(
-    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch, name: str, module: ModuleType
+    world: GlossyWorld, room: Capture, monkeypatch: pytest.MonkeyPatch, name: str, module: ModuleType
 ):
     """Flat surfaces, and what photographs allow light to begin with."""
     asked: list[str] = []
@@ -338,7 +339,7 @@ def test_what_is_switched_off_is_not_looked_for(
     settings = GorisSettings(iterations=8, surfels=600, sky_size=2)
     for switch in (True, False):
         changed = replace(settings, **{name: switch})  # pyright: ignore[reportArgumentType]
-        GorisMethod().fit(room, knowing(world, room), changed, 0, gc.silent)
+        GorisMethod().fit(room, knowing(world, room), changed, 0, silent)
         assert len(asked) == 1
 
 
@@ -357,7 +358,7 @@ class Asked:
 
 
 def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say(
-    world: GlossyWorld, room: gc.Capture
+    world: GlossyWorld, room: Capture
 ):
     found = []
     for changes in ({}, {"material_inpainting": False}, {"references": 1}, {"references": 0}):
@@ -370,7 +371,7 @@ def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say
             priors,
             settings=settings,
             seed=0,
-            progress=gc.silent,
+            progress=silent,
         )
         found.append((len(asked.views), asked.layers))
     materials = {"diffuse", "f0", "roughness", "glossy", "normal"}
@@ -379,7 +380,7 @@ def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say
     assert materials <= found[0][1]
 
 
-def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: GlossyWorld, room: gc.Capture):
+def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: GlossyWorld, room: Capture):
     """As of a network that is not told which is asked: nothing would be glossy."""
 
     class Same:
@@ -388,19 +389,17 @@ def test_one_mask_for_the_object_and_for_what_is_glossy_is_refused(world: Glossy
 
     known = knowing(world, room)
     priors = replace(known, models={**known.models, "mask": Same()})
-    with pytest.raises(gc.MethodError, match="expected two answers of the prior for masks in train_000"):
-        GorisMethod().fit(room, priors, replace(QUICK, object_masks="prior"), 0, gc.silent)
+    with pytest.raises(MethodError, match="expected two answers of the prior for masks in train_000"):
+        GorisMethod().fit(room, priors, replace(QUICK, object_masks="prior"), 0, silent)
 
 
 def test_a_fit_without_points_says_so(world: GlossyWorld, tmp_path: Path):
     """Also where priors tell a flat mirror, which is looked for between the points."""
     room = write_room(world, tmp_path)
     (tmp_path / "points.ply").unlink()
-    room = gc.open_capture(tmp_path, check=False)
-    with pytest.raises(
-        gc.MethodError, match="expected 4 or more sparse points in the capture of room, got 0"
-    ):
-        GorisMethod().fit(room, knowing(world, room), QUICK, 0, gc.silent)
+    room = open_capture(tmp_path, check=False)
+    with pytest.raises(MethodError, match="expected 4 or more sparse points in the capture of room, got 0"):
+        GorisMethod().fit(room, knowing(world, room), QUICK, 0, silent)
 
 
 def test_without_light_a_picture_is_its_colours_however_pixels_are_mixed(world: GlossyWorld):
@@ -432,26 +431,26 @@ def test_the_paper_holds_what_is_told_to_be_glossy_alone(
 
 
 def test_what_photographs_show_next_to_the_object_stays_if_the_paper_is_followed(
-    world: GlossyWorld, room: gc.Capture
+    world: GlossyWorld, room: Capture
 ):
     priors, shots = methods.Priors(models={"inpainting": Painter(world)}), shots_of_world(world)
     left = []
     for doubtful_go in (True, False):
         settings = with_settings(iterations=4, grow=0.05, doubtful_go=doubtful_go)
         after = without_object(
-            room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
+            room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
         ).parameters
         floor = after.surfels[CENTRES][:, 2].abs() < 0.02
         left.append(int(floor.sum()))
     assert left[1] > left[0]
 
 
-def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyWorld, room: gc.Capture):
+def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyWorld, room: Capture):
     """The second stage on surfels that are true, with a painter who is right."""
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=80, grow=0.03), shots_of_world(world)
     after = without_object(
-        room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent
+        room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
     ).parameters
     assert torch.equal(after.shared[SURROUNDINGS], world.parameters.shared[SURROUNDINGS])
     assert float(after.surfels[LABEL].sigmoid().max()) < settings.least_inside
@@ -469,7 +468,7 @@ def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyW
 
 
 def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
-    world: GlossyWorld, room: gc.Capture, monkeypatch: pytest.MonkeyPatch
+    world: GlossyWorld, room: Capture, monkeypatch: pytest.MonkeyPatch
 ):
     """Fresnel terms as slowly as ones that photographs told, whatever they began with."""
     asked: list[bool] = []
@@ -481,7 +480,7 @@ def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
     monkeypatch.setattr(_remove, "light_rates", rates)
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=8, first_light=False), shots_of_world(world)
-    without_object(room, world.parameters, shots, priors, settings=settings, seed=0, progress=gc.silent)
+    without_object(room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent)
     assert asked == [True]
 
 
@@ -509,9 +508,9 @@ def test_without_the_object_its_mirror_image_is_gone(world: GlossyWorld):
     assert blue[1][2] == pytest.approx(blue[1][0], rel=0.2), "the grey sky"
 
 
-def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, room: gc.Capture):
+def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, room: Capture):
     settings = with_settings(iterations=250, fill=0.0)
-    found = distilled(world.parameters, room, settings, 0, gc.silent)
+    found = distilled(world.parameters, room, settings, 0, silent)
     assert set(found.surfels) >= {"centres", "coefficients", "detail"}
     assert REGION not in found.surfels
     scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)
@@ -523,7 +522,7 @@ def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, 
 
 def test_cameras_between_lie_on_the_way():
     eyes = [np.array([x, -2.0, 1.0]) for x in (0.0, 0.3, 2.0)]
-    cameras = [gc.Camera.from_fov(20, 16, 50, gc.look_at(eye, np.zeros(3))) for eye in eyes]
+    cameras = [Camera.from_fov(20, 16, 50, look_at(eye, np.zeros(3))) for eye in eyes]
     found = cameras_between(cameras, 2)
     assert len(found) == 7, "the first two are nearest to each other: one way"
     assert found[:3] == cameras
@@ -540,9 +539,9 @@ def test_a_scene_of_another_method_is_refused(world: GlossyWorld, tmp_path: Path
     GorisScene(scene, scene, 3).save(tmp_path)
     from graycard.methods import load_method
 
-    with pytest.raises(gc.MethodError, match="goris"):
+    with pytest.raises(MethodError, match="goris"):
         load_method("removal").load(tmp_path)
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
+    with pytest.raises(MethodError, match="expected layers out of"):
         scene.render(world.cameras[0], ["base_color"])
 
 
@@ -559,11 +558,11 @@ def test_what_a_mirror_shows_next_to_the_object_alone_goes_with_it(world: Glossy
     assert not next_to_object(world.parameters, clear, 0.05).any()
 
 
-def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, room: gc.Capture):
+def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, room: Capture):
     """Nothing would be left, and the message says which setting took it."""
     shots = [replace(shot, target=torch.ones_like(shot.target)) for shot in shots_of_world(world)]
     mirrors = next_to_object(world.parameters, shots, 0.0)
     seen = world.parameters.take(mirrors | torch.from_numpy(world.part == OBJECT))
     given = (room, seen, shots, methods.Priors(models={"inpainting": Painter(world)}))
-    with pytest.raises(gc.MethodError, match="alone, or its own, got all.* change grow"):
-        without_object(*given, settings=SETTINGS, seed=0, progress=gc.silent)
+    with pytest.raises(MethodError, match="alone, or its own, got all.* change grow"):
+        without_object(*given, settings=SETTINGS, seed=0, progress=silent)

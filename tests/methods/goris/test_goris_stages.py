@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
 from glossy_captures import QUICK, UNTOLD, NothingGlossy, told
 from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
+from graycard import Capture, MethodError, open_capture
+from graycard.io import silent
 from graycard.methods.goris import GorisMethod
 from graycard.methods.goris._shots import looked_at
 from graycard.methods.priors import PriorSpec
@@ -35,7 +36,7 @@ def test_a_fit_that_was_cut_off_goes_on(scene: Path, tmp_path: Path, stage: str)
         if (tmp_path / f"fit{stage}").exists():
             raise KilledError
 
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
     settings = replace(QUICK, distilled=True)
     saved = replace(settings, checkpoint=str(path))
@@ -56,21 +57,19 @@ def test_a_later_stage_that_depends_on_other_things_begins_anew_and_other_masks_
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Another inpainting and other weights of it; masks are what the first stage depends on."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     saved = replace(QUICK, checkpoint=str(tmp_path / "f"))
     priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
-    method.fit(capture, priors, saved, 0, gc.silent)
+    method.fit(capture, priors, saved, 0, silent)
     others = told(scene, PriorSpec("oracle", 4, overrides=UNTOLD))
     for asked, settings in ((others, saved), (priors, replace(saved, hole_weight=0.1))):
-        found = method.fit(capture, asked, settings, 0, gc.silent).after.parameters.all
-        alone = method.fit(
-            capture, asked, replace(settings, checkpoint=""), 0, gc.silent
-        ).after.parameters.all
+        found = method.fit(capture, asked, settings, 0, silent).after.parameters.all
+        alone = method.fit(capture, asked, replace(settings, checkpoint=""), 0, silent).after.parameters.all
         assert all(torch.equal(values, found[name]) for name, values in alone.items())
-    masks = gc.Capture.target_mask
-    monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
-    with pytest.raises(gc.MethodError, match="got one of others"):
-        method.fit(capture, priors, saved, 0, gc.silent)
+    masks = Capture.target_mask
+    monkeypatch.setattr(Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
+    with pytest.raises(MethodError, match="got one of others"):
+        method.fit(capture, priors, saved, 0, silent)
 
 
 @pytest.mark.parametrize(
@@ -86,15 +85,15 @@ def test_fits_that_differ_later_share_the_first_stage(
     scene: Path, tmp_path: Path, changes: dict[str, object]
 ):
     """And end with the same bits as alone."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     priors, method = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD)), GorisMethod()
     saving = replace(QUICK, checkpoint=f"{tmp_path}/")
-    method.fit(capture, priors, saving, 0, gc.silent)
+    method.fit(capture, priors, saving, 0, silent)
     doing: list[float] = []
     changed = replace(saving, **changes)  # pyright: ignore[reportArgumentType]
     shared = method.fit(capture, priors, changed, 0, lambda done, what: doing.append(done))
     assert len(doing) == changed.second_steps + (changed.iterations if changed.distilled else 0)
-    alone = method.fit(capture, priors, replace(changed, checkpoint=""), 0, gc.silent)
+    alone = method.fit(capture, priors, replace(changed, checkpoint=""), 0, silent)
     for name, values in alone.after.parameters.all.items():
         assert torch.equal(values, shared.after.parameters.all[name]), name
 
@@ -114,11 +113,9 @@ def test_to_be_told_that_all_is_glossy_is_more_than_not_to_be_told(world: Glossy
 
 def test_where_nothing_is_glossy_a_fit_goes_on_as_well(scene: Path, tmp_path: Path):
     """All steps are radiance only there, which the settings do not say."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     known = told(scene, PriorSpec("classical"))
     priors = replace(known, models={**known.models, "mask": NothingGlossy()})
     saved = replace(QUICK, checkpoint=str(tmp_path / "fit"))
-    one, two = (
-        GorisMethod().fit(capture, priors, saved, 0, gc.silent).after.parameters.all for _ in range(2)
-    )
+    one, two = (GorisMethod().fit(capture, priors, saved, 0, silent).after.parameters.all for _ in range(2))
     assert all(torch.equal(values, two[name]) for name, values in one.items())

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
 from glossy_sheets import (
     BOARD,
     EXTENT,
@@ -20,6 +19,7 @@ from glossy_sheets import (
     shots_of_world,
     with_settings,
 )
+from graycard import Camera
 from graycard.methods.goris._filter import Reading, translation_parameters
 from graycard.methods.goris._model import (
     DIFFUSE,
@@ -68,7 +68,7 @@ def test_a_planar_mirror_shows_the_mirrored_scene(world: GlossyWorld, width: flo
     are then alike, and steep only where discs are apart. What gets through depends on no order.
     """
     seen_by = world.cameras[0]
-    camera = gc.Camera.from_fov(176, 144, 55, seen_by.camera_to_world)  # discs are then wider than pixels
+    camera = Camera.from_fov(176, 144, 55, seen_by.camera_to_world)  # discs are then wider than pixels
     above = torch.from_numpy(world.part != FLOOR)
     boards = {k: v[above] for k, v in world.parameters.surfels.items()}
     boards[CENTRES] = boards[CENTRES] + torch.tensor([0.0, 0.0, 0.2])  # off the floor, as rays begin near it

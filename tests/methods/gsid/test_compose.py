@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Composition, Donor, methods
 from graycard.methods.gsid import GsidScene, GsidSettings
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import first_lights
@@ -55,9 +54,9 @@ def guest_of(
     return methods.Guest(donor, dict(zip(names, cameras, strict=True)), dict(zip(names, masks, strict=True)))
 
 
-def composition() -> gc.Composition:
-    donor = gc.Donor("multilight", "objects", 1000, {}, "board", 2)
-    return gc.Composition(donor, np.linalg.inv(THERE), 2)
+def composition() -> Composition:
+    donor = Donor("multilight", "objects", 1000, {}, "board", 2)
+    return Composition(donor, np.linalg.inv(THERE), 2)
 
 
 def picture(scene: GsidScene, world: World) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard.io import silent
 from graycard.methods.gsid import GsidSettings
 from graycard.methods.gsid._aggregation import aggregated, largest_lack
 from graycard.methods.gsid._candidates import (
@@ -157,7 +157,7 @@ def test_everything_that_moves_has_a_gradient(world: World, visibility):
 def test_the_fit_lowers_the_error_and_repeats_to_the_bit(world: World):
     ends = []
     for _ in range(2):
-        state = _trained(state_of(world, TRUE + 0.15, 0.3), stage_of(world), gc.silent)
+        state = _trained(state_of(world, TRUE + 0.15, 0.3), stage_of(world), silent)
         ends.append(state.parameters.all)
     for name, values in ends[0].items():
         assert torch.equal(values, ends[1][name]), name

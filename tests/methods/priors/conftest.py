@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import Capture, View, methods, open_capture, open_truth
 from graycard.methods import priors
 
 ASKS = (
@@ -25,11 +24,11 @@ ASKS = (
 
 @dataclass(frozen=True)
 class Scene:
-    capture: gc.Capture
+    capture: Capture
     truth: dict[str, dict[str, np.ndarray]]
 
     @property
-    def view(self) -> gc.View:
+    def view(self) -> View:
         return self.capture.train[0]
 
     @property
@@ -54,7 +53,7 @@ def asks() -> tuple[methods.Ask, ...]:
 def scene(tiny_scenes: dict[str, Path]) -> Scene:
     """The tabletop: the floor is glossy, the ball a metal, the target neither."""
     folder = tiny_scenes["tabletop"]
-    capture, truth = gc.open_capture(folder / "capture"), gc.open_truth(folder / "truth")
+    capture, truth = open_capture(folder / "capture"), open_truth(folder / "truth")
     known = {}
     for view in truth.views:
         layers = dict(truth.layers(view))
@@ -65,13 +64,13 @@ def scene(tiny_scenes: dict[str, Path]) -> Scene:
 
 
 @pytest.fixture
-def questions(scene: Scene) -> dict[str, Callable[[methods.Priors, gc.View], np.ndarray]]:
+def questions(scene: Scene) -> dict[str, Callable[[methods.Priors, View], np.ndarray]]:
     """By kind, how a method asks about a view whose photograph is the true radiance."""
 
-    def shown(view: gc.View) -> np.ndarray:
+    def shown(view: View) -> np.ndarray:
         return scene.truth[view.name]["radiance"] * scene.capture.exposure
 
-    def hole(view: gc.View) -> np.ndarray:
+    def hole(view: View) -> np.ndarray:
         return scene.truth[view.name]["object_id"] == scene.capture.target
 
     return {

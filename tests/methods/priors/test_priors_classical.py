@@ -7,12 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    Camera,
+    Capture,
+    MethodError,
+    Points,
+    View,
+    angles,
+    look_at,
+    methods,
+    open_capture,
+    srgb_decode,
+)
+from graycard.io import write_rgb
 from graycard.methods._retinex import RetinexSettings, split
 from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.priors._filling import filled
 from graycard.methods.priors._slopes import normals_of
+from graycard.points import write_points
 
 SIZE = 48
 ASKS = tuple(methods.Ask(k) for k in ("depth", "normal", "base_color", "roughness", "metallic", "inpainting"))
@@ -26,31 +38,31 @@ def texture(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.fixture(scope="session")
-def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[gc.Capture, dict[str, np.ndarray]]:
+def room(tmp_path_factory: pytest.TempPathFactory) -> tuple[Capture, dict[str, np.ndarray]]:
     """Photographs of the textured plane z = 0.2 x from five places, and the true depths."""
     folder = tmp_path_factory.mktemp("plane")
     normal, views, depths = np.array([-0.2, 0, 1]), [], {}
     for number, x in enumerate((-0.3, -0.15, 0.0, 0.15, 0.3)):
-        pose = gc.look_at(np.array([x, 0.05 * number, 1.5]), np.zeros(3), up=(0, 1, 0))
-        view = gc.View(f"train_{number:03d}", "train", gc.Camera.from_fov(SIZE, SIZE, 40, pose))
+        pose = look_at(np.array([x, 0.05 * number, 1.5]), np.zeros(3), up=(0, 1, 0))
+        view = View(f"train_{number:03d}", "train", Camera.from_fov(SIZE, SIZE, 40, pose))
         rays = view.camera.rays()
         distance = -(view.camera.position @ normal) / (rays @ normal)
-        grey = gc.srgb_decode(texture(view.camera.position + distance[..., None] * rays))
-        gc.write_rgb(folder / "photographs" / f"{view.name}.exr", np.repeat(grey[..., None], 3, axis=-1))
+        grey = srgb_decode(texture(view.camera.position + distance[..., None] * rays))
+        write_rgb(folder / "photographs" / f"{view.name}.exr", np.repeat(grey[..., None], 3, axis=-1))
         views.append(view)
         depths[view.name] = distance * (rays @ view.camera.forward)
     corners = np.array([[0.3, 0.2, 0.06], [-0.3, 0.1, -0.06], [0.0, -0.2, 0.0]])
-    gc.write_points(folder / "points.ply", replace_points(corners))
-    return gc.Capture("tabletop", "plane", tuple(views), 1.0, False, root=folder), depths
+    write_points(folder / "points.ply", replace_points(corners))
+    return Capture("tabletop", "plane", tuple(views), 1.0, False, root=folder), depths
 
 
-def replace_points(positions: np.ndarray) -> gc.Points:
+def replace_points(positions: np.ndarray) -> Points:
     colours = np.full(positions.shape, 128, np.uint8)
     nothing = np.zeros(0, np.int64)
-    return gc.Points(positions, colours, nothing, nothing, np.zeros((0, 2)))
+    return Points(positions, colours, nothing, nothing, np.zeros((0, 2)))
 
 
-def told_of(capture: gc.Capture) -> methods.Priors:
+def told_of(capture: Capture) -> methods.Priors:
     return make_priors(PriorSpec("classical"), ASKS, capture, {})
 
 
@@ -63,7 +75,7 @@ def test_stereo_finds_a_textured_plane_and_its_normals(room):
     assert np.median(error) < 0.01
     plane = np.array([-0.2, 0, 1]) / np.linalg.norm([-0.2, 0, 1])
     normal = told.normal(photograph, view)
-    assert np.median(gc.angles(normal, np.broadcast_to(plane, normal.shape))) < 6
+    assert np.median(angles(normal, np.broadcast_to(plane, normal.shape))) < 6
 
 
 def test_stereo_is_asked_with_another_image(room):
@@ -112,7 +124,7 @@ def test_a_biharmonic_filling_goes_on_with_a_slope(channels: int, scene):
     filled = told.inpainting(np.where(inside, 77.0, image), view, hole, of="depth")
     np.testing.assert_allclose(filled, image, atol=1e-6)
     assert np.array_equal(told.inpainting(image, view, ~(hole | True)), image)
-    with pytest.raises(gc.MethodError, match="expected a hole with something around it"):
+    with pytest.raises(MethodError, match="expected a hole with something around it"):
         told.inpainting(image, view, hole | True)
 
 
@@ -129,7 +141,7 @@ def test_the_algorithm_that_a_spec_names_fills_in(algorithm: str, scene):
 
 
 def test_normals_of_a_depth_are_those_of_its_plane_everywhere():
-    camera = gc.Camera.from_fov(SIZE, SIZE, 50, gc.look_at(np.array([0.3, -2, 1.5]), np.zeros(3)))
+    camera = Camera.from_fov(SIZE, SIZE, 50, look_at(np.array([0.3, -2, 1.5]), np.zeros(3)))
     rays = camera.rays()
     distance = -camera.position[2] / rays[..., 2]
     depth = np.where(distance > 0, distance, np.inf) * (rays @ camera.forward)
@@ -139,7 +151,7 @@ def test_normals_of_a_depth_are_those_of_its_plane_everywhere():
     assert seen.any()
     assert not seen.all()
     assert not normals[~seen].any()
-    angle = gc.angles(normals[seen], np.broadcast_to([0.0, 0, 1], (seen.sum(), 3)))
+    angle = angles(normals[seen], np.broadcast_to([0.0, 0, 1], (seen.sum(), 3)))
     assert np.median(angle) < 0.5
     assert angle.max() < 15  # the blur bends what is beside nothing
     single = np.full((SIZE, SIZE), np.inf)
@@ -148,7 +160,7 @@ def test_normals_of_a_depth_are_those_of_its_plane_everywhere():
 
 
 def test_without_sparse_points_any_room_will_do(tiny_scenes: dict[str, Path]):
-    capture = gc.open_capture(tiny_scenes["multilight"] / "capture")
+    capture = open_capture(tiny_scenes["multilight"] / "capture")
     view = capture.train[0]
     depth = told_of(capture).depth(capture.photograph(view) * capture.exposure, view)
     assert np.isfinite(depth).all()

@@ -9,8 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import methods
+from graycard import MethodError, UnknownNameError, View, methods
 from graycard.methods import Ask
 from graycard.methods.priors import (
     Override,
@@ -54,29 +53,29 @@ BAD_ANSWERS = {
 @pytest.mark.parametrize("case", BAD_ANSWERS)
 def test_bad_answers_are_refused(case: str, scene):
     kind, says, message = BAD_ANSWERS[case]
-    with pytest.raises(gc.MethodError, match=message):
+    with pytest.raises(MethodError, match=message):
         ask(kind, says, scene)
 
 
 def test_bad_masks_and_fillings_are_refused(scene):
-    with pytest.raises(gc.MethodError, match="expected bool of .*, got float64"):
+    with pytest.raises(MethodError, match="expected bool of .*, got float64"):
         ask("mask", np.ones(SIZE), scene, of="target")
     hole = np.zeros(SIZE, bool)
-    with pytest.raises(gc.MethodError, match="expected finite values of shape"):
+    with pytest.raises(MethodError, match="expected finite values of shape"):
         ask("inpainting", np.full((*SIZE, 3), np.nan), scene, hole=hole)
-    with pytest.raises(gc.MethodError, match="expected a hole of bool and shape"):
+    with pytest.raises(MethodError, match="expected a hole of bool and shape"):
         ask("inpainting", np.ones((*SIZE, 3)), scene, hole=hole.astype(float))
-    with pytest.raises(gc.UnknownNameError, match="subject of a mask that exists, got 'shiny'"):
+    with pytest.raises(UnknownNameError, match="subject of a mask that exists, got 'shiny'"):
         ask("mask", np.ones(SIZE, bool), scene, of="shiny")
 
 
 def test_bad_images_are_refused(scene):
     told = methods.Priors("pretrained", models={"depth": Says(np.ones(SIZE))})
-    with pytest.raises(gc.MethodError, match=r"expected an image of shape \(24, 28, 3\) to ask for depth"):
+    with pytest.raises(MethodError, match=r"expected an image of shape \(24, 28, 3\) to ask for depth"):
         told.depth(scene.photograph[:, :5], scene.view)
     broken = scene.photograph.copy()
     broken[3, 4] = np.nan
-    with pytest.raises(gc.MethodError, match="expected a finite image to ask for depth of view train_000"):
+    with pytest.raises(MethodError, match="expected a finite image to ask for depth of view train_000"):
         told.depth(broken, scene.view)
 
 
@@ -104,7 +103,7 @@ def test_an_image_with_a_hole_may_hold_anything_there_and_stays_outside(scene):
 def test_nothing_answers_where_there_is_no_source(scene, asks):
     none = methods.Priors()
     assert none.kinds == frozenset()
-    with pytest.raises(gc.MethodError, match="expected a prior that gives depth, got one of source 'none'"):
+    with pytest.raises(MethodError, match="expected a prior that gives depth, got one of source 'none'"):
         none.depth(scene.photograph, scene.view)
     optional = tuple(Ask(a.kind, a.of, optional=True) for a in asks)
     assert scene.priors(PriorSpec(), optional).kinds == frozenset()
@@ -145,7 +144,7 @@ def test_nothing_answers_where_there_is_no_source(scene, asks):
     ],
 )
 def test_what_does_not_go_together_is_met_before_the_fit(spec: PriorSpec, asked: tuple, message: str):
-    with pytest.raises(gc.MethodError, match=message):
+    with pytest.raises(MethodError, match=message):
         check_priors(spec, asked)
 
 
@@ -154,10 +153,10 @@ def test_what_does_not_go_together_is_met_before_the_fit(spec: PriorSpec, asked:
     [
         (
             lambda: Ask(cast(Any, "dpeth")),
-            gc.UnknownNameError,
+            UnknownNameError,
             "kind of prior that exists.*did you mean 'depth'",
         ),
-        (lambda: Ask("mask"), gc.UnknownNameError, "subject of a mask that exists, got 'photograph'"),
+        (lambda: Ask("mask"), UnknownNameError, "subject of a mask that exists, got 'photograph'"),
         (lambda: Ask("depth", ()), ValueError, "expected what depth is asked of, got nothing"),
     ],
 )
@@ -188,17 +187,17 @@ def test_the_truth_cannot_be_changed_through_an_answer(scene, questions):
 
 def test_an_oracle_knows_its_own_views_and_what_was_declared(scene):
     told = scene.priors(PriorSpec("oracle"))
-    stranger = gc.View("train_900", "train", scene.view.camera)
-    with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
+    stranger = View("train_900", "train", scene.view.camera)
+    with pytest.raises(MethodError, match="expected a view of the scene, got 'train_900'"):
         told.depth(scene.photograph, stranger)
     hole = np.zeros(SIZE, bool)
-    with pytest.raises(gc.MethodError, match="expected radiance of shape"):
+    with pytest.raises(MethodError, match="expected radiance of shape"):
         told.inpainting(np.ones(SIZE), scene.view, hole)
-    with pytest.raises(gc.MethodError, match="expected a view of the scene, got 'train_900'"):
+    with pytest.raises(MethodError, match="expected a view of the scene, got 'train_900'"):
         told.inpainting(scene.photograph, stranger, hole)
     known = {view: {"depth": layers["depth"]} for view, layers in scene.truth.items()}
     narrow = make_priors(PriorSpec("oracle"), (Ask("inpainting", ("depth",)),), scene.capture, known)
-    with pytest.raises(gc.MethodError, match="expected a method that says which layers it inpaints"):
+    with pytest.raises(MethodError, match="expected a method that says which layers it inpaints"):
         narrow.inpainting(scene.photograph, scene.view, hole)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-import graycard as gc
+from graycard import MethodError
 from graycard.methods.priors._filling import ALGORITHMS, RADIUS, filled
 
 SIZE = (40, 100)
@@ -68,7 +68,7 @@ def test_without_a_hole_it_is_the_image_and_all_hole_is_refused(algorithm: str):
     image = texture()
     assert np.array_equal(filled(image, None, algorithm), image)
     assert np.array_equal(filled(image, np.zeros(SIZE, bool), algorithm), image)
-    with pytest.raises(gc.MethodError, match="expected a hole with something around it"):
+    with pytest.raises(MethodError, match="expected a hole with something around it"):
         filled(image, np.ones(SIZE, bool), algorithm)
 
 

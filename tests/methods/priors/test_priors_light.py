@@ -9,30 +9,38 @@ import numpy as np
 import pytest
 from scipy import stats
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    Light,
+    MethodError,
+    PointLight,
+    RectangleLight,
+    SpotLight,
+    UnknownNameError,
+    angles,
+    methods,
+    open_capture,
+    open_truth,
+)
 from graycard.benchmarks._fit import handed_priors
 from graycard.methods import Ask
 from graycard.methods.priors import Override, PriorSpec, check_priors, make_priors, truth_of, weights_of
 from graycard.methods.priors._light import LightErrors, calibrated, corrupt_light
 
-SPOT = gc.SpotLight("lamp", (0.25, -0.06, 0.0), (-0.08, 0.03, 1.0), (9.0, 8.0, 6.0), 15.0, 38.0, "camera")
-CEILING = gc.RectangleLight("ambient", (3.0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.02, 0.02, 0.03))
+SPOT = SpotLight("lamp", (0.25, -0.06, 0.0), (-0.08, 0.03, 1.0), (9.0, 8.0, 6.0), 15.0, 38.0, "camera")
+CEILING = RectangleLight("ambient", (3.0, 0, 3), (0, 2.0, 0), (3.0, 0, 0), (0.02, 0.02, 0.03))
 ASK = (Ask("light"),)
 
 
-def told(
-    scene: Path, spec: PriorSpec, lights: tuple[gc.Light, ...] = (CEILING, SPOT)
-) -> gc.SpotLight | gc.PointLight:
-    capture = gc.open_capture(scene / "capture", check=False)
+def told(scene: Path, spec: PriorSpec, lights: tuple[Light, ...] = (CEILING, SPOT)) -> SpotLight | PointLight:
+    capture = open_capture(scene / "capture", check=False)
     return make_priors(spec, ASK, capture, {}, lights).light()
 
 
-def wrongness(lamp: gc.SpotLight | gc.PointLight) -> tuple[float, ...]:
-    assert isinstance(lamp, gc.SpotLight)
+def wrongness(lamp: SpotLight | PointLight) -> tuple[float, ...]:
+    assert isinstance(lamp, SpotLight)
     return (
         float(np.linalg.norm(np.subtract(lamp.position, SPOT.position))),
-        float(gc.angles(np.array(lamp.direction), np.array(SPOT.direction))),
+        float(angles(np.array(lamp.direction), np.array(SPOT.direction))),
         abs(float(np.log(lamp.cutoff_angle / SPOT.cutoff_angle))),
         float(np.abs(np.log(np.divide(lamp.intensity, SPOT.intensity))).max()),
     )
@@ -77,25 +85,25 @@ def test_each_error_is_alone_and_as_large_as_it_says():
     factors = [corrupt_light(SPOT, cases[3], seed).intensity[0] for seed in range(1000, 1300)]
     assert stats.kstest(np.log(np.divide(factors, 9.0)), stats.norm(0, 0.2).cdf).pvalue > 0.01
     widths = [corrupt_light(SPOT, cases[2], seed) for seed in range(1000, 1300)]
-    assert all(isinstance(lamp, gc.SpotLight) for lamp in widths)
-    ratio = [lamp.beam_width / lamp.cutoff_angle for lamp in widths if isinstance(lamp, gc.SpotLight)]
+    assert all(isinstance(lamp, SpotLight) for lamp in widths)
+    ratio = [lamp.beam_width / lamp.cutoff_angle for lamp in widths if isinstance(lamp, SpotLight)]
     np.testing.assert_allclose(ratio, 15 / 38)
 
 
 def test_a_beam_is_no_wider_than_everything():
     wide = replace(SPOT, beam_width=100.0, cutoff_angle=170.0)
-    angles = []
+    cutoffs = []
     for seed in range(20):
         lamp = corrupt_light(wide, LightErrors(width=2.0), seed)
-        assert isinstance(lamp, gc.SpotLight)
-        angles.append(lamp.cutoff_angle)
-    assert max(angles) == 180
+        assert isinstance(lamp, SpotLight)
+        cutoffs.append(lamp.cutoff_angle)
+    assert max(cutoffs) == 180
 
 
 def test_a_bare_bulb_has_no_beam():
-    bulb = gc.PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+    bulb = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
     wrong = corrupt_light(bulb, LightErrors(0.1, 5.0, 0.2, 0.2), 1000)
-    assert isinstance(wrong, gc.PointLight)
+    assert isinstance(wrong, PointLight)
     assert wrong.frame == "camera"
     assert 0.01 < np.linalg.norm(np.subtract(wrong.position, bulb.position)) < 0.3
 
@@ -108,41 +116,41 @@ def test_a_bare_bulb_has_no_beam():
         ((replace(CEILING, frame="camera"),), r"got ambient \(RectangleLight\)"),
     ],
 )
-def test_what_cannot_be_calibrated_says_why(lights: tuple[gc.Light, ...], message: str):
-    with pytest.raises(gc.MethodError, match=message):
+def test_what_cannot_be_calibrated_says_why(lights: tuple[Light, ...], message: str):
+    with pytest.raises(MethodError, match=message):
         calibrated(lights, LightErrors(), 0)
 
 
 def test_only_an_oracle_knows_the_lamp():
     assert truth_of(PriorSpec("oracle"), ASK) == {"lights"}
     for source in ("none", "classical"):
-        with pytest.raises(gc.MethodError, match=f"gives light, got '{source}'. One of oracle does"):
+        with pytest.raises(MethodError, match=f"gives light, got '{source}'. One of oracle does"):
             check_priors(PriorSpec(source), ASK)
     optional = (Ask("light", optional=True),)
     for source in ("none", "classical", "pretrained"):  # no network tells it, so no weights are missed
         assert weights_of(PriorSpec(source), optional) == []
     override = PriorSpec("oracle", overrides={"light": Override(errors={"rotation": 3.0})})
     assert str(override) == "oracle, severity 0; light: oracle, severity 0, rotation 3"
-    with pytest.raises(gc.UnknownNameError, match="error of light"):
+    with pytest.raises(UnknownNameError, match="error of light"):
         PriorSpec("oracle", overrides={"light": Override(errors={"kappa": 3.0})})
 
 
 def test_without_a_calibration_or_with_one_of_the_room_it_says_so():
     assert methods.Priors().kinds == frozenset()
-    with pytest.raises(gc.MethodError, match="expected a prior that gives light, got one of source 'none'"):
+    with pytest.raises(MethodError, match="expected a prior that gives light, got one of source 'none'"):
         methods.Priors().light()
     standing = methods.Priors("oracle", calibration=replace(SPOT, frame="world"))
     assert standing.kinds == {"light"}
-    with pytest.raises(gc.MethodError, match="of a lamp on the camera, got 'lamp' in the world"):
+    with pytest.raises(MethodError, match="of a lamp on the camera, got 'lamp' in the world"):
         standing.light()
 
 
 def test_a_run_hands_the_calibration_alone(scene: Path):
     """A method that asks for the lamp gets it, and neither the lights nor any layer."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     found = handed_priors(methods.load_method("darkgs"), PriorSpec("oracle", 2), capture, scene)
     assert found.kinds == {"light"}
     assert (found.lights, dict(found.layers)) == (None, {})
-    (true,) = gc.open_truth(scene / "truth", check=False).lights()
-    assert isinstance(true, gc.PointLight)
+    (true,) = open_truth(scene / "truth", check=False).lights()
+    assert isinstance(true, PointLight)
     assert 0 < np.linalg.norm(np.subtract(found.light().position, true.position)) < 0.1

@@ -8,8 +8,7 @@ import pytest
 from scipy import stats
 from scipy.ndimage import gaussian_filter
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, MethodError, View, angles, look_at, methods
 from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.priors._colour import ColorErrors, corrupt_base_color
 from graycard.methods.priors._depth import DepthErrors, corrupt_depth
@@ -33,15 +32,15 @@ EVEN = np.zeros((SIZE, SIZE, 3))
 ROOM = np.add.outer(np.linspace(4, 2, SIZE), np.linspace(0, 1, SIZE))
 
 
-def truths(scene) -> dict[str, Callable[[gc.View], np.ndarray]]:
+def truths(scene) -> dict[str, Callable[[View], np.ndarray]]:
     """What a perfect network would say about a view."""
     radiance = "counterfactual.radiance"
-    known: dict[str, Callable[[gc.View], np.ndarray]] = {
+    known: dict[str, Callable[[View], np.ndarray]] = {
         kind: lambda v, kind=kind: scene.truth[v.name][kind] for kind in KINDS[:5]
     }
     known["mask"] = lambda v: scene.truth[v.name]["object_id"] == scene.capture.target
 
-    def filled(view: gc.View) -> np.ndarray:
+    def filled(view: View) -> np.ndarray:
         layers = scene.truth[view.name]
         hole = (layers["object_id"] == scene.capture.target)[..., None]
         return np.where(hole, layers[radiance], layers["radiance"]) * scene.capture.exposure
@@ -65,7 +64,7 @@ def wrongness(kind: str, answer: np.ndarray, true: np.ndarray) -> float:
         return float(np.abs(np.log(answer[seen] / true[seen])).mean())
     if kind == "normal":
         seen = np.linalg.norm(true, axis=-1) > 0
-        return float(gc.angles(answer, true)[seen].mean())
+        return float(angles(answer, true)[seen].mean())
     if kind == "mask":
         return 1 - float((answer & true).sum() / max((answer | true).sum(), 1))
     return float(np.abs(answer.astype(float) - true).mean())
@@ -234,7 +233,7 @@ def test_sky_stays_sky():
 
 def test_normals_see_the_relief_that_depth_sees():
     """Independent reference: normals of the surface that the embossed depth draws."""
-    camera = gc.Camera.from_fov(SIZE, SIZE, 50, gc.look_at(np.array([1.0, -2, 1.5]), np.zeros(3)))
+    camera = Camera.from_fov(SIZE, SIZE, 50, look_at(np.array([1.0, -2, 1.5]), np.zeros(3)))
     y, x = np.mgrid[0:SIZE, 0:SIZE] / SIZE * 2 * np.pi
     light = np.repeat(0.5 * (np.sin(2 * x) * np.cos(y))[..., None], 3, axis=-1)
     flat = np.tile(-camera.forward, (SIZE, SIZE, 1))
@@ -243,7 +242,7 @@ def test_normals_see_the_relief_that_depth_sees():
     expected = normals_of(embossed, camera)
     found = corrupt_normal(flat, light, camera, NormalErrors(kappa=0.02), 0, "v")
     inner = (slice(4, -4), slice(4, -4))
-    angle, tilt = gc.angles(found, expected)[inner], gc.angles(found, flat)[inner]
+    angle, tilt = angles(found, expected)[inner], angles(found, flat)[inner]
     assert tilt.mean() > 3  # there is something to compare
     assert angle.mean() < 0.25 * tilt.mean()
 
@@ -252,14 +251,14 @@ def test_normals_are_turned_as_much_as_they_say_and_flipped_on_request(scene):
     normal, camera = scene.known["normal"].astype(float), scene.view.camera
     seen = np.linalg.norm(normal, axis=-1) > 0
     even = np.zeros_like(normal)
-    angles = []
+    turns = []
     for number in range(300):
         turned = corrupt_normal(normal, even, camera, NormalErrors(turn=3.0), 1000, f"v{number}")
         matrix = np.linalg.lstsq(normal[seen], turned[seen], rcond=None)[0]
-        angles.append(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1) / 2, -1, 1))))
+        turns.append(np.degrees(np.arccos(np.clip((np.trace(matrix) - 1) / 2, -1, 1))))
         assert not turned[~seen].any()
     # rotation vectors of variance turn²/3 in each coordinate: the mean square of the angle is turn²
-    assert np.mean(np.square(angles)) == pytest.approx(9, rel=0.2)
+    assert np.mean(np.square(turns)) == pytest.approx(9, rel=0.2)
     flipped = corrupt_normal(normal, even, camera, NormalErrors(flip=1), 0, "v")
     to_camera = camera.world_to_camera[:3, :3]
     np.testing.assert_allclose(flipped @ to_camera.T, (normal @ to_camera.T) * [1, -1, -1], atol=1e-6)
@@ -420,10 +419,10 @@ def test_holes_of_layers_that_were_not_declared_are_refused(scene, emptied: dict
     asks = (methods.Ask("inpainting", ("radiance",)),)
     told = make_priors(PriorSpec("oracle"), asks, scene.capture, {scene.view.name: scene.known})
     hole = scene.known["object_id"] == scene.capture.target
-    with pytest.raises(gc.MethodError, match="Name it in the method's asks"):
+    with pytest.raises(MethodError, match="Name it in the method's asks"):
         told.inpainting(emptied["f0"], scene.view, hole, "f0")
     told = about_holes(scene, emptied, 0)
-    with pytest.raises(gc.MethodError, match="expected roughness of shape"):
+    with pytest.raises(MethodError, match="expected roughness of shape"):
         told.inpainting(emptied["f0"], scene.view, hole, "roughness")
 
 

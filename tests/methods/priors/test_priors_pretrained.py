@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import MethodError, methods, srgb_encode
 from graycard.methods import Ask
 from graycard.methods.priors import Override, PriorSpec, weights_of
 from graycard.methods.priors._slopes import normals_of
@@ -79,7 +78,7 @@ def told_by(scene, kind: Any, module: torch.nn.Module, folder: Path, of: str = "
 
 def test_a_module_sees_the_encoded_image_and_gives_depth(scene, tmp_path: Path):
     told = told_by(scene, "depth", Grey(), tmp_path)
-    expected = 1 + gc.srgb_encode(scene.photograph).mean(axis=-1)
+    expected = 1 + srgb_encode(scene.photograph).mean(axis=-1)
     np.testing.assert_allclose(told.depth(scene.photograph, scene.view), expected, rtol=1e-5)
 
 
@@ -95,11 +94,11 @@ def test_normals_of_a_module_are_turned_into_the_world(scene, tmp_path: Path):
 def test_colours_materials_and_masks_by_modules(scene, tmp_path: Path):
     image, view = scene.photograph, scene.view
     told = told_by(scene, "base_color", Same(), tmp_path)
-    np.testing.assert_allclose(told.base_color(image, view), gc.srgb_encode(image), atol=1e-6)
+    np.testing.assert_allclose(told.base_color(image, view), srgb_encode(image), atol=1e-6)
     told = told_by(scene, "mask", Grey(), tmp_path, "glossy")
     assert told.mask(image, view, "glossy").all()
     told = told_by(scene, "roughness", Grey(), tmp_path)
-    with pytest.raises(gc.MethodError, match=r"expected roughness in \[0, 1\], got 1"):
+    with pytest.raises(MethodError, match=r"expected roughness in \[0, 1\], got 1"):
         told.roughness(image, view)
 
 
@@ -118,7 +117,7 @@ def test_holes_are_filled_in_by_a_module_at_any_size(scene, tmp_path: Path):
     filled = told.inpainting(np.where(hole[..., None], 9.0, colours), view, hole, of="f0")
     assert (np.abs(filled[hole] - 2) < 0.3).all()
     assert np.array_equal(told.inpainting(even, view, np.zeros_like(hole)), even)
-    with pytest.raises(gc.MethodError, match="expected a hole with something around it"):
+    with pytest.raises(MethodError, match="expected a hole with something around it"):
         told.inpainting(even, view, np.ones_like(hole))
 
 
@@ -135,7 +134,7 @@ def test_modules_that_give_something_else(
     kind: str, module: torch.nn.Module, message: str, scene, tmp_path: Path
 ):
     told = told_by(scene, kind, module, tmp_path)
-    with pytest.raises(gc.MethodError, match=message):
+    with pytest.raises(MethodError, match=message):
         getattr(told, kind)(scene.photograph, scene.view)
 
 
@@ -143,7 +142,7 @@ def test_an_inpainting_module_that_gives_another_size(scene, tmp_path: Path):
     told = told_by(scene, "inpainting", Shrink(), tmp_path, "radiance")
     hole = np.zeros((24, 28), bool)
     hole[5:9, 6:12] = True
-    with pytest.raises(gc.MethodError, match="from the network for inpainting, got"):
+    with pytest.raises(MethodError, match="from the network for inpainting, got"):
         told.inpainting(scene.photograph, scene.view, hole)
 
 
@@ -151,11 +150,9 @@ def test_damaged_weights_and_folders_for_other_kinds(scene, tmp_path: Path):
     (tmp_path / "depth.pt").write_bytes(b"no archive")
     (tmp_path / "roughness").mkdir()
     spec = PriorSpec("pretrained", path=str(tmp_path))
-    with pytest.raises(gc.MethodError, match="expected a TorchScript module at .*depth.pt, got"):
+    with pytest.raises(MethodError, match="expected a TorchScript module at .*depth.pt, got"):
         scene.priors(spec, (Ask("depth"),))
-    with pytest.raises(
-        gc.MethodError, match="expected a TorchScript file for roughness priors, got the folder"
-    ):
+    with pytest.raises(MethodError, match="expected a TorchScript file for roughness priors, got the folder"):
         scene.priors(spec, (Ask("roughness"),))
 
 
@@ -167,16 +164,16 @@ def test_weights_of_what_is_optional_may_be_missing(scene, tmp_path: Path):
     assert scene.priors(spec, asks).kinds == {"depth"}
     assert len(weights_of(spec, asks)) == 1
     named = replace(spec, overrides={"normal": Override(source="pretrained")})
-    with pytest.raises(gc.MethodError, match="expected weights for normal priors at .*normal.pt, got none"):
+    with pytest.raises(MethodError, match="expected weights for normal priors at .*normal.pt, got none"):
         scene.priors(named, asks)
-    with pytest.raises(gc.MethodError, match=r"expected weights of what the method asks for \(mask.pt\) in"):
+    with pytest.raises(MethodError, match=r"expected weights of what the method asks for \(mask.pt\) in"):
         scene.priors(spec, (Ask("mask", ("glossy",), optional=True),))
 
 
 def test_without_transformers_it_says_what_to_install(scene, tmp_path: Path, monkeypatch):
     monkeypatch.setitem(sys.modules, "transformers", None)
     spec = PriorSpec("oracle", overrides={"depth": Override(source="pretrained", path=str(tmp_path))})
-    with pytest.raises(gc.MethodError, match=r"got none. Install it: pip install 'graycard\[priors\]'"):
+    with pytest.raises(MethodError, match=r"got none. Install it: pip install 'graycard\[priors\]'"):
         scene.priors(spec, (Ask("depth"),))
 
 
@@ -230,7 +227,7 @@ def test_metric_and_relative_depth(
         (tmp_path / kind).mkdir()
     told = scene.priors(PriorSpec("pretrained", path=str(tmp_path)), (Ask("depth"), Ask("normal")))
     assert calls == [(str(tmp_path / kind), True) for kind in ("depth", "depth", "normal", "normal")]
-    said = 1 + 3 * (np.round(255 * gc.srgb_encode(scene.photograph)) / 255).mean(axis=-1)
+    said = 1 + 3 * (np.round(255 * srgb_encode(scene.photograph)) / 255).mean(axis=-1)
     expected = np.median(said) / said if inverse else said
     depth = told.depth(scene.photograph, scene.view)
     np.testing.assert_allclose(depth, expected, rtol=1e-5)
@@ -273,5 +270,5 @@ def test_a_folder_that_is_no_checkpoint(scene, tmp_path: Path, monkeypatch):
     library = SimpleNamespace(AutoImageProcessor=auto, AutoModelForDepthEstimation=auto)
     monkeypatch.setitem(sys.modules, "transformers", library)
     (tmp_path / "depth").mkdir()
-    with pytest.raises(gc.MethodError, match="checkpoint of transformers for depth in .*no config.json$"):
+    with pytest.raises(MethodError, match="checkpoint of transformers for depth in .*no config.json$"):
         scene.priors(PriorSpec("pretrained", path=str(tmp_path)), (methods.Ask("depth"),))

@@ -4,7 +4,8 @@ from typing import Any, cast
 
 import pytest
 
-import graycard as gc
+from graycard import RecordError, UnknownNameError
+from graycard.io import from_builtins, to_builtins
 from graycard.methods.priors import Override, PriorSpec, of_kind, parse_priors
 
 TOML = """
@@ -23,8 +24,8 @@ path = "weights/normal.pt"
 
 
 def test_a_spec_reads_and_writes_as_data():
-    spec = gc.decode(PriorSpec, tomllib.loads(TOML))
-    assert gc.decode(PriorSpec, gc.encode(spec)) == spec
+    spec = from_builtins(PriorSpec, tomllib.loads(TOML))
+    assert from_builtins(PriorSpec, to_builtins(spec)) == spec
     depth = of_kind(spec, "depth")
     assert (depth.source, depth.severity, depth.seed, depth.errors.kappa) == ("oracle", 4, 7, 0.3)
     assert depth.errors.scale == 0.2  # the rest is that of severity 4
@@ -38,9 +39,9 @@ def test_a_spec_reads_and_writes_as_data():
 
 def test_the_classical_source_has_a_choice_of_inpainting():
     text = 'source = "oracle"\n[overrides.inpainting]\nsource = "classical"\nalgorithm = "telea"'
-    spec = gc.decode(PriorSpec, tomllib.loads(text))
+    spec = from_builtins(PriorSpec, tomllib.loads(text))
     assert spec == PriorSpec("oracle", overrides={"inpainting": Override("classical", algorithm="telea")})
-    assert gc.decode(PriorSpec, gc.encode(spec)) == spec
+    assert from_builtins(PriorSpec, to_builtins(spec)) == spec
     assert of_kind(spec, "inpainting").algorithm == "telea"
     assert str(spec) == "oracle, severity 0; inpainting: classical, telea"
     alone = PriorSpec("classical", overrides={"inpainting": Override(algorithm="telea")})
@@ -52,11 +53,11 @@ def test_the_classical_source_has_a_choice_of_inpainting():
 
 
 def test_specs_of_before_there_was_a_choice_mean_what_they_meant():
-    assert gc.encode(PriorSpec("oracle", 2)) == {
+    assert to_builtins(PriorSpec("oracle", 2)) == {
         "source": "oracle", "severity": 2, "seed": 0, "path": "", "overrides": {}
     }  # fmt: skip
     old = {"source": None, "severity": 4, "path": None, "errors": {"kappa": 0.3}}
-    spec = gc.decode(PriorSpec, {"source": "oracle", "overrides": {"depth": old}})
+    spec = from_builtins(PriorSpec, {"source": "oracle", "overrides": {"depth": old}})
     assert spec.overrides == {"depth": Override(severity=4, errors={"kappa": 0.3})}
 
 
@@ -84,17 +85,17 @@ def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
         ({"severity": -1}, ValueError, "expected a severity of 0 to 5, got -1"),
         ({"severity": True}, ValueError, "expected a severity of 0 to 5, got True"),
         ({"seed": -3}, ValueError, "expected a seed >= 0 of the priors, got -3"),
-        ({"source": "orcale"}, gc.UnknownNameError, "did you mean 'oracle'"),
-        ({"overrides": {"dpeth": Override()}}, gc.UnknownNameError, "did you mean 'depth'"),
+        ({"source": "orcale"}, UnknownNameError, "did you mean 'oracle'"),
+        ({"overrides": {"dpeth": Override()}}, UnknownNameError, "did you mean 'depth'"),
         ({"overrides": {"depth": Override(severity=9)}}, ValueError, "0 to 5, got 9"),
         (
             {"overrides": {"depth": Override(source=cast(Any, "cnn"))}},
-            gc.UnknownNameError,
+            UnknownNameError,
             "source of priors",
         ),
         (
             {"overrides": {"depth": Override(errors={"kapa": 1.0})}},
-            gc.UnknownNameError,
+            UnknownNameError,
             "error of depth that exists, got 'kapa'.*did you mean 'kappa'",
         ),
         (
@@ -114,7 +115,7 @@ def test_weights_are_a_folder_or_a_file_of_the_kind(tmp_path):
         ),
         (
             {"overrides": {"inpainting": Override("classical", algorithm="tela")}},
-            gc.UnknownNameError,
+            UnknownNameError,
             "algorithm of inpainting that exists, got 'tela'.*did you mean 'telea'",
         ),
         (
@@ -135,10 +136,10 @@ def test_what_cannot_be_is_refused(wrong: dict, error: type[Exception], message:
 
 
 def test_in_a_file_it_is_the_record_that_is_wrong():
-    with pytest.raises(gc.RecordError, match="expected a severity of 0 to 5, got 8"):
-        gc.decode(PriorSpec, {"source": "oracle", "severity": 8})
-    with pytest.raises(gc.RecordError, match="did you mean 'severity'"):
-        gc.decode(PriorSpec, {"source": "oracle", "severitty": 1})
+    with pytest.raises(RecordError, match="expected a severity of 0 to 5, got 8"):
+        from_builtins(PriorSpec, {"source": "oracle", "severity": 8})
+    with pytest.raises(RecordError, match="did you mean 'severity'"):
+        from_builtins(PriorSpec, {"source": "oracle", "severitty": 1})
 
 
 def test_a_spec_in_a_word(tmp_path):
@@ -153,15 +154,15 @@ def test_a_spec_in_a_word(tmp_path):
 @pytest.mark.parametrize(
     ("text", "error", "message"),
     [
-        ("orcale:2", gc.UnknownNameError, "did you mean 'oracle'"),
+        ("orcale:2", UnknownNameError, "did you mean 'oracle'"),
         (
             "oracle:worst",
-            gc.RecordError,
+            RecordError,
             "expected priors as in oracle:3 or pretrained:FOLDER, got 'oracle:wo",
         ),
-        ("oracle:9", gc.RecordError, "expected a severity of 0 to 5, got 9"),
-        ("classical:1", gc.RecordError, "expected priors as in oracle:3"),
-        ("nowhere.toml", gc.RecordError, "expected priors as TOML in nowhere.toml, got"),
+        ("oracle:9", RecordError, "expected a severity of 0 to 5, got 9"),
+        ("classical:1", RecordError, "expected priors as in oracle:3"),
+        ("nowhere.toml", RecordError, "expected priors as TOML in nowhere.toml, got"),
     ],
 )
 def test_words_that_are_none(text: str, error: type[Exception], message: str):

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, MethodError, PointLight, look_at, methods, open_capture
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods.r3dg import R3dgMethod, R3dgScene, R3dgSettings
 from graycard.methods.r3dg._light import (
     BASE_COLOR,
@@ -103,7 +104,7 @@ def test_slopes_are_those_of_differences(lit: tuple[dict[str, torch.Tensor], Dir
 
 
 def test_what_is_behind_the_camera_is_not_in_view_and_what_reaches_into_it_is():
-    camera = gc.Camera.from_fov(20, 20, 50, gc.look_at(np.array([0.0, -3, 0]), np.zeros(3)))
+    camera = Camera.from_fov(20, 20, 50, look_at(np.array([0.0, -3, 0]), np.zeros(3)))
     places = torch.tensor([[0.0, 0, 0], [0, -6, 0], [0, 5, 0], [9, 0, 0], [9, 0, 0]])
     sizes = torch.tensor([0.1, 0.1, 0.1, 0.1, 4.0]).log()
     assert in_view({CENTRES: places, LOG_SCALES: sizes[:, None].expand(5, 2)}, camera).tolist() == [0, 2, 4]
@@ -136,11 +137,11 @@ def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFact
 
 @pytest.fixture(scope="module")
 def fitted(scene: Path) -> R3dgScene:
-    return R3dgMethod().fit(with_points(scene), methods.Priors(), QUICK, 0, gc.silent)
+    return R3dgMethod().fit(with_points(scene), methods.Priors(), QUICK, 0, silent)
 
 
-def cameras(scene: Path) -> list[gc.Camera]:
-    return [view.camera for view in gc.open_capture(scene / "capture", check=False).views]
+def cameras(scene: Path) -> list[Camera]:
+    return [view.camera for view in open_capture(scene / "capture", check=False).views]
 
 
 def test_it_follows_the_contract(scene: Path, fitted: R3dgScene):
@@ -150,15 +151,15 @@ def test_it_follows_the_contract(scene: Path, fitted: R3dgScene):
     assert isinstance(fitted, methods.Counting)
     for camera in cameras(scene):
         for layer, values in fitted.render(camera, sorted(fitted.provides)).items():
-            assert gc.find_fault(layer, values, camera.height, camera.width) is None, layer
+            assert find_fault(layer, values, camera.height, camera.width) is None, layer
             assert values.dtype == np.float32
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
+    with pytest.raises(MethodError, match="expected layers out of"):
         fitted.render(cameras(scene)[0], ["metallic"])
 
 
 def test_every_parameter_gets_a_slope_in_the_first_step(scene: Path, fitted: R3dgScene):
     values = {**fitted.parameters.all, **first_surfaces(len(fitted.parameters))}
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     shots = [
         shot_of(view.camera, torch.rand(view.camera.height, view.camera.width, 3), values)
         for view in capture.train
@@ -175,7 +176,7 @@ def test_a_fit_comes_nearer_to_the_photographs(scene: Path):
     errors = []
     for steps in (1, 60):
         chosen = R3dgSettings(iterations=20 + steps, geometry_share=20 / (20 + steps), surfels=300, fill=0.0)
-        found = R3dgMethod().fit(capture, methods.Priors(), chosen, 0, gc.silent)
+        found = R3dgMethod().fit(capture, methods.Priors(), chosen, 0, silent)
         seen = [found.render(view.camera, ["radiance"])["radiance"] for view in capture.train]
         shown = [capture.photograph(view) for view in capture.train]
         errors.append(np.mean([np.abs(a - b).mean() for a, b in zip(seen, shown, strict=True)]))
@@ -186,7 +187,7 @@ def test_given_lamps_cast_shadows(world: World, lit: tuple[dict[str, torch.Tenso
     """A lamp over the board; the picture is in the lamp's unit whatever the exposure of the fit."""
     values, directions = lit
     shared = {SKY: torch.full((6, 4, 4, 3), -20.0)}
-    lamp = gc.PointLight("l", (0.1, 0.1, 1.5), (1.0, 1.0, 1.0))
+    lamp = PointLight("l", (0.1, 0.1, 1.5), (1.0, 1.0, 1.0))
     pictures = [
         R3dgScene(Parameters(values, shared), directions, QUICK, exposure, EXTENT)
         .relight((lamp,))
@@ -201,7 +202,7 @@ def test_given_lamps_cast_shadows(world: World, lit: tuple[dict[str, torch.Tenso
 
 
 def test_saved_and_loaded_it_is_the_same(scene: Path, fitted: R3dgScene, tmp_path: Path):
-    lamp = gc.PointLight("l", (0.5, 0.5, 1.5), (1.0, 2.0, 3.0))
+    lamp = PointLight("l", (0.5, 0.5, 1.5), (1.0, 2.0, 3.0))
     camera, names = cameras(scene)[-1], sorted(fitted.provides)
     for number, found in enumerate((fitted, fitted.relight((lamp, *fitted.lights())))):
         found.save(tmp_path / str(number))
@@ -209,12 +210,12 @@ def test_saved_and_loaded_it_is_the_same(scene: Path, fitted: R3dgScene, tmp_pat
         assert loaded.lights() == found.lights()
         for name, values in found.render(camera, names).items():
             np.testing.assert_array_equal(loaded.render(camera, names)[name], values)
-    with pytest.raises(gc.MethodError, match="got one by 'r3dg'"):
+    with pytest.raises(MethodError, match="got one by 'r3dg'"):
         methods.load_method("2dgs").load(tmp_path / "0")
 
 
 def test_lights_that_are_given_add_up(scene: Path, fitted: R3dgScene):
-    lamps = [gc.PointLight(n, (x, 0.5, 1.5), (1.0, 2.0, 3.0)) for n, x in (("a", 0.5), ("b", -0.5))]
+    lamps = [PointLight(n, (x, 0.5, 1.5), (1.0, 2.0, 3.0)) for n, x in (("a", 0.5), ("b", -0.5))]
     camera = cameras(scene)[-1]
     one, other, both, dark = (
         fitted.relight(tuple(some)).render(camera, ["radiance"])["radiance"]
@@ -226,6 +227,6 @@ def test_lights_that_are_given_add_up(scene: Path, fitted: R3dgScene):
 
 
 def test_the_same_seed_gives_the_same_bits(scene: Path, fitted: R3dgScene):
-    again = R3dgMethod().fit(with_points(scene), methods.Priors(), QUICK, 0, gc.silent)
+    again = R3dgMethod().fit(with_points(scene), methods.Priors(), QUICK, 0, silent)
     for name, values in fitted.parameters.all.items():
         np.testing.assert_array_equal(values, again.parameters.all[name])

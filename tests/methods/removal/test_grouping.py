@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, Capture, MethodError, Progress, View, look_at, methods, open_capture, open_truth
+from graycard.io import silent
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.removal import GroupingMethod, GroupingSettings, KeepMethod, RemovalScene
 from graycard.methods.removal._behind import Behind
@@ -48,7 +48,7 @@ from sparse_points import with_points
 
 QUICK = GroupingSettings(iterations=60, surfels=400, fill=0.0, identity_rate=0.1, classifier_rate=0.05)
 CAMERAS = [
-    gc.Camera.from_fov(32, 28, 60, gc.look_at(np.array([x, y, 3.0]), np.zeros(3)))
+    Camera.from_fov(32, 28, 60, look_at(np.array([x, y, 3.0]), np.zeros(3)))
     for x, y in ((0.9, 0.0), (-0.9, 0.3), (0.1, -0.8))
 ]
 
@@ -66,7 +66,7 @@ def sheets(*places: np.ndarray) -> Parameters:
     return parameters_of(surfels_from_points(points, up, np.zeros((len(points), 0)), opacity=0.99))
 
 
-def seen(parameters: Parameters, chosen: np.ndarray, camera: gc.Camera) -> torch.Tensor:
+def seen(parameters: Parameters, chosen: np.ndarray, camera: Camera) -> torch.Tensor:
     """Where chosen surfels are seen: classes."""
     marks = torch.from_numpy(chosen[:, None].astype(np.float32))
     drawn = rasterize_features(surfels_of(parameters.surfels, marks), camera).features[..., 0]
@@ -197,7 +197,7 @@ def test_identities_that_say_nothing_are_refused():
     sides = {"got all": torch.tensor([-9.0, 9.0]), "got none": torch.tensor([9.0, -9.0])}
     for says, biases in sides.items():
         sure = Parameters(unlearnt.surfels, {**unlearnt.shared, BIASES: biases})
-        with pytest.raises(gc.MethodError, match=f"probability above 0.3, {says}.*least_probability"):
+        with pytest.raises(MethodError, match=f"probability above 0.3, {says}.*least_probability"):
             named_surfels(sure, GroupingSettings())
 
 
@@ -245,7 +245,7 @@ def test_the_mean_of_rotations_does_not_ask_for_their_signs():
 
 def target_of(doubt: np.ndarray, hole: np.ndarray) -> Target:
     picture, depth = np.zeros((28, 32, 3)), np.ones((28, 32))
-    return Target(Behind(gc.View("0", "train", CAMERAS[0]), doubt, hole, picture, depth), picture, hole)
+    return Target(Behind(View("0", "train", CAMERAS[0]), doubt, hole, picture, depth), picture, hole)
 
 
 def test_holes_count_as_much_as_all_else_whatever_their_size():
@@ -271,8 +271,8 @@ def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFact
     return folder
 
 
-def fitted(scene: Path, progress: gc.Progress = gc.silent, **changes: object) -> RemovalScene:
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+def fitted(scene: Path, progress: Progress = silent, **changes: object) -> RemovalScene:
+    capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     known = {view.name: truth.layers(truth.view(view.name)) for view in capture.train}
     priors = make_priors(PriorSpec("oracle", 0), GroupingMethod.asks, capture, known, ())
     settings = replace(QUICK, **changes)  # pyright: ignore[reportArgumentType]
@@ -281,8 +281,8 @@ def fitted(scene: Path, progress: gc.Progress = gc.silent, **changes: object) ->
 
 def test_colours_and_places_of_the_first_stage_are_those_of_2dgs(scene: Path):
     """Learning whose surfels are changes nothing else, to the bit, while they come and go."""
-    capture = gc.open_capture(scene / "capture", check=False)
-    found, kept = fitted(scene), KeepMethod().fit(capture, methods.Priors(), QUICK, 0, gc.silent)
+    capture = open_capture(scene / "capture", check=False)
+    found, kept = fitted(scene), KeepMethod().fit(capture, methods.Priors(), QUICK, 0, silent)
     assert len(kept.before.parameters) != len(capture.points()), "some came or went"
     assert found.before.parameters.all.keys() == kept.before.parameters.all.keys()
     for name, values in kept.before.parameters.all.items():
@@ -290,7 +290,7 @@ def test_colours_and_places_of_the_first_stage_are_those_of_2dgs(scene: Path):
 
 
 def test_a_step_lowers_colours_masks_and_now_and_then_disagreement(scene: Path):
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     settings, seed = replace(QUICK, consistency_weight=3.0, samples=50), 2
     values = with_identities(sparse_start(capture, settings, seed), settings, seed).all
     masks = [torch.from_numpy(mask).long() for mask in target_masks(capture)]
@@ -310,9 +310,9 @@ def test_a_step_lowers_colours_masks_and_now_and_then_disagreement(scene: Path):
 
 
 def test_identities_find_nearly_the_surfels_that_exact_shares_find(scene: Path):
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     masks, cameras = target_masks(capture), [view.camera for view in capture.train]
-    surfels = identified(capture, masks, QUICK, 0, gc.silent, "grouping")
+    surfels = identified(capture, masks, QUICK, 0, silent, "grouping")
     learnt_ones = named_surfels(surfels, QUICK)
     exact = target_surfels(surfels_of(surfels.surfels), cameras, masks, 0.3)
     both, either = int((learnt_ones & exact).sum()), int((learnt_ones | exact).sum())
@@ -322,7 +322,7 @@ def test_identities_find_nearly_the_surfels_that_exact_shares_find(scene: Path):
 
 def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
     """Where the object is seen: half as far as with it, with what the truth says is behind."""
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+    capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     found = fitted(scene, iterations=150, second_share=0.5)
     view = capture.train[1]
     layers = truth.layers(truth.view(view.name))
@@ -348,11 +348,11 @@ def test_a_fit_goes_on_from_its_checkpoint(scene: Path, tmp_path: Path, monkeypa
     for ours, theirs in ((whole.before, resumed.before), (whole.after, resumed.after)):
         for name, values in ours.parameters.all.items():
             assert torch.equal(values, theirs.parameters.all[name]), name
-    with pytest.raises(gc.MethodError, match="got one of others"):
+    with pytest.raises(MethodError, match="got one of others"):
         fitted(scene, checkpoint=path, identity_dim=8)
-    masks = gc.Capture.target_mask
-    monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
-    with pytest.raises(gc.MethodError, match="got one of others"):
+    masks = Capture.target_mask
+    monkeypatch.setattr(Capture, "target_mask", lambda self, view: np.roll(masks(self, view), 1, axis=0))
+    with pytest.raises(MethodError, match="got one of others"):
         fitted(scene, checkpoint=path)
 
 

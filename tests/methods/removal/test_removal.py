@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, Capture, MethodError, View, look_at, methods, open_capture, open_truth
+from graycard.io import silent
 from graycard.methods import load_method
 from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.removal import (
@@ -33,8 +33,8 @@ HASTY = {"grouping": {"identity_rate": 0.3, "classifier_rate": 0.1}}
 """What learns in twelve steps whose surfels are."""
 
 
-def above(x: float, y: float) -> gc.Camera:
-    return gc.Camera.from_fov(32, 28, 60, gc.look_at(np.array([x, y, 3.0]), np.array([0.0, 0.0, 0.0])))
+def above(x: float, y: float) -> Camera:
+    return Camera.from_fov(32, 28, 60, look_at(np.array([x, y, 3.0]), np.array([0.0, 0.0, 0.0])))
 
 
 def sheets(*places: np.ndarray) -> Surfels:
@@ -44,7 +44,7 @@ def sheets(*places: np.ndarray) -> Surfels:
     return surfels_from_points(points, up, np.full_like(up, 0.5), opacity=0.99)
 
 
-def floor_depth(camera: gc.Camera) -> np.ndarray:
+def floor_depth(camera: Camera) -> np.ndarray:
     """z-depth of the plane z = 0."""
     rays = camera.rays()
     return np.abs(camera.position[2] / rays[..., 2]) * (rays @ camera.forward)
@@ -56,7 +56,7 @@ def grid(half: float, height: float, spacing: float = 0.1) -> np.ndarray:
     return np.stack([x, y, np.full_like(x, height)], axis=-1).reshape(-1, 3)
 
 
-def mask_of(surfels: Surfels, chosen: np.ndarray, camera: gc.Camera) -> np.ndarray:
+def mask_of(surfels: Surfels, chosen: np.ndarray, camera: Camera) -> np.ndarray:
     marked = replace(surfels, features=torch.from_numpy(chosen[:, None].astype(np.float32)))
     return (rasterize(marked, camera).features[..., 0] > 0.5).numpy()
 
@@ -87,7 +87,7 @@ def test_a_flat_object_has_no_hull():
     found = target_surfels(surfels, [camera], [mask_of(surfels, whose, camera)], 0.3).numpy()
     assert found[whose].all()
     for mask, says in ((np.zeros((28, 32), bool), "got none"), (np.ones((28, 32), bool), "got all")):
-        with pytest.raises(gc.MethodError, match=says):
+        with pytest.raises(MethodError, match=says):
             target_surfels(surfels, [camera], [mask], 0.3)
 
 
@@ -163,7 +163,7 @@ def behind_of(holes: list[tuple[int, int]]) -> list[Behind]:
         camera = above(0.02 * number, 1e-3)
         hole = np.zeros((28, 32), bool)
         hole[14 - rows : 14 + rows, 16 - columns : 16 + columns] = True
-        view = gc.View(str(number), "train", camera)
+        view = View(str(number), "train", camera)
         found.append(Behind(view, hole, hole, np.full((28, 32, 3), 9.0), floor_depth(camera)))
     return found
 
@@ -210,7 +210,7 @@ def scene(write_tiny: Callable[..., Path], tmp_path_factory: pytest.TempPathFact
 
 
 def told(scene: Path, asks: tuple[methods.Ask, ...], spec: PriorSpec) -> methods.Priors:
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+    capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     known = {view.name: truth.layers(truth.view(view.name)) for view in capture.train}
     return make_priors(spec, asks, capture, known, ())
 
@@ -218,13 +218,13 @@ def told(scene: Path, asks: tuple[methods.Ask, ...], spec: PriorSpec) -> methods
 @pytest.mark.parametrize("name", NAMES)
 def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
     """Everything is provided, finite, saved and loaded, and the same again."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     method = load_method(name)
     quick = {"iterations": 12, "surfels": 400, "fill": 0.0}
     settings = methods.settings_of(method, quick | HASTY.get(name, {}))
     asks = methods.asks_of(method)
     priors = told(scene, asks, PriorSpec("oracle", 1) if asks else PriorSpec())
-    found = method.fit(capture, priors, settings, 0, gc.silent)
+    found = method.fit(capture, priors, settings, 0, silent)
     assert isinstance(found, RemovalScene)
     assert isinstance(found, methods.Removable)
     camera, target = capture.test[0].camera, capture.target
@@ -235,7 +235,7 @@ def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
     )
     assert np.isfinite(without["radiance"]).all()
     assert np.array_equal(with_object["radiance"], without["radiance"]) is (name == "do-nothing")
-    second = method.fit(capture, priors, settings, 0, gc.silent)
+    second = method.fit(capture, priors, settings, 0, silent)
     assert isinstance(second, RemovalScene)
     again = second.remove(target).render(camera, ["radiance"])
     np.testing.assert_array_equal(again["radiance"], without["radiance"])
@@ -245,13 +245,13 @@ def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
     np.testing.assert_array_equal(
         loaded.remove(target).render(camera, ["radiance"])["radiance"], without["radiance"]
     )
-    with pytest.raises(gc.MethodError, match=r"expected the object that was fitted \(3\), got 2"):
+    with pytest.raises(MethodError, match=r"expected the object that was fitted \(3\), got 2"):
         found.remove(2)
 
 
 def test_they_differ_in_how_many_views_are_inpainted(scene: Path):
     """One, those that are asked for, or each that has a hole."""
-    capture, found = gc.open_capture(scene / "capture", check=False), {}
+    capture, found = open_capture(scene / "capture", check=False), {}
 
     class Asked:
         def __init__(self, painter: methods.PriorModel) -> None:
@@ -268,17 +268,17 @@ def test_they_differ_in_how_many_views_are_inpainted(scene: Path):
         priors = told(scene, methods.asks_of(method), PriorSpec("oracle", 1))
         asked = Asked(priors.models["inpainting"])
         told_so = replace(priors, models={"inpainting": asked})
-        method.fit(capture, told_so, methods.settings_of(method, quick), 0, gc.silent)
+        method.fit(capture, told_so, methods.settings_of(method, quick), 0, silent)
         found[name] = len(asked.views)
     assert found == {"removal-one-reference": 1, "removal": 2, "removal-per-view": 4, "grouping": 4}
 
 
 def test_the_scene_with_its_object_is_that_of_the_first_stage(scene: Path):
     """The second stage changes nothing of it, the sky included."""
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     priors = told(scene, RemovalMethod.asks, PriorSpec("oracle", 0))
-    found = RemovalMethod().fit(capture, priors, QUICK, 0, gc.silent)
-    kept = KeepMethod().fit(capture, methods.Priors(), QUICK, 0, gc.silent)
+    found = RemovalMethod().fit(capture, priors, QUICK, 0, silent)
+    kept = KeepMethod().fit(capture, methods.Priors(), QUICK, 0, silent)
     for name in kept.provides:
         camera = capture.test[0].camera
         np.testing.assert_array_equal(found.render(camera, [name])[name], kept.render(camera, [name])[name])
@@ -286,11 +286,11 @@ def test_the_scene_with_its_object_is_that_of_the_first_stage(scene: Path):
 
 def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
     """As files in a folder, and with the same bits as alone."""
-    capture, doing = gc.open_capture(scene / "capture", check=False), []
+    capture, doing = open_capture(scene / "capture", check=False), []
     quick = {"iterations": 12, "surfels": 400, "fill": 0.0}
     saving = quick | {"checkpoint": f"{tmp_path}/"}
     plain = load_method("2dgs")
-    plain.fit(capture, methods.Priors(), methods.settings_of(plain, saving), 0, gc.silent)
+    plain.fit(capture, methods.Priors(), methods.settings_of(plain, saving), 0, silent)
     for name in ("do-nothing", "removal", "removal-per-view", "removal-one-reference"):
         method, asks = load_method(name), methods.asks_of(load_method(name))
         priors = told(scene, asks, PriorSpec("oracle", 0)) if asks else methods.Priors()
@@ -298,7 +298,7 @@ def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
         doing.clear()
         found = method.fit(capture, priors, shared, 0, lambda done, _: doing.append(done))
         assert len(doing) == (0 if name == "do-nothing" else RemovalSettings(**quick).second_steps)
-        expected = method.fit(capture, priors, alone, 0, gc.silent)
+        expected = method.fit(capture, priors, alone, 0, silent)
         assert isinstance(found, RemovalScene)
         assert isinstance(expected, RemovalScene)
         for part, values in expected.after.parameters.all.items():
@@ -307,11 +307,11 @@ def test_all_share_the_first_stage_with_2dgs(scene: Path, tmp_path: Path):
 
 def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
     """Where the object is seen: half as far as with it, with what the truth says is behind."""
-    capture, truth = gc.open_capture(scene / "capture", check=False), gc.open_truth(scene / "truth")
+    capture, truth = open_capture(scene / "capture", check=False), open_truth(scene / "truth")
     priors = told(scene, RemovalMethod.asks, PriorSpec("oracle", 0))
     settings = replace(QUICK, iterations=150, second_share=0.5)
-    found = RemovalMethod().fit(capture, priors, settings, 0, gc.silent)
-    kept = KeepMethod().fit(capture, priors, settings, 0, gc.silent)
+    found = RemovalMethod().fit(capture, priors, settings, 0, silent)
+    kept = KeepMethod().fit(capture, priors, settings, 0, silent)
     view = capture.train[1]
     layers = truth.layers(truth.view(view.name))
     footprint, true = layers["object_id"] == 3, layers["counterfactual.radiance"]
@@ -324,9 +324,9 @@ def test_it_gets_nearer_to_the_scene_without_the_object(scene: Path):
 def test_captures_that_name_no_object_or_show_it_wrongly_are_refused(
     scene: Path, make_scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ):
-    with pytest.raises(gc.MethodError, match="expected a capture that names an object to remove"):
-        target_masks(gc.open_capture(make_scene() / "capture"))
-    capture = gc.open_capture(scene / "capture", check=False)
+    with pytest.raises(MethodError, match="expected a capture that names an object to remove"):
+        target_masks(open_capture(make_scene() / "capture"))
+    capture = open_capture(scene / "capture", check=False)
     cases = {
         "expected the mask of view .* of shape": np.ones((3, 4), bool),
         "got one of the whole picture": np.ones((24, 28), bool),
@@ -334,10 +334,10 @@ def test_captures_that_name_no_object_or_show_it_wrongly_are_refused(
     }
     started: list[float] = []
     for says, mask in cases.items():
-        monkeypatch.setattr(gc.Capture, "target_mask", lambda self, view, mask=mask: mask)
+        monkeypatch.setattr(Capture, "target_mask", lambda self, view, mask=mask: mask)
         for name in NAMES:
             method = load_method(name)
-            with pytest.raises(gc.MethodError, match=says):
+            with pytest.raises(MethodError, match=says):
                 method.fit(
                     capture, methods.Priors(), method.settings_type(), 0, lambda done, _: started.append(done)
                 )
@@ -346,9 +346,9 @@ def test_captures_that_name_no_object_or_show_it_wrongly_are_refused(
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name != "do-nothing"])
 def test_without_a_painter_nothing_is_fitted(scene: Path, name: str):
-    capture, method = gc.open_capture(scene / "capture", check=False), load_method(name)
+    capture, method = open_capture(scene / "capture", check=False), load_method(name)
     started: list[float] = []
-    with pytest.raises(gc.MethodError, match="expected a prior that gives inpainting"):
+    with pytest.raises(MethodError, match="expected a prior that gives inpainting"):
         method.fit(capture, methods.Priors(), method.settings_type(), 0, lambda done, _: started.append(done))
     assert not started
 
@@ -356,7 +356,7 @@ def test_without_a_painter_nothing_is_fitted(scene: Path, name: str):
 @pytest.mark.parametrize("name", ["removal", "grouping"])
 def test_who_says_where_the_object_is_is_a_setting(scene: Path, name: str):
     """A prior that is exact says what the capture does; one that is wrong something else."""
-    capture, method = gc.open_capture(scene / "capture", check=False), load_method(name)
+    capture, method = open_capture(scene / "capture", check=False), load_method(name)
     quick = {"iterations": 12, "surfels": 400, "fill": 0.0} | HASTY.get(name, {})
     exact, wrong = (
         told(scene, methods.asks_of(method), PriorSpec("oracle", 0, overrides={"mask": Override(severity=n)}))
@@ -365,7 +365,7 @@ def test_who_says_where_the_object_is_is_a_setting(scene: Path, name: str):
 
     def picture(priors: methods.Priors, masks: str) -> np.ndarray:
         settings = methods.settings_of(method, quick | {"object_masks": masks})
-        found = method.fit(capture, priors, settings, 0, gc.silent)
+        found = method.fit(capture, priors, settings, 0, silent)
         assert isinstance(found, RemovalScene)
         return found.remove(3).render(capture.test[0].camera, ["radiance"])["radiance"]
 

@@ -5,21 +5,19 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, GaussianLight, PointLight, SphericalGaussian, View, look_at
 from graycard.methods.shading import Lamps, Material, arriving, lamps_of, lights_of, lit_by_lamps
 from graycard.synth import Ball, LambertGGX, Quad, Scene, Thing
 
-DOWN = gc.SphericalGaussian((0.0, 0.0, -1.0), 6.0, (7.0, 6.0, 5.0))
-ASIDE = gc.SphericalGaussian((0.6, 0.0, -0.8), 25.0, (0.5, 2.0, 8.0))
-TWO = gc.GaussianLight("two", (0.4, -0.3, 1.7), (DOWN, ASIDE))
-ONE = gc.GaussianLight(
-    "one", (-0.8, -0.9, 1.2), (gc.SphericalGaussian((0.6, 0.0, -0.8), 2.0, (3.0, 4.0, 2.0)),)
-)
-POINT = gc.PointLight("point", (0.2, -1.0, 0.9), (0.5, 0.7, 1.0))
+DOWN = SphericalGaussian((0.0, 0.0, -1.0), 6.0, (7.0, 6.0, 5.0))
+ASIDE = SphericalGaussian((0.6, 0.0, -0.8), 25.0, (0.5, 2.0, 8.0))
+TWO = GaussianLight("two", (0.4, -0.3, 1.7), (DOWN, ASIDE))
+ONE = GaussianLight("one", (-0.8, -0.9, 1.2), (SphericalGaussian((0.6, 0.0, -0.8), 2.0, (3.0, 4.0, 2.0)),))
+POINT = PointLight("point", (0.2, -1.0, 0.9), (0.5, 0.7, 1.0))
 POINTS = np.random.default_rng(0).uniform(-1, 1, (40, 3))
 
 
-def double(lights: list[gc.GaussianLight | gc.PointLight]) -> Lamps:
+def double(lights: list[GaussianLight | PointLight]) -> Lamps:
     return lamps_of(lights, torch.float64)
 
 
@@ -29,9 +27,7 @@ def test_they_send_what_the_lights_send() -> None:
         away = POINTS - light.position
         distance = np.linalg.norm(away, axis=-1, keepdims=True)
         sent = (
-            light.intensity_towards(away / distance)
-            if isinstance(light, gc.GaussianLight)
-            else light.intensity
+            light.intensity_towards(away / distance) if isinstance(light, GaussianLight) else light.intensity
         )
         np.testing.assert_allclose(found.facing[:, number], sent / distance**2, rtol=1e-12)
         np.testing.assert_allclose(found.toward[:, number], -away / distance, atol=1e-14)
@@ -41,7 +37,7 @@ def test_they_send_what_the_lights_send() -> None:
 @pytest.mark.parametrize("sharpness", [0.0, 5e-4, 0.5, 8.0, 60.0])
 def test_their_flux_is_what_they_send_all_round(sharpness: float) -> None:
     lamp = double(
-        [gc.GaussianLight("a", (0, 0, 0), (gc.SphericalGaussian((0.0, 0.6, 0.8), sharpness, (3, 2, 1)),))]
+        [GaussianLight("a", (0, 0, 0), (SphericalGaussian((0.0, 0.6, 0.8), sharpness, (3, 2, 1)),))]
     )
     height, weights = np.polynomial.legendre.leggauss(160)
     azimuth = 2 * np.pi * np.arange(160) / 160
@@ -88,20 +84,18 @@ def test_on_true_surfaces_they_give_the_renderers_direct_light(
     llvm: str, roughness: float, metallic: float
 ) -> None:
     """A ball on a floor, light by light, wherever the light is not blocked: to far less than 1 %."""
-    from graycard.synth._direct_light import direct_light
-    from graycard.synth._mitsuba import centre_sensor, load, load_scene
-    from graycard.synth._views import _image, surface_layers
+    from graycard.synth.layers._direct_light import direct_light
+    from graycard.synth.layers._views import _image, surface_layers
+    from graycard.synth.renderer._mitsuba import centre_sensor, load, load_scene
 
     shiny = LambertGGX((0.6, 0.4, 0.2), roughness, metallic)
     things = (
         Thing("floor", Quad((0, 0, 0), (2, 0, 0), (0, 2, 0)), shiny),
         Thing("ball", Ball((0, 0, 0.5), 0.5), shiny),
     )
-    camera = gc.Camera.from_fov(
-        32, 28, 50.0, gc.look_at(np.array([1.2, -2.0, 1.6]), np.array([0.0, 0.0, 0.4]))
-    )
+    camera = Camera.from_fov(32, 28, 50.0, look_at(np.array([1.2, -2.0, 1.6]), np.array([0.0, 0.0, 0.4])))
     for light in (TWO, ONE, POINT):
-        scene = Scene(things, (light,), (gc.View("train_000", "train", camera),))
+        scene = Scene(things, (light,), (View("train_000", "train", camera),))
         loaded = load_scene(scene, camera)
         path = load({"type": "path", "max_depth": 2})
         expected = _image(loaded, centre_sensor(camera), path, spp=1)
@@ -114,9 +108,7 @@ def test_on_true_surfaces_they_give_the_renderers_direct_light(
         assert off.max() < 0.01
 
 
-def shaded(
-    layers: dict[str, np.ndarray], light: gc.GaussianLight | gc.PointLight, camera: gc.Camera
-) -> np.ndarray:
+def shaded(layers: dict[str, np.ndarray], light: GaussianLight | PointLight, camera: Camera) -> np.ndarray:
     parts = {name: torch.from_numpy(values.astype(np.float64)) for name, values in layers.items()}
     some = Material(parts["base_color"], parts["roughness"], parts["metallic"])
     eye = torch.from_numpy(-camera.rays())

@@ -33,7 +33,7 @@ def rendered(content: dict[str, Any], wi: np.ndarray, wo: np.ndarray, lobe: str 
     """Mitsuba's value with the cosine, shape ``(N, 3)``."""
     import mitsuba as mi
 
-    from graycard.synth._mitsuba import load
+    from graycard.synth.renderer._mitsuba import load
 
     ctx = mi.BSDFContext()
     ctx.type_mask = getattr(mi.BSDFFlags, lobe)
@@ -54,7 +54,7 @@ def pair(
     ("roughness", "metallic"), [(0.1, 0.0), (0.3, 0.0), (0.3, 1.0), (0.7, 0.4), (1.0, 0.0)]
 )
 def test_it_is_the_truths_material(llvm: str, roughness: float, metallic: float, dtype: torch.dtype) -> None:
-    from graycard.synth._mitsuba import _bsdf
+    from graycard.synth.renderer._mitsuba import _bsdf
 
     wi, wo, eye, light = pair(1, dtype)
     found = scattering(material(roughness, metallic, dtype=dtype), UP.to(dtype), eye, light)
@@ -78,7 +78,7 @@ def test_its_microfacets_are_those_of_a_perfect_mirror(llvm: str, alpha: float) 
 
 @pytest.mark.parametrize("roughness", [0.3, 0.6, 0.9])
 def test_a_principled_metal_is_of_its_class(llvm: str, roughness: float) -> None:
-    from graycard.synth._mitsuba import _bsdf
+    from graycard.synth.renderer._mitsuba import _bsdf
 
     wi, wo, eye, light = pair(3)
     found = scattering(material(roughness, 1.0), UP, eye, light).whole
@@ -88,7 +88,7 @@ def test_a_principled_metal_is_of_its_class(llvm: str, roughness: float) -> None
 
 def test_a_principled_dielectric_is_not(llvm: str) -> None:
     """Disney's diffuse lobe is brighter where light returns to where it came from."""
-    from graycard.synth._mitsuba import _bsdf
+    from graycard.synth.renderer._mitsuba import _bsdf
 
     wi, wo, eye, light = pair(4)
     found = scattering(material(0.9, 0.0), UP, eye, light).whole.numpy()
@@ -99,7 +99,7 @@ def test_a_principled_dielectric_is_not(llvm: str) -> None:
 
 def test_what_is_matte_in_the_truth_lacks_the_glossy_lobe(llvm: str) -> None:
     """Its diffuse lobe is ours; the f0 of 0.04 that ours adds is a few hundredths of it."""
-    from graycard.synth._mitsuba import _bsdf
+    from graycard.synth.renderer._mitsuba import _bsdf
 
     wi, wo, eye, light = pair(5)
     found, expected = scattering(material(1.0, 0.0), UP, eye, light), rendered(_bsdf(Matte(BASE)), wi, wo)

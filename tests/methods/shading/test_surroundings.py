@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, View, look_at
 from graycard.methods.shading import (
     Material,
     even_sky,
@@ -116,14 +116,14 @@ def test_a_ball_under_a_sky_is_the_renderers(
     llvm: str, what: TrueMaterial, metallic: float, bound: float
 ) -> None:
     """Median over the ball: to 1 % where it is matte; the split sum leaves 4 %."""
-    from graycard.synth._mitsuba import load, load_scene, sensor
-    from graycard.synth._views import _image, surface_layers
+    from graycard.synth.layers._views import _image, surface_layers
+    from graycard.synth.renderer._mitsuba import load, load_scene, sensor
 
-    camera = gc.Camera.from_fov(28, 28, 40.0, gc.look_at(np.array([1.2, -2.0, 0.8]), np.zeros(3)))
+    camera = Camera.from_fov(28, 28, 40.0, look_at(np.array([1.2, -2.0, 0.8]), np.zeros(3)))
     scene = Scene(
         (Thing("ball", Ball((0, 0, 0), 0.7), what),),
-        (gc.EnvironmentLight("sky", "environment.exr"),),
-        (gc.View("train_000", "train", camera),),
+        (EnvironmentLight("sky", "environment.exr"),),
+        (View("train_000", "train", camera),),
         SKY,
     )
     loaded = load_scene(scene, camera)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.sunfaded._light import (
     NETWORK,
     POSITION,
@@ -93,7 +93,7 @@ def test_a_lamp_to_the_right_lights_what_faces_right():
 
 
 def test_points_are_those_of_the_camera():
-    camera = gc.Camera.from_fov(7, 5, 60, gc.look_at(np.array([1.0, -3, 2]), np.array([0, 0, 0.5])))
+    camera = Camera.from_fov(7, 5, 60, look_at(np.array([1.0, -3, 2]), np.array([0, 0, 0.5])))
     depth = torch.linspace(1, 3, 35).reshape(5, 7)
     points = points_of(depth, lens_of(camera))
     world = points.numpy() @ camera.camera_to_world[:3, :3].T + camera.position

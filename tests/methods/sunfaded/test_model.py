@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
+from graycard import Camera, look_at
 from graycard.methods.splat import Parameters, parameters_of, surfels_on_surface
 from graycard.methods.sunfaded import SunFadedSettings, _model, _tiles
 from graycard.methods.sunfaded._light import BANDS, POSITION, lamp_intensity, lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, albedo_of, draw, picture_of
 from graycard.methods.sunfaded._tiles import lens_of
 
-CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
+CAMERA = Camera.from_fov(24, 20, 50, look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
 
 
 def floor(albedo: float = 0.4, side: int = 10) -> Parameters:

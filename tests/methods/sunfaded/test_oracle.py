@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Camera, MethodError, SpotLight, look_at, methods, open_capture, open_truth
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods.shading import light_at
 from graycard.methods.splat import Maps
 from graycard.methods.sunfaded import OracleSunFadedScene, SunFadedSettings
@@ -32,7 +33,7 @@ QUICK = {"iterations": 60}
 class Room:
     """Views of the inside of a box, cast ray by ray."""
 
-    cameras: list[gc.Camera]
+    cameras: list[Camera]
     surfaces: list[dict[str, np.ndarray]]
 
     @property
@@ -40,7 +41,7 @@ class Room:
         return [as_drawn(known, "linear") for known in self.surfaces]
 
 
-def seen_from(camera: gc.Camera) -> dict[str, np.ndarray]:
+def seen_from(camera: Camera) -> dict[str, np.ndarray]:
     """The wall that each ray meets first: nearest of the planes ``|x| = ROOM``."""
     rays = camera.rays()
     distances = (np.sign(rays) * ROOM - camera.position) / rays
@@ -61,11 +62,11 @@ def room() -> Room:
     return seen_by([camera_at(eye, 0.3 * n - 0.5) for n, eye in enumerate(places)])
 
 
-def camera_at(eye: tuple[float, float, float], aside: float) -> gc.Camera:
-    return gc.Camera.from_fov(SIZE, SIZE, 70, gc.look_at(np.array(eye), np.array([1.9, aside, -0.3])))
+def camera_at(eye: tuple[float, float, float], aside: float) -> Camera:
+    return Camera.from_fov(SIZE, SIZE, 70, look_at(np.array(eye), np.array([1.9, aside, -0.3])))
 
 
-def seen_by(cameras: list[gc.Camera]) -> Room:
+def seen_by(cameras: list[Camera]) -> Room:
     return Room(cameras, [seen_from(camera) for camera in cameras])
 
 
@@ -111,7 +112,7 @@ def test_a_lamp_of_its_own_kind_is_learnt_on_true_surfaces(room: Room):
     brightness = torch.stack([*lit, *unseen]).detach()
     assert brightness.quantile(0.95) > 3 * brightness.quantile(0.05)
     views = photographed(room, lambda n: lit[n] / brightness.max())
-    values = fit_lights(room.drawn, views, settings, 0, gc.silent)
+    values = fit_lights(room.drawn, views, settings, 0, silent)
     assert quality(room, views, values, settings) > 45
     held_out = photographed(elsewhere, lambda n: unseen[n] / brightness.max())
     assert quality(elsewhere, held_out, values, settings) > 42
@@ -120,7 +121,7 @@ def test_a_lamp_of_its_own_kind_is_learnt_on_true_surfaces(room: Room):
 def test_the_falloff_and_the_beam_of_a_spot_are_learnt(room: Room):
     """Neither is built in: inverse square and cone are found from pictures, and where the lamp is."""
     settings = SunFadedSettings(tile=1 / SIZE, iterations=800)
-    lamp = gc.SpotLight("lamp", (0.3, 0.0, 0.0), (-0.1, 0.0, 1.0), (3.0, 2.5, 2.0), 20.0, 50.0, "camera")
+    lamp = SpotLight("lamp", (0.3, 0.0, 0.0), (-0.1, 0.0, 1.0), (3.0, 2.5, 2.0), 20.0, 50.0, "camera")
 
     def light(number: int) -> torch.Tensor:
         camera, known = room.cameras[number], room.surfaces[number]
@@ -129,21 +130,21 @@ def test_the_falloff_and_the_beam_of_a_spot_are_learnt(room: Room):
         return torch.from_numpy(light_at([lamp], points, known["normal"], camera) + 0.01).float()
 
     views = photographed(room, light)
-    values = fit_lights(room.drawn, views, settings, 0, gc.silent)
+    values = fit_lights(room.drawn, views, settings, 0, silent)
     assert quality(room, views, values, settings) > 50
     assert values[POSITION][0] == pytest.approx(0.3, abs=0.1)
 
 
 def oracle(scene: Path) -> methods.Priors:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     return methods.Priors("oracle", {view.name: truth.layers(view) for view in truth.views})
 
 
 def fitted(scene: Path, seed: int = 0, **changes: object) -> OracleSunFadedScene:
     method = methods.load_method("sunfaded-oracle")
     chosen = methods.settings_of(method, QUICK | changes)
-    capture = gc.open_capture(scene / "capture", check=False)
-    found = method.fit(capture, oracle(scene), chosen, seed, gc.silent)
+    capture = open_capture(scene / "capture", check=False)
+    found = method.fit(capture, oracle(scene), chosen, seed, silent)
     assert isinstance(found, OracleSunFadedScene)
     return found
 
@@ -154,13 +155,13 @@ def tiny(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Pat
 
 
 def test_surfaces_are_true_and_only_light_is_found(tiny: Path):
-    found, truth = fitted(tiny), gc.open_truth(tiny / "truth", check=False)
+    found, truth = fitted(tiny), open_truth(tiny / "truth", check=False)
     assert isinstance(methods.load_method("sunfaded-oracle"), methods.Method)
     assert isinstance(found, methods.Decomposition)
     for view in truth.views:
         drawn, true = found.render(view.camera, sorted(found.provides)), truth.layers(view)
         for layer, values in drawn.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
         seen = np.isfinite(true["depth"])
         np.testing.assert_allclose(drawn["base_color"][seen], true["base_color"][seen], atol=1e-6)
         np.testing.assert_allclose(drawn["normal"][seen], true["normal"][seen], atol=1e-5)
@@ -177,7 +178,7 @@ def test_without_ambient_light_the_lamp_has_all(tiny: Path):
 
 
 def test_albedo_of_a_fit_in_display_space_is_linear_again(tiny: Path):
-    found, truth = fitted(tiny, space="srgb", iterations=3), gc.open_truth(tiny / "truth", check=False)
+    found, truth = fitted(tiny, space="srgb", iterations=3), open_truth(tiny / "truth", check=False)
     view = truth.views[0]
     true = truth.layers(view)
     drawn = found.render(view.camera, ["base_color"])["base_color"]
@@ -187,26 +188,26 @@ def test_albedo_of_a_fit_in_display_space_is_linear_again(tiny: Path):
 
 
 def test_it_is_saved_and_loaded(tiny: Path, tmp_path: Path):
-    found, view = fitted(tiny, iterations=3), gc.open_capture(tiny / "capture", check=False).views[0]
+    found, view = fitted(tiny, iterations=3), open_capture(tiny / "capture", check=False).views[0]
     method = methods.load_method("sunfaded-oracle")
     found.save(tmp_path / "saved")
     loaded = method.load(tmp_path / "saved")
     assert loaded.lights() == found.lights()
     for layer, values in found.render(view.camera, sorted(found.provides)).items():
         assert np.array_equal(values, loaded.render(view.camera, [layer])[layer])
-    with pytest.raises(gc.MethodError, match="expected a decomposition by 'sunfaded'"):
+    with pytest.raises(MethodError, match="expected a decomposition by 'sunfaded'"):
         methods.load_method("sunfaded").load(tmp_path / "saved")
 
 
 def test_what_is_not_known_is_refused(tiny: Path):
-    found, capture = fitted(tiny, iterations=3), gc.open_capture(tiny / "capture", check=False)
-    moved = gc.look_at(np.array([0.1, 0.2, 1.0]), np.array([1.0, 1.0, 0.5]))
-    with pytest.raises(gc.MethodError, match="cameras of the capture"):
-        found.render(gc.Camera.from_fov(8, 8, 50, moved), ["depth"])
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
+    found, capture = fitted(tiny, iterations=3), open_capture(tiny / "capture", check=False)
+    moved = look_at(np.array([0.1, 0.2, 1.0]), np.array([1.0, 1.0, 0.5]))
+    with pytest.raises(MethodError, match="cameras of the capture"):
+        found.render(Camera.from_fov(8, 8, 50, moved), ["depth"])
+    with pytest.raises(MethodError, match="expected layers out of"):
         found.render(capture.views[0].camera, ["roughness"])
     method = methods.load_method("sunfaded-oracle")
-    with pytest.raises(gc.MethodError, match="expected a prior for layer 'base_color'"):
-        method.fit(capture, methods.Priors(), method.settings_type(), 0, gc.silent)
+    with pytest.raises(MethodError, match="expected a prior for layer 'base_color'"):
+        method.fit(capture, methods.Priors(), method.settings_type(), 0, silent)
     with pytest.raises(ValueError, match="tile and blur"):
         method.settings_type(tile=0.0)

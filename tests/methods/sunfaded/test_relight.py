@@ -9,8 +9,23 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import (
+    Camera,
+    EnvironmentLight,
+    GaussianLight,
+    LocalLight,
+    PointLight,
+    RectangleLight,
+    SphereLight,
+    SphericalGaussian,
+    SpotLight,
+    look_at,
+    methods,
+    open_capture,
+    open_truth,
+    srgb_encode,
+)
+from graycard.io import silent
 from graycard.methods.shading import light_at
 from graycard.methods.splat import parameters_of, surfels_on_surface
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
@@ -18,19 +33,19 @@ from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._light import lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
 
-CAMERA = gc.Camera.from_fov(24, 20, 50, gc.look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
+CAMERA = Camera.from_fov(24, 20, 50, look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
 UP = np.array([[0.0, 0.0, 1.0]])
 ORIGIN = np.zeros((1, 3))
 WHITE = (np.pi, np.pi, np.pi)
 
 
-def received(light: gc.LocalLight, point: np.ndarray = ORIGIN, normal: np.ndarray = UP) -> np.ndarray:
+def received(light: LocalLight, point: np.ndarray = ORIGIN, normal: np.ndarray = UP) -> np.ndarray:
     return light_at([light], point, normal, CAMERA)[0]
 
 
 def test_a_point_light_falls_off_with_the_square_and_the_cosine():
     """3 W/sr at the height 2 m, 1.5 m aside: d² = 6.25 m², cosine 0.8."""
-    light = gc.PointLight("a", (1.5, 0.0, 2.0), (3.0, 6.0, 0.0))
+    light = PointLight("a", (1.5, 0.0, 2.0), (3.0, 6.0, 0.0))
     np.testing.assert_allclose(received(light), np.array([3, 6, 0]) * 0.8 / 6.25 / np.pi, rtol=1e-12)
     np.testing.assert_array_equal(received(light, normal=-UP), 0)
 
@@ -39,19 +54,19 @@ def test_a_spot_is_full_in_its_beam_and_dark_outside_its_cone():
     def at(angle: float) -> np.ndarray:
         """The axis is that many degrees away from the surface."""
         axis = (float(np.sin(np.radians(angle))), 0.0, -float(np.cos(np.radians(angle))))
-        return received(gc.SpotLight("a", (0.0, 0.0, 1.0), axis, WHITE, 10.0, 30.0))
+        return received(SpotLight("a", (0.0, 0.0, 1.0), axis, WHITE, 10.0, 30.0))
 
     np.testing.assert_allclose(at(9.9), 1, rtol=1e-12)
     np.testing.assert_allclose(at(20), 0.5, rtol=1e-9)
     np.testing.assert_array_equal(at(30.1), 0)
-    sharp = gc.SpotLight("a", (0.0, 0.0, 1.0), (0.0, 0.0, -2.0), WHITE, 30.0, 30.0)
+    sharp = SpotLight("a", (0.0, 0.0, 1.0), (0.0, 0.0, -2.0), WHITE, 30.0, 30.0)
     np.testing.assert_allclose(received(sharp), 1)
     np.testing.assert_array_equal(received(sharp, np.array([[5.0, 0.0, 0.0]])), 0)
 
 
 def test_lobes_shine_where_they_point():
-    lobe = gc.SphericalGaussian((0.0, 0.0, -1.0), 5.0, WHITE)
-    np.testing.assert_allclose(received(gc.GaussianLight("a", (0.0, 0.0, 2.0), (lobe,))), 0.25, rtol=1e-12)
+    lobe = SphericalGaussian((0.0, 0.0, -1.0), 5.0, WHITE)
+    np.testing.assert_allclose(received(GaussianLight("a", (0.0, 0.0, 2.0), (lobe,))), 0.25, rtol=1e-12)
 
 
 def test_a_large_panel_is_an_even_sky():
@@ -60,7 +75,7 @@ def test_a_large_panel_is_an_even_sky():
     A square of the side 2h at the height h sends ``4 / pi a atan a`` with ``a = 1 / sqrt 2`` to a surface
     that faces it (Howell, configuration C-11, four corners).
     """
-    panel = gc.RectangleLight("a", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (2.0, 2.0, 2.0))
+    panel = RectangleLight("a", (0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (2.0, 2.0, 2.0))
     assert np.cross(panel.half_u, panel.half_v)[2] < 0  # it shines down
     a = 1 / np.sqrt(2)
     np.testing.assert_allclose(received(panel), 2 * 4 / np.pi * a * np.arctan(a), rtol=5e-3)
@@ -69,16 +84,16 @@ def test_a_large_panel_is_an_even_sky():
 
 
 def test_a_sphere_is_a_point_of_its_strength():
-    sphere = gc.SphereLight("a", (0.0, 0.0, 2.0), 0.1, (5.0, 5.0, 5.0))
+    sphere = SphereLight("a", (0.0, 0.0, 2.0), 0.1, (5.0, 5.0, 5.0))
     np.testing.assert_allclose(received(sphere), 5 * 0.01 / 4, rtol=1e-12)
 
 
 def test_a_lamp_on_the_camera_goes_with_it_and_lights_add_up():
     """30 cm to the right of the lens, in camera axes, is where the camera's right is in the world."""
-    on_camera = gc.PointLight("a", (0.3, 0.0, 0.0), (1.0, 2.0, 3.0), "camera")
+    on_camera = PointLight("a", (0.3, 0.0, 0.0), (1.0, 2.0, 3.0), "camera")
     turn, place = CAMERA.camera_to_world[:3, :3], CAMERA.position
     x, y, z = place + 0.3 * turn[:, 0]
-    in_world = gc.PointLight("b", (x, y, z), (1.0, 2.0, 3.0))
+    in_world = PointLight("b", (x, y, z), (1.0, 2.0, 3.0))
     points = np.array([[0.0, 0.0, 0.0], [0.5, 0.3, 0.0], [np.inf, 0.0, 0.0]])
     normals = np.repeat(UP, 3, axis=0)
     alone = light_at([on_camera], points, normals, CAMERA)
@@ -99,13 +114,13 @@ def floor(albedo: float, space: str = "linear") -> SunFadedScene:
     return SunFadedScene(parameters, Lighting(settings, 2.0, 2.2))
 
 
-LAMP = gc.PointLight("flash", (0.3, -0.1, 0.0), (9.0, 8.0, 7.0), "camera")
+LAMP = PointLight("flash", (0.3, -0.1, 0.0), (9.0, 8.0, 7.0), "camera")
 
 
 @pytest.mark.parametrize("space", ["linear", "srgb"])
 def test_a_relit_floor_is_albedo_times_known_light(space: str):
     """By hand at each pixel; the lights that were found are gone."""
-    shown = 0.4 if space == "linear" else float(gc.srgb_encode(np.array(0.4)))
+    shown = 0.4 if space == "linear" else float(srgb_encode(np.array(0.4)))
     relit = floor(shown, space).relight((LAMP,))
     assert relit is not None
     assert isinstance(relit, methods.Decomposition)
@@ -151,7 +166,7 @@ def test_colour_and_absence_of_lights():
 
 
 def test_surroundings_are_not_provided():
-    assert floor(0.5).relight((LAMP, gc.EnvironmentLight("sky", "/nowhere.exr"))) is None
+    assert floor(0.5).relight((LAMP, EnvironmentLight("sky", "/nowhere.exr"))) is None
 
 
 def test_a_relit_scene_is_saved_and_loaded(tmp_path: Path):
@@ -168,10 +183,10 @@ def test_a_relit_scene_is_saved_and_loaded(tmp_path: Path):
 def test_true_surfaces_under_the_true_lights_are_the_tiny_scene(make_scene: Callable[..., Path]):
     """Its pictures hold the lamp's light without shadows, so relighting with its own lights gives them."""
     scene = make_scene(train=4, test=2)
-    truth, method = gc.open_truth(scene / "truth", check=False), methods.load_method("sunfaded-oracle")
+    truth, method = open_truth(scene / "truth", check=False), methods.load_method("sunfaded-oracle")
     known = methods.Priors("oracle", {view.name: truth.layers(view) for view in truth.views})
     chosen = methods.settings_of(method, {"iterations": 1})
-    found = method.fit(gc.open_capture(scene / "capture", check=False), known, chosen, 0, gc.silent)
+    found = method.fit(open_capture(scene / "capture", check=False), known, chosen, 0, silent)
     assert isinstance(found, methods.Relightable)
     relit = found.relight(truth.lights())
     assert relit is not None

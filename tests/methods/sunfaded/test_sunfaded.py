@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import torch
 
-import graycard as gc
-from graycard import methods
+from graycard import Capture, MethodError, PointLight, methods, open_capture, open_truth, srgb_encode
+from graycard.io import silent
+from graycard.layers import find_fault
 from graycard.methods._priors import Question
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import initial_state
-from graycard.methods.splat._optimise import leaves
+from graycard.methods.splat.fit._optimise import leaves
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, Guess, guesses
 from graycard.methods.sunfaded._light import NETWORK, POSITION, lamp_intensity
@@ -40,9 +41,9 @@ def settings(**changes: object) -> SunFadedSettings:
 
 
 def oracle(scene: Path, severity: int = 0) -> methods.Priors:
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     known = {view.name: truth.layers(view) for view in truth.views}
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     return make_priors(PriorSpec("oracle", severity), GEOMETRY_ASKS, capture, known)
 
 
@@ -50,7 +51,7 @@ def fitted(
     scene: Path, priors: methods.Priors | None = None, seed: int = 0, **changes: object
 ) -> SunFadedScene:
     method = methods.load_method("sunfaded")
-    found = method.fit(with_points(scene), priors or methods.Priors(), settings(**changes), seed, gc.silent)
+    found = method.fit(with_points(scene), priors or methods.Priors(), settings(**changes), seed, silent)
     assert isinstance(found, SunFadedScene)
     return found
 
@@ -59,18 +60,18 @@ def test_it_follows_the_contract(scene: Path):
     found = fitted(scene)
     assert isinstance(methods.load_method("sunfaded"), methods.Method)
     assert isinstance(found, methods.Decomposition)
-    for view in gc.open_capture(scene / "capture", check=False).views:
+    for view in open_capture(scene / "capture", check=False).views:
         layers = found.render(view.camera, sorted(found.provides))
         for layer, values in layers.items():
-            assert gc.find_fault(layer, values, view.camera.height, view.camera.width) is None
+            assert find_fault(layer, values, view.camera.height, view.camera.width) is None
             assert values.dtype == np.float32
         apart = layers["radiance.lamp"] + layers["radiance.ambient"]
         np.testing.assert_allclose(layers["radiance"], apart, atol=1e-5)
         whole = layers["shading"] * layers["base_color"]
         seen = layers["base_color"].min(axis=-1) > 0.02
         np.testing.assert_allclose(whole[seen], layers["radiance"][seen], rtol=1e-4)
-    with pytest.raises(gc.MethodError, match="expected layers out of"):
-        found.render(gc.open_capture(scene / "capture", check=False).views[0].camera, ["roughness"])
+    with pytest.raises(MethodError, match="expected layers out of"):
+        found.render(open_capture(scene / "capture", check=False).views[0].camera, ["roughness"])
     assert "shading" not in fitted(scene, space="srgb", iterations=5).provides
 
 
@@ -86,7 +87,7 @@ def test_it_finds_the_lamp_on_its_side(make_scene: Callable[..., Path]):
     lights = fitted(scene, oracle(scene), **held, **plain).lights()
     assert lights is not None
     (lamp,) = lights
-    assert isinstance(lamp, gc.PointLight)
+    assert isinstance(lamp, PointLight)
     assert lamp.frame == "camera"
     assert lamp.position[0] > 0.05
     assert np.linalg.norm(lamp.position) < 0.5
@@ -95,14 +96,14 @@ def test_it_finds_the_lamp_on_its_side(make_scene: Callable[..., Path]):
 
 def test_it_beats_a_flat_guess(scene: Path):
     found = fitted(scene, iterations=400)
-    truth = gc.open_truth(scene / "truth", check=False)
+    truth = open_truth(scene / "truth", check=False)
     errors, flat = [], []
     for view in truth.views:
         if view.split == "test":
             true = truth.layers(view)
-            shown = gc.srgb_encode(true["radiance"] * truth.exposure)[true["object_id"] > 0]
+            shown = srgb_encode(true["radiance"] * truth.exposure)[true["object_id"] > 0]
             drawn = found.render(view.camera, ["radiance"])["radiance"][true["object_id"] > 0]
-            errors.append(((gc.srgb_encode(drawn * truth.exposure) - shown) ** 2).mean())
+            errors.append(((srgb_encode(drawn * truth.exposure) - shown) ** 2).mean())
             flat.append(((shown.mean(axis=0) - shown) ** 2).mean())
     assert np.mean(errors) < 0.25 * np.mean(flat)
 
@@ -145,7 +146,7 @@ def test_each_number_gets_a_gradient_when_its_stage_begins(
 def test_every_schedule_goes_to_its_end(scene: Path, schedule: str):
     """In the last stage of the released one nothing at all moves at every other step."""
     found = fitted(scene, schedule=schedule, iterations=24)
-    camera = gc.open_capture(scene / "capture", check=False).test[0].camera
+    camera = open_capture(scene / "capture", check=False).test[0].camera
     assert np.isfinite(found.render(camera, ["radiance"])["radiance"]).all()
 
 
@@ -168,14 +169,14 @@ def test_a_fit_goes_on_where_it_was_cut_off(scene: Path, tmp_path: Path, stop_at
     chosen, told = settings(checkpoint=str(tmp_path / "fit")), oracle(scene, 3)
     with pytest.raises(KeyboardInterrupt):
         method.fit(capture, told, chosen, 0, cut)
-    resumed = method.fit(capture, told, chosen, 0, gc.silent)
-    whole = method.fit(capture, told, replace(chosen, checkpoint=""), 0, gc.silent)
+    resumed = method.fit(capture, told, chosen, 0, silent)
+    whole = method.fit(capture, told, replace(chosen, checkpoint=""), 0, silent)
     assert isinstance(resumed, SunFadedScene)
     assert isinstance(whole, SunFadedScene)
     for name, values in whole.parameters.all.items():
         assert torch.equal(values, resumed.parameters.all[name])
-    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
-        method.fit(capture, oracle(scene, 1), chosen, 0, gc.silent)
+    with pytest.raises(MethodError, match="to hold a fit of these photographs"):
+        method.fit(capture, oracle(scene, 1), chosen, 0, silent)
 
 
 def test_the_prior_is_asked_again_with_the_albedo(scene: Path):
@@ -240,14 +241,14 @@ def test_the_released_weight_is_of_what_a_display_shows(scene: Path):
 
 
 def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
-    found, view = fitted(scene, iterations=5), gc.open_capture(scene / "capture", check=False).views[0]
+    found, view = fitted(scene, iterations=5), open_capture(scene / "capture", check=False).views[0]
     found.save(tmp_path / "saved")
     loaded = methods.load_method("sunfaded").load(tmp_path / "saved")
     assert loaded.lights() == found.lights()
     for layer, values in found.render(view.camera, sorted(found.provides)).items():
         assert np.array_equal(values, loaded.render(view.camera, [layer])[layer])
     assert (tmp_path / "saved" / "surfels.ply").is_file()
-    with pytest.raises(gc.MethodError, match="expected a decomposition by '2dgs'"):
+    with pytest.raises(MethodError, match="expected a decomposition by '2dgs'"):
         methods.load_method("2dgs").load(tmp_path / "saved")
 
 
@@ -259,7 +260,7 @@ def test_without_ambient_light_there_is_none(scene: Path):
 
 @pytest.mark.parametrize("track", ["multilight", "tabletop"])
 def test_a_light_that_stays_is_refused(make_scene: Callable[..., Path], track: str):
-    with pytest.raises(gc.MethodError, match="light moves with the camera"):
+    with pytest.raises(MethodError, match="light moves with the camera"):
         fitted(make_scene(track=track, train=5, test=2))
 
 
@@ -273,11 +274,11 @@ def test_a_light_that_stays_is_refused(make_scene: Callable[..., Path], track: s
 def test_photographs_without_light_or_sense_are_refused(
     scene: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[np.ndarray], np.ndarray], message: str
 ):
-    honest = gc.Capture.photograph
-    monkeypatch.setattr(gc.Capture, "photograph", lambda capture, view: change(honest(capture, view)))
-    capture = replace(gc.open_capture(scene / "capture", check=False))
-    with pytest.raises(gc.MethodError, match=message):
-        methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(), 0, gc.silent)
+    honest = Capture.photograph
+    monkeypatch.setattr(Capture, "photograph", lambda capture, view: change(honest(capture, view)))
+    capture = replace(open_capture(scene / "capture", check=False))
+    with pytest.raises(MethodError, match=message):
+        methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(), 0, silent)
 
 
 class Wrong:
@@ -293,7 +294,7 @@ def no_time(share: float, message: str) -> None:
 
 def test_a_prior_of_another_size_is_refused_before_any_step(scene: Path):
     method, told = methods.load_method("sunfaded"), methods.Priors("classical", models={"depth": Wrong()})
-    with pytest.raises(gc.MethodError, match=r"prior for depth of view train_000: expected .* got .*3, 4"):
+    with pytest.raises(MethodError, match=r"prior for depth of view train_000: expected .* got .*3, 4"):
         method.fit(with_points(scene), told, settings(), 0, no_time)
 
 
@@ -301,8 +302,8 @@ def test_a_checkpoint_of_another_method_is_refused_before_any_step(scene: Path, 
     capture, other = with_points(scene), methods.load_method("2dgs")
     file = str(tmp_path / "fit")
     chosen = methods.settings_of(other, QUICK | {"iterations": 2, "checkpoint": file})
-    other.fit(capture, methods.Priors(), chosen, 0, gc.silent)
-    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+    other.fit(capture, methods.Priors(), chosen, 0, silent)
+    with pytest.raises(MethodError, match="to hold a fit of these photographs"):
         methods.load_method("sunfaded").fit(capture, methods.Priors(), settings(checkpoint=file), 0, no_time)
 
 
@@ -316,13 +317,13 @@ def test_a_checkpoint_of_another_fit_is_refused_before_a_prior_is_asked(
 
     capture, method = with_points(scene), methods.load_method("sunfaded")
     file = str(tmp_path / "fit")
-    method.fit(capture, methods.Priors(), settings(checkpoint=file, iterations=10), 0, gc.silent)
+    method.fit(capture, methods.Priors(), settings(checkpoint=file, iterations=10), 0, silent)
     told = methods.Priors("classical", models={"depth": Asked()})
     chosen = settings(checkpoint=file, iterations=change.get("iterations", 10))
-    with pytest.raises(gc.MethodError, match="to hold a fit of these photographs"):
+    with pytest.raises(MethodError, match="to hold a fit of these photographs"):
         method.fit(capture, told, chosen, change.get("seed", 0), no_time)
     (tmp_path / "fit").write_bytes(b"nothing")
-    with pytest.raises(gc.MethodError, match="expected a saved fit in"):
+    with pytest.raises(MethodError, match="expected a saved fit in"):
         method.fit(capture, told, chosen, 0, no_time)
 
 
@@ -362,7 +363,7 @@ def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage
 
 
 def test_one_view_is_refused(make_scene: Callable[..., Path]):
-    with pytest.raises(gc.MethodError, match="from different places"):
+    with pytest.raises(MethodError, match="from different places"):
         fitted(make_scene(train=1, test=1))
 
 
@@ -379,12 +380,12 @@ def test_correlation_is_pearsons():
 
 
 def test_no_prior_means_no_guess(scene: Path):
-    capture = gc.open_capture(scene / "capture", check=False)
+    capture = open_capture(scene / "capture", check=False)
     images = [capture.photograph(view) for view in capture.train]
     for guess in guesses(capture, methods.Priors(), images):
         assert (guess.depth, guess.normal) == (None, None)
     told = guesses(capture, oracle(scene), images)[0]
-    truth = gc.open_truth(scene / "truth", check=False).layers(capture.train[0])
+    truth = open_truth(scene / "truth", check=False).layers(capture.train[0])
     assert told.depth is not None
     assert told.normal is not None
     np.testing.assert_allclose(told.depth, truth["depth"], rtol=1e-5)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import Camera, EnvironmentLight, RectangleLight, SphereLight, SpotLight
 from graycard.synth import (
     Conductor,
     Glossy,
@@ -13,7 +13,7 @@ from graycard.synth import (
     Scene,
     SceneSpec,
     Texture,
-    families,
+    all_families,
     family_of,
 )
 from graycard.synth._mesh import Mesh
@@ -21,11 +21,11 @@ from graycard.synth._stream import stream
 from graycard.synth.families._family import interleaved
 
 SETTINGS = RenderSettings(32, 32, 8, 3, 16)
-NAMES = tuple(families())
+NAMES = tuple(all_families())
 
 
 def build(name: str, seed: int = 0, **knobs: float) -> Scene:
-    return family_of(SceneSpec(families()[name].track, name, seed, knobs)).build(seed, SETTINGS)
+    return family_of(SceneSpec(all_families()[name].track, name, seed, knobs)).build(seed, SETTINGS)
 
 
 def fingerprint(scene: Scene) -> list[object]:
@@ -67,9 +67,9 @@ def test_lights_are_named_once_and_area_lights_have_surfaces(name: str) -> None:
     scene = build(name)
     names = [light.name for light in scene.lights]
     assert len(set(names)) == len(names)
-    area = {x.name for x in scene.lights if isinstance(x, gc.RectangleLight | gc.SphereLight)}
+    area = {x.name for x in scene.lights if isinstance(x, RectangleLight | SphereLight)}
     assert {thing.light for thing in scene.things if thing.light} == area
-    assert any(isinstance(x, gc.EnvironmentLight) for x in scene.lights) == (scene.sky is not None)
+    assert any(isinstance(x, EnvironmentLight) for x in scene.lights) == (scene.sky is not None)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -83,14 +83,14 @@ def test_views_are_interleaved_and_held_out_ones_lie_between(name: str) -> None:
 
 @pytest.mark.parametrize(("count", "test"), [(3, 1), (4, 2), (7, 5), (11, 3), (40, 10)])
 def test_interleaving_holds_out_the_right_number(count: int, test: int) -> None:
-    cameras = [gc.Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(count)]
+    cameras = [Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(count)]
     splits = [v.split for v in interleaved(cameras, test)]
     assert splits.count("test") == test
     assert splits[0] == splits[-1] == "train"
 
 
 def test_interleaving_needs_two_training_views() -> None:
-    cameras = [gc.Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(3)]
+    cameras = [Camera.from_fov(4, 4, 50, np.eye(4)) for _ in range(3)]
     with pytest.raises(ValueError, match="expected 2 or more training views, got 1"):
         interleaved(cameras, 2)
 
@@ -104,8 +104,8 @@ def test_streams_are_independent_of_one_another() -> None:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_what_is_held_out_was_seen_and_lamps_are_not_in_the_way(scalar: str, name: str, seed: int) -> None:
     """Of what test views see, training views see most; lamps fill next to nothing of any view."""
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     scene = build(name, seed)
     layers = [surface_layers(load_scene(scene, v.camera), scene, v.camera) for v in scene.views]
@@ -122,12 +122,12 @@ def test_what_is_held_out_was_seen_and_lamps_are_not_in_the_way(scalar: str, nam
             assert covered.mean() > 0.8
 
 
-def seen_points(camera: gc.Camera, depth: np.ndarray) -> np.ndarray:
+def seen_points(camera: Camera, depth: np.ndarray) -> np.ndarray:
     seen, rays = np.isfinite(depth), camera.rays()
     return camera.position + (depth[seen] / (rays[seen] @ camera.forward))[:, None] * rays[seen]
 
 
-def sees(camera: gc.Camera, depth: np.ndarray, points: np.ndarray) -> np.ndarray:
+def sees(camera: Camera, depth: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Whether each point projects into the image and lies near the surface that is seen there."""
     pixel, z = camera.project(points)
     inside = (z > 0) & (pixel >= 0).all(-1) & (pixel < (camera.width, camera.height)).all(-1)
@@ -137,7 +137,7 @@ def sees(camera: gc.Camera, depth: np.ndarray, points: np.ndarray) -> np.ndarray
 
 def test_the_lamp_of_the_corridor_moves_with_the_camera() -> None:
     lamp = build("corridor", light_offset=0.4).lights[0]
-    assert isinstance(lamp, gc.SpotLight)
+    assert isinstance(lamp, SpotLight)
     assert lamp.frame == "camera"
     assert lamp.position[0] == 0.4
 
@@ -157,7 +157,7 @@ def test_clutter_fills_the_shelves() -> None:
 
 def test_an_unlit_corridor_keeps_its_ceiling() -> None:
     ceiling = build("corridor", ambient=0.0).lights[1]
-    assert isinstance(ceiling, gc.RectangleLight)
+    assert isinstance(ceiling, RectangleLight)
     assert ceiling.radiance == (0, 0, 0)
 
 

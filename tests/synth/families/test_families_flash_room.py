@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard.synth import Ball, Glossy, LambertGGX, Matte, RenderSettings, Scene, Thing, families
+from graycard import PointLight, SpotLight, world_position
+from graycard.synth import Ball, Glossy, LambertGGX, Matte, RenderSettings, Scene, Thing, all_families
 from graycard.synth._mesh import Mesh
-from graycard.synth.families import _furniture as furniture
-from graycard.synth.families import _interior as interior
-from graycard.synth.families import _stock as stock
 from graycard.synth.families._flash_room import FlashRoom, Room
+from graycard.synth.families.props import _furniture as furniture
+from graycard.synth.families.props import _interior as interior
+from graycard.synth.families.props import _stock as stock
 
 SETTINGS = RenderSettings(24, 24, 6, 2, 16)
-DARK = {name: family for name, family in families().items() if issubclass(family, FlashRoom)}
+DARK = {name: family for name, family in all_families().items() if issubclass(family, FlashRoom)}
 NAMES = tuple(DARK)
 NEW = tuple(name for name in NAMES if name != "corridor")
 SEEDS = (1000, 1001, 1002)
@@ -50,7 +50,7 @@ def corner(family: type[FlashRoom], end: int) -> dict[str, Any]:
 
 def test_there_are_three_dark_families() -> None:
     assert NAMES == ("corridor", "shelf-room", "cluttered-lab")
-    assert {name for name, family in families().items() if family.track == "dark"} == set(NAMES)
+    assert {name for name, family in all_families().items() if family.track == "dark"} == set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,7 +67,7 @@ def test_dark_families_have_the_same_knobs(name: str) -> None:
 def test_every_knob_builds_at_the_ends_of_its_range(name: str, end: int) -> None:
     scene = build(name, 1000, **corner(DARK[name], end))
     assert len(scene.things) > 15
-    assert isinstance(scene.lights[0], gc.PointLight if end else gc.SpotLight)
+    assert isinstance(scene.lights[0], PointLight if end else SpotLight)
 
 
 @pytest.mark.parametrize(
@@ -78,8 +78,8 @@ def test_every_knob_builds_at_the_ends_of_its_range(name: str, end: int) -> None
     ],
 )
 def test_extremes_render_light(scalar: str, knobs: dict[str, Any]) -> None:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import radiance_images, sub_buffer_seeds
+    from graycard.synth.layers._views import radiance_images, sub_buffer_seeds
+    from graycard.synth.renderer._mitsuba import load_scene
 
     settings = RenderSettings(16, 16, 2, 1, 16, 3)
     scene = DARK["shelf-room"](**knobs).build(1001, settings)
@@ -93,20 +93,20 @@ def test_extremes_render_light(scalar: str, knobs: dict[str, Any]) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_the_lamp_is_of_the_kind_and_place_that_its_knobs_say(name: str) -> None:
     spot, point = (build(name, lamp=kind, light_offset=0.4).lights[0] for kind in ("spot", "point"))
-    assert isinstance(spot, gc.SpotLight)
-    assert isinstance(point, gc.PointLight)
+    assert isinstance(spot, SpotLight)
+    assert isinstance(point, PointLight)
     assert spot.frame == point.frame == "camera"
     assert spot.position == point.position == (0.4, -0.06, 0.0)
     np.testing.assert_allclose(spot.axial_intensity, point.axial_intensity)
     narrow = build(name, light_cutoff=20.0).lights[0]
-    assert isinstance(narrow, gc.SpotLight)
+    assert isinstance(narrow, SpotLight)
     assert narrow.cutoff_angle == 20.0
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_toed_in_beam_crosses_the_optical_axis_before_the_camera(name: str) -> None:
     lamp = build(name, light_offset=0.3).lights[0]
-    assert isinstance(lamp, gc.SpotLight)
+    assert isinstance(lamp, SpotLight)
     reach = -lamp.position[0] / lamp.direction[0]
     assert reach * lamp.direction[2] == pytest.approx(3.0)
 
@@ -150,8 +150,8 @@ def test_camera_and_lamp_have_room_around_them(name: str, seed: int) -> None:
     for view in scene.views:
         for offset in (0.0, 0.02, 0.25, 0.8):
             lamp = dataclasses.replace(scene.lights[0], position=(offset, -0.06, 0.0))
-            assert isinstance(lamp, gc.SpotLight)
-            at = gc.world_position(lamp, view.camera)
+            assert isinstance(lamp, SpotLight)
+            at = world_position(lamp, view.camera)
             gaps = [np.linalg.norm(np.maximum(0, np.maximum(low - at, at - high))) for low, high in boxes]
             assert min(gaps) > 0.08
 
@@ -159,8 +159,8 @@ def test_camera_and_lamp_have_room_around_them(name: str, seed: int) -> None:
 @pytest.mark.parametrize("name", NEW)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_room_is_closed_and_nothing_is_near(scalar: str, name: str, seed: int) -> None:
-    from graycard.synth._mitsuba import load_scene
-    from graycard.synth._views import surface_layers
+    from graycard.synth.layers._views import surface_layers
+    from graycard.synth.renderer._mitsuba import load_scene
 
     scene = build(name, seed)
     loaded = load_scene(scene, scene.views[0].camera)

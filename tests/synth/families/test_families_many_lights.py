@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
+from graycard import GaussianLight, LocalLight, PointLight, RectangleLight, SphereLight, SpotLight, luminance
 from graycard.synth import (
     Glossy,
     LambertGGX,
     RenderSettings,
     Scene,
     SceneSpec,
-    families,
+    all_families,
     family_of,
 )
 from graycard.synth.families._gallery import STANDS as GALLERY
@@ -32,7 +32,7 @@ def build(name: str, seed: int = 0, **knobs: Any) -> Scene:
     return family_of(SceneSpec("multilight", name, seed, knobs)).build(seed, SETTINGS)
 
 
-def lamps(name: str, **knobs: Any) -> tuple[gc.LocalLight, ...]:
+def lamps(name: str, **knobs: Any) -> tuple[LocalLight, ...]:
     """The local lights of a room without the room."""
     room, stands = {"studio": (Studio, STUDIO), "gallery": (Gallery, GALLERY)}[name]
     return room(**knobs).lamps(0, stands)
@@ -45,8 +45,8 @@ def test_there_are_as_many_lights_as_asked_for(name: str, lights: int, emitters:
     found = lamps(name, lights=lights, emitters=emitters)
     assert [x.name for x in found] == [f"lamp-{k + 1}" for k in range(lights)]
     kinds = {type(x) for x in found}
-    mixed = (gc.RectangleLight, gc.SphereLight, gc.SpotLight, gc.PointLight)
-    assert kinds == ({gc.GaussianLight} if emitters == "gaussian" else set(mixed[:lights]))
+    mixed = (RectangleLight, SphereLight, SpotLight, PointLight)
+    assert kinds == ({GaussianLight} if emitters == "gaussian" else set(mixed[:lights]))
 
 
 @pytest.mark.parametrize("name", ROOMS)
@@ -89,7 +89,7 @@ def test_color_is_the_saturation_of_the_lights(name: str) -> None:
     assert np.max(spread[0]) == pytest.approx(0, abs=1e-12)
     assert (np.array(spread[1]) < np.array(spread[2])).all()
     assert np.max(spread[2]) > 0.6
-    levels = [[gc.luminance(x.axial_intensity) for x in s] for s in (white, half, full)]
+    levels = [[luminance(x.axial_intensity) for x in s] for s in (white, half, full)]
     np.testing.assert_allclose(levels[0], levels[2], rtol=1e-3)
     np.testing.assert_allclose(levels[1], levels[2], rtol=1e-3)
 
@@ -99,11 +99,11 @@ def test_size_changes_extents_and_no_intensity(name: str) -> None:
     small, large = (lamps(name, size=s) for s in (0.5, 2.0))
     for a, b in zip(small, large, strict=True):
         np.testing.assert_allclose(a.axial_intensity, b.axial_intensity)
-    assert isinstance(small[0], gc.RectangleLight)
-    assert isinstance(large[0], gc.RectangleLight)
+    assert isinstance(small[0], RectangleLight)
+    assert isinstance(large[0], RectangleLight)
     np.testing.assert_allclose(4 * np.array(small[0].half_u), large[0].half_u)
-    assert isinstance(small[1], gc.SphereLight)
-    assert isinstance(large[1], gc.SphereLight)
+    assert isinstance(small[1], SphereLight)
+    assert isinstance(large[1], SphereLight)
     assert 4 * small[1].radius == pytest.approx(large[1].radius)
 
 
@@ -112,7 +112,7 @@ def test_brightness_is_the_ratio_of_what_lights_send_to_their_aims(name: str) ->
     """Lights of one kind keep their distance, so intensities change as the shares do."""
     even, uneven = (lamps(name, lights=8, brightness=b) for b in (1.0, 9.0))
     pairs = zip(even, uneven, strict=True)
-    change = [(gc.luminance(b.axial_intensity)) / (gc.luminance(a.axial_intensity)) for a, b in pairs]
+    change = [(luminance(b.axial_intensity)) / (luminance(a.axial_intensity)) for a, b in pairs]
     assert max(change) / min(change) == pytest.approx(9)
 
 
@@ -142,7 +142,7 @@ def test_windows_share_one_light(windows: int) -> None:
     assert one is not None
     assert some is not None
     assert some.mean() == pytest.approx(one.mean(), rel=0.15)
-    assert (gc.luminance(some).max() < 0.7 * gc.luminance(one).max()) == (windows > 1)
+    assert (luminance(some).max() < 0.7 * luminance(one).max()) == (windows > 1)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -150,7 +150,7 @@ def test_windows_share_one_light(windows: int) -> None:
 def test_all_knobs_at_their_ends_build(name: str, end: int) -> None:
     knobs = {
         field.name: (field.metadata.get("range") or field.metadata["words"])[end]
-        for field in fields(families()[name])  # pyright: ignore[reportArgumentType]
+        for field in fields(all_families()[name])  # pyright: ignore[reportArgumentType]
     }
     scene = build(name, 1, **knobs)
     assert len({x.name for x in scene.lights}) == len(scene.lights) == knobs.get("lights", 0) + 1
@@ -165,7 +165,7 @@ def test_all_knobs_at_their_ends_build(name: str, end: int) -> None:
     ],
 )
 def test_extremes_render(scalar: str, name: str, knobs: dict[str, Any]) -> None:
-    from graycard.synth._views import render_view
+    from graycard.synth.layers._views import render_view
 
     layers = render_view(build(name, 1, **knobs), 1, 1, SETTINGS)
     assert np.isfinite(layers["radiance"]).all()

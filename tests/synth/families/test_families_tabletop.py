@@ -17,16 +17,16 @@ from graycard.synth import (
     Scene,
     SceneSpec,
     Thing,
-    families,
+    all_families,
     family_of,
 )
 from graycard.synth._mesh import Mesh, box
-from graycard.synth.families._metals import METALS, conductor
-from graycard.synth.families._table_surfaces import HEIGHT, Dome, Flat, Surface
 from graycard.synth.families._tabletop import Tabletop
+from graycard.synth.families.props._metals import METALS, conductor
+from graycard.synth.families.props._table_surfaces import HEIGHT, Dome, Flat, Surface
 
 SETTINGS = RenderSettings(32, 32, 8, 3, 16)
-TABLES = tuple(name for name, family in families().items() if family.track == "tabletop")
+TABLES = tuple(name for name, family in all_families().items() if family.track == "tabletop")
 POLISHED = tuple(name for name in TABLES if name != "matte-table")
 SHINING = Glossy | LambertGGX
 
@@ -215,4 +215,4 @@ def test_what_stands_on_a_dome_stands_upright_on_it() -> None:
 @pytest.mark.parametrize(("knob", "value"), [("objects", 6), ("material", "velvet"), ("target_size", 2.0)])
 def test_knobs_out_of_range_are_refused(knob: str, value: Any) -> None:
     with pytest.raises(ValueError, match=f"expected {knob}"):
-        families()["metal-table"](**{knob: value})
+        all_families()["metal-table"](**{knob: value})

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from graycard.synth.families import _textures as textures
+from graycard.synth.families.props import _textures as textures
 
 RED, GRAY = (0.5, 0.1, 0.1), (0.4, 0.4, 0.4)
 MAKERS: dict[str, Callable[[np.random.Generator], np.ndarray]] = {

@@ -9,10 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-import graycard as gc
-from graycard import Capture
-from graycard.synth._photographs import photographed
+from graycard import (
+    Camera,
+    Capture,
+    EnvironmentLight,
+    Light,
+    PointLight,
+    Points,
+    SceneObject,
+    Sensor,
+    Truth,
+    View,
+    look_at,
+)
+from graycard.io import Manifest
 from graycard.synth._spec import CaptureSettings
+from graycard.synth.dataset._photographs import photographed
 from graycard.synth.verify._captures import check_capture
 from graycard.synth.verify._check import At, Check
 from graycard.synth.verify._closed_forms import sky_towards
@@ -25,20 +37,20 @@ from graycard.synth.verify._summaries import Summary
 from graycard.synth.verify._transport import check_halves, check_parts
 
 SIDE = 24
-CAMERA = gc.Camera.from_fov(SIDE, SIDE, 50, gc.look_at(np.array([0.0, -3.0, 2.0]), np.zeros(3)))
-VIEW = gc.View("train_000", "train", CAMERA)
+CAMERA = Camera.from_fov(SIDE, SIDE, 50, look_at(np.array([0.0, -3.0, 2.0]), np.zeros(3)))
+VIEW = View("train_000", "train", CAMERA)
 OBJECTS = (
-    gc.SceneObject(1, "floor", False),
-    gc.SceneObject(2, "lamp", True),
-    gc.SceneObject(3, "vase", False),
+    SceneObject(1, "floor", False),
+    SceneObject(2, "lamp", True),
+    SceneObject(3, "vase", False),
 )
 
 
-def make_subject(lights: tuple[gc.Light, ...] = (), sky: np.ndarray | None = None) -> Subject:
-    views = (VIEW, gc.View("test_001", "test", CAMERA))
-    capture = gc.Capture("tabletop", "made-0000", views, 1.0, False, 3)
-    truth = gc.Truth("tabletop", "made-0000", views, 1.0, 4.0, OBJECTS, 3)
-    manifest = gc.Manifest(
+def make_subject(lights: tuple[Light, ...] = (), sky: np.ndarray | None = None) -> Subject:
+    views = (VIEW, View("test_001", "test", CAMERA))
+    capture = Capture("tabletop", "made-0000", views, 1.0, False, 3)
+    truth = Truth("tabletop", "made-0000", views, 1.0, 4.0, OBJECTS, 3)
+    manifest = Manifest(
         "graycard-truth", 1, "tabletop", "made-0000", {"variant": "llvm_ad_rgb"}, {"scene": 0}, {}
     )
     return Subject(At("tabletop/made-0000"), Path("nowhere"), capture, truth, manifest, lights, sky)
@@ -58,7 +70,7 @@ def floor(**changed: Any) -> Picture:
         "base_color": 0.5 * np.ones((SIDE, SIDE, 3)),
     }
     return Picture(
-        At("tabletop/made-0000", "train_000"), 0, gc.View("train_000", "train", camera), layers | changed
+        At("tabletop/made-0000", "train_000"), 0, View("train_000", "train", camera), layers | changed
     )
 
 
@@ -148,18 +160,16 @@ def test_a_picture_without_noise_has_no_variance_to_be_judged():
 @pytest.mark.parametrize(("turn", "verdict"), [(0, "passed"), (20, "failed")])
 def test_the_background_is_the_environment(turn: int, verdict: str):
     sky = np.linspace(0.1, 2.0, 64)[None, :, None] * np.ones((32, 64, 3))
-    above = gc.look_at(np.zeros(3), np.array([1.0, 0.5, 0.8]))
+    above = look_at(np.zeros(3), np.array([1.0, 0.5, 0.8]))
     seen = nothing()
-    camera = gc.Camera.from_fov(SIDE, SIDE, 50, above)
+    camera = Camera.from_fov(SIDE, SIDE, 50, above)
     radiance = sky_towards(sky, camera.rays().reshape(-1, 3)).reshape(SIDE, SIDE, 3)
-    picture = Picture(
-        seen.at, 0, gc.View("train_000", "train", camera), {**seen.layers, "radiance": radiance}
-    )
+    picture = Picture(seen.at, 0, View("train_000", "train", camera), {**seen.layers, "radiance": radiance})
     found = check_background(make_subject(sky=np.roll(sky, turn, axis=1)), picture)
     assert status(found) == {"background is the environment": verdict}
 
 
-def lit(light: gc.PointLight, **changed: np.ndarray) -> Picture:
+def lit(light: PointLight, **changed: np.ndarray) -> Picture:
     to_light = np.array(light.position) - floor().layers["position"]
     square = (to_light**2).sum(-1)
     cosine = to_light[..., 2] / np.sqrt(square)
@@ -174,28 +184,28 @@ def lit(light: gc.PointLight, **changed: np.ndarray) -> Picture:
 
 
 def test_the_light_of_a_point_is_its_formula():
-    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    light = PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
     subject = make_subject((light,))
     assert set(status(check_irradiance(subject, lit(light))).values()) == {"passed"}
-    moved = make_subject((gc.PointLight("p", (-0.3, 0.2, 1.5), (3, 2, 1)),))
+    moved = make_subject((PointLight("p", (-0.3, 0.2, 1.5), (3, 2, 1)),))
     assert status(check_irradiance(moved, lit(light)))["direct light of the formula"] == "failed"
 
 
 def test_a_light_that_is_hardly_seen_or_has_no_formula_is_skipped():
-    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    light = PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
     hidden = lit(
         light, **{"visibility.p": np.zeros((SIDE, SIDE)), "direct.irradiance.p": np.zeros((SIDE, SIDE, 3))}
     )
     assert (
         status(check_irradiance(make_subject((light,)), hidden))["direct light of the formula"] == "skipped"
     )
-    sky = make_subject((gc.EnvironmentLight("p", "environment.exr"),))
+    sky = make_subject((EnvironmentLight("p", "environment.exr"),))
     found: list[Check] = list(check_irradiance(sky, lit(light)))
     assert "there is no formula for the light p" in [check.reason for check in found]
 
 
 def test_without_matte_pixels_there_is_no_diffuse_law():
-    light = gc.PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
+    light = PointLight("p", (0.3, 0.2, 1.5), (3, 2, 1))
     black = np.zeros((SIDE, SIDE, 3))
     parts = {f"{a}.{b}.p": black for a in ("direct", "indirect") for b in ("diffuse", "specular")}
     names = ("radiance", "emitted", "f0", "albedo", "diffuse_reflectance")
@@ -208,7 +218,7 @@ def test_without_matte_pixels_there_is_no_diffuse_law():
     }
 
 
-def taken(sensor: gc.Sensor, noise: float, gain: float = 1.0) -> dict[str, str]:
+def taken(sensor: Sensor, noise: float, gain: float = 1.0) -> dict[str, str]:
     """Verdicts on a photograph of levels 0.1 to 0.8, or to 3.2 where there is no noise.
 
     It has ``noise`` times the noise of its camera, then ``gain`` times its brightness.
@@ -221,7 +231,7 @@ def taken(sensor: gc.Sensor, noise: float, gain: float = 1.0) -> dict[str, str]:
     photograph = gain * (radiance + noise * (level - radiance))
 
     class Held(Capture):
-        def photograph(self, view: gc.View) -> np.ndarray:
+        def photograph(self, view: View) -> np.ndarray:
             return photograph
 
     fields = {f.name: getattr(kept, f.name) for f in dataclasses.fields(kept)}
@@ -230,8 +240,8 @@ def taken(sensor: gc.Sensor, noise: float, gain: float = 1.0) -> dict[str, str]:
     return status(check_capture(held, floor(radiance=radiance)))
 
 
-@pytest.mark.parametrize("sensor", [gc.Sensor(8), gc.Sensor(0, 8000.0, 20.0), gc.Sensor(8, 2000.0)])
-def test_a_photograph_has_the_noise_and_the_exposure_of_its_camera(sensor: gc.Sensor):
+@pytest.mark.parametrize("sensor", [Sensor(8), Sensor(0, 8000.0, 20.0), Sensor(8, 2000.0)])
+def test_a_photograph_has_the_noise_and_the_exposure_of_its_camera(sensor: Sensor):
     assert set(taken(sensor, 1.0).values()) == {"passed"}
     assert taken(sensor, 0.5)["photograph of its camera"] == "failed"
     assert taken(sensor, 1.5)["photograph of its camera"] == "failed"
@@ -240,14 +250,14 @@ def test_a_photograph_has_the_noise_and_the_exposure_of_its_camera(sensor: gc.Se
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_without_noise_a_photograph_is_the_radiance_up_to_white(factor: float):
-    sensor = gc.Sensor(exposures={"train_000": factor})
+    sensor = Sensor(exposures={"train_000": factor})
     assert taken(sensor, 1.0) == {"photograph of its camera": "passed"}
     assert taken(sensor, 1.0, gain=1.01) == {"photograph of its camera": "failed"}
     assert taken(sensor, 0.0) == {"photograph of its camera": "failed"}  # it is not cut off at white
 
 
 def test_too_few_values_between_black_and_white_say_nothing():
-    sensor = gc.Sensor(0, 4.0)  # so few electrons that a level of 0.5 may be any
+    sensor = Sensor(0, 4.0)  # so few electrons that a level of 0.5 may be any
     assert taken(sensor, 1.0) == {"photograph of its camera": "skipped"}
 
 
@@ -259,10 +269,10 @@ def summed_up(moved: tuple[float, float, float], seen_there: bool = False, count
     found = places + np.array(moved)
     pixel = CAMERA.project(found if seen_there else places)[0] + rng.normal(0, 0.5, (count, 2))
     number = np.arange(count)
-    points = gc.Points(found, np.zeros((count, 3), np.uint8), number, 0 * number, pixel)
+    points = Points(found, np.zeros((count, 3), np.uint8), number, 0 * number, pixel)
 
     class Held(Capture):
-        def points(self) -> gc.Points:
+        def points(self) -> Points:
             return points
 
     subject = make_subject()

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
 from fault_planting import edit_manifest, reseal
-from graycard.__main__ import main
+from graycard import DatasetError, EnvironmentLight
+from graycard.cli import main
+from graycard.io import read_json, read_layers, write_json, write_layers
+from graycard.lights import read_lights, write_lights
 from graycard.synth import RenderSettings, SceneSpec, render_scene, use_renderer
 from graycard.synth.verify import Check, verify_dataset, worst
 from graycard.synth.verify._check import At
@@ -42,22 +44,22 @@ def test_a_damaged_scene_fails_and_the_others_go_on(copied: Copied):
 
 def radiance_lost(scene: Path) -> None:
     path = scene / "truth" / "views" / "train_000.exr"
-    gc.write_layers(path, {n: v for n, v in gc.read_layers(path).items() if n != "radiance"})
+    write_layers(path, {n: v for n, v in read_layers(path).items() if n != "radiance"})
 
 
 def all_training_radiance_lost(scene: Path) -> None:
     for path in (scene / "truth" / "views").glob("train_*.exr"):
-        gc.write_layers(path, {n: v for n, v in gc.read_layers(path).items() if n != "radiance"})
+        write_layers(path, {n: v for n, v in read_layers(path).items() if n != "radiance"})
 
 
 def surroundings_missing(scene: Path) -> None:
     path = scene / "truth" / "lights.json"
-    gc.write_lights(path, (*gc.read_lights(path), gc.EnvironmentLight("sky", "nowhere.exr")))
+    write_lights(path, (*read_lights(path), EnvironmentLight("sky", "nowhere.exr")))
 
 
 def surroundings_of_an_edit_missing(scene: Path) -> None:
     path = scene / "truth" / "relighting" / "without-lamp" / "lights.json"
-    gc.write_lights(path, (gc.EnvironmentLight("sky", "nowhere.exr"),))
+    write_lights(path, (EnvironmentLight("sky", "nowhere.exr"),))
 
 
 def view_that_is_no_image(scene: Path) -> None:
@@ -65,7 +67,7 @@ def view_that_is_no_image(scene: Path) -> None:
 
 
 def lights_lost(scene: Path) -> None:
-    gc.write_lights(scene / "truth" / "lights.json", ())
+    write_lights(scene / "truth" / "lights.json", ())
 
 
 def view_more_in_one_index(scene: Path) -> None:
@@ -83,9 +85,9 @@ def view_more_in_both(scene: Path) -> None:
 def more_views(scene: Path, parts: tuple[str, ...]) -> None:
     for part in parts:
         path = scene / part / f"{part}.json"
-        data = gc.read_json(path)
+        data = read_json(path)
         data["views"].append(next(v for v in data["views"] if v["name"] == "test_001") | {"name": "test_009"})
-        gc.write_json(path, data)
+        write_json(path, data)
 
 
 def index_that_is_a_list(scene: Path) -> None:
@@ -98,15 +100,15 @@ def points_broken(scene: Path) -> None:
 
 def relit_picture_of_another_size(scene: Path) -> None:
     for path in (scene / "truth" / "relighting").glob("*/views/*.exr"):
-        gc.write_layers(path, {name: values[:40] for name, values in gc.read_layers(path).items()})
+        write_layers(path, {name: values[:40] for name, values in read_layers(path).items()})
 
 
 def light_of_another_name(scene: Path) -> None:
     path = scene / "truth" / "lights.json"
-    gc.write_lights(path, tuple(replace(x, name=x.name.replace("lamp", "L")) for x in gc.read_lights(path)))
+    write_lights(path, tuple(replace(x, name=x.name.replace("lamp", "L")) for x in read_lights(path)))
     for view in (scene / "truth" / "views").iterdir():
-        renamed = {name.replace(".lamp", ".L"): values for name, values in gc.read_layers(view).items()}
-        gc.write_layers(view, renamed)
+        renamed = {name.replace(".lamp", ".L"): values for name, values in read_layers(view).items()}
+        write_layers(view, renamed)
 
 
 ODD: dict[Callable[[Path], None], str] = {
@@ -170,9 +172,9 @@ def test_an_imported_capture_is_skipped(copied: Copied):
     scene = copied("dark")
     shutil.rmtree(scene / "truth")
     path = scene / "capture" / "manifest.json"
-    data = gc.read_json(path)
+    data = read_json(path)
     data["generator"] = {"name": "graycard.import"}
-    gc.write_json(path, data)
+    write_json(path, data)
     verdict = verify_dataset(scene.parents[1])
     assert [check.status for check in verdict.checks] == ["skipped"]
     assert "has no truth" in verdict.checks[0].reason
@@ -191,7 +193,7 @@ def test_a_scene_of_the_slow_renderer_is_verified_too(tmp_path: Path, no_llvm: N
 
 
 def test_a_folder_without_scenes_is_an_error(tmp_path: Path):
-    with pytest.raises(gc.DatasetError, match="expected scenes DATASET/<track>/<scene>"):
+    with pytest.raises(DatasetError, match="expected scenes DATASET/<track>/<scene>"):
         verify_dataset(tmp_path)
     with pytest.raises(ValueError, match="expected 1 or more views, got 0"):
         verify_dataset(tmp_path, views=0)

@@ -6,37 +6,38 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import graycard as gc
 from fault_planting import Copied, Fault, Faults, Layers, render_otherwise, settings_of, swap
+from graycard import View
+from graycard.layers import with_sums
 
 pytestmark = pytest.mark.usefixtures("llvm")
 FAULTS = Faults()
 
 
 @FAULTS.in_layers("tabletop", "footprint of the target", "looks like a mask that is lost")
-def no_effect_marked(layers: Layers, view: gc.View):
+def no_effect_marked(layers: Layers, view: View):
     for name in [n for n in layers if n.startswith("effect.")]:
         layers[name] = np.zeros_like(layers[name])
 
 
 @FAULTS.in_layers("tabletop", "untouched pixels marked", "looks like a mask that is lost")
-def nothing_untouched(layers: Layers, view: gc.View):
+def nothing_untouched(layers: Layers, view: View):
     layers["effect.untouched"] = np.zeros_like(layers["effect.untouched"])
 
 
 @FAULTS.in_layers("tabletop", "effects marked", "looks like masks that are lost")
-def no_shadow_and_no_mirror_image(layers: Layers, view: gc.View):
+def no_shadow_and_no_mirror_image(layers: Layers, view: View):
     for name in ("shadow", "mirror", "bleeding"):
         layers[f"effect.{name}"] = np.zeros_like(layers[f"effect.{name}"])
 
 
 @FAULTS.in_layers("tabletop", "footprint at the target", "mask of another object or view")
-def footprint_of_everything(layers: Layers, view: gc.View):
+def footprint_of_everything(layers: Layers, view: View):
     layers["effect.footprint"] = np.ones_like(layers["effect.footprint"])
 
 
 @FAULTS.in_layers("tabletop", "effects again", "effect.shadow is where another rendering has it", views=1)
-def no_shadow(layers: Layers, view: gc.View):
+def no_shadow(layers: Layers, view: View):
     layers["effect.shadow"] = np.zeros_like(layers["effect.shadow"])
 
 
@@ -46,33 +47,33 @@ def counterfactual_with_another_seed(scene: Path):
 
 
 @FAULTS.in_layers("tabletop", "specular light of mirror images", "looks like the light with the target")
-def specular_light_with_the_target(layers: Layers, view: gc.View):
-    layers["counterfactual.specular"] = gc.with_sums(layers)["specular"]
+def specular_light_with_the_target(layers: Layers, view: View):
+    layers["counterfactual.specular"] = with_sums(layers)["specular"]
 
 
 @FAULTS.in_layers("tabletop", "specular light of untouched pixels", "looks like the other lobe")
-def lobes_swapped(layers: Layers, view: gc.View):
+def lobes_swapped(layers: Layers, view: View):
     swap(layers, "counterfactual.diffuse", "counterfactual.specular")
 
 
 @FAULTS.in_layers("tabletop", "lobes without the target", "a lobe of another view")
-def diffuse_light_upside_down(layers: Layers, view: gc.View):
+def diffuse_light_upside_down(layers: Layers, view: View):
     layers["counterfactual.diffuse"] = layers["counterfactual.diffuse"][::-1].copy()
 
 
 @FAULTS.in_layers("tabletop", "surfaces beside the target", "looks like another view")
-def surfaces_upside_down(layers: Layers, view: gc.View):
+def surfaces_upside_down(layers: Layers, view: View):
     layers["counterfactual.normal"] = layers["counterfactual.normal"][::-1].copy()
 
 
 @FAULTS.in_layers("tabletop", "surfaces behind the target", "still there")
-def surfaces_with_the_target(layers: Layers, view: gc.View):
+def surfaces_with_the_target(layers: Layers, view: View):
     for name in ("normal", "f0", "roughness"):
         layers[f"counterfactual.{name}"] = layers[name]
 
 
 @FAULTS.in_layers("tabletop", "target removed", "still there")
-def counterfactual_with_its_target(layers: Layers, view: gc.View):
+def counterfactual_with_its_target(layers: Layers, view: View):
     for end in ("", ".var", ".half_a", ".half_b"):
         layers[f"counterfactual.radiance{end}"] = layers[f"radiance{end}"]
 

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-import graycard as gc
 from fault_planting import Copied, Fault, Faults, Layers, edit_index
+from graycard import View
+from graycard.io import read_json, read_layers, read_rgb, write_layers, write_rgb
 
 pytestmark = pytest.mark.usefixtures("llvm")
 FAULTS = Faults()
@@ -30,18 +31,18 @@ def another_diameter(scene: Path):
 
 
 @FAULTS.in_layers("tabletop", "values in float32", "float16")
-def truth_in_half_precision(layers: Layers, view: gc.View):
+def truth_in_half_precision(layers: Layers, view: View):
     for name in layers:
         layers[name] = layers[name].astype(np.float16) if name != "object_id" else layers[name]
 
 
 @FAULTS.in_layers("dark", "values finite", "expected finite values in radiance")
-def one_pixel_not_a_number(layers: Layers, view: gc.View):
+def one_pixel_not_a_number(layers: Layers, view: View):
     layers["radiance"][3, 4, 1] = np.nan
 
 
 @FAULTS.in_layers("dark", "values in range", "expected base_color in [0, 1]")
-def colors_of_eight_bits(layers: Layers, view: gc.View):
+def colors_of_eight_bits(layers: Layers, view: View):
     layers["base_color"] = layers["base_color"] * 255
 
 
@@ -59,21 +60,21 @@ def view_missing(scene: Path):
 @FAULTS.in_scene("multilight", "files", "expected finite values in radiance")
 def relit_picture_not_a_number(scene: Path):
     path = next((scene / "truth" / "relighting").glob("*/views/*.exr"))
-    layers = gc.read_layers(path)
+    layers = read_layers(path)
     layers["radiance"][0, 0, 0] = np.inf
-    gc.write_layers(path, layers)
+    write_layers(path, layers)
 
 
 @FAULTS.in_scene("dark", "files", "list other views")
 def views_listed_for_the_truth_alone(scene: Path):
     path = scene / "capture" / "capture.json"
-    edit_index(scene, "capture/capture.json", views=gc.read_json(path)["views"][1:])
+    edit_index(scene, "capture/capture.json", views=read_json(path)["views"][1:])
 
 
 @FAULTS.in_scene("tabletop", "files", "expected images of 48x48, got sizes")
 def photograph_of_another_size(scene: Path):
     path = scene / "capture" / "photographs" / "train_000.exr"
-    gc.write_rgb(path, gc.read_rgb(path)[:, :40])
+    write_rgb(path, read_rgb(path)[:, :40])
 
 
 @FAULTS.in_scene("tabletop", "files", "expected a whole EXR file")
@@ -84,12 +85,12 @@ def mask_that_is_no_image(scene: Path):
 @FAULTS.in_scene("dark", "photograph is the radiance", "another filter")
 def photograph_with_a_gaussian_filter(scene: Path):
     for path in (scene / "capture" / "photographs").iterdir():
-        gc.write_rgb(path, ndimage.gaussian_filter(gc.read_rgb(path), (0.5, 0.5, 0)))
+        write_rgb(path, ndimage.gaussian_filter(read_rgb(path), (0.5, 0.5, 0)))
 
 
 @FAULTS.in_scene("multilight", "exposure", "99th percentile")
 def exposure_of_a_view(scene: Path):
-    brightest = np.percentile(gc.read_rgb(scene / "capture" / "photographs" / "train_000.exr"), 99)
+    brightest = np.percentile(read_rgb(scene / "capture" / "photographs" / "train_000.exr"), 99)
     for part in ("capture", "truth"):
         edit_index(scene, f"{part}/{part}.json", exposure=float(1 / brightest))
 

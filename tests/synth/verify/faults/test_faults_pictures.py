@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-import graycard as gc
 from fault_planting import Copied, Fault, Faults, Layers, render_otherwise, settings_of
+from graycard import View, srgb_encode
 
 pytestmark = pytest.mark.usefixtures("llvm")
 FAULTS = Faults()
 
 
 @FAULTS.in_layers("dark", "variance of the mean", "looks like identical halves")
-def identical_halves(layers: Layers, view: gc.View):
+def identical_halves(layers: Layers, view: View):
     layers["radiance.half_a"] = layers["radiance.half_b"] = layers["radiance"]
 
 
 @FAULTS.in_layers("multilight", "variance of the mean", "variance of one image")
-def variance_of_an_image_instead_of_the_mean(layers: Layers, view: gc.View):
+def variance_of_an_image_instead_of_the_mean(layers: Layers, view: View):
     layers["radiance.var"] = layers["radiance.var"] * 4
 
 
 @FAULTS.in_layers("tabletop", "halves average", "halves of another picture")
-def halves_of_another_picture(layers: Layers, view: gc.View):
+def halves_of_another_picture(layers: Layers, view: View):
     for end in ("half_a", "half_b"):
         layers[f"radiance.{end}"] = layers[f"counterfactual.radiance.{end}"]
 
@@ -38,12 +38,12 @@ def scale_picture(layers: Layers, factor: np.ndarray | float) -> None:
 
 
 @FAULTS.in_layers("tabletop", "radiance again: level", "channel G", views=3)
-def half_a_percent_of_gain_in_one_channel(layers: Layers, view: gc.View):
+def half_a_percent_of_gain_in_one_channel(layers: Layers, view: View):
     scale_picture(layers, np.array([1, 1.005, 1]))
 
 
 @FAULTS.in_layers("dark", "radiance again: level", "% off", views=1)
-def one_light_missing_in_the_picture(layers: Layers, view: gc.View):
+def one_light_missing_in_the_picture(layers: Layers, view: View):
     names = [n for n in layers if n.endswith(".ambient") and n.startswith(("direct.", "indirect."))]
     lost = np.sum([layers[n] for n in names if "irradiance" not in n], axis=0)
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
@@ -51,13 +51,13 @@ def one_light_missing_in_the_picture(layers: Layers, view: gc.View):
 
 
 @FAULTS.in_layers("multilight", "radiance again: level", "% off", views=1)
-def radiance_encoded(layers: Layers, view: gc.View):
+def radiance_encoded(layers: Layers, view: View):
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
-        layers[name] = gc.srgb_encode(layers[name])
+        layers[name] = srgb_encode(layers[name])
 
 
 @FAULTS.in_layers("dark", "radiance again: pattern", "show something else", views=1)
-def picture_of_another_paint(layers: Layers, view: gc.View):
+def picture_of_another_paint(layers: Layers, view: View):
     """A texture that is brighter here and darker there: no mean tells."""
     stripes = 1 + 0.2 * (-1) ** np.arange(48)[:, None]
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
@@ -65,7 +65,7 @@ def picture_of_another_paint(layers: Layers, view: gc.View):
 
 
 @FAULTS.in_layers("tabletop", "radiance again: place", "shifted by (+0.", views=1)
-def picture_half_a_pixel_off(layers: Layers, view: gc.View):
+def picture_half_a_pixel_off(layers: Layers, view: View):
     for name in ("radiance", "radiance.half_a", "radiance.half_b"):
         layers[name] = ndimage.shift(layers[name], (0, 0.5, 0), order=1, mode="nearest")
 

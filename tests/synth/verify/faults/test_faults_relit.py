@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-import graycard as gc
 from fault_planting import Copied, Fault, Faults, edit_index, swap_files
+from graycard.io import read_json, read_layers, write_layers
+from graycard.lights import write_lights
 
 pytestmark = pytest.mark.usefixtures("llvm")
 FAULTS = Faults()
@@ -30,29 +31,29 @@ def pictures_of_two_surroundings_swapped(scene: Path):
 @FAULTS.in_scene("tabletop", "relit by its parts", "or of other light")
 def relit_pictures_twice_as_bright(scene: Path):
     for path in (scene / "truth" / "relighting").glob("*/views/*.exr"):
-        gains = {name: 4 if name.endswith(".var") else 2 for name in gc.read_layers(path)}
-        gc.write_layers(path, {name: values * gains[name] for name, values in gc.read_layers(path).items()})
+        gains = {name: 4 if name.endswith(".var") else 2 for name in read_layers(path)}
+        write_layers(path, {name: values * gains[name] for name, values in read_layers(path).items()})
 
 
 @FAULTS.in_scene("multilight", "relit halves average", "halves of another edit")
 def halves_of_another_edit(scene: Path):
     folder = scene / "truth" / "relighting"
     for path in (folder / "environment-1" / "views").iterdir():
-        other = gc.read_layers(folder / "environment-2" / "views" / path.name)
+        other = read_layers(folder / "environment-2" / "views" / path.name)
         halves = {name: other[name] for name in ("radiance.half_a", "radiance.half_b")}
-        gc.write_layers(path, gc.read_layers(path) | halves)
+        write_layers(path, read_layers(path) | halves)
 
 
 @FAULTS.in_scene("dark", "relit layers", "missing are ['radiance.half_a'", views=1)
 def relit_without_its_noise(scene: Path):
     for path in (scene / "truth" / "relighting" / "flash-moved" / "views").iterdir():
-        gc.write_layers(path, {"radiance": gc.read_layers(path)["radiance"]})
+        write_layers(path, {"radiance": read_layers(path)["radiance"]})
 
 
 @FAULTS.in_scene("dark", "lights of the edits", "other ones are of without-")
 def lights_of_the_edits_lost(scene: Path):
     for path in (scene / "truth" / "relighting").glob("*/lights.json"):
-        gc.write_lights(path, ())
+        write_lights(path, ())
 
 
 @FAULTS.in_scene("multilight", "lights of the edits", "environment-1, environment-2")
@@ -63,7 +64,7 @@ def surroundings_of_two_edits_swapped(scene: Path):
 
 @FAULTS.in_scene("dark", "edits of the spec", "flash-moved")
 def an_edit_left_out(scene: Path):
-    edits = [e for e in gc.read_json(scene / "truth" / "truth.json")["edits"] if e["name"] != "flash-moved"]
+    edits = [e for e in read_json(scene / "truth" / "truth.json")["edits"] if e["name"] != "flash-moved"]
     edit_index(scene, "truth/truth.json", edits=edits)
 
 

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a run is a valid result: one that another could trust, repeat, and not have made up by mistake."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from graycard import Progress
+from graycard.benchmarks.validity._files import (
+    gauge_breaches,
+    hash_breaches,
+    scene_breaches,
+    score_breaches,
+    view_breaches,
+)
+from graycard.benchmarks.validity._record import (
+    Breach,
+    access_breaches,
+    ceiling_breaches,
+    comparison_breaches,
+    count_breaches,
+    finite_breaches,
+    origin_breaches,
+)
+from graycard.benchmarks.validity._suite import Standard, part_of, standard_of, suite_breaches
+from graycard.io import silent
+from graycard.records import RunRecord, read_run
+
+RULES: dict[str, str] = {
+    "counts": "every method has every score of every scene with every seed, of every view",
+    "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
+    "hashes": "truth, captures, predictions and scores are the very files that were fitted and scored",
+    "seeds": "the seeds of scenes are those that the scenes were made from",
+    "origin": "package versions, hardware and the git commit of unchanged code are recorded",
+    "finite": "no score is infinite or no number, but the optimum of a row that is handed truth",
+    "gauge": "gauges are those that the training views give",
+    "truth": "truth was closed to every fit, and what was handed is what the method declares",
+    "ceiling": "no score is better than the noise of the truth allows, but of a row that is handed it",
+    "comparison": "comparison.json follows from run.json",
+    "scores": "scoring the predictions again gives the same scores (only with --rescore)",
+}
+"""What each rule asks for, in words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """What is wrong with a run."""
+
+    breaches: tuple[Breach, ...]
+    rules: tuple[str, ...]
+    """The rules that were looked at."""
+    suite: str
+    """Which suite the run was held against, and how that is known."""
+    part: str
+    """What of the suite the run is, in words; empty for all of it."""
+    results: int
+    """Number of fits that were looked at."""
+
+    @property
+    def exit_code(self) -> Literal[0, 1, 2]:
+        """0 valid; 1 a rule is broken; 2 none is known to be, but evidence is missing."""
+        if any(not breach.unknown for breach in self.breaches):
+            return 1
+        return 2 if self.breaches or not self.results else 0
+
+
+def check_result(run: Path, progress: Progress = silent, *, rescore: bool = False) -> Validity:
+    """Look at every rule for a valid result.
+
+    Args:
+        run: The run folder, with the scenes where ``run.json`` says.
+        progress: Called now and then.
+        rescore: Also score all predictions again, which takes as long as it took the bench.
+
+    Raises:
+        RecordError: ``run.json`` is missing, damaged, or of a newer format.
+    """
+    record, run = read_run(run), Path(run)
+    standard = standard_of(record, run)
+    looks: list[Callable[[RunRecord, Path], list[Breach]]] = [
+        lambda record, run: count_breaches(record),
+        lambda record, run: finite_breaches(record),
+        lambda record, run: origin_breaches(record),
+        lambda record, run: access_breaches(record),
+        lambda record, run: ceiling_breaches(record),
+        comparison_breaches,
+        lambda record, run: _of_suite(record, run, standard),
+        scene_breaches,
+        hash_breaches,
+        view_breaches,
+        gauge_breaches,
+        *([score_breaches] if rescore else []),
+    ]
+    found: list[Breach] = []
+    for done, look in enumerate(looks):
+        progress(done / len(looks), "checking")
+        found += look(record, run)
+    rules = tuple(rule for rule in RULES if rescore or rule != "scores")
+    part = part_of(record, standard.suite)
+    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, len(record.results))
+
+
+def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:
+    known = suite_breaches(record, run, standard.suite) if standard.suite else []
+    return [*standard.breaches, *known]

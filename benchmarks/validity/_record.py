@@ -1,0 +1,255 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rules for a valid result that ``run.json`` alone can break."""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from graycard import OlderRecordError, RecordError
+from graycard.benchmarks._guard import GUARD
+from graycard.benchmarks._sources import PACKAGES
+from graycard.eval.statistics import compare_run
+from graycard.io import to_builtins
+from graycard.records import JobResult, RunRecord, Score, read_comparison
+
+_ORIGINS = ("python", "platform", "cpu", "cores")
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A rule that a run breaks, or evidence that it lacks."""
+
+    rule: str
+    where: str
+    what: str
+    """What was expected and what came."""
+    unknown: bool = False
+    """Whether evidence is missing, rather than against the run."""
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"{self.rule}: {self.where}: {self.what}"
+
+
+def place_of(result: JobResult) -> str:
+    """Which fit, in words."""
+    job = result.job
+    return f"{job.track}/{job.scene} {job.method}, seed {job.seed}"
+
+
+def scores_of(run: RunRecord) -> Iterator[tuple[JobResult, Score]]:
+    """Every score with the result that it belongs to."""
+    for result in run.results:
+        for score in result.sheet.scores if result.sheet else ():
+            yield result, score
+
+
+def count_breaches(run: RunRecord) -> list[Breach]:
+    """Fits, scores and views that should be there and are not."""
+    if not run.results:
+        return [Breach("counts", "run.json", "expected fits, got none: nothing was measured", unknown=True)]
+    found = [*_missing_fits(run), *_failed_fits(run)]
+    by_scene: dict[tuple[str, str], list[JobResult]] = defaultdict(list)
+    for result in run.results:
+        by_scene[result.job.track, result.job.scene].append(result)
+    for results in by_scene.values():
+        found += _missing_scores([r for r in results if r.sheet])
+    return found + _partly_provided(run)
+
+
+def _missing_fits(run: RunRecord) -> Iterator[Breach]:
+    seeds = sorted({r.job.seed for r in run.results})
+    there = Counter((r.job.track, r.job.scene, r.job.method, r.job.seed) for r in run.results)
+    wanted = {(s.track, s.scene, m.name, seed) for s, m, seed in product(run.scenes, run.methods, seeds)}
+    for track, scene, method, seed in sorted(wanted | there.keys()):
+        key = (track, scene, method, seed)
+        expected, got = int(key in wanted), there[key]
+        if expected != got:
+            where = f"{track}/{scene} {method}, seed {seed}"
+            yield Breach("counts", where, f"expected {expected} fit in run.json, got {got}")
+
+
+def _failed_fits(run: RunRecord) -> Iterator[Breach]:
+    for result in run.results:
+        if result.status == "failed" or result.sheet is None:
+            reason = result.reason or "no reason given"
+            yield Breach("counts", place_of(result), f"expected scores, got a failure: {reason}")
+
+
+def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
+    """Of one scene: what one method has scores of, every method has, over the same views."""
+    sheets = [
+        (result, {score.metric: score for score in result.sheet.scores}) for result in results if result.sheet
+    ]
+    metrics = dict.fromkeys(metric for _, scores in sheets for metric in scores)
+    for metric in metrics:
+        scored = [s[metric] for _, s in sheets if metric in s and s[metric].status == "scored"]
+        views = set().union(*(score.per_view for score in scored))
+        expected = max(s[metric].expected for _, s in sheets if metric in s)
+        for result, scores in sheets:
+            if fault := _score_fault(scores.get(metric), views, expected):
+                yield Breach("counts", place_of(result), f"{metric}: {fault}")
+
+
+def _score_fault(score: Score | None, views: set[str], expected: int) -> str:
+    """What is wrong with the counts of a score; empty if nothing."""
+    if score is None:
+        return "expected a score, as others have on this scene, got none"
+    if score.status == "failed":
+        return f"expected a score, got a failure: {score.reason or 'no reason given'}"
+    if score.status == "not provided":
+        return ""
+    if absent := sorted(views - score.per_view.keys()):
+        return f"expected {len(views)} views, got none of {', '.join(absent)}"
+    if views and not score.scored == score.expected == len(score.per_view):
+        return (
+            f"expected as many views, got {score.expected} expected, {score.scored} scored, {len(views)} kept"
+        )
+    if score.expected != expected:
+        return f"expected {expected} to be scored, as others have on this scene, got {score.expected}"
+    return ""
+
+
+def _partly_provided(run: RunRecord) -> list[Breach]:
+    """Metrics that a method provides on some scenes of a track and not on others."""
+    states: dict[tuple[str, str, str], dict[str, set[str]]] = defaultdict(lambda: defaultdict(set))
+    for result, score in scores_of(run):
+        states[result.job.track, result.job.method, score.metric][score.status].add(result.job.scene)
+    return [
+        Breach(
+            "counts",
+            f"{track} {method}",
+            f"{metric}: expected it on all scenes or on none, got none on "
+            + ", ".join(sorted(by["not provided"])),
+        )
+        for (track, method, metric), by in states.items()
+        if by.keys() > {"not provided"}
+    ]
+
+
+def finite_breaches(run: RunRecord) -> list[Breach]:
+    """Values that are no finite numbers; the optimum of a row that is handed truth may be infinite."""
+    handed = {method.name for method in run.methods if method.sees}
+    found = []
+    for result, score in scores_of(run):
+        if score.status != "scored":
+            continue
+        perfect = score.optimum if result.job.method in handed else math.nan
+        named = [("the score", score.value), *score.per_view.items()]
+        bad = [f"{name} is {v}" for name, v in named if v is None or not (math.isfinite(v) or v == perfect)]
+        bad += [f"a factor of the gauge is {g}" for g in score.gauge or () if not math.isfinite(g)]
+        if bad:
+            what = f"{score.metric}: expected finite numbers, got: {', '.join(bad)}"
+            found.append(Breach("finite", place_of(result), what))
+    return found
+
+
+def origin_breaches(run: RunRecord) -> list[Breach]:
+    """Versions, hardware and commit that are missing, or a commit that the code has left."""
+    packages = run.environment.get("packages") or {}
+    found = [
+        Breach("origin", "environment", f"expected the version of {name}, got none")
+        for name in PACKAGES
+        if not packages.get(name)
+    ]
+    found += [
+        Breach("origin", "environment", f"expected {name}, got none")
+        for name in _ORIGINS
+        if not run.environment.get(name)
+    ]
+    commit = run.environment.get("git_commit")
+    if not commit:
+        what = "expected the git commit of the code, got none. Run from a git checkout"
+        found.append(Breach("origin", "environment", what))
+    elif str(commit).endswith("+"):
+        what = f"expected the code of a commit, got {commit}: files were changed. Commit them and run again"
+        found.append(Breach("origin", "environment", what))
+    return found
+
+
+def access_breaches(run: RunRecord) -> list[Breach]:
+    """Fits to which truth was open, that reached for it, or were handed what their row does not declare."""
+    declared = {method.name: set(method.sees) for method in run.methods}
+    found = []
+    for result in (r for r in run.results if r.status == "done"):
+        where, access = place_of(result), result.access
+        if access is None or access.guard != GUARD:
+            what = f"expected a record that truth was closed by {GUARD}, got {_evidence(result)}"
+            found.append(Breach("truth", where, what, unknown=True))
+            continue
+        if access.refused:
+            what = f"expected a fit from its capture, got an attempt to reach {', '.join(access.refused)}"
+            found.append(Breach("truth", where, what))
+        known = declared.get(result.job.method, set())
+        if extra := sorted(name for name in access.handed if not _is_declared(name, known)):
+            what = f"expected a fit that is handed what its row declares, got also {', '.join(extra)}"
+            found.append(Breach("truth", where, what))
+    return found
+
+
+def _evidence(result: JobResult) -> str:
+    """What a fit has of the guard's, where that is not enough, and what to do."""
+    if result.access is not None:
+        return f"{result.access.guard}. Fit it again"
+    if not result.job.entry:
+        return "predictions of other code, which nobody watched. `graycard bench` without them drops the row"
+    return "no record. Fit it again"
+
+
+def _is_declared(name: str, declared: set[str]) -> bool:
+    """Whether a layer is one of those declared, or that of a light where those of all lights are."""
+    stems = (layer.removesuffix("<light>") for layer in declared if layer.endswith(".<light>"))
+    return name in declared or any(name.startswith(stem) for stem in stems)
+
+
+def ceiling_breaches(run: RunRecord) -> list[Breach]:
+    """Scores that only a prediction with the truth's own noise can have, of rows that are not handed it."""
+    return [
+        Breach(
+            "ceiling",
+            f"{a.track}/{a.scene} {a.method}, seed {a.seed}",
+            f"{a.metric}: expected at most the ceiling of {a.ceiling:.2f} and a margin for chance, got "
+            f"{a.value:.2f}, {a.excess:.2f} above it: the prediction holds the noise of the truth",
+        )
+        for a in compare_run(run).above_ceiling
+        if not any("radiance" in name for name in a.handed)
+    ]
+
+
+def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+    """A comparison that is missing, or does not follow from the scores."""
+    try:
+        written = read_comparison(folder)
+    except OlderRecordError as cause:
+        return [Breach("comparison", "comparison.json", str(cause), unknown=True)]
+    except RecordError as cause:
+        return [Breach("comparison", "comparison.json", str(cause))]
+    if written is None:
+        what = "expected comparison.json, got none. Run `graycard bench` again: it fits nothing anew"
+        return [Breach("comparison", "comparison.json", what, unknown=True)]
+    where = difference(to_builtins(written), to_builtins(compare_run(run)))
+    if where is None:
+        return []
+    return [
+        Breach("comparison", "comparison.json", f"expected what follows from run.json, got another {where}")
+    ]
+
+
+def difference(one: Any, other: Any, where: str = "", tolerance: float = 1e-6) -> str | None:
+    """Where two JSON values differ, numbers by more than a share ``tolerance``; None if nowhere."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        if one.keys() != other.keys():
+            return f"{where}: {', '.join(sorted(map(str, one.keys() ^ other.keys())))}"
+        found = (difference(one[k], other[k], f"{where}.{k}".lstrip("."), tolerance) for k in one)
+    elif isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
+        pairs = enumerate(zip(one, other, strict=True))
+        found = (difference(a, b, f"{where}[{i}]", tolerance) for i, (a, b) in pairs)
+    elif isinstance(one, float | int) and isinstance(other, float | int):
+        return None if math.isclose(one, other, rel_tol=tolerance, abs_tol=1e-12) else where
+    else:
+        return None if one == other else where
+    return next((place for place in found if place is not None), None)

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a run is of the suite that it names: what ``run.json`` leaves out, ``run.json`` cannot tell."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from graycard import DatasetError, GraycardError
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, suite_names
+from graycard.benchmarks.validity._record import Breach, difference, place_of
+from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
+from graycard.methods.priors import PriorSpec
+from graycard.records import JobResult, RunRecord, SceneRecord
+from graycard.synth import SceneSpec, resolved_knobs, scene_name
+
+RULE = "suite"
+
+
+@dataclass(frozen=True, slots=True)
+class Standard:
+    """The suite that a run is held against."""
+
+    suite: Suite | None
+    """None where there is nothing to hold it against."""
+    says: str
+    """Which suite, and how that is known."""
+    breaches: tuple[Breach, ...] = ()
+    """What is wrong with the suite itself."""
+
+
+def standard_of(run: RunRecord, folder: Path) -> Standard:
+    """The suite of a run: the one of this name and version that comes along, else the one that it kept.
+
+    A kept suite is known by its hash alone: whoever changes scenes in it has made another suite.
+    """
+    kept, breaches = _kept(run, folder)
+    named = f"{run.suite} version {run.suite_version}"
+    own = load_suite(run.suite) if run.suite in suite_names() else None
+    if own is not None and own.version == run.suite_version:
+        if kept is not None and to_builtins(kept) != to_builtins(own):
+            what = f"expected {named} as it comes with graycard, got a suite of other content under its name"
+            breaches.append(Breach(RULE, KEPT, f"{what}. Give it a name of its own"))
+        return Standard(own, f"{named}, which comes with graycard", tuple(breaches))
+    if kept is None:
+        if not breaches:
+            what = f"expected {KEPT} to hold the run against, got none. Run `graycard bench` again"
+            breaches.append(Breach(RULE, KEPT, f"{what}: it fits nothing anew", unknown=True))
+        return Standard(None, f"{named}, of which nothing is known", tuple(breaches))
+    other = f"; this graycard has version {own.version}" if own is not None else ""
+    says = f"{named}, which does not come with graycard ({KEPT}, SHA-256 {run.suite_sha256}{other})"
+    return Standard(kept, says, tuple(breaches))
+
+
+def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
+    """The suite in the run folder, if it is the one that was run."""
+    path = folder / KEPT
+    if not path.is_file():
+        return None, []
+    if (found := sha256(path)) != run.suite_sha256:
+        said = f"{run.suite_sha256[:12]}…" if run.suite_sha256 else "none"
+        what = f"expected the suite that was run, of SHA-256 {said} by run.json, got {found[:12]}…"
+        return None, [Breach(RULE, KEPT, what)]
+    try:
+        suite = from_builtins(Suite, read_json(path), source=KEPT)
+    except (GraycardError, ValueError) as cause:
+        return None, [Breach(RULE, KEPT, str(cause), unknown=True)]
+    if (suite.name, suite.version) != (run.suite, run.suite_version):
+        what = f"expected suite {run.suite} version {run.suite_version}, as run.json says, got "
+        return None, [Breach(RULE, KEPT, f"{what}{suite.name} version {suite.version}")]
+    return suite, []
+
+
+def part_of(run: RunRecord, suite: Suite | None) -> str:
+    """What of its suite a run is, in words; empty for all of it."""
+    if suite is None:
+        return ""
+    tracks = list(dict.fromkeys(scene.track for scene in run.scenes))
+    rows, own = [method.name for method in run.methods], [method.row for method in suite.methods]
+    parts = []
+    if {scene.track for scene in suite.scenes} - set(tracks):
+        parts.append(f"tracks {', '.join(tracks)}")
+    if set(own) - set(rows):
+        parts.append(f"methods {', '.join(rows)}")
+    return f"part of {suite.name}: {'; '.join(parts)}" if parts else ""
+
+
+def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
+    """Scenes, seeds and settings other than those of the suite, on the tracks and of the methods of the run.
+
+    Tracks and methods may be left out as a whole, which :func:`part_of` says; a scene or a seed may not.
+    """
+    if not run.results:
+        return []
+    found = [*_missing_scenes(run, suite), *_missing_seeds(run, suite)]
+    specs = {(spec.track, scene_name(spec)): spec for spec in suite.scenes}
+    for scene in run.scenes:
+        if spec := specs.get((scene.track, scene.scene)):
+            found += _other_scene(scene, spec, suite, folder)
+    methods = {method.row: method for method in suite.methods}
+    for result in run.results:
+        if method := methods.get(result.job.method):
+            found += _other_method(result, method)
+    return found
+
+
+def _missing_scenes(run: RunRecord, suite: Suite) -> Iterator[Breach]:
+    there = {(scene.track, scene.scene) for scene in run.scenes}
+    tracks = {track for track, _ in there}
+    wanted = {(spec.track, scene_name(spec)) for spec in suite.scenes if spec.track in tracks}
+    for track, scene in sorted(wanted - there):
+        yield Breach(RULE, f"{track}/{scene}", f"expected this scene, as {suite.name} has it, got none")
+    for track, scene in sorted(there - wanted):
+        yield Breach(RULE, f"{track}/{scene}", f"expected scenes of {suite.name}, got one that it has not")
+
+
+def _missing_seeds(run: RunRecord, suite: Suite) -> Iterator[Breach]:
+    for seed in sorted(set(suite.seeds) - {result.job.seed for result in run.results}):
+        yield Breach(RULE, "run.json", f"expected fits with seed {seed}, as {suite.name} has them, got none")
+
+
+def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -> Iterator[Breach]:
+    """A scene of the same name may be an easier one."""
+    try:
+        settings = read_manifest(run / scene.folder / "truth", "graycard-truth").settings
+    except DatasetError:
+        return  # said by `hashes`
+    wanted = {"family": spec.family, "knobs": resolved_knobs(spec), "render": suite.render_of(spec)}
+    if (place := _apart(to_builtins(wanted), to_builtins(settings))) is not None:
+        what = f"expected the scene that {suite.name} asks for, got another {place}"
+        yield Breach(RULE, f"{scene.track}/{scene.scene}", what)
+
+
+def _other_method(result: JobResult, method: SuiteMethod) -> Iterator[Breach]:
+    job = result.job
+    wanted: dict[str, Any] = {"entry": method.entry, "settings": method.settings}
+    found = {"entry": job.entry, "settings": job.settings}
+    if job.priors or method.priors != PriorSpec():
+        wanted["priors"], found["priors"] = method.priors, job.priors
+    if (place := _apart(to_builtins(wanted), to_builtins(found))) is not None:
+        yield Breach(RULE, place_of(result), f"expected the method as the suite has it, got another {place}")
+
+
+def _apart(wanted: Any, found: Any, where: str = "") -> str | None:
+    """Where ``found`` differs in what ``wanted`` names; more of it may be there: defaults."""
+    if isinstance(wanted, Mapping) and isinstance(found, Mapping):
+        places = (_apart(wanted[k], found.get(k), f"{where}.{k}".lstrip(".")) for k in wanted)
+        return next((place for place in places if place is not None), None)
+    return difference(wanted, found, where, tolerance=0)

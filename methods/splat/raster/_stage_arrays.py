@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arrays that one stage of the engine hands to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from graycard import Camera
+from graycard.methods.splat.raster._blocks import GROUP, LANES, PIXELS, SIXTEEN
+from graycard.methods.splat.raster._tiles import TileLists
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is drawn, as contiguous arrays of one floating dtype."""
+
+    centres: np.ndarray
+    """Shape ``(N, 3)``; this and the next three as in ``Surfels``."""
+    rotations: np.ndarray
+    scales: np.ndarray
+    opacities: np.ndarray
+    features: np.ndarray
+    """Shape ``(N, padded_channels(C))``, float32."""
+    offsets: np.ndarray
+    """Shape ``(N, 2)``, pixels."""
+    camera: Camera
+    shaped: bool
+    """Whether normals, depths and distortion are drawn as well."""
+
+    @property
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """World to camera, K, and the inverse of K."""
+        K = np.ascontiguousarray(self.camera.K)
+        return self.camera.world_to_camera, K, np.linalg.inv(K)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+        return self.camera.height, self.camera.width
+
+    @property
+    def templates(self) -> tuple[tuple[int, ...] | None, tuple[int, ...] | None]:
+        """``template`` and ``sixteen`` of the kernels."""
+        channels = self.features.shape[1]
+        return (0,) * (channels % GROUP) or None, SIXTEEN if channels >= GROUP else None
+
+
+@dataclass(frozen=True)
+class Projected:
+    """What ``_project_forward.project`` writes, see there."""
+
+    rows: np.ndarray
+    bounds: np.ndarray
+    depths: np.ndarray
+    normals: np.ndarray
+
+
+@dataclass(frozen=True)
+class Lists:
+    """Which surfels touch which tiles."""
+
+    tiles: TileLists
+    slots: np.ndarray
+    """Shape ``(N + 1,)``, int64: where the pairs of each surfel begin, in an order of pairs by surfel."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Geometry that was drawn; the first four are maps."""
+
+    normal: np.ndarray
+    depth: np.ndarray
+    distortion: np.ndarray
+    median_depth: np.ndarray
+    moments: np.ndarray
+    """Flat, float32: for each block of each tile four vectors, the sums of w, w z, w / z and w / z^2."""
+    ranks: np.ndarray
+    """Flat, float32, a vector a block: place in the tile's list of the surfel of the median depth, or -1."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What ``_forward.forward`` writes, see there."""
+
+    image: np.ndarray
+    transmittance: np.ndarray
+    masks: np.ndarray
+    drawn: np.ndarray
+    visits: np.ndarray
+    shape: Shape | None
+
+    @property
+    def forward_lanes(self) -> int:
+        """Pixels at which surfels were evaluated."""
+        return LANES * int(self.visits.sum())
+
+    def backward_lanes(self, lists: Lists) -> int:
+        """Pixels at which surfels are evaluated again, on the way back."""
+        ends = lists.tiles.start[:-1] + self.drawn
+        spans = zip(lists.tiles.start[:-1], ends, strict=True)
+        return LANES * sum(int(np.bitwise_count(self.masks[first:past]).sum()) for first, past in spans)
+
+
+@dataclass(frozen=True)
+class Slots:
+    """What ``_backward.backward`` writes, see there."""
+
+    geometry: np.ndarray
+    channels: np.ndarray | None
+    stride: int
+
+
+@dataclass(frozen=True)
+class Gradients:
+    """Derivatives of the loss, shaped and typed as what they are of; features in float32."""
+
+    centres: np.ndarray
+    rotations: np.ndarray
+    scales: np.ndarray
+    opacities: np.ndarray
+    features: np.ndarray
+    offsets: np.ndarray
+
+
+def working_bytes(*stages: object) -> int:
+    """Memory of all arrays that the results of stages hold, nested ones included."""
+    total = 0
+    for stage in stages:
+        values = stage if isinstance(stage, tuple) else list(vars(stage).values())
+        arrays = [value for value in values if isinstance(value, np.ndarray)]
+        nested = [value for value in values if isinstance(value, TileLists | Shape)]
+        total += sum(array.nbytes for array in arrays) + working_bytes(*nested)
+    return total
+
+
+def vectors(count: int, width: int) -> np.ndarray:
+    """Rows of float32 that begin with lines of the cache, for widths that are multiples of ``LANES``."""
+    room = np.empty(count * width + LANES, np.float32)
+    first = (-room.ctypes.data % 64) // 4
+    return room[first : first + count * width].reshape(count, width)
+
+
+def empty_shape(size: tuple[int, int], tiles: int) -> Shape:
+    """Room for what is drawn beside channels, to be written."""
+    depth, distortion, median = (np.empty(size, np.float32) for _ in range(3))
+    moments, ranks = (vectors(tiles, count * PIXELS).reshape(-1) for count in (4, 1))
+    return Shape(np.empty((*size, 3), np.float32), depth, distortion, median, moments, ranks)

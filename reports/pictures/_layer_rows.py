@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One layer of one view as rows of pictures: the truth, each method, and where it is wrong."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from graycard import View, find_layer, srgb_encode
+from graycard.reports._evidence import MethodEvidence, SceneEvidence, usable_layer
+from graycard.reports._format import format_name, format_number
+from graycard.reports.pictures._colour_maps import ColourMap
+from graycard.reports.pictures._error_images import (
+    NOISE_HIGH,
+    error_image,
+    error_unit,
+    noise_ratio_image,
+    shared_scale,
+)
+from graycard.reports.pictures._pictures import (
+    Picture,
+    display_picture,
+    linear_picture,
+    mapped_picture,
+    shrink,
+)
+
+MAX_SIDE = 128
+"""Pixels of a picture; larger ones are averaged down by a whole factor."""
+GRAY_CARD = 0.18
+"""Reflectance under which light that arrives at a surface is shown: as radiance it would mostly be white."""
+RE_EXPOSED = ("radiance", "counterfactual.radiance")
+"""Embedded as linear light too, which takes three times the bytes."""
+
+_TITLES = {"counterfactual.radiance": "Radiance without the target object", "normal": "Normal, world axes"}
+_UNITS = {"base_color": "reflectance, 1 is white", "normal": "X, Y, Z as R, G, B"}
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """A place for a picture, or the words that stand there instead."""
+
+    picture: Picture | None = None
+    missing: str = ""
+    """``not provided`` or ``failed``."""
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """A colour bar and the numbers at its ends."""
+
+    colours: ColourMap
+    low: str
+    high: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class LayerRow:
+    """One layer of one view: a tile for the truth, two for each method, three where the truth has noise."""
+
+    title: str
+    unit: str
+    truth: Tile
+    predictions: tuple[Tile, ...]
+    errors: tuple[Tile, ...]
+    noise_ratios: tuple[Tile, ...]
+    """Errors in units of the truth's noise; empty where it is exact."""
+    error_scale: Scale
+    noise_scale: Scale
+    value_scale: Scale | None
+    """For a layer that is shown through a colour map."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedLayer:
+    """A layer of a scene with all that its pictures share."""
+
+    name: str
+    exposure: float
+    errors: Mapping[tuple[str, str], np.ndarray]
+    """By view and method."""
+    ratios: Mapping[tuple[str, str], np.ndarray]
+    """Of error to noise, by view and method; empty where the truth is exact."""
+    error_high: float
+    low: float
+    high: float
+    title: str = ""
+    """In the place of the name of the layer."""
+    still: bool = False
+    """Whether it is never embedded as linear light."""
+
+
+def title_of(layer: str) -> str:
+    """A layer in words."""
+    return _TITLES.get(layer, format_name(layer))
+
+
+def judged_layer(name: str, scene: SceneEvidence, methods: Sequence[MethodEvidence]) -> JudgedLayer:
+    """A layer held against the truth in every shown view."""
+    errors: dict[tuple[str, str], np.ndarray] = {}
+    ratios: dict[tuple[str, str], np.ndarray] = {}
+    for view in scene.shown:
+        true, mask = scene.layers[view.name][name], scene.mask(name, view)
+        variance = scene.layers[view.name].get(f"{name}.var")
+        for method in methods:
+            values, _ = usable_layer(method, view, name)
+            if values is None:
+                continue
+            errors[view.name, method.method] = error_image(name, values, true, mask, scene.truth.exposure)
+            if variance is not None:
+                ratios[view.name, method.method] = noise_ratio_image(values, true, variance, mask)
+    low, high = _value_range([scene.layers[v.name][name] for v in scene.shown])
+    scale = shared_scale(list(errors.values()))
+    return JudgedLayer(name, scene.truth.exposure, errors, ratios, scale, low, high)
+
+
+def _value_range(images: Sequence[np.ndarray]) -> tuple[float, float]:
+    finite = np.concatenate([i[np.isfinite(i)] for i in images])
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
+
+
+def layer_row(
+    layer: JudgedLayer, view: View, scene: SceneEvidence, methods: Sequence[MethodEvidence]
+) -> LayerRow:
+    """The pictures of a layer in one view."""
+    title = layer.title or title_of(layer.name)
+    truth = _show(layer, scene.layers[view.name][layer.name], f"{title}, {view.name}: truth")
+    ratios = tuple(_noise_ratio(layer, view, method, title) for method in methods) if layer.ratios else ()
+    unit = find_layer(layer.name).unit
+    return LayerRow(
+        title,
+        f"{_unit_of(layer.name)}, at the exposure of the scene" if layer.still else _unit_of(layer.name),
+        Tile(truth),
+        tuple(_prediction(layer, view, method, title) for method in methods),
+        tuple(_error(layer, view, method, title) for method in methods),
+        ratios,
+        _scale("error", 0, layer.error_high, error_unit(layer.name), "≥ "),
+        _scale("error", 0, NOISE_HIGH, "standard deviations of the truth; 1 is noise alone", "≥ "),
+        _scale("depth", layer.low, layer.high, unit, "") if _is_number(layer.name) else None,
+    )
+
+
+def _unit_of(name: str) -> str:
+    if name in _UNITS:
+        return _UNITS[name]
+    if _reflected(name) < 1:
+        return "as displayed on a gray card"
+    unit = find_layer(name).unit
+    return "as displayed" if "sr" in unit else "" if unit == "1" else unit
+
+
+def _is_number(name: str) -> bool:
+    return len(find_layer(name).channels) == 1
+
+
+def _reflected(name: str) -> float:
+    """By what a layer of light is shown as radiance; below 1 where it arrives at a surface."""
+    if "irradiance" in name:
+        return GRAY_CARD / np.pi
+    return GRAY_CARD if name == "shading" else 1.0
+
+
+def _prediction(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
+    values, note = usable_layer(method, view, layer.name)
+    if values is None:
+        status, _, reason = note.partition(": ")
+        return Tile(missing=status, note=reason)
+    return Tile(_show(layer, values, f"{title}, {view.name}: {method.method}"), note=note)
+
+
+def _error(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
+    error = layer.errors.get((view.name, method.method))
+    if error is None:
+        return Tile()
+    typical = float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
+    alt = f"error of {title}, {view.name}: {method.method}, mean {format_number(typical)}"
+    return Tile(mapped_picture(shrink(error, MAX_SIDE), 0, layer.error_high, "error", alt))
+
+
+def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
+    ratio = layer.ratios.get((view.name, method.method))
+    if ratio is None:
+        return Tile()
+    seen = ratio[~np.isnan(ratio)]
+    within = f"{(seen <= 2).mean():.0%} of the pixels within 2" if seen.size else "no pixel is judged"
+    alt = f"error to noise of {title}, {view.name}: {method.method}, {within}"
+    small = shrink(np.minimum(ratio, 2 * NOISE_HIGH), MAX_SIDE)  # one wild pixel must not fill its block
+    return Tile(mapped_picture(small, 0, NOISE_HIGH, "error", alt), note=within)
+
+
+def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> Picture:
+    small = shrink(values.astype(np.float64), MAX_SIDE)
+    if layer.name == "normal":
+        return display_picture((small + 1) / 2, alt)
+    if _is_number(layer.name):
+        small = np.where(np.isfinite(small), small, np.nan)
+        return mapped_picture(small, layer.low, layer.high, "depth", alt)
+    if find_layer(layer.name).unit == "1":
+        return display_picture(srgb_encode(small), alt)
+    light = small * layer.exposure * _reflected(layer.name)
+    return (
+        linear_picture(light, alt)
+        if layer.name in RE_EXPOSED and not layer.still
+        else display_picture(srgb_encode(light), alt)
+    )
+
+
+def _scale(colours: ColourMap, low: float, high: float, unit: str, more: str) -> Scale:
+    return Scale(colours, format_number(low), more + format_number(high), unit)

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands in one cell of a table of scores, pooled from the readings of one or more jobs."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from graycard.records import JobResult, Score
+from graycard.reports._format import format_name, format_value
+from graycard.reports.tables._intervals import IntervalPlot
+
+CellStatus = Literal["scored", "failed", "not provided", "not run"]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What one job says about one metric."""
+
+    scene: str
+    status: CellStatus
+    value: float | None = None
+    noise_ceiling: float | None = None
+    gauge: tuple[float, ...] | None = None
+    interval: tuple[float, float] | None = None
+    reason: str = ""
+    breakdown: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """One cell: a value, a failure, or a quiet dash."""
+
+    status: CellStatus
+    text: str
+    value: float | None = None
+    notes: tuple[str, ...] = ()
+    """Small lines below the value."""
+    reason: str = ""
+    complete: bool = False
+    """Whether every job that should be in the mean is in it: only then may it be compared."""
+    best: bool = False
+    plot: IntervalPlot | None = None
+    """Of the mean with its interval; None where scores of one scene stand."""
+
+
+def read_metric(result: JobResult, metric: str) -> Reading:
+    """What a job says about a metric; a failed job failed in each."""
+    scene = result.job.scene
+    if result.sheet is None:
+        return Reading(scene, "failed", reason=result.reason or "expected scores of this job, got none")
+    for score in result.sheet.scores:
+        if score.metric == metric:
+            return _reading_of(scene, score)
+    return Reading(scene, "not provided", reason="this scene has no such score")
+
+
+def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell:
+    """One cell from the readings of one method: the mean over seeds, then over scenes.
+
+    What failed is counted, never left out silently and never replaced by a number.
+
+    Args:
+        readings: One for each job of the method.
+        unit: Of the metric.
+        detailed: Also note the gauge and interval, where there is a single reading.
+    """
+    if not readings:
+        return Cell("not run", "–", reason="not run here")
+    scored = [r for r in readings if r.status == "scored"]
+    failed = [r for r in readings if r.status == "failed"]
+    if scored:
+        return _scored_cell(scored, len(readings), unit, detailed)
+    if failed:
+        part = f"{len(failed)} of {len(readings)}" if len(failed) < len(readings) else ""
+        return Cell("failed", "failed", notes=(part,) if part else (), reason=failed[0].reason)
+    return Cell("not provided", "–", reason="not provided")
+
+
+def breakdown_text(readings: Sequence[Reading], unit: str) -> str:
+    """The same number by neighbouring rules, the mean over seeds, then scenes; empty where there are none.
+
+    A rule enters if every reading has it: another mean would be over other scenes.
+    """
+    scored = [r for r in readings if r.status == "scored"]
+    rules = dict.fromkeys(rule for r in scored for rule in r.breakdown)
+    means = {
+        rule: mean_over_scenes((r.scene, r.breakdown[rule]) for r in scored)
+        for rule in rules
+        if all(rule in r.breakdown for r in scored)
+    }
+    return ", ".join(f"{format_name(rule).lower()} {format_value(m, unit)}" for rule, m in means.items())
+
+
+def mean_over_scenes(values: Iterable[tuple[str, float]]) -> float:
+    """Mean of the scene values, each the mean over its seeds; of pairs of scene and value."""
+    by_scene: dict[str, list[float]] = defaultdict(list)
+    for scene, value in values:
+        by_scene[scene].append(value)
+    return _mean([_mean(found) for found in by_scene.values()])
+
+
+def is_better(value: float, other: float, higher_is_better: bool) -> bool:
+    """Whether a value is strictly better than another."""
+    return value > other if higher_is_better else value < other
+
+
+def _reading_of(scene: str, score: Score) -> Reading:
+    if score.status == "scored" and (score.value is None or math.isnan(score.value)):
+        return Reading(scene, "failed", reason=f"expected a value of {score.metric}, got {score.value}")
+    return Reading(
+        scene,
+        score.status,
+        score.value,
+        score.noise_ceiling,
+        score.gauge,
+        score.interval,
+        score.reason,
+        score.breakdown,
+    )
+
+
+def _scored_cell(scored: Sequence[Reading], expected: int, unit: str, detailed: bool) -> Cell:
+    value = mean_over_scenes((r.scene, r.value) for r in scored if r.value is not None)
+    return Cell(
+        "scored",
+        format_value(value, unit),
+        value,
+        _notes(scored, expected, unit) + (_details(scored[0], unit) if detailed and expected == 1 else ()),
+        complete=len(scored) == expected,
+    )
+
+
+def _notes(scored: Sequence[Reading], expected: int, unit: str) -> tuple[str, ...]:
+    notes = [f"{len(scored)} of {expected} scored"] if len(scored) < expected else []
+    ceilings = [(r.scene, r.noise_ceiling) for r in scored if r.noise_ceiling is not None]
+    if len(ceilings) == len(scored):
+        notes.append(f"ceiling {format_value(mean_over_scenes(ceilings), unit)}")
+    return tuple(notes)
+
+
+def _details(reading: Reading, unit: str) -> tuple[str, ...]:
+    notes = []
+    if reading.interval is not None:
+        low, high = (format_value(end, unit) for end in reading.interval)
+        notes.append(f"95 %: {low} to {high}")
+    if reading.gauge is not None:
+        notes.append("gauge " + " ".join(f"{g:.3g}" for g in reading.gauge))
+    return tuple(notes)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Mean of finite and infinite numbers; of both infinities nan, as it should be."""
+    return sum(values) / len(values)

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that ask how far a run can be trusted."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.table import Table
+
+from graycard.cli._screen import OK, Json, Screen, new_table, write_optional_json
+from graycard.io._json import write_json
+from graycard.records._comparison import (
+    COMPARISON,
+    Comparison,
+    MethodStanding,
+    MetricComparison,
+    PairDifference,
+)
+from graycard.records._run import MetricRecord, read_run
+
+SHOWN = 5
+"""Lines of a rule that evidence is missing, of what may be hundreds alike."""
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """Say whether a run is a valid result: 0 if so, 1 if a rule is broken, 2 if that cannot be judged."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder, with its scenes where run.json says."""
+    rescore: bool = False
+    """Also score all predictions again; takes as long as it took the bench."""
+    json: Json = None
+    """Also write what was found to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Look at every rule."""
+        from graycard.benchmarks import RULES, check_result
+
+        with screen.progress() as progress:
+            found = check_result(self.run_folder, progress, rescore=self.rescore)
+        lacking = Counter[str]()
+        for breach in found.breaches:
+            lacking[breach.rule] += breach.unknown
+            if not breach.unknown or lacking[breach.rule] <= SHOWN:
+                screen.out.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+        for rule, number in lacking.items():
+            if number > SHOWN:
+                screen.out.print(f"unknown: {rule}: {number - SHOWN} more; --json lists them")
+        for rule in dict.fromkeys(breach.rule for breach in found.breaches):
+            screen.err.print(f"rule {rule}: {RULES[rule]}")
+        write_optional_json(self.json, {"exit_code": found.exit_code, "validity": found})
+        broken = sum(not breach.unknown for breach in found.breaches)
+        says = {0: "valid", 1: "invalid", 2: "cannot be judged"}
+        screen.out.print(f"suite: {found.suite}")
+        part = f", {found.part}" if found.part else ""
+        screen.out.print(
+            f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "
+            f"{broken} broken, {len(found.breaches) - broken} without evidence)"
+        )
+        return found.exit_code
+
+
+@dataclass(frozen=True)
+class Compare:
+    """Say which method of a run is better, by how much, and how sure that is."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder; its comparison.json is written anew from run.json. A published one is left as it is."""
+    metrics: tuple[str, ...] = ()
+    """Only these metrics; those of the leaderboard by default."""
+    pairs: bool = False
+    """Also show every two methods."""
+    json: Json = None
+    """Also write the comparison to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Compare."""
+        from graycard._errors import UnknownNameError
+        from graycard.eval.statistics import compare_run
+        from graycard.reports import is_published
+
+        record = read_run(self.run_folder)
+        by_id = {metric.id: metric for metric in record.metrics}
+        for name in self.metrics:
+            if name not in by_id:
+                raise UnknownNameError("metric of this run", name, by_id)
+        wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
+        found = compare_run(record)
+        tables = [table for table in found.metrics if table.metric in wanted]
+        shown = [table for table in tables if self.metrics or _is_contested(table)]
+        for table in shown:
+            self._show(screen, table, by_id[table.metric])
+        if not is_published(self.run_folder):
+            write_json(self.run_folder / COMPARISON, found)
+        write_optional_json(self.json, found)
+        if record.submitted:
+            screen.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
+        _say_skipped(screen, [table for table in tables if table not in shown])
+        _say(screen, found)
+        return OK
+
+    def _show(self, screen: Screen, table: MetricComparison, metric: MetricRecord) -> None:
+        better = "higher" if metric.higher_is_better else "lower"
+        screen.out.print(f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better")
+        screen.out.print(_standings(table, metric.higher_is_better))
+        if self.pairs and table.pairs:
+            screen.out.print(_pairs(table))
+
+
+def _is_contested(table: MetricComparison) -> bool:
+    """Whether a method that competes has a value."""
+    return any(method.competes and method.mean is not None for method in table.methods)
+
+
+def _say_skipped(screen: Screen, tables: list[MetricComparison]) -> None:
+    if tables:
+        names = " ".join(dict.fromkeys(table.metric for table in tables))
+        screen.out.print(
+            f"skipped: {len(tables)} table{'s' * (len(tables) != 1)} in which no method that competes has a "
+            f"value: --metrics {names}"
+        )
+
+
+def _say(screen: Screen, found: Comparison) -> None:
+    for above in found.above_ceiling:
+        if not above.handed:
+            screen.err.print(
+                f"truth has leaked: {above.track}/{above.scene} {above.method}, seed {above.seed}, "
+                f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
+                f"{found.margins[above.unit]:g} are left to chance"
+            )
+    every = [(table, pair) for table in found.metrics for pair in table.pairs]
+    pairs = [pair for table, pair in every if _compete(table, pair)]
+    few = sum(pair.verdict == "too few scenes" for pair in pairs)
+    tied = sum(pair.verdict == "tie" for pair in pairs)
+    decided = len(pairs) - few - tied
+    handed = len(every) - len(pairs)
+    screen.out.print(
+        f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
+        f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
+    )
+
+
+def _compete(table: MetricComparison, pair: PairDifference) -> bool:
+    """Whether neither of two methods is handed truth: only such pairs have a verdict to show."""
+    return {pair.first, pair.second} <= {method.method for method in table.methods if method.competes}
+
+
+def _standings(table: MetricComparison, higher_is_better: bool) -> Table:
+    """The best mean first, those without one last."""
+    shown = new_table("rank", "method", "mean", "95 % interval", "scenes", "scene sd", "seed sd", "ceiling")
+    known = [row for row in table.methods if row.mean is not None]
+    known.sort(key=lambda row: row.mean or 0.0, reverse=higher_is_better)
+    for row in (*known, *(row for row in table.methods if row.mean is None)):
+        shown.add_row(*_cells(row))
+    return shown
+
+
+def _cells(row: MethodStanding) -> tuple[str, ...]:
+    rank = str(row.rank) if row.rank else "" if row.competes else "is handed truth"
+    counts = f"{row.scenes}/{row.expected}"
+    spreads = (_number(x) for x in (row.scene_sd, row.seed_sd, row.ceiling))
+    return rank, row.method, _number(row.mean), _interval(row.interval), counts, *spreads
+
+
+def _pairs(table: MetricComparison) -> Table:
+    shown = new_table("pair", "difference", "95 % interval", "scenes", "p rank", "p mean, Holm", "verdict")
+    for pair in table.pairs:
+        shown.add_row(*_pair_cells(pair, _compete(table, pair)))
+    return shown
+
+
+def _pair_cells(pair: PairDifference, compete: bool) -> tuple[str, ...]:
+    """Of a pair with a row that is handed truth neither a corrected p nor a verdict."""
+    names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
+    ends = (_number(pair.p_mean_holm), pair.verdict) if compete else ("", "is handed truth")
+    return names, difference, _interval(pair.interval), str(pair.scenes), _number(pair.p_rank), *ends
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"
+
+
+def _interval(ends: tuple[float, float] | None) -> str:
+    return "" if ends is None else f"{ends[0]:.4g} to {ends[1]:.4g}"

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that holds a run against the claims of papers."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, get_args
+
+import tyro
+from rich.table import Table
+
+from graycard.cli._screen import OK, Json, Screen, new_table, write_optional_json
+from graycard.io._json import write_json
+from graycard.records._ledger import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean
+from graycard.records._run import read_run
+
+
+@dataclass(frozen=True)
+class Claims:
+    """Say which claims of papers a run bears out, and write them into it and its report."""
+
+    run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
+    """The run folder; its claims.json is written anew from run.json, where it is not a published one. Without
+    one, only papers' own tables are held against themselves."""
+    claims: tuple[str, ...] = ()
+    """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
+    default. Claims that are made for the runs of another suite are refused."""
+    any_suite: bool = False
+    """Also judge claims that are made for the runs of another suite; where --claims names none and none are
+    made for this suite, all that come along."""
+    checks: bool = False
+    """Also show every comparison that a claim comes down to."""
+    json: Json = None
+    """Also write the ledger to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Judge them; a contradicted claim is a finding, no failure."""
+        from graycard.benchmarks.claims import judge_tables
+
+        if self.run_folder is None:
+            found, report = judge_tables(self.claims), ""
+        else:
+            found, report = self._judged(self.run_folder, screen)
+        for paper in found.papers:
+            self._show(screen, paper)
+        write_optional_json(self.json, found)
+        counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
+        words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
+        screen.out.print(f"claims: {words}{report}")
+        return OK
+
+    def _judged(self, run: Path, screen: Screen) -> tuple[Ledger, str]:
+        """The ledger of a run, written into it, and where its report is; a published one is left as it is.
+
+        Raises:
+            RecordError: No claims are made for the run's suite, or those asked for are of another.
+        """
+        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims, made_for_others
+        from graycard.reports import is_published, write_report
+
+        record = read_run(run)
+        names = self.claims or claims_of_suite(record.suite) or claims_names()
+        found = judge_claims(record, run, names, any_suite=self.any_suite)
+        for name, suite in made_for_others(record.suite, names).items():
+            screen.err.print(
+                f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
+            )
+        if is_published(run):
+            return found, "; the folder is a published one and left as it is"
+        write_json(run / CLAIMS, found)
+        return found, f"; report: {write_report(run).resolve()}"
+
+    def _show(self, screen: Screen, paper: PaperResult) -> None:
+        screen.out.print(f"\n{paper.title}, claims version {paper.version}")
+        table = new_table("", "claim", "verdict", "why")
+        for claim in paper.claims:
+            table.add_row(claim.id, claim.sentence, claim.verdict, claim.text)
+        screen.out.print(table)
+        if self.checks:
+            for claim in paper.claims:
+                if claim.checks:
+                    screen.out.print(f"\n{claim.id}: {claim.sentence}")
+                    screen.out.print(_checks(claim.checks))
+
+
+def _checks(checks: tuple[CheckResult, ...]) -> Table:
+    heads = (
+        "",
+        "effect",
+        "mean",
+        "95 % interval",
+        "p",
+        "p of ranks",
+        "n",
+        "paper",
+        "upper bound",
+        "trivial",
+        "verdict",
+    )
+    table = new_table(*heads)
+    for check in checks:
+        told = "" if check.decides else " (decides nothing)"
+        table.add_row(
+            check.id,
+            check.effect_of,
+            _number(check.mean, check.unit),
+            "" if check.interval is None else f"{check.interval[0]:.3g} to {check.interval[1]:.3g}",
+            _number(check.p_mean),
+            _number(check.p_rank),
+            str(len(check.scenes) or ""),
+            _number(check.paper, check.unit),
+            _row(check.bound),
+            _row(check.trivial),
+            check.verdict + told,
+        )
+    return table
+
+
+def _row(row: RowMean | None) -> str:
+    if row is None:
+        return ""
+    return f"{row.row}: {', '.join(filter(None, (_number(row.value), row.reason)))}"
+
+
+def _number(value: float | None, unit: str = "1") -> str:
+    return "" if value is None else f"{value:.3g}" + ("" if unit == "1" else f" {unit}")

@@ -1,0 +1,320 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that make scenes, check and show them, and exchange them with other programs."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from rich.table import Table
+
+from graycard._errors import GraycardError, UnknownNameError
+from graycard.cli._screen import FAILED, OK, Json, Screen, new_table, refuse, share, write_optional_json
+from graycard.dataset import TRACKS, is_scene
+from graycard.exchange._transfer import ExchangeFormat
+from graycard.predictions import INDEX as PREDICTIONS
+
+if TYPE_CHECKING:
+    from graycard.synth.verify import Verdict
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """List the scene families and the scenes of each suite, or the knobs of one family."""
+
+    family: Annotated[str | None, tyro.conf.Positional] = None
+    """Show the knobs of this family."""
+    json: Json = None
+    """Also write the list to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """List them."""
+        if self.family is not None:
+            return self._show(screen, self.family)
+        from graycard.benchmarks import load_suite, suite_names
+        from graycard.synth import all_families, describe, scene_name
+
+        suites = [load_suite(name) for name in suite_names()]
+        table = new_table("suite", "track", "scene", "what is to be seen")
+        for suite in suites:
+            for spec in suite.scenes:
+                table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
+        screen.out.print(table)
+        known = {track: [n for n, f in all_families().items() if f.track == track] for track in TRACKS}
+        write_optional_json(self.json, {"families": known, "suites": suites})
+        names = ", ".join(f"{track}: {'/'.join(found)}" for track, found in known.items())
+        screen.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
+        return OK
+
+    def _show(self, screen: Screen, name: str) -> int:
+        from graycard.synth import all_families, knobs
+
+        if name not in all_families():
+            raise UnknownNameError("scene family", name, all_families())
+        family = all_families()[name]
+        found = knobs(family)
+        table = new_table("knob", "default", "allowed", "what it does")
+        for item in found:
+            table.add_row(item.name, str(item.default), item.allowed, item.meaning)
+        screen.out.print(table)
+        write_optional_json(
+            self.json, {"family": name, "track": family.track, "title": family.title, "knobs": found}
+        )
+        screen.out.print(f"scenes: {name} ({family.track}), {family.title}; {len(found)} knobs")
+        return OK
+
+
+@dataclass(frozen=True)
+class Render:
+    """Render the scenes of a suite, or one scene of a track with any seed."""
+
+    what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE|TRACK")]
+    """A suite, or one of the tracks. For a track, size and samples may follow: --width, --height, …"""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Where to: DATASET/<track>/<scene>/{capture,truth}. What is there and intact is kept."""
+    seed: int | None = None
+    """Seed of the scene (for a track); 0 by default."""
+    family: str | None = None
+    """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
+    knob: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    """Knobs of the family that are to differ from its defaults; `graycard scenes FAMILY` lists them."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
+        from graycard.dataset import open_truth
+        from graycard.synth import find_llvm, render_scene
+
+        jobs, noisy = self._jobs(rest), 0
+        screen.advise(find_llvm().advice)
+        for number, (spec, settings, wanted) in enumerate(jobs):
+            with screen.progress() as progress:
+                folder = render_scene(spec, settings, self.out, share(progress, number, len(jobs)))
+            ceiling = open_truth(folder / "truth", check=False).noise_ceiling or 0.0
+            screen.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
+            if ceiling < wanted:
+                noisy += 1
+                screen.err.print(f"failed: expected a noise ceiling of {wanted:g} dB at {folder.as_posix()}")
+        tail = f", {noisy} noisier than its suite allows: give it more samples" if noisy else ""
+        screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
+        return FAILED if noisy else OK
+
+    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
+        """Specs, how they are photographed, and the noise ceilings that they must reach."""
+        from graycard.benchmarks import load_suite, suite_names
+        from graycard.synth import RenderSettings, SceneSpec, all_families
+
+        if self.what in TRACKS:
+            settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
+            first = next(name for name, f in all_families().items() if f.track == self.what)
+            seed = self.seed or 0
+            if seed < 0:
+                raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
+            return [(SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings, 0.0)]
+        refuse(rest, "render")
+        known = [*suite_names(), *TRACKS]
+        if self.what not in known and not self.what.endswith(".toml"):
+            raise UnknownNameError("suite or track", self.what, known)
+        if self.seed is not None or self.family is not None or self.knob:
+            raise GraycardError(
+                "expected --seed, --family and --knob with a track only: a suite names its own scenes"
+            )
+        suite = load_suite(self.what)
+        return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
+
+
+@dataclass(frozen=True)
+class Verify:
+    """Check the truth of a dataset by integrity, physics and a second rendering."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """The dataset."""
+    views: int = 3
+    """Views of each scene that are rendered again."""
+    render: bool = True
+    """--no-render: look at the files only."""
+    json: Json = None
+    """Also write every check to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Check; a check that failed makes the exit code 1."""
+        from graycard.synth.verify import verify_dataset
+
+        if self.views < 1:
+            raise GraycardError(
+                f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render"
+            )
+        with screen.progress() as progress:
+            verdict = verify_dataset(self.dataset, self.views, self.render, progress)
+        screen.out.print(_verdict_table(verdict))
+        write_optional_json(self.json, verdict)
+        for check in verdict.checks:
+            if check.status == "failed":
+                screen.err.print(f"failed: {check.scene} {check.view} {check.name}: {check.reason}")
+        passed, failed, skipped = (verdict.count(status) for status in ("passed", "failed", "skipped"))
+        screen.out.print(
+            f"verify: {verdict.scenes} scene{'s' * (verdict.scenes != 1)}, {passed} checks passed, "
+            f"{failed} failed, {skipped} skipped"
+        )
+        return FAILED if failed else OK
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Say how well one vector a point can tell which lights reach it, however GS-ID's is read."""
+
+    scenes: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """DATASET/<track>/<scene>, one or more, with local lights and truth."""
+    json: Json = None
+    """Also write the errors to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Look for the best vectors."""
+        from graycard.benchmarks.bounds import vector_bound
+
+        if not self.scenes:
+            raise GraycardError("expected DATASET/<track>/<scene>, one or more, got none")
+        found = [vector_bound(scene) for scene in self.scenes]
+        forms = list(found[0].errors)
+        table = new_table("scene", "lights", *forms)
+        for row in found:
+            table.add_row(row.scene, str(row.lights), *(f"{row.errors[form]:.3f}" for form in forms))
+        screen.out.print(table)
+        write_optional_json(self.json, found)
+        screen.out.print(f"bounds: {len(found)} scenes, the error of the share of light at the best vectors")
+        return OK
+
+
+@dataclass(frozen=True)
+class Look:
+    """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
+
+    dataset: Annotated[Path, tyro.conf.Positional]
+    """The dataset; what is half-written in it is left out. Or one scene: DATASET/<track>/<scene>."""
+    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    """Where the PNGs go, one a scene; DATASET/look by default."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Draw them."""
+        from graycard.reports import write_contact_sheets
+
+        _refuse_predictions(self.dataset)
+        dataset = self.dataset.resolve().parents[1] if is_scene(self.dataset) else self.dataset
+        out = self.out or dataset / "look"
+        with screen.progress() as progress:
+            sheets = write_contact_sheets(self.dataset, out, progress)
+        for sheet in sheets:
+            screen.out.print(sheet.as_posix())
+        screen.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
+        return OK
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a capture for another program; photographs of held-out views are in no capture."""
+
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    format: ExchangeFormat
+    """transforms.json of nerfstudio, or the text model of COLMAP."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Where to: a new or an empty folder."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Write it."""
+        from graycard.exchange._transfer import export_capture
+
+        capture = export_capture(self.scene, self.format, self.out)
+        screen.out.print(
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, without one, "
+            f"{len(capture.test)} held-out cameras"
+        )
+        return OK
+
+
+@dataclass(frozen=True)
+class Import:
+    """Make a capture of your own photographs and cameras; it has no truth."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """With transforms.json (nerfstudio), or sparse/0/*.txt and images/ (COLMAP)."""
+    track: str
+    """What kind of scene it is: dark, tabletop or multilight."""
+    scene: str
+    """A name for it."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Where to: DATASET/<track>/<scene>/capture."""
+    hold_out_every: int = 8
+    """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Read, check, then write."""
+        from graycard import __version__
+        from graycard.dataset import open_capture
+        from graycard.exchange._transfer import import_capture
+
+        with screen.progress() as progress:
+            made = import_capture(
+                self.folder,
+                self.out,
+                self.track,
+                self.scene,
+                hold_out_every=self.hold_out_every,
+                version=__version__,
+                progress=progress,
+            )
+        capture = open_capture(made / "capture", check=False)
+        screen.out.print(
+            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
+        )
+        return OK
+
+
+def _refuse_predictions(folder: Path) -> None:
+    """Say where predictions are looked at.
+
+    Raises:
+        GraycardError: The folder holds some.
+    """
+    if (folder / PREDICTIONS).is_file():
+        raise GraycardError(
+            f"expected a dataset or a scene, got predictions at {folder}. Score them: `graycard score "
+            f"{folder} DATASET/<track>/<scene>`; or see them in a report: `graycard bench SUITE "
+            "--predictions NAME=FOLDER`, with a folder like this one at FOLDER/<track>/<scene>"
+        )
+
+
+def _verdict_table(verdict: Verdict) -> Table:
+    """The worst of each check of each scene."""
+    from graycard.synth.verify import worst
+
+    table = new_table("scene", "check", "figure", "bound", "unit", "worst view", "")
+    for check in worst(verdict.checks):
+        figure, bound = (f"{v:.3g}" if v is not None else "" for v in (check.figure, check.bound))
+        status = f"skipped: {check.reason}" if check.status == "skipped" else check.status
+        table.add_row(check.scene, check.name, figure, bound, check.unit, check.view, status)
+    return table
+
+
+def _knobs(pairs: tuple[str, ...]) -> dict[str, Any]:
+    """Knobs by name from ``name=value``; a value that is no number is a word.
+
+    Raises:
+        GraycardError: A pair is none.
+    """
+    knobs: dict[str, Any] = {}
+    for pair in pairs:
+        name, sign, value = pair.partition("=")
+        if not (name and sign and value):
+            raise GraycardError(f"expected a knob as NAME=VALUE, got {pair!r}")
+        knobs[name] = _number(value)
+    return knobs
+
+
+def _number(text: str) -> int | float | str:
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that scores predictions, by graycard's rules or by published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.table import Table
+
+from graycard.cli._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
+from graycard.records._run import Score, ScoreSheet
+
+BREAKDOWN = ("interior", "boundary", "srgb", "linear", "mean_of_views", "debiased", "signed")
+"""What many metrics have: a column each. Parts of a few, as the edits of relighting, are listed."""
+LEFT_OVER = "counterfactual.residual."
+"""How metrics of what is left of a removed object begin: their unit alone does not say what 1 is."""
+
+
+@dataclass(frozen=True)
+class ScoreCommand:
+    """Score a predictions folder, from any code, against the truth of its scene."""
+
+    predictions: Annotated[Path, tyro.conf.Positional]
+    """The folder: docs/formats.md says what is in it."""
+    scene: Annotated[Path, tyro.conf.Positional]
+    """DATASET/<track>/<scene>."""
+    protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
+    """A published protocol for albedo, or all: how far apart they put the one prediction."""
+    all: bool = False
+    """Also list metrics that the predictions do not provide."""
+    json: Json = None
+    """Also write the scores to this file."""
+
+    def run(self, screen: Screen, rest: list[str]) -> int:
+        """Score; a score that failed makes the exit code 1."""
+        from graycard.dataset import check_scene
+        from graycard.eval import score_predictions
+
+        check_scene(self.scene)
+        sheet = score_predictions(self.predictions, self.scene, self.protocol)
+        self._show_scores(screen, sheet)
+        if any(score.breakdown.keys() & BREAKDOWN for score in sheet.scores):
+            screen.out.print(_breakdown_table(sheet))
+        if any(score.breakdown.keys() - BREAKDOWN for score in sheet.scores):
+            screen.out.print(_parts_table(sheet))
+        if sheet.protocols:
+            screen.out.print(_protocol_table(sheet))
+            _say_spread(sheet, screen)
+        write_optional_json(self.json, sheet)
+        scores = (*sheet.scores, *sheet.protocols)
+        failed = [score for score in scores if score.status == "failed"]
+        for reason in dict.fromkeys(score.reason for score in failed):
+            screen.err.print(f"failed: {reason}")
+        scored = sum(score.status == "scored" for score in scores)
+        if not scored and not failed:
+            screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
+        screen.out.print(
+            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
+            f"{len(scores) - scored - len(failed)} not provided"
+        )
+        return OK if scored and not failed else FAILED
+
+    def _show_scores(self, screen: Screen, sheet: ScoreSheet) -> None:
+        shown = [score for score in sheet.scores if self.all or score.status != "not provided"]
+        if shown:
+            screen.out.print(_score_table(shown))
+        if left := len(sheet.scores) - len(shown):
+            what = "1 metric is" if left == 1 else f"{left} metrics are"
+            screen.out.print(f"{what} not provided by these predictions: --all lists them")
+        if any(score.metric.startswith(LEFT_OVER) for score in shown):
+            from graycard.eval import BESIDE
+
+            screen.out.print(f"{LEFT_OVER}*: 0 the object is gone, 1 all of it is still there. {BESIDE}")
+
+
+def _score_table(scores: Sequence[Score]) -> Table:
+    table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
+    for score in scores:
+        value = f"{score.value:.4g}" if score.value is not None else score.status
+        ceiling = f"{score.noise_ceiling:.4g}" if score.noise_ceiling is not None else ""
+        gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
+        counts = f"{score.scored}/{score.expected}"
+        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)
+    return table
+
+
+def _breakdown_table(sheet: ScoreSheet) -> Table:
+    """The same numbers by neighbouring rules."""
+    names = [n for n in BREAKDOWN if any(n in score.breakdown for score in sheet.scores)]
+    table = new_table("the same", *(name.replace("_", " ") for name in names))
+    for score in sheet.scores:
+        if score.breakdown.keys() & BREAKDOWN:
+            found = (score.breakdown.get(name) for name in names)
+            table.add_row(score.metric, *("" if x is None else f"{x:.4g}" for x in found))
+    return table
+
+
+def _parts_table(sheet: ScoreSheet) -> Table:
+    """The same numbers of each edit, inside and around an object, or by other names of the metric's own."""
+    table = new_table("in parts", "")
+    for score in sheet.scores:
+        if parts := {name: x for name, x in score.breakdown.items() if name not in BREAKDOWN}:
+            table.add_row(score.metric, ", ".join(f"{name} {x:.4g}" for name, x in parts.items()))
+    return table
+
+
+def _protocol_table(sheet: ScoreSheet) -> Table:
+    """One row for each protocol, with what it does."""
+    from graycard.eval import find_protocols
+
+    table = new_table("protocol", "score", "unit", "pixels", "factors", "fitted on", "space", "pooling")
+    for score in _by_protocols(sheet):
+        (protocol,) = find_protocols(score.protocol)
+        rules = protocol.rules_of(score.metric)
+        value = f"{score.value:.4g}" if score.value is not None else score.status
+        cells = rules.pixels, rules.gauge, rules.fitted_on, rules.space, rules.pooling
+        table.add_row(score.protocol, value, score.unit, *cells)
+    return table
+
+
+def _say_spread(sheet: ScoreSheet, screen: Screen) -> None:
+    """Say how far apart the protocols are, where more than one gave a number in dB."""
+    found = [(s.value, s.protocol) for s in _by_protocols(sheet) if s.value is not None and s.unit == "dB"]
+    if len(found) > 1:
+        (low, lowest), (high, highest) = min(found), max(found)
+        apart = 0.0 if low == high else high - low
+        screen.out.print(
+            f"spread: one prediction has {low:.1f} dB by {lowest} and {high:.1f} dB by {highest}, "
+            f"{apart:.1f} dB apart"
+        )
+
+
+def _by_protocols(sheet: ScoreSheet) -> Iterator[Score]:
+    """Graycard's own PSNRs of albedo, where there are some, and the published ones."""
+    yield from (score for score in sheet.scores if score.metric.startswith("albedo.psnr."))
+    yield from sheet.protocols

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the verbs of the command line write, and what several of them need."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as ProgressBar
+from rich.table import Table
+
+from graycard._errors import GraycardError
+from graycard.io._json import write_json
+from graycard.io._progress import Progress
+
+Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
+
+OK, FAILED = 0, 1
+WIDE = 1000
+"""Columns of what is no terminal."""
+
+
+def _console(stderr: bool) -> Console:
+    """A console that cuts nothing off: in a file or a pipe its lines are as long as they need to be."""
+    console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False, emoji=False)
+    if not console.is_terminal:
+        console.width = WIDE
+    return console
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Where a verb writes: results on stdout, progress and advice on stderr."""
+
+    out: Console = field(default_factory=lambda: _console(stderr=False))
+    err: Console = field(default_factory=lambda: _console(stderr=True))
+
+    def advise(self, advice: str) -> None:
+        """Say how to get more out of this machine; an empty advice says nothing."""
+        if advice:
+            self.err.print(f"advice: {advice}")
+
+    @contextmanager
+    def progress(self) -> Iterator[Progress]:
+        """A progress bar for the length of a block."""
+        columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+        with ProgressBar(*columns, console=self.err, transient=True, disable=not self.err.is_terminal) as bar:
+            task = bar.add_task("", total=1.0)
+
+            def report(done: float, doing: str, /) -> None:
+                bar.update(task, completed=done, description=doing)
+
+            yield report
+
+
+def refuse(rest: list[str], verb: str) -> None:
+    """Say that options were not understood.
+
+    Raises:
+        GraycardError: There are some.
+    """
+    if rest:
+        raise GraycardError(
+            f"expected options of `graycard {verb}`, got {' '.join(rest)}. See `graycard {verb} --help`"
+        )
+
+
+def new_table(*heads: str) -> Table:
+    """A table without lines whose cells wrap rather than lose their ends."""
+    table = Table(box=None, pad_edge=False)
+    for head in heads:
+        table.add_column(head, overflow="fold")
+    return table
+
+
+def share(progress: Progress, number: int, of: int) -> Callable[[float, str], None]:
+    """The progress of one part in that of the whole."""
+    return lambda done, doing: progress((number + done) / of, doing)
+
+
+def write_optional_json(path: Path | None, value: Any) -> None:
+    if path is not None:
+        write_json(path, value)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One scene on disk: ``capture/`` is what a method may see, ``truth/`` is what it is judged by.
+
+DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photographs/ masks/<mask>/<view>.exr
+DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
+                                  relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
+                                  [composition/{composition.json views/<view>.exr}]
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from graycard._capture import Capture, file_of
+from graycard._errors import DatasetError
+from graycard._truth import Truth
+from graycard.io._json import from_builtins, read_json, write_json
+from graycard.io._manifest import MANIFEST, Manifest, check_files, read_manifest
+
+TRACKS = ("dark", "tabletop", "multilight")
+
+IMPORTER = "graycard.import"
+"""Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
+
+
+def open_capture(folder: Path, *, check: bool = True) -> Capture:
+    """The capture in ``folder`` (``.../<scene>/capture``).
+
+    Args:
+        folder: The capture folder.
+        check: Compare every file with its SHA-256 first.
+
+    Raises:
+        DatasetError: It is missing, half-written, damaged, or of a newer format.
+    """
+    return _open(Capture, Path(folder), "capture", check)
+
+
+def open_truth(folder: Path, *, check: bool = True) -> Truth:
+    """The truth in ``folder`` (``.../<scene>/truth``).
+
+    Args:
+        folder: The truth folder.
+        check: Compare every file with its SHA-256 first.
+
+    Raises:
+        DatasetError: It is missing (an imported capture has none), half-written, damaged, or of a newer
+            format.
+    """
+    _refuse_imported(Path(folder))
+    return _open(Truth, Path(folder), "truth", check)
+
+
+def write_index(folder: Path, content: Capture | Truth) -> None:
+    """Write ``capture.json`` or ``truth.json``; the manifest is sealed after it."""
+    name = "capture" if isinstance(content, Capture) else "truth"
+    write_json(Path(folder) / f"{name}.json", content)
+
+
+def capture_folders(dataset: Path) -> list[Path]:
+    """The folders ``<track>/<scene>`` with a whole capture and a whole truth or none, sorted.
+
+    Of a folder that is itself a scene: that one, as an absolute path.
+    """
+    folders = [p for track in TRACKS for p in sorted((Path(dataset) / track).glob("[!.]*"))]
+    folders = [Path(dataset).resolve()] if is_scene(dataset) else folders
+    parts = [(p, p / "capture" / MANIFEST, p / "truth") for p in folders]
+    return [p for p, capture, truth in parts if capture.is_file() and _is_whole_or_absent(truth)]
+
+
+def is_scene(folder: Path) -> bool:
+    """Whether a folder is that of a scene, ``DATASET/<track>/<scene>``, and none of scenes."""
+    return (Path(folder) / "capture" / MANIFEST).is_file()
+
+
+def check_scene(folder: Path) -> None:
+    """Refuse a folder one level above or below a scene, and say which one is meant.
+
+    Args:
+        folder: ``DATASET/<track>/<scene>``, if all is well; what is missing there is met when it is opened.
+
+    Raises:
+        DatasetError: It is a part of a scene, or a folder of scenes.
+    """
+    scene = Path(folder).resolve()
+    if (scene / "capture").is_dir():
+        return
+    meant = None
+    if len(scene.parents) < 2 or (scene.parent / "capture" / MANIFEST).is_file():
+        meant = scene.parent if scene.name in ("capture", "truth") else "DATASET/<track>/<scene>"
+    elif scenes := [
+        *capture_folders(scene),
+        *(p for p in capture_folders(scene.parent) if scene in p.parents),
+    ]:
+        meant = f"one of its scenes, as {scenes[0]}"
+    if meant is not None:
+        raise DatasetError(
+            f"expected the folder of a scene, DATASET/<track>/<scene>, got {folder}. Give {meant}"
+        )
+
+
+def manifest_of(content: Capture | Truth) -> Manifest:
+    """The manifest of an opened capture or truth."""
+    kind = "graycard-capture" if isinstance(content, Capture) else "graycard-truth"
+    return read_manifest(file_of(content.root, ""), kind)
+
+
+def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
+    manifest = read_manifest(folder, f"graycard-{name}")
+    if check:
+        check_files(folder, manifest)
+    path = folder / f"{name}.json"
+    found = from_builtins(cls, read_json(path, DatasetError), DatasetError, str(path))
+    if (found.track, found.scene) != (manifest.track, manifest.scene):
+        raise DatasetError(
+            f"expected {path} to be of {manifest.track}/{manifest.scene}, as its manifest says, "
+            f"got {found.track}/{found.scene}"
+        )
+    wanted = (
+        {"train"} if cls is Capture else {"train", "test"}
+    )  # photographs of a user may all be for training
+    if not wanted <= {view.split for view in found.views}:
+        raise DatasetError(
+            f"expected {' and '.join(sorted(wanted))} views in {path}, got {len(found.views)} views"
+        )
+    return replace(found, root=folder)
+
+
+def _is_whole_or_absent(folder: Path) -> bool:
+    return not folder.exists() or (folder / MANIFEST).is_file()
+
+
+def _refuse_imported(folder: Path) -> None:
+    """Say that a capture of a user's own photographs has no truth.
+
+    Raises:
+        DatasetError: ``folder`` would be the truth beside such a capture.
+    """
+    capture = folder.parent / "capture"
+    if folder.exists() or not (capture / MANIFEST).is_file():
+        return
+    if read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER:
+        raise DatasetError(
+            f"expected the truth of a rendered scene at {folder}, got an imported capture, which has no "
+            "truth: it can be fitted by methods that need none and looked at, not scored. For scores, take a "
+            "scene of `graycard render`"
+        )

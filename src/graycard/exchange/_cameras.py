@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the camera files of other programs have in common, and the checks that all of them need.
+
+Held-out views: their cameras are exported, their photographs are not, for a capture has none.
+"""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from graycard._camera import Camera
+from graycard._capture import Capture, View
+from graycard._errors import DatasetError
+from graycard.exchange._photographs import write_mask, write_photograph
+
+LOOSE = 1e-3
+"""A pose whose axes are this near to a rotation was rounded when it was written, and is made one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """One photograph of another program's files, with its camera."""
+
+    name: str
+    camera: Camera
+    image: Path
+    mask: Path | None = None
+    """Black where other programs ignore the photograph."""
+    held_out: bool = False
+    """Whether the files say that it is a test view: then its photograph need not be there."""
+
+
+def image_name(view: View) -> str:
+    """Where the photograph of a view lies in an export."""
+    return f"images/{view.name}.png"
+
+
+def write_photographs(capture: Capture, folder: Path, mask_suffix: str) -> None:
+    """Write the training photographs at the scene's exposure as 8-bit sRGB, and the masks that are granted.
+
+    A mask is black at the target object: nerfstudio and COLMAP both ignore what is black.
+
+    Args:
+        capture: What to export.
+        folder: Where to: ``images/<view>.png``, ``masks/<view><mask_suffix>``.
+        mask_suffix: nerfstudio is told the name of a mask, COLMAP appends ``.png`` to that of the image.
+    """
+    for view in capture.train:
+        write_photograph(folder / image_name(view), capture.photograph(view) * capture.exposure)
+        if capture.target is not None:
+            write_mask(folder / f"masks/{view.name}{mask_suffix}", capture.target_mask(view))
+
+
+def make_camera(
+    size: tuple[int, int],
+    focal: tuple[float, float],
+    centre: tuple[float, float],
+    pose: np.ndarray,
+    where: str,
+) -> Camera:
+    """A camera from numbers that were read.
+
+    Args:
+        size: Width and height, pixels.
+        focal: fx and fy, pixels.
+        centre: Principal point, pixels, (0, 0) at the outer corner of the first pixel.
+        pose: Camera to world, shape ``(4, 4)``, OpenCV axes.
+        where: File and entry, for the message.
+
+    Raises:
+        DatasetError: A number is not finite, the size or the focal length is not positive, or the pose is
+            no rotation with a translation.
+    """
+    K = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1]], dtype=np.float64)
+    if not (np.isfinite(K).all() and np.isfinite(pose).all()):
+        raise DatasetError(
+            f"expected finite intrinsics and a finite pose in {where}, got {K.tolist()} and {pose.tolist()}. "
+            "Leave this camera out"
+        )
+    try:
+        return Camera(*size, K, _rigid(pose))
+    except ValueError as cause:
+        raise DatasetError(f"{where}: {cause}. Correct it, or leave this camera out") from cause
+
+
+def view_name(image: str) -> str:
+    """The name of a view from the path of its image: ``images/a/b.png`` becomes ``a_b``."""
+    parts = [
+        p for p in PurePosixPath(image.replace("\\", "/")).with_suffix("").parts if p not in ("/", ".", "..")
+    ]
+    return "_".join(parts[1:] if len(parts) > 1 and parts[0] == "images" else parts).lstrip(".")
+
+
+def check_names(names: Iterable[str], where: Path) -> None:
+    """Prove that there are shots and that no two have one name.
+
+    Raises:
+        DatasetError: There is none, or two have one name.
+    """
+    counts = Counter(names)
+    if not counts:
+        raise DatasetError(f"expected one or more photographs with their cameras in {where}, got none")
+    double = [name for name, count in counts.items() if count > 1]
+    if double or "" in counts:
+        raise DatasetError(
+            f"expected photographs of different names in {where}, got {counts[double[0]] if double else 1} "
+            f"named {double[0] if double else ''!r} (folder and suffix aside). Rename them"
+        )
+
+
+def _rigid(pose: np.ndarray) -> np.ndarray:
+    """The pose with the nearest rotation (polar decomposition), if it is near to one; else unchanged."""
+    left, scales, right = np.linalg.svd(pose[:3, :3])
+    if np.abs(scales - 1).max() > LOOSE:
+        return pose
+    mended = pose.copy()
+    mended[:3, :3] = left @ right
+    return mended

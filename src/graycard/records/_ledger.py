@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run says about the claims of papers: a verdict for each, with everything that it follows from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from graycard._errors import RecordError
+from graycard.records._run import read_record
+
+CLAIMS = "claims.json"
+"""Beside ``run.json``; made from it and from the files of claims alone."""
+CLAIMS_VERSION = 1
+
+ClaimVerdict = Literal["reproduced", "direction only", "not supported", "contradicted", "not checkable"]
+"""``direction only``: the sign is as claimed and certain, the size is not. ``not supported``: scenes leave
+the sign open, or whether a difference is as small as claimed, or the difference is negligible."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowMean:
+    """A row of the run by the quantity of a check."""
+
+    row: str
+    value: float | None
+    """Mean over the scenes of the check; None where the row lacks one."""
+    reason: str = ""
+    """Why there is none, or what stands in its place."""
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """One comparison that a claim comes down to."""
+
+    id: str
+    says: str
+    """What has to be seen, in words."""
+    quantity: str
+    """In words, as in ``Novel view PSNR``."""
+    unit: str
+    """Of the effect; ``×`` where it is a ratio."""
+    effect_of: str
+    """How the effect is made from rows, in words."""
+    rule: str
+    """What makes it reproduced, in words; empty where the rule of the claim says all."""
+    verdict: ClaimVerdict
+    reason: str
+    """What the verdict rests on, in words."""
+    decides: bool
+    """Whether it counts for the verdict of its claim, or is told beside it."""
+    scenes: Mapping[str, float] = field(default_factory=dict)
+    """Effect by scene, the mean over seeds: above 0 (of a ratio: 1) as claimed, or by ``effect_of``."""
+    mean: float | None = None
+    """Of the effect over scenes; of ratios the geometric mean."""
+    interval: tuple[float, float] | None = None
+    """95 % interval of that mean for scenes like these."""
+    p_mean: float | None = None
+    """The test whose interval that is, against no effect."""
+    p_rank: float | None = None
+    """Exact Wilcoxon signed-rank test against no effect."""
+    neutral: float = 0.0
+    """The effect that is none: 0, of a ratio 1."""
+    paper: float | None = None
+    """The effect in the paper, in the same unit and sense; None where it names none."""
+    accepted: tuple[float, float] | None = None
+    """Effects of the claimed size, or differences small enough; ends may be infinite."""
+    rows: tuple[RowMean, ...] = ()
+    """Those compared."""
+    bound: RowMean | None = None
+    """What is possible: the row that is handed truth."""
+    trivial: RowMean | None = None
+    """What costs nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimResult:
+    """One claim of a paper, judged."""
+
+    id: str
+    sentence: str
+    source: str
+    """Paper, table or section."""
+    verdict: ClaimVerdict
+    text: str
+    """The verdict in a sentence or two."""
+    rule: str
+    """How the verdict follows from the checks, in words."""
+    checks: tuple[CheckResult, ...] = ()
+    figures: Mapping[str, str] = field(default_factory=dict)
+    """Of the paper, by what they are of."""
+    notes: tuple[str, ...] = ()
+    """What differs here from the paper."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperResult:
+    """All claims of one paper."""
+
+    name: str
+    version: int
+    title: str
+    claims_sha256: str
+    """Hash of the file that the claims were read from."""
+    claims: tuple[ClaimResult, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ledger:
+    """What a run says of the claims of papers: ``claims.json``."""
+
+    suite: str
+    """Empty where no run was judged but papers' tables against themselves."""
+    suite_version: int
+    run_sha256: str
+    """Hash of ``run.json``; empty without a run."""
+    level: float
+    """Of all intervals, as in 0.95."""
+    rules: Mapping[str, str]
+    """What each rule asks for, by its name."""
+    methods: Mapping[str, str]
+    """What each row of the run is, with its settings, by its label."""
+    papers: tuple[PaperResult, ...]
+    format: str = "graycard-claims"
+    format_version: int = CLAIMS_VERSION
+
+
+def read_ledger(run: Path) -> Ledger | None:
+    """The ledger in a run folder; None where claims were not judged.
+
+    Raises:
+        RecordError: It is damaged, misspelt, or of a newer format.
+    """
+    path = Path(run) / CLAIMS
+    if not path.is_file():
+        return None
+    return read_record(Ledger, path, "graycard-claims", CLAIMS_VERSION)
+
+
+def find_claim(ledger: Ledger, claim: str) -> ClaimResult:
+    """The result of a claim by its id.
+
+    Raises:
+        RecordError: The ledger has none of this id.
+    """
+    found = [c for paper in ledger.papers for c in paper.claims if c.id == claim]
+    if not found:
+        raise RecordError(f"expected a claim of this ledger, got {claim!r}")
+    return found[0]

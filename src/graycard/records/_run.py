@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a score and a run are on disk: every number with its protocol, its counts and its origin."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from graycard._errors import RecordError
+from graycard.io._json import check_version, from_builtins, read_json
+
+RECORD_VERSION = 2
+
+Status = Literal["scored", "failed", "not provided"]
+
+Invariance = Literal["global gain", "channel gain", "sign"]
+"""A change of what is predicted (of a light: of its intensity) that may leave a score as it is: times one
+positive factor, times one such factor for each channel, times -1. Light that surfaces receive is divided by
+what albedo is multiplied by, as the photographs do not change then."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One number about one prediction, with all that is needed to trust it."""
+
+    metric: str
+    """Id, as in ``albedo.psnr.channel``."""
+    protocol: str
+    """Name and version of the rules (mask, gauge, colour space, pooling), as in ``graycard-1``."""
+    status: Status
+    value: float | None
+    """None unless ``status`` is ``scored``."""
+    unit: str
+    higher_is_better: bool
+    optimum: float
+    """The value of a perfect prediction; may be infinite."""
+    per_view: Mapping[str, float] = field(default_factory=dict)
+    """Value by test view."""
+    noise_ceiling: float | None = None
+    """The best value that the truth's own noise allows; None where the truth is exact."""
+    gauge: tuple[float, ...] | None = None
+    """Factors applied to the prediction (R, G, B), fitted on training views; None where there is none."""
+    interval: tuple[float, float] | None = None
+    """95 % interval; None for a single scene, which has none."""
+    expected: int = 0
+    """Number of test views (or lights) that should be scored."""
+    scored: int = 0
+    reason: str = ""
+    """Why it failed, or what is not provided."""
+    warnings: tuple[str, ...] = ()
+    breakdown: Mapping[str, float] = field(default_factory=dict)
+    """The same number by a neighbouring rule, in the same unit: ``interior`` and ``boundary`` (pixels of
+    one surface and colour, and the others), ``srgb`` or ``linear`` (the other colour space),
+    ``mean_of_views`` (of PSNRs), ``debiased`` (the truth's noise taken off)."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreSheet:
+    """All scores of one predictions folder on one scene: what ``graycard score`` writes."""
+
+    track: str
+    scene: str
+    method: str
+    predictions_sha256: str
+    """Hash over the files of the predictions folder."""
+    truth_sha256: str
+    """Hash of the truth's manifest, which holds the hash of each file."""
+    scores: tuple[Score, ...]
+    protocols: tuple[Score, ...] = ()
+    """Base colour by published protocols, one score for each that was asked for."""
+    format: str = "graycard-scores"
+    format_version: int = RECORD_VERSION
+
+    def score(self, metric: str) -> Score:
+        """The score of a metric.
+
+        Raises:
+            RecordError: The sheet has none.
+        """
+        for score in self.scores:
+            if score.metric == metric:
+                return score
+        raise RecordError(
+            f"expected a metric of this sheet, got {metric!r}: {[s.metric for s in self.scores]}"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One fit: a pure function of this record."""
+
+    track: str
+    scene: str
+    method: str
+    """Its name in this run: the row of a table."""
+    seed: int
+    settings: Mapping[str, Any]
+    """The method's settings, resolved."""
+    entry: str = ""
+    """What is loaded: a name in the registry, or ``module:attribute``; two rows may share one. Empty where
+    predictions of other code were submitted."""
+    priors: Mapping[str, Any] = field(default_factory=dict)
+    """Where the answers of priors come from, resolved; empty for a method that asks for none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a job took."""
+
+    wall_s: float
+    peak_memory_mib: float
+    counts: Mapping[str, float] = field(default_factory=dict)
+    """What the method itself counts for one held-out view, the mean over them, as ``light evaluations``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """What a fit could see: the evidence that no truth was read."""
+
+    guard: str
+    """How truth was closed to the method's process, and the version of that way."""
+    capture_sha256: str
+    """Hash of the manifest of the capture that was copied for the fit."""
+    handed: tuple[str, ...] = ()
+    """Layers of truth (and ``lights``) that were handed in as priors, sorted; empty for a fit from the
+    capture alone."""
+    refused: tuple[str, ...] = ()
+    """Paths of truth that the method tried to open, in order, each once; it was refused them."""
+    donor_sha256: str = ""
+    """Hash of the manifest of the capture that an object of a composition comes from; empty without one."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobResult:
+    """How a job ended."""
+
+    job: Job
+    job_hash: str
+    folder: str
+    """Folder of the job, relative to the run."""
+    status: Literal["done", "failed"]
+    reason: str = ""
+    """Why it failed."""
+    sheet: ScoreSheet | None = None
+    cost: Cost | None = None
+    access: Access | None = None
+    """What the fit could see; None in the record of a graycard that did not close the truth, and, as
+    ``cost``, where predictions of other code were submitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneRecord:
+    """A scene of a run."""
+
+    track: str
+    scene: str
+    family: str
+    seed: int
+    folder: str
+    """``<track>/<scene>`` folder, relative to the run."""
+    truth_sha256: str
+    title: str
+    """One line that says what is to be seen."""
+    knobs: Mapping[str, Any] = field(default_factory=dict)
+    """What makes it easy or hard, all of the family's; empty in the record of an older graycard."""
+
+
+@dataclass(frozen=True, slots=True)
+class MethodRecord:
+    """A method of a run."""
+
+    name: str
+    """The row of a table."""
+    summary: str
+    """One sentence."""
+    sees: tuple[str, ...]
+    """What it is handed beyond the capture; empty for a method that competes."""
+    entry: str = ""
+    """What is loaded: a name in the registry, or ``module:attribute``; empty as in :class:`Job`."""
+    slack: float = 1.0
+    """Factor on the tolerances of a baseline that is made of this run."""
+    predictions: str = ""
+    """The folder from which predictions of other code were taken; empty for a method that was fitted."""
+
+
+@dataclass(frozen=True, slots=True)
+class MetricRecord:
+    """What a metric means, for the reader of a table."""
+
+    id: str
+    title: str
+    """Short, for a table head."""
+    group: str
+    """Which part of the decomposition it judges, as in ``albedo``."""
+    unit: str
+    higher_is_better: bool
+    optimum: float
+    formula: str
+    headline: bool
+    """Whether it stands in the leaderboard."""
+    tolerance: float
+    """By how much a score may get worse before the gate calls it a regression, in ``unit``."""
+    ignores: tuple[Invariance, ...] = ()
+    """The gauge groups under which the score does not change."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """A whole run: ``run.json``."""
+
+    suite: str
+    suite_version: int
+    scenes: tuple[SceneRecord, ...]
+    methods: tuple[MethodRecord, ...]
+    metrics: tuple[MetricRecord, ...]
+    results: tuple[JobResult, ...]
+    environment: Mapping[str, Any]
+    """Package versions, git commit, hardware, renderer variant."""
+    started: str
+    """UTC, ISO 8601."""
+    wall_s: float
+    suite_sha256: str = ""
+    """Of ``suite.json``, the whole suite that was run, or run a part of; empty in records from before it."""
+    format: str = "graycard-run"
+    format_version: int = RECORD_VERSION
+
+    def variants_on(self, track: str) -> frozenset[str]:
+        """Rows of a track that are a method with settings of their own, while it stands there as itself."""
+        names = {result.job.method for result in self.results if result.job.track == track}
+        rows = [method for method in self.methods if method.name in names and not method.predictions]
+        own = {method.name for method in rows}
+        return frozenset(m.name for m in rows if m.entry != m.name and m.entry in own)
+
+    @property
+    def submitted(self) -> tuple[str, ...]:
+        """Rows whose predictions other code has made: what that saw is not known."""
+        return tuple(method.name for method in self.methods if method.predictions)
+
+
+def read_score_sheet(path: Path) -> ScoreSheet:
+    """The scores in a file that ``graycard score --json`` wrote.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, or of a newer format.
+    """
+    return read_record(ScoreSheet, path, "graycard-scores")
+
+
+def read_run(run: Path) -> RunRecord:
+    """The record of a run folder.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, or of a newer format.
+    """
+    path = Path(run) / "run.json"
+    if not path.is_file():
+        raise RecordError(
+            f"expected a run folder with run.json at {run}, got none. Make one with `graycard bench`"
+        )
+    return read_record(RunRecord, path, "graycard-run")
+
+
+def read_record(cls: type[Any], path: Path, kind: str, newest: int = RECORD_VERSION) -> Any:
+    """A record of some format from a file.
+
+    Raises:
+        RecordError: It is missing, damaged, misspelt, of another format, or of a version above ``newest``.
+    """
+    data = read_json(path)
+    check_version(data, newest, path)
+    record = from_builtins(cls, data, RecordError, str(path))
+    if record.format != kind:
+        raise RecordError(f"expected {kind} in {path}, got {record.format}")
+    return record

@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from graycard import DatasetError, Progress, RecordError
+from graycard.io import file_lock, read_json, read_manifest, silent, to_builtins, writable_folder
+from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
+from graycard.synth.dataset._finish import finish
+from graycard.synth.dataset._renderings import content_of, missing, renderings, write_missing
+from graycard.synth.dataset._store import (
+    Place,
+    damage,
+    foreign_content,
+    promote,
+    reopen,
+    resume,
+    stamped,
+)
+from graycard.synth.families import family_of, resolved_knobs, scene_name
+from graycard.synth.renderer._variant import can_render, use_renderer
+
+
+def render_scene(
+    spec: SceneSpec,
+    settings: RenderSettings,
+    dataset: Path,
+    progress: Progress = silent,
+    threads: int | None = None,
+) -> Path:
+    """Render a scene into ``dataset/<track>/<scene>``, or find it there whole and leave it.
+
+    The same spec, settings and renderer variant give the same bits, with any number of threads, and
+    whether or not the work was cut off in between. What is missing or damaged is made anew.
+
+    Args:
+        spec: Which scene.
+        settings: How it is photographed.
+        dataset: The dataset folder.
+        progress: Told about each view.
+        threads: Number of threads; None for one a core.
+
+    Returns:
+        The scene folder.
+
+    Raises:
+        UnknownNameError: There is no such family.
+        RecordError: A knob is unknown or out of its range.
+        DatasetError: The folder holds a scene of another spec, or something else.
+        OutputError: The dataset folder cannot be written to, or the disk is full.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    if find_scene(spec, settings, dataset) is None:
+        writable_folder(place.final.parent)
+        with file_lock(place.lock, lambda: progress(0.0, f"another graycard is at work on {place.scene}")):
+            if find_scene(spec, settings, dataset) is None:
+                _make(place, spec, settings, progress, threads)
+    progress(1.0, f"{place.scene} is there")
+    return place.final
+
+
+def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path | None:
+    """The folder of a scene that is there, whole and of this spec; None if it is to be rendered.
+
+    Raises:
+        UnknownNameError: There is no such family.
+        RecordError: A knob is unknown or out of its range.
+        DatasetError: The folder holds a scene of another spec, or something else.
+    """
+    place = Place(Path(dataset), spec.track, scene_name(spec))
+    found = _found_of_this_spec(place, identity(spec, settings))
+    return None if found is None or damage(place) else place.final
+
+
+def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
+    """Everything that decides what a scene's files hold, but for the renderer's variant."""
+    return to_builtins(
+        {
+            "generator": GENERATOR_VERSION,
+            "track": spec.track,
+            "family": spec.family,
+            "seed": spec.seed,
+            "knobs": resolved_knobs(spec),
+            "render": settings,
+        }
+    )
+
+
+def _make(
+    place: Place, spec: SceneSpec, settings: RenderSettings, progress: Progress, threads: int | None
+) -> None:
+    """Render what is missing, derive the rest, seal."""
+    wanted = identity(spec, settings)
+    found = _found_of_this_spec(place, wanted)
+    if found is not None:
+        reopen(place, {**wanted, "variant": found["variant"]}, damage(place))
+    variant = _variant_for(place, threads)
+    stamp = {**wanted, "variant": variant}
+    resume(place, stamp)
+    content = content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
+    wanted = renderings(content, spec.seed, settings, variant)
+    truth = place.partial / "truth"
+    todo = missing(wanted, truth)
+    if todo:
+        use_renderer(threads, variant)
+    for number, rendering in todo:
+        progress(number / len(wanted), f"{place.scene} {rendering.doing}")
+        write_missing(rendering, truth)
+    finish(place, content, stamp)
+    promote(place)
+
+
+def _variant_for(place: Place, threads: int | None) -> str:
+    """The variant that existing views were rendered with, if it runs here; else the fastest."""
+    variant = (stamped(place) or {}).get("variant")
+    if isinstance(variant, str) and can_render(variant):
+        return variant
+    return use_renderer(threads).variant
+
+
+def _found_identity(place: Place) -> dict[str, Any] | None:
+    """What the final folder's truth says it was made from; None where it cannot be told."""
+    path = place.final / "truth" / "manifest.json"
+    try:
+        read_json(path)
+    except RecordError:
+        return None
+    manifest = read_manifest(path.parent, "graycard-truth")
+    return {
+        "generator": manifest.generator.get("generator"),
+        "track": manifest.track,
+        "family": manifest.settings.get("family"),
+        "seed": manifest.seeds.get("scene"),
+        "knobs": manifest.settings.get("knobs"),
+        "render": manifest.settings.get("render"),
+        "variant": manifest.generator.get("variant"),
+    }
+
+
+def _found_of_this_spec(place: Place, wanted: Mapping[str, Any]) -> dict[str, Any] | None:
+    """What the final folder was made from, if it is there.
+
+    Raises:
+        DatasetError: It is of another spec, or holds something else.
+    """
+    _check_foreign(place)
+    found = _found_identity(place)
+    if found is not None:
+        _check_same(place, found, wanted)
+    return found
+
+
+def _check_same(place: Place, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    old, new = _flat(found), _flat(wanted)
+    differ = [f"{k}: expected {v}, got {old.get(k)}" for k, v in new.items() if old.get(k) != v]
+    if differ:
+        raise DatasetError(
+            f"expected {place.final} to be free or to hold this very scene, got one of another spec "
+            f"({'; '.join(differ)}). Choose another output folder, or delete this one"
+        )
+
+
+def _check_foreign(place: Place) -> None:
+    names = foreign_content(place)
+    if names:
+        raise DatasetError(
+            f"expected {place.final} to be free or to hold a scene, got {', '.join(names[:3])} in it. "
+            "Choose another output folder, or move this one away"
+        )
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{name}.")
+        else:
+            flat[prefix + name] = value
+    return flat
