@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from itertools import groupby
+from pathlib import Path
 from typing import get_args
 
 import pytest
@@ -18,6 +19,7 @@ from graycard.cli._parse import parse_verb
 from graycard.cli._table import VERBS, Group, Verb, find_verb
 from graycard.cli._terminal import FAILED, OK
 
+ROOT = Path(__file__).parents[2]
 NAMES = [verb.name for verb in VERBS]
 HEAVY = ("torch", "mitsuba", "drjit", "numba", "skimage", "scipy", "cv2", "colour", "jinja2", "tyro")
 STAGES = ("synth", "methods", "eval", "benchmarks", "reports")
@@ -167,6 +169,18 @@ def test_the_help_of_a_rendering_shows_the_settings_of_a_track_alone(capsys: Cap
     assert "--capture.bits" in capsys.readouterr().out
     assert main(["render", "demo", "--help"]) == 0
     assert "--capture.bits" not in capsys.readouterr().out
+
+
+def test_the_readme_groups_the_verbs_as_the_help_does():
+    block = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    groups: dict[str, set[str]] = {}
+    for line in block.splitlines():
+        if line.startswith("# "):
+            groups[line.removeprefix("# ")] = found = set()
+        elif line:
+            found.add(line.split()[1])  # pyright: ignore[reportPossiblyUnboundVariable]
+    assert [*groups] == [*get_args(Group)]
+    assert groups == {group: {v.name for v in VERBS if v.group == group} for group in groups}
 
 
 def test_a_completion_knows_every_verb(capsys: Capture):
