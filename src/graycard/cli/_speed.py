@@ -97,8 +97,16 @@ class Speed:
         return OK
 
     def _engine(self, screen: Screen) -> int:
-        from graycard.benchmarks.speed import disturbed_note, engine_plot, engine_tables, measure_engine
+        from graycard.benchmarks.speed import (
+            check_plotting,
+            disturbed_note,
+            engine_plot,
+            engine_tables,
+            measure_engine,
+        )
 
+        if self.plot is not None:
+            check_plotting()
         if self.plot is not None and self.plot.suffix.lower() != ".svg":
             raise GraycardError(f"expected --plot with a name that ends in .svg, got {self.plot}. Rename it")
         with screen.progress() as progress:
