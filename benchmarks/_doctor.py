@@ -45,7 +45,7 @@ def findings(folder: Path) -> list[Finding]:
 
 def _renderer() -> Finding:
     llvm = find_llvm()
-    found = f"LLVM {llvm.version} {_SOURCES.get(llvm.source, '')}, {llvm.path}"
+    found = f"LLVM {llvm.version} {_SOURCES.get(str(llvm.source), '')}, {llvm.path}"
     variant = f"llvm_ad_rgb ({found})" if llvm.usable else "scalar_rgb"
     return Finding("renderer", f"Mitsuba {package_version('mitsuba')}, {variant}", llvm.advice)
 

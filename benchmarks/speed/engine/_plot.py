@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from io import StringIO
 from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from graycard import GraycardError
 from graycard.benchmarks.speed.engine._records import EngineCost, EngineSpeed, ScalingPoint
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 COLOURS = ("#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377", "#bbbbbb")
 """Paul Tol's bright scheme, which the colour-blind can tell apart."""
-_STYLE = {"svg.fonttype": "none", "svg.hashsalt": "graycard", "font.size": 8}
+_STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "graycard", "font.size": 8}
 """Text stays text, and equal runs give equal pictures."""
 
 
@@ -73,6 +73,7 @@ def _draw_stages(axes: "Axes", costs: Sequence[EngineCost]) -> None:
     for row, end in zip(rows, ends, strict=True):
         axes.annotate(f" {end:.3g} ms", (end, row), va="center")
     axes.margins(x=0.1)
+    axes.set_xlabel("ms")
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=len(COLOURS), frameon=False)
 
 
@@ -86,5 +87,7 @@ def _draw_scaling(axes: "Axes", points: Sequence[ScalingPoint]) -> None:
     }
     for name, (times, colour) in lines.items():
         axes.loglog(sizes, times, color=colour, label=name, gid=f"line {last.along} {name}")
+    axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
+    axes.set_xticks([], minor=True)
     axes.set_title(f"ms by {last.along}, logarithmic")
     axes.legend(frameon=False)
