@@ -14,6 +14,8 @@ from graycard.synth import find_llvm
 ROOM_MIB = 2048
 """A run of the largest suite fits into this."""
 
+_SOURCES = {"pip": "from pip", "system": "of the system", "environment": "named by DRJIT_LIBLLVM_PATH"}
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -43,7 +45,8 @@ def findings(folder: Path) -> list[Finding]:
 
 def _renderer() -> Finding:
     llvm = find_llvm()
-    variant = f"llvm_ad_rgb (LLVM {llvm.version}, {llvm.path})" if llvm.usable else "scalar_rgb"
+    found = f"LLVM {llvm.version} {_SOURCES.get(str(llvm.source), '')}, {llvm.path}"
+    variant = f"llvm_ad_rgb ({found})" if llvm.usable else "scalar_rgb"
     return Finding("renderer", f"Mitsuba {package_version('mitsuba')}, {variant}", llvm.advice)
 
 

@@ -14,10 +14,11 @@ import psutil
 
 import graycard
 import graycard.eval
+from graycard.synth import find_llvm
 
 PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
 PACKAGES += ("colour-science", "flip-evaluator")
-RECORDED = (*PACKAGES, "opencv-python-headless")
+RECORDED = (*PACKAGES, "opencv-python-headless", "karellen-llvm-core")
 """What a run records; only the former are asked of one, for records of before have no more."""
 
 
@@ -39,7 +40,14 @@ def environment() -> dict[str, Any]:
         "cores": usable_cores(),
         "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
         "gpu": gpu_name(),
+        "llvm": _llvm(),
     }
+
+
+def _llvm() -> str | None:
+    """Return the LLVM that the fast renderer uses here, as in ``19 (pip)``; None without a usable one."""
+    llvm = find_llvm()
+    return f"{llvm.version} ({llvm.source})" if llvm.usable else None
 
 
 def usable_cores() -> int:

@@ -11,6 +11,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,6 +40,7 @@ from graycard.predictions import finish_predictions, write_view
 from graycard.records import read_score_sheet
 from graycard.synth import find_llvm, use_renderer
 from graycard.synth.families._corridor import Corridor
+from graycard.synth.renderer._variant import LLVM
 from sparse_points import with_points
 
 ROOT = Path(__file__).parents[1]
@@ -60,6 +62,20 @@ def test_doctor_finds_things_and_advises(tmp_path: Path, capsys: Capture):
     assert last_line(capsys).startswith("doctor: ")
     names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())]
     assert names == ["renderer", "processor", "GPU", "torch", "weights", "disk"]
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [("pip", "from pip"), ("system", "of the system"), ("environment", "named by DRJIT_LIBLLVM_PATH")],
+)
+def test_doctor_says_which_llvm_is_used(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, source: Any, words: str
+):
+    found = LLVM(Path("/lib/libLLVM.so.19.1"), 19, source=source)
+    monkeypatch.setattr("graycard.benchmarks._doctor.find_llvm", lambda: found)
+    assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
+    renderer = json.loads((tmp_path / "d.json").read_text())[0]
+    assert renderer["found"].endswith(f"llvm_ad_rgb (LLVM 19 {words}, /lib/libLLVM.so.19.1)")
 
 
 def test_doctor_without_llvm_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which variant of Mitsuba runs here: ``llvm_ad_rgb`` where LLVM is usable, else ``scalar_rgb``."""
+"""Choose the variant of Mitsuba that runs here: ``llvm_ad_rgb`` where LLVM is usable, else ``scalar_rgb``.
+
+On Linux and x86-64 LLVM comes with graycard, as the package ``karellen-llvm-core``; elsewhere the system
+may have it.
+"""
 
 import os
+import platform
 import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from importlib.metadata import version
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
+from typing import Literal
 
 from graycard import RenderError
 
@@ -16,6 +22,12 @@ SCALAR, LLVM_RGB = "scalar_rgb", "llvm_ad_rgb"
 
 OLDEST_LLVM = 16
 """Dr.Jit refuses 14; 15 loads and then aborts the whole process when it compiles a real kernel."""
+
+WHEEL = "karellen-llvm-core"
+"""Package of pip that holds LLVM, with the ``libc++`` that it stands on."""
+
+LLVMSource = Literal["environment", "pip", "system"]
+"""Where LLVM comes from: ``DRJIT_LIBLLVM_PATH``, the package of pip, or the system."""
 
 _PATH = "DRJIT_LIBLLVM_PATH"
 _PLACES = (
@@ -40,6 +52,8 @@ class LLVM:
     """Major version, read from the name of the file."""
     reason: str = ""
     """Why it cannot be used; empty where it can."""
+    source: LLVMSource | None = None
+    """None where none was found."""
 
     @property
     def usable(self) -> bool:
@@ -49,8 +63,7 @@ class LLVM:
     @property
     def advice(self) -> str:
         """One line on how to get the faster renderer; empty where it is there."""
-        install = "brew install llvm" if sys.platform == "darwin" else "apt-get install libllvm19"
-        return "" if self.usable else f"{self.reason}. {_MEND.format(install=install)}"
+        return "" if self.usable else f"{self.reason}. {_MEND.format(install=_installation())}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,19 +94,22 @@ def llvm_version(path: Path) -> int | None:
 
 
 def find_llvm() -> LLVM:
-    """The newest usable LLVM library; Mitsuba is not imported.
+    """Find the LLVM library to use; Mitsuba is not imported.
 
-    The environment variable ``DRJIT_LIBLLVM_PATH`` decides alone if it is set.
+    The environment variable ``DRJIT_LIBLLVM_PATH`` decides alone if it is set. Else it is that of pip,
+    else the newest of the system.
     """
-    chosen = os.environ.get(_PATH)
-    if chosen is not None:
-        return _judge(Path(chosen), f"{_PATH} names {chosen or 'nothing'}, ")
+    chosen, wheel = os.environ.get(_PATH), _library_of_pip()
+    if chosen is not None and chosen != str(wheel):  # once it is in use, it is named there too
+        return _judge(Path(chosen), "environment", f"{_PATH} names {chosen or 'nothing'}, ")
+    if wheel is not None:
+        return _judge(wheel, "pip", f"pip's LLVM is {wheel}, ")
     found = sorted(
         ((v, p) for p in _candidates() if (v := llvm_version(p)) is not None), key=lambda f: (f[0], str(f[1]))
     )
     if not found:
         return LLVM(None, None, "No LLVM library was found, so scenes render with scalar_rgb")
-    return _judge(found[-1][1], f"the newest LLVM is {found[-1][1]}, ")
+    return _judge(found[-1][1], "system", f"the newest LLVM is {found[-1][1]}, ")
 
 
 def use_renderer(threads: int | None = None, variant: str | None = None) -> Renderer:
@@ -132,11 +148,34 @@ def _candidates() -> Iterator[Path]:
         yield from Path("/").glob(relative)
 
 
-def _judge(path: Path, named: str) -> LLVM:
+def _library_of_pip() -> Path | None:
+    """Return LLVM's library in the package of pip; None without it, or before its ``libc++`` is linked.
+
+    The links are made when Python starts for the first time after the installation.
+    """
+    try:
+        wheel = distribution(WHEEL)
+    except PackageNotFoundError:
+        return None
+    listed = re.search(r"^[^,\n]*/libLLVM\.so\.[\d.]+(?=,)", wheel.read_text("RECORD") or "", re.MULTILINE)
+    path = Path(str(wheel.locate_file(listed[0]))).resolve() if listed else None
+    return path if path is not None and any(path.parent.glob("*-linux-gnu/libc++.so.1")) else None
+
+
+def _installation() -> str:
+    """Return the command that brings LLVM to a machine like this one."""
+    if sys.platform == "darwin":
+        return "brew install llvm"
+    if sys.platform == "linux" and platform.machine() == "x86_64":
+        return f"pip install --force-reinstall '{WHEEL}<20', or apt-get install libllvm19"
+    return "apt-get install libllvm19"
+
+
+def _judge(path: Path, source: LLVMSource, named: str) -> LLVM:
     found = llvm_version(path)
     wrong = _fault(path, found)
     reason = f"LLVM is not used: {named}{wrong}, so scenes render with scalar_rgb" if wrong else ""
-    return LLVM(path, found, reason)
+    return LLVM(path, found, reason, source)
 
 
 def _fault(path: Path, found: int | None) -> str:
@@ -160,7 +199,7 @@ def _load(llvm: LLVM) -> LLVM:
     if llvm.usable and not (dr.has_backend(dr.JitBackend.LLVM) and loaded >= OLDEST_LLVM):
         came = f"version {loaded}" if loaded > 0 else "nothing"
         reason = f"LLVM is not used: Dr.Jit was to load {llvm.path} and loaded {came}"
-        return LLVM(llvm.path, llvm.version, reason)
+        return replace(llvm, reason=reason)
     return llvm
 
 

@@ -3,6 +3,7 @@
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -47,6 +48,7 @@ def test_every_job_is_there(tiny_run: Path):
     assert len(record.results) == 12
     assert all(r.status == "done" and r.cost and r.cost.peak_memory_mib > 1 for r in record.results)
     assert record.environment["packages"]["mitsuba"]
+    assert re.fullmatch(r"\d+ \((pip|system|environment)\)|None", str(record.environment["llvm"]))
     assert record.environment["renderer"][0]["variant"] in ("llvm_ad_rgb", "scalar_rgb")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import torch
 
-from graycard import Camera
+from graycard import Camera, GraycardError
 from graycard.benchmarks import speed
 from graycard.benchmarks.speed._machine import QUICK, Timing
 from graycard.benchmarks.speed.engine import _peers as peers
@@ -189,7 +189,9 @@ def test_the_picture_shows_stages_and_growth(run: dict[str, Path], record: speed
     assert set(record.engine[0].stages) <= set(words)
     assert "tiny, C = 3" in words
     assert {f"ms by {axis}, logarithmic" for axis in ("surfels", "pixels", "channels")} <= set(words)
-    assert len(list(picture.iter("{http://www.w3.org/2000/svg}polyline"))) == 9
+    lines = [element for element in picture.iter() if element.get("id", "").startswith("line ")]
+    assert len(lines) == 9
+    assert all(len(list(line)) == 1 for line in lines), "each is drawn"
     assert not any("nan" in str(value) for element in picture.iter() for value in element.attrib.values())
 
 
@@ -197,7 +199,18 @@ def test_a_picture_of_a_part(record: speed.EngineSpeed):
     odd = {**record.environment, "cpu": "<AMD & sons>"}
     bare = speed.engine_plot(replace(record, engine=(), scaling=(), environment=odd))
     assert "&lt;AMD &amp; sons&gt;" in bare
-    assert "polyline" not in bare
+    assert 'id="line ' not in bare
+    assert speed.engine_plot(record) == speed.engine_plot(record), "equal runs give equal pictures"
+
+
+def test_a_picture_needs_matplotlib(
+    record: speed.EngineSpeed, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr("graycard.benchmarks.speed.engine._plot.find_spec", lambda name: None)
+    with pytest.raises(GraycardError, match="expected matplotlib .*, got none. Run `pip install matplotlib`"):
+        speed.engine_plot(record)
+    assert main(["speed", "engine", "--plot", "a.svg"]) == 2
+    assert "expected matplotlib" in capsys.readouterr().err
 
 
 def test_peers_draw_the_same_picture():

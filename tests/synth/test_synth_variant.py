@@ -14,6 +14,15 @@ from graycard.synth.renderer import _variant as variant_module
 from graycard.synth.renderer._variant import LLVM_RGB, SCALAR, can_render, llvm_version
 
 PATH = "DRJIT_LIBLLVM_PATH"
+RENDER_AND_LOOK = """
+import graycard.synth
+renderer = graycard.synth.use_renderer(variant="llvm_ad_rgb")
+import drjit, mitsuba
+assert mitsuba.render(mitsuba.load_dict(mitsuba.cornell_box()), spp=1).shape[2] == 3
+mapped = {line.split()[-1] for line in open("/proc/self/maps") if "libLLVM" in line}
+assert mapped == {str(renderer.llvm.path)}, mapped
+print(renderer.llvm.source, renderer.llvm.version, drjit.detail.llvm_version()[0])
+"""
 RunPython = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -21,6 +30,32 @@ def library(folder: Path, name: str) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / name).write_bytes(b"")
     return folder / name
+
+
+@pytest.fixture
+def system_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine on which pip brought no LLVM, and the environment names none."""
+    monkeypatch.delenv(PATH, raising=False)
+    monkeypatch.setattr(variant_module, "WHEEL", "no-such-package")
+    monkeypatch.setattr(sys, "prefix", "/nowhere")
+
+
+@pytest.fixture
+def wheel(tmp_path: Path, system_only: None, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The library of an installed package ``llvm-of-pip``, and a newer one of the system."""
+    record = tmp_path / "site" / "llvm_of_pip-1.0.dist-info"
+    record.mkdir(parents=True)
+    (record / "METADATA").write_text("Metadata-Version: 2.1\nName: llvm-of-pip\nVersion: 1.0\n")
+    listed = (
+        "../include/a.h,,\n../lib/libLLVM-19.so,,\n../lib/libLLVM.so,,\n../lib/libLLVM.so.19.1,sha256=x,3\n"
+    )
+    (record / "RECORD").write_text(listed)
+    library(tmp_path / "lib" / "x86_64-unknown-linux-gnu", "libc++.so.1")
+    library(tmp_path / "system", "libLLVM.so.21.1")
+    monkeypatch.syspath_prepend(str(tmp_path / "site"))
+    monkeypatch.setattr(variant_module, "WHEEL", "llvm-of-pip")
+    monkeypatch.setattr(variant_module, "_PLACES", (f"{tmp_path}/system/libLLVM*.so*",))
+    return library(tmp_path / "lib", "libLLVM.so.19.1")
 
 
 @pytest.mark.parametrize(
@@ -47,10 +82,48 @@ def test_version_follows_links(tmp_path: Path) -> None:
     assert llvm_version(link) == 19
 
 
-def test_the_newest_library_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_library_of_pip_goes_before_those_of_the_system(wheel: Path) -> None:
+    found = find_llvm()
+    assert (found.path, found.version, found.usable, found.source) == (wheel, 19, True, "pip")
+    assert found.advice == ""
+
+
+def test_the_environment_goes_before_pip(wheel: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    named = library(wheel.parent / "mine", "libLLVM.so.18.1")
+    monkeypatch.setenv(PATH, str(named))
+    assert (find_llvm().path, find_llvm().source) == (named, "environment")
+    monkeypatch.setenv(PATH, "/nowhere/libLLVM.so")
+    assert not find_llvm().usable
+    monkeypatch.setenv(PATH, str(wheel))
+    assert find_llvm().source == "pip", "as it is named once it is in use"
+
+
+@pytest.mark.parametrize(
+    "absent", ["lib/x86_64-unknown-linux-gnu/libc++.so.1", "site/llvm_of_pip-1.0.dist-info/RECORD"]
+)
+def test_a_package_that_is_not_whole_gives_way_to_the_system(
+    wheel: Path, tmp_path: Path, absent: str
+) -> None:
+    (tmp_path / absent).unlink()
+    found = find_llvm()
+    assert (found.path, found.source) == (tmp_path / "system" / "libLLVM.so.21.1", "system")
+
+
+def test_the_library_of_pip_is_the_one_that_is_loaded(
+    run_python: RunPython, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv(PATH, raising=False)
+    if find_llvm().source != "pip":
+        pytest.skip("pip brought no LLVM here")
+    done = run_python(RENDER_AND_LOOK)
+    assert done.stdout.split() == ["pip", "19", "19"], done.stderr
+
+
+def test_the_newest_library_is_found(
+    tmp_path: Path, system_only: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for name in ("libLLVM-14.so.1", "libLLVM.so.19.1", "libLLVM-16.so.1", "libLLVM.so"):
         library(tmp_path, name)
-    monkeypatch.delenv(PATH, raising=False)
     monkeypatch.setattr(variant_module, "_PLACES", (f"{tmp_path}/libLLVM*.so*",))
     found = find_llvm()
     assert (found.path, found.version, found.usable) == (tmp_path / "libLLVM.so.19.1", 19, True)
@@ -80,10 +153,9 @@ def test_an_unfit_library_is_refused_with_the_reason(
 
 
 def test_the_newest_that_was_found_is_refused_when_too_old(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, system_only: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     library(tmp_path, "libLLVM-15.so.1")
-    monkeypatch.delenv(PATH, raising=False)
     monkeypatch.setattr(variant_module, "_PLACES", (f"{tmp_path}/libLLVM*.so*",))
     assert "version 15 aborts" in find_llvm().reason
 
@@ -95,12 +167,10 @@ def test_a_missing_library_is_named(no_llvm: str) -> None:
     assert not can_render("cuda_ad_rgb")
 
 
-def test_no_library_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(PATH, raising=False)
+def test_no_library_at_all(system_only: None, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(variant_module, "_PLACES", ())
-    monkeypatch.setattr(sys, "prefix", "/nowhere")
     found = find_llvm()
-    assert (found.path, found.version) == (None, None)
+    assert (found.path, found.version, found.source) == (None, None, None)
     assert "No LLVM library was found" in found.advice
 
 
@@ -108,6 +178,11 @@ def test_no_library_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_advice_suits_the_platform(no_llvm: str, monkeypatch: pytest.MonkeyPatch, platform: str) -> None:
     monkeypatch.setattr(sys, "platform", platform)
     assert ("brew install llvm" in find_llvm().advice) == (platform == "darwin")
+    monkeypatch.setattr("platform.machine", lambda: "aarch64")
+    assert ("apt-get install libllvm19" in find_llvm().advice) == (platform == "linux")
+    assert "pip install" not in find_llvm().advice
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+    assert ("pip install" in find_llvm().advice) == (platform == "linux")
 
 
 def test_scalar_rgb_is_used_without_llvm(no_llvm: str) -> None:

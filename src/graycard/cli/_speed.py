@@ -99,8 +99,16 @@ class SpeedCommand:
         return OK
 
     def _engine(self, terminal: Terminal) -> int:
-        from graycard.benchmarks.speed import disturbed_note, engine_plot, engine_tables, measure_engine
+        from graycard.benchmarks.speed import (
+            check_plotting,
+            disturbed_note,
+            engine_plot,
+            engine_tables,
+            measure_engine,
+        )
 
+        if self.plot is not None:
+            check_plotting()
         if self.plot is not None and self.plot.suffix.lower() != ".svg":
             raise GraycardError(f"expected --plot with a name that ends in .svg, got {self.plot}. Rename it")
         with terminal.progress() as progress:
