@@ -78,6 +78,15 @@ def test_doors_behind_doors(reach: Reach) -> None:
     assert reach(files, "pkg:two") == {"pkg", "pkg:two", "pkg.inner", "pkg.inner:one", "pkg.inner._a"}
 
 
+def test_what_a_module_imports_is_also_what_others_have_from_it(reach: Reach) -> None:
+    files = {
+        **DOOR,
+        "pkg/between.py": "try:\n    import pkg as door\nfinally:\n    x = door.one",
+        "pkg/user.py": "from pkg.between import door\nx = door.two",
+    }
+    assert {"pkg._one", "pkg._two"} <= reach(files, "pkg.user")
+
+
 def test_names_that_lead_to_each_other_end(reach: Reach) -> None:
     files = {"pkg/__init__.py": "from pkg.a import x as x", "pkg/a.py": "from pkg import x"}
     assert reach(files, "pkg:x") == {"pkg", "pkg:x", "pkg.a", "pkg.a:x"}

@@ -207,12 +207,8 @@ _NOTHING = Source(Part(""), Part(""), {})
 def _data(folder: Path) -> Iterator[Path]:
     """Yield all files below a folder but code, compiled code and what is hidden."""
     for path in sorted(folder.rglob("*")):
-        inside = path.relative_to(folder).parts
-        if (
-            path.is_file()
-            and path.suffix not in (".py", ".pyc")
-            and not any(p.startswith(".") for p in inside)
-        ):
+        hidden = any(name.startswith(".") for name in path.relative_to(folder).parts)
+        if path.is_file() and not hidden and path.suffix not in (".py", ".pyc"):
             yield path
 
 

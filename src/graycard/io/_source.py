@@ -14,7 +14,8 @@ Chain = tuple[str, ...]
 """The names of ``a.b.c`` after the first: ``("b", "c")``; empty where the name stands alone."""
 
 _DOTTED = re.compile(r"[A-Za-z_]\w*(\.\w+)+(:[\w.]+|\.)?")
-_LOADERS = frozenset({"import_module", "__import__", "iter_modules", "walk_packages"})
+_LISTERS = frozenset({"iter_modules", "walk_packages", "spec_from_file_location", "run_path"})
+_LOADERS = _LISTERS | {"import_module", "__import__", "run_module"}
 _DATA = frozenset({"__file__", "resources", "get_data"})
 
 
@@ -56,7 +57,7 @@ class Source:
     """Of a door, without its docstring and the imports of its top level: empty where it only re-exports. Of
     any other module, the whole."""
     bound: Mapping[str, tuple[Import, ...]]
-    """Imports of the top level by the name that they bind."""
+    """Imports by the name that they bind."""
 
 
 def read_source(path: Path, module: str) -> Source:
@@ -90,13 +91,12 @@ def _opaque(data: bytes) -> Source:
 def _source(body: list[ast.stmt], path: Path, module: str) -> Source:
     is_door = path.name == "__init__.py"
     package = module if is_door else module.rpartition(".")[0]
-    imports = [node for node in body if isinstance(node, ast.Import | ast.ImportFrom)]
-    bound: dict[str, tuple[Import, ...]] = defaultdict(tuple)
-    for found in (found for node in imports for found in _imports(node, package)):
-        bound[found.bound] += (found,)
     whole = _part(body, package)
-    own = _part([node for node in body if node not in imports], package) if is_door else whole
-    return Source(whole, own, dict(bound))
+    bound: dict[str, tuple[Import, ...]] = defaultdict(tuple)
+    for found in whole.imports:
+        bound[found.bound] += (found,)
+    own = [node for node in body if not isinstance(node, ast.Import | ast.ImportFrom)]
+    return Source(whole, _part(own, package) if is_door else whole, dict(bound))
 
 
 def _part(body: Iterable[ast.stmt], package: str) -> Part:
@@ -162,7 +162,7 @@ class _Reader:
                 self.imports += found
                 self.loaders += any(x.attribute in _LOADERS and x.bound not in _LOADERS for x in found)
             case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[ast.Constant(), *_]):
-                self.loaders -= name in _LOADERS - {"iter_modules", "walk_packages"}
+                self.loaders -= name in _LOADERS - _LISTERS
         self.code.append(type(node).__name__)
         for name in node._fields:
             self._read_field(name, getattr(node, name, None))
