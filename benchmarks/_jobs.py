@@ -140,8 +140,8 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         take_predictions(job.given, predictions, made)
         return None, None
     priors = from_builtins(PriorSpec, made.priors)
-    handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
-    spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
+    asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
+    spec = FitSpec(*asked, donor=job.donor, stages=job.stages)
     with _threads(job.threads):
         fitted = fit_scene(spec, predictions, silent, jobs=job.jobs, own=job.folder)
     return fitted.cost, fitted.access

@@ -18,6 +18,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from graycard import Progress, open_truth
 from graycard.benchmarks._introduction import Introduction, introduce
@@ -90,7 +91,7 @@ def run_bench(
     """
     if jobs < 1:
         raise RunError(f"expected 1 or more jobs at a time, got {jobs}. Mend --jobs")
-    bench = _Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s)
+    bench = _Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, whole)
     known = _introductions(bench)  # fails before any work
     writable_folder(run)
     before = record_before(run, suite)
@@ -99,18 +100,7 @@ def run_bench(
     plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads=max(1, usable_cores() // jobs))
     fitted = _fit(bench, plan)
     scored = _score(bench, fitted)
-    record = RunRecord(
-        suite=suite.name,
-        suite_version=suite.version,
-        scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
-        methods=tuple(map(method_record, suite.methods, known)),
-        metrics=all_metrics(),
-        results=_results(fitted, scored, run),
-        environment=origins | {"renderer": renderers(scenes)},
-        started=bench.started,
-        wall_s=bench.elapsed_s(),
-        suite_sha256=_keep(whole or suite, run),
-    )
+    record = _record(bench, known, scenes, fitted, scored, origins)
     if before is not None:
         record = _with_earlier(record, before, whole, all_reused=_all_reused(fitted, scored))
     _write(record, run)
@@ -132,6 +122,8 @@ class _Bench:
     """At a time."""
     progress: Progress
     timeout_s: float | None
+    whole: Suite | None
+    """What the suite was narrowed from; None for a whole one."""
     started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     clock: float = field(default_factory=time.perf_counter)
 
@@ -169,6 +161,30 @@ def _score(bench: _Bench, fitted: Ended) -> Ended:
         run_score, made, bench.jobs, progress, find_scores, bench.timeout_s, tasks_each=SCORED_EACH
     )
     return list(zip(made, outcomes, strict=True))
+
+
+def _record(
+    bench: _Bench,
+    known: Sequence[Introduction],
+    scenes: list[tuple[SceneSpec, Path]],
+    fitted: Ended,
+    scored: Ended,
+    origins: Mapping[str, Any],
+) -> RunRecord:
+    """Return what is said of this run alone, and write the suite that it is of beside it."""
+    suite, run = bench.suite, bench.run
+    return RunRecord(
+        suite=suite.name,
+        suite_version=suite.version,
+        scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
+        methods=tuple(map(method_record, suite.methods, known)),
+        metrics=all_metrics(),
+        results=_results(fitted, scored, run),
+        environment={**origins, "renderer": renderers(scenes)},
+        started=bench.started,
+        wall_s=bench.elapsed_s(),
+        suite_sha256=_keep(bench.whole or suite, run),
+    )
 
 
 def _results(fitted: Ended, scored: Ended, run: Path) -> tuple[JobResult, ...]:
