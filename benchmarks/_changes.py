@@ -5,7 +5,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from graycard import Capture, EnvironmentLight, Light, open_truth
+from graycard import Capture, EnvironmentLight, Light, Truth, open_truth
 from graycard.io import output_error
 from graycard.methods import Changes, Composable, Composed, Decomposition, Relightable, Relit
 
@@ -30,31 +30,29 @@ def changes_for(decomposition: Decomposition, capture: Capture, scene: Path) -> 
     return Changes(relighting, truth.composition() if asked else None)
 
 
-def true_relighting(scene: Path, capture: Capture) -> tuple[Relit, ...]:
-    """The held-out views under each change of the lights, for a method that needs them.
+def true_relighting(truth: Truth, capture: Capture) -> tuple[Relit, ...]:
+    """Return the held-out views under each change of the lights, for a method that needs them.
 
     Args:
-        scene: ``DATASET/<track>/<scene>``.
+        truth: Of the scene.
         capture: The copy that is fitted; images of environments are put beside it.
 
     Raises:
-        DatasetError: The truth is missing or damaged.
+        DatasetError: The truth is damaged.
         OutputError: There is no room for the copies.
     """
-    truth = open_truth(scene / "truth")
     return tuple(
         Relit(lights, {view.name: truth.relit(edit, view)["radiance"] for view in capture.test})
-        for edit, lights in relighting_of(scene, _beside(capture)).items()
+        for edit, lights in _relighting(truth, _beside(capture)).items()
     )
 
 
-def true_composition(scene: Path, capture: Capture) -> Composed | None:
-    """The held-out views with an object put in, for a method that needs them; None where none is.
+def true_composition(truth: Truth, capture: Capture) -> Composed | None:
+    """Return the held-out views with an object put in, for a method that needs them; None where none is.
 
     Raises:
-        DatasetError: The truth is missing or damaged.
+        DatasetError: The truth is damaged.
     """
-    truth = open_truth(scene / "truth")
     composition = truth.composition()
     if composition is None:
         return None
@@ -62,7 +60,7 @@ def true_composition(scene: Path, capture: Capture) -> Composed | None:
 
 
 def relighting_of(scene: Path, folder: Path) -> dict[str, tuple[Light, ...]]:
-    """The lights after each change of a scene's lights.
+    """Return the lights after each change of a scene's lights.
 
     Args:
         scene: ``DATASET/<track>/<scene>``.
@@ -78,11 +76,15 @@ def relighting_of(scene: Path, folder: Path) -> dict[str, tuple[Light, ...]]:
     """
     if not (scene / "truth").is_dir():
         return {}
-    truth = open_truth(scene / "truth", check=False)
+    return _relighting(open_truth(scene / "truth", check=False), folder)
+
+
+def _relighting(truth: Truth, folder: Path) -> dict[str, tuple[Light, ...]]:
+    """Return the lights after each change, images of environments copied to a folder."""
+    root = Path(truth.root or "")
     return {
         edit.name: tuple(
-            _copied(light, scene / "truth" / edit.folder, folder / edit.name)
-            for light in truth.relit_lights(edit.name)
+            _copied(light, root / edit.folder, folder / edit.name) for light in truth.relit_lights(edit.name)
         )
         for edit in truth.edits
     }

@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from graycard import Capture, DatasetError, EnvironmentLight, MethodError, Progress, Truth, open_truth
-from graycard.benchmarks._changes import changes_for, true_composition, true_relighting
+from graycard import Capture, MethodError, Progress
+from graycard.benchmarks._changes import changes_for
 from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.benchmarks._guest import check_donor, guest_of
+from graycard.benchmarks._privileged import priors_for
 from graycard.io import peak_memory_mib, sha256, writable_folder
-from graycard.layers import lights_of, with_derived
 from graycard.methods import (
     COMPOSITION,
     LIGHTS,
@@ -29,19 +29,15 @@ from graycard.methods import (
     Method,
     Priors,
     Staged,
-    asks_of,
     blame,
     load_method,
     resumed_time,
     settings_of,
     write_predictions,
 )
-from graycard.methods.priors import PriorSpec, make_priors, truth_of
+from graycard.methods.priors import PriorSpec
 from graycard.predictions import clear_predictions
 from graycard.records import Access, Cost
-
-ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
-"""Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,58 +106,104 @@ def fit_scene(
         check_donor(spec.scene, donor)
     with ExitStack() as copies:
         capture = copies.enter_context(copied_capture(spec.scene / "capture"))
-        priors = handed_priors(method, spec.priors, capture, spec.scene)
+        fit = _Fit(spec, guard, capture, priors_for(method, spec.priors, capture, spec.scene), progress)
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
-        start = time.perf_counter()
-        with resumed_time() as resumed:
-            decomposition = _fitted(spec, guard, capture, priors, progress)
-        elapsed = time.perf_counter() - start + resumed.seconds
-        peak = max(peak_memory_mib(), resumed.peak_mib)
+        decomposition, spent = _timed_fit(fit, method)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
-            changes = replace(changes, guest=_guest(spec, donor, guard, copies, changes, progress))
-        seed_everything(spec.seed)  # pictures are the same whatever was fitted besides
-        start = time.perf_counter()
-        with closed(guard):
-            name = spec.label or spec.method
-            write_predictions(decomposition, capture, name, predictions, progress, changes)
-            elapsed += time.perf_counter() - start
-            peak = peak if donor is not None else max(peak_memory_mib(), resumed.peak_mib)
-            with blame(spec.method):
-                cost = Cost(elapsed, peak, _counts(decomposition, capture))
-            if save is not None:
+            changes = replace(changes, guest=_guest(fit, donor, copies, changes))
+        cost = _written(fit, decomposition, changes, spent, predictions, alone=donor is None)
+        if save is not None:
+            with closed(guard):
                 decomposition.save(save)
-        return Fitted(cost, _access(guard, capture, priors, donor))
+        return Fitted(cost, _access(guard, capture, fit.priors, donor))
 
 
-def _fitted(
-    spec: FitSpec, guard: Guard, capture: Capture, priors: Priors, progress: Progress
-) -> Decomposition:
-    """Fit a new instance of the method: what one keeps of a fit is not there in another.
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A fit under way: its spec, what is closed meanwhile, and what the method is given."""
+
+    spec: FitSpec
+    guard: Guard
+    capture: Capture
+    """The copy."""
+    priors: Priors
+    progress: Progress
+
+
+@dataclass(frozen=True, slots=True)
+class _Spent:
+    """What a fit took, stages that it found done included."""
+
+    seconds: float
+    peak_mib: float
+    resumed_peak_mib: float
+
+
+def _timed_fit(fit: _Fit, method: Method) -> tuple[Decomposition, _Spent]:
+    """Fit, and say what that took."""
+    start = time.perf_counter()
+    with resumed_time() as resumed:
+        decomposition = _fitted(fit, method)
+    elapsed = time.perf_counter() - start + resumed.seconds
+    return decomposition, _Spent(elapsed, max(peak_memory_mib(), resumed.peak_mib), resumed.peak_mib)
+
+
+def _fitted(fit: _Fit, method: Method) -> Decomposition:
+    """Fit a method that has not been fitted before: what one keeps of a fit is not there in another.
 
     Raises:
         MethodError: It cannot fit the capture, or reaches for truth.
     """
+    spec = fit.spec
     seed_everything(spec.seed)
-    with closed(guard), blame(spec.method):
-        method = load_method(spec.method)
+    with closed(fit.guard), blame(spec.method):
         settings = settings_of(method, spec.settings)
         staged = isinstance(method, Staged) and method.staged
         if spec.stages is not None and staged and not settings.checkpoint:
             settings = replace(settings, checkpoint=f"{spec.stages}/")
-        return method.fit(capture, priors, settings, spec.seed, progress)
+        return method.fit(fit.capture, fit.priors, settings, spec.seed, fit.progress)
 
 
-def _guest(
-    spec: FitSpec, donor: Path, guard: Guard, copies: ExitStack, changes: Changes, progress: Progress
-) -> Guest | None:
+def _written(
+    fit: _Fit,
+    decomposition: Decomposition,
+    changes: Changes,
+    spent: _Spent,
+    predictions: Path,
+    *,
+    alone: bool,
+) -> Cost:
+    """Write the predictions of what was fitted, and give the cost of both.
+
+    Args:
+        fit: What was fitted.
+        decomposition: What came of it.
+        changes: What it is to show besides the scene as it is.
+        spent: What the fit took.
+        predictions: Where to.
+        alone: Whether nothing else was fitted in this process, so that its peak memory is that of the fit.
+    """
+    seed_everything(fit.spec.seed)  # pictures are the same whatever was fitted besides
+    start = time.perf_counter()
+    with closed(fit.guard):
+        name = fit.spec.label or fit.spec.method
+        write_predictions(decomposition, fit.capture, name, predictions, fit.progress, changes)
+        elapsed = spent.seconds + time.perf_counter() - start
+        peak = max(peak_memory_mib(), spent.resumed_peak_mib) if alone else spent.peak_mib
+        with blame(fit.spec.method):
+            return Cost(elapsed, peak, _counts(decomposition, fit.capture))
+
+
+def _guest(fit: _Fit, donor: Path, copies: ExitStack, changes: Changes) -> Guest | None:
     """The object that is to be put in; the copy of its capture lives as long as that of the scene.
 
     Raises:
         MethodError: The method puts no objects into scenes, or cannot fit this one.
     """
+    spec = fit.spec
     if changes.composition is None:
         raise MethodError(
             f"expected {spec.method!r} to give a decomposition with compose(), got one without. Leave out "
@@ -169,11 +211,12 @@ def _guest(
         )
     capture = copies.enter_context(copied_capture(donor / "capture"))
 
-    def fit(known: Capture) -> Decomposition:
+    def fit_donor(known: Capture) -> Decomposition:
         method = load_for(spec.method, donor)
-        return _fitted(spec, guard, known, handed_priors(method, spec.priors, known, donor), progress)
+        priors = priors_for(method, spec.priors, known, donor)
+        return _fitted(replace(fit, capture=known, priors=priors), method)
 
-    return guest_of(donor, capture, changes.composition, fit)
+    return guest_of(donor, capture, changes.composition, fit_donor)
 
 
 def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
@@ -198,10 +241,10 @@ def _access(guard: Guard, capture: Capture, priors: Priors, donor: Path | None) 
         RELIGHTING: bool(priors.relighting),
         COMPOSITION: priors.composition is not None,
     }
-    handed = layers | {name for name, there in beside.items() if there}
+    privileged = layers | {name for name, there in beside.items() if there}
     manifest = sha256(Path(capture.root or "") / "manifest.json")
     of_donor = "" if donor is None else sha256(donor / "capture" / "manifest.json")
-    return Access(GUARD, manifest, tuple(sorted(handed)), tuple(guard.refused), of_donor)
+    return Access(GUARD, manifest, tuple(sorted(privileged)), tuple(guard.refused), of_donor)
 
 
 def load_for(name: str, scene: Path) -> Method:
@@ -215,68 +258,9 @@ def load_for(name: str, scene: Path) -> Method:
         return load_method(name)
 
 
-def handed_priors(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:
-    """The truth that a method needs, and what answers its asks; a method is not to open the truth folder.
-
-    Raises:
-        DatasetError: Truth is asked for, and the scene has none or a damaged one.
-        MethodError: Method, priors and weights do not go together.
-    """
-    asks = asks_of(method)
-    told = truth_of(spec, asks)
-    shown = told - {LIGHTS}
-    known = _true_layers(scene, capture, shown, shown) if shown else {}
-    lights = open_truth(scene / "truth").lights() if LIGHTS in told else ()
-    asked = make_priors(spec, asks, capture, known, lights)
-    if not method.needs:
-        return asked
-    wanted = frozenset(method.needs)
-    layers = _true_layers(scene, capture, wanted, wanted & ALWAYS)
-    found = replace(
-        asked,
-        source="oracle",
-        layers=layers,
-        relighting=true_relighting(scene, capture) if RELIGHTING in wanted else (),
-        composition=true_composition(scene, capture) if COMPOSITION in wanted else None,
-    )
-    if LIGHTS not in wanted:
-        return found
-    truth = open_truth(scene / "truth")
-    lights = truth.lights()
-    images = {x.name: truth.environment(x) for x in lights if isinstance(x, EnvironmentLight)}
-    return replace(found, lights=lights, environments=images)
-
-
-def _true_layers(
-    scene: Path, capture: Capture, wanted: frozenset[str], required: frozenset[str]
-) -> dict[str, dict[str, np.ndarray]]:
-    """True layers by view and name.
-
-    Raises:
-        DatasetError: The scene has none, or a damaged one.
-    """
-    truth = open_truth(scene / "truth")
-    layers = {view.name: _pick(truth, view.name, wanted) for view in capture.views}
-    absent = required.difference(*layers.values())
-    if absent:
-        raise DatasetError(
-            f"expected the truth of {scene} to have {', '.join(sorted(absent))}, got none: scenes of track "
-            f"{capture.track} have no such layers. Fit a scene of another track, or take other priors"
-        )
-    return layers
-
-
 def seed_everything(seed: int) -> None:
     """Seed every global random source that a method may use; torch only if the method has loaded it."""
     random.seed(seed)
     np.random.seed(seed)  # noqa: NPY002 -- third-party methods draw from the legacy global state
     if "torch" in sys.modules:
         sys.modules["torch"].manual_seed(seed)
-
-
-def _pick(truth: Truth, view: str, wanted: frozenset[str]) -> dict[str, np.ndarray]:
-    """The wanted layers that a view has; ``<layer>.<light>`` stands for those of all lights."""
-    layers = with_derived(truth.layers(truth.view(view)))
-    stems = [name.removesuffix(".<light>") for name in wanted if name.endswith(".<light>")]
-    each = {f"{stem}.{light}" for stem in stems for light in lights_of(stem, layers)}
-    return {name: a for name, a in layers.items() if name in wanted | each}

@@ -78,7 +78,8 @@ def introduction_of(method: SuiteMethod) -> Introduction:
     loaded = load_method(method.name)
     settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
     check_priors(method.priors, asks)
-    return Introduction(loaded.summary, loaded.needs, to_builtins(settings), asks, fingerprint(method.name))
+    code = fingerprint(method.name, with_priors=bool(asks or loaded.needs))
+    return Introduction(loaded.summary, loaded.needs, to_builtins(settings), asks, code)
 
 
 def meet(meeting: Meeting) -> Outcome:

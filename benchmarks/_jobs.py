@@ -122,7 +122,7 @@ def run_fit(job: FitJob) -> Outcome:
 
     def work() -> Outcome:
         with _lock(job):
-            found = fit_at_hand(job)
+            found = find_fit(job)
             if found is not None:
                 return found
             (job.folder / DONE).unlink(missing_ok=True)
@@ -140,8 +140,8 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         take_predictions(job.given, predictions, made)
         return None, None
     priors = from_builtins(PriorSpec, made.priors)
-    handed = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
-    spec = FitSpec(*handed, donor=job.donor, stages=job.stages)
+    asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
+    spec = FitSpec(*asked, donor=job.donor, stages=job.stages)
     with _threads(job.threads):
         fitted = fit_scene(spec, predictions, silent, jobs=job.jobs, own=job.folder)
     return fitted.cost, fitted.access
@@ -160,7 +160,7 @@ def run_score(job: FitJob) -> Outcome:
     return guarded(work, job.folder / ERROR)
 
 
-def scene_at_hand(job: RenderJob) -> Outcome | None:
+def find_rendered(job: RenderJob) -> Outcome | None:
     """The folder of a scene that is rendered and intact; None if there is work to do."""
     try:
         folder = find_scene(job.spec, job.settings, job.dataset)
@@ -169,7 +169,7 @@ def scene_at_hand(job: RenderJob) -> Outcome | None:
     return None if folder is None else Outcome(reused=True, value=folder)
 
 
-def fit_at_hand(job: FitJob) -> Outcome | None:
+def find_fit(job: FitJob) -> Outcome | None:
     """The outcome of a fit that has been done and whose predictions are intact; else None."""
     done = _read_or_none(Done, job.folder / DONE)
     if done is None or done.job_hash != job.job_hash:
@@ -183,7 +183,7 @@ def fit_at_hand(job: FitJob) -> Outcome | None:
     return Outcome(reused=True, value=done.fitted) if whole else None
 
 
-def score_at_hand(job: FitJob) -> Outcome | None:
+def find_scores(job: FitJob) -> Outcome | None:
     """The scores of exactly these predictions, this truth and these metrics; None if there are none."""
     scored = _read_or_none(Scored, job.folder / SCORES)
     if scored is None or scored.key != _score_key(job):

@@ -15,9 +15,10 @@ import re
 import shutil
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from graycard import Progress, open_truth
 from graycard.benchmarks._introduction import Introduction, introduce
@@ -25,12 +26,12 @@ from graycard.benchmarks._jobs import (
     FitJob,
     Outcome,
     RenderJob,
-    fit_at_hand,
+    find_fit,
+    find_rendered,
+    find_scores,
     run_fit,
     run_render,
     run_score,
-    scene_at_hand,
-    score_at_hand,
 )
 from graycard.benchmarks._run_record import (
     RunError,
@@ -51,10 +52,12 @@ from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
 from graycard.methods.priors import truth_of, weights_of
-from graycard.records import CLAIMS, COMPARISON, Job, RunRecord
+from graycard.records import CLAIMS, COMPARISON, Job, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
+SCORED_EACH = 20
+"""Sheets that a worker makes before a fresh one takes over: importing the metrics takes seconds."""
 
 
 def run_bench(
@@ -88,54 +91,137 @@ def run_bench(
     """
     if jobs < 1:
         raise RunError(f"expected 1 or more jobs at a time, got {jobs}. Mend --jobs")
-    started, clock = datetime.now(UTC).isoformat(timespec="seconds"), time.perf_counter()
-    dataset = dataset or run / "dataset"
-    for method in suite.methods:
-        if method.predictions:
-            check_folder(method.predictions, [(spec.track, scene_name(spec)) for spec in suite.scenes])
-    known = introduce(suite.methods, dataset, run / "jobs", jobs, timeout_s)  # fails before any work
-    run = writable_folder(run)
+    bench = _Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, whole)
+    known = _introductions(bench)  # fails before any work
+    writable_folder(run)
     before = record_before(run, suite)
     origins = environment()
-    scenes = _render(suite, suite.scenes, dataset, progress)
-    donors = _donors(suite, scenes, dataset, progress)
-    fits = _plan(suite, known, scenes, donors, run, threads=max(1, usable_cores() // jobs))
-    fitted = run_all(run_fit, fits, jobs, _part(progress, 1, "fitting"), fit_at_hand, timeout_s)
-    done = [fit for fit, outcome in zip(fits, fitted, strict=True) if not outcome.reason]
-    if not any(outcome.reason for outcome in _of_fits(fits, fitted)):
-        shutil.rmtree(run / STAGES, ignore_errors=True)  # all that could go on from them is done
-    scored = run_all(run_score, done, jobs, _part(progress, 2, "scoring"), score_at_hand, timeout_s)
-    outcomes = dict(zip([fit.folder for fit in done], scored, strict=True))
-    record = RunRecord(
+    scenes = _render(bench, suite.scenes)
+    plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads=max(1, usable_cores() // jobs))
+    fitted = _fit(bench, plan)
+    scored = _score(bench, fitted)
+    record = _record(bench, known, scenes, fitted, scored, origins)
+    if before is not None:
+        record = _with_earlier(record, before, whole, all_reused=_all_reused(fitted, scored))
+    _write(record, run)
+    return record
+
+
+Ended = Sequence[tuple[FitJob, Outcome]]
+"""Jobs with how they ended, in the order of the plan."""
+
+
+@dataclass(frozen=True)
+class _Bench:
+    """What is run, where, and since when."""
+
+    suite: Suite
+    run: Path
+    dataset: Path
+    jobs: int
+    """At a time."""
+    progress: Progress
+    timeout_s: float | None
+    whole: Suite | None
+    """What the suite was narrowed from; None for a whole one."""
+    started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
+    clock: float = field(default_factory=time.perf_counter)
+
+    def elapsed_s(self) -> float:
+        """Return the seconds since the start, to 0.01 s."""
+        return round(time.perf_counter() - self.clock, 2)
+
+    def part(self, stage: int, doing: str) -> Progress:
+        """Return the progress of one of the three stages in that of the run."""
+        return lambda done, what: self.progress((stage + done) / 3, f"{doing} {what}")
+
+
+def _introductions(bench: _Bench) -> list[Introduction]:
+    """Return what each method says of itself; submitted predictions have to be of a scene of the suite."""
+    for method in bench.suite.methods:
+        if method.predictions:
+            check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
+    return introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.timeout_s)
+
+
+def _fit(bench: _Bench, plan: Sequence[FitJob]) -> Ended:
+    """Make all predictions; stages go once all is done that could go on from them."""
+    outcomes = run_all(run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.timeout_s)
+    fitted = list(zip(plan, outcomes, strict=True))
+    if not any(outcome.reason for outcome in _of_fits(fitted)):
+        shutil.rmtree(bench.run / STAGES, ignore_errors=True)
+    return fitted
+
+
+def _score(bench: _Bench, fitted: Ended) -> Ended:
+    """Score all predictions that were made."""
+    made = [job for job, outcome in fitted if not outcome.reason]
+    progress = bench.part(2, "scoring")
+    outcomes = run_all(
+        run_score, made, bench.jobs, progress, find_scores, bench.timeout_s, tasks_each=SCORED_EACH
+    )
+    return list(zip(made, outcomes, strict=True))
+
+
+def _record(
+    bench: _Bench,
+    known: Sequence[Introduction],
+    scenes: list[tuple[SceneSpec, Path]],
+    fitted: Ended,
+    scored: Ended,
+    origins: Mapping[str, Any],
+) -> RunRecord:
+    """Return what is said of this run alone, and write the suite that it is of beside it."""
+    suite, run = bench.suite, bench.run
+    return RunRecord(
         suite=suite.name,
         suite_version=suite.version,
         scenes=tuple(scene_record(spec, folder, run) for spec, folder in scenes),
         methods=tuple(map(method_record, suite.methods, known)),
         metrics=all_metrics(),
-        results=tuple(
-            result_of(f, o, outcomes.get(f.folder), run) for f, o in zip(fits, fitted, strict=True)
-        ),
-        environment=origins | {"renderer": renderers(scenes)},
-        started=started,
-        wall_s=round(time.perf_counter() - clock, 2),
-        suite_sha256=_keep(whole or suite, run),
+        results=_results(fitted, scored, run),
+        environment={**origins, "renderer": renderers(scenes)},
+        started=bench.started,
+        wall_s=bench.elapsed_s(),
+        suite_sha256=_keep(bench.whole or suite, run),
     )
-    reused = all(outcome.reused for outcome in (*_of_fits(fits, fitted), *_of_fits(done, scored)))
-    if before is not None and reused and measures_nothing_new(record, before):
+
+
+def _results(fitted: Ended, scored: Ended, run: Path) -> tuple[JobResult, ...]:
+    """Return how each job ended."""
+    scores = {job.folder: outcome for job, outcome in scored}
+    return tuple(result_of(job, outcome, scores.get(job.folder), run) for job, outcome in fitted)
+
+
+def _all_reused(fitted: Ended, scored: Ended) -> bool:
+    """Tell whether the run found every fit and every score done."""
+    return all(outcome.reused for outcome in (*_of_fits(fitted), *_of_fits(scored)))
+
+
+def _of_fits(done: Ended) -> list[Outcome]:
+    """Return outcomes of what was fitted here: submitted predictions measure nothing and leave no stages."""
+    return [outcome for job, outcome in done if job.given is None]
+
+
+def _with_earlier(
+    record: RunRecord, before: RunRecord, whole: Suite | None, *, all_reused: bool
+) -> RunRecord:
+    """Return a record with what an earlier one of the folder has to say.
+
+    Nothing measured anew keeps what was true of the measurement; of a part of a suite the rest is added.
+    """
+    if all_reused and measures_nothing_new(record, before):
         same = {"started": before.started, "wall_s": before.wall_s, "environment": before.environment}
-        record = replace(record, **same)  # nothing was measured anew: keep what was true of the measurement
-    if whole is not None and before is not None:
-        record = joined(record, before, whole)
+        record = replace(record, **same)
+    return record if whole is None else joined(record, before, whole)
+
+
+def _write(record: RunRecord, run: Path) -> None:
+    """Write a record, and what follows from it: comparison and claims."""
     write_json(run / "run.json", record)
     write_json(run / COMPARISON, compare_run(record))
     if claims := claims_of_suite(record.suite):
         write_json(run / CLAIMS, judge_claims(record, run, claims))
-    return record
-
-
-def _of_fits(jobs: Sequence[FitJob], outcomes: Sequence[Outcome]) -> list[Outcome]:
-    """Outcomes of what was fitted here: submitted predictions measure nothing and leave no stages."""
-    return [outcome for job, outcome in zip(jobs, outcomes, strict=True) if job.given is None]
 
 
 def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
@@ -150,28 +236,24 @@ def _keep(suite: Suite, run: Path) -> str:
     return sha256(run / KEPT)
 
 
-def _render(
-    suite: Suite, specs: Sequence[SceneSpec], dataset: Path, progress: Progress
-) -> list[tuple[SceneSpec, Path]]:
+def _render(bench: _Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
     """Render scenes one after the other: Mitsuba itself takes all cores."""
-    jobs = [RenderJob(spec, suite.render_of(spec), dataset, usable_cores()) for spec in specs]
-    outcomes = run_all(run_render, jobs, 1, _part(progress, 0, "rendering"), scene_at_hand)
+    jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, usable_cores()) for spec in specs]
+    outcomes = run_all(run_render, jobs, 1, bench.part(0, "rendering"), find_rendered)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
             raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
     return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
 
 
-def _donors(
-    suite: Suite, scenes: list[tuple[SceneSpec, Path]], dataset: Path, progress: Progress
-) -> dict[Path, Path]:
+def _donors(bench: _Bench, scenes: list[tuple[SceneSpec, Path]]) -> dict[Path, Path]:
     """Folders of the scenes that objects come from, rendered, by those of the scenes that they are put in."""
-    if not any(method.composes for method in suite.methods):
+    if not any(method.composes for method in bench.suite.methods):
         return {}
     truths = {folder: open_truth(folder / "truth", check=False).composition() for _, folder in scenes}
     specs = {folder: donor_scene(known.donor) for folder, known in truths.items() if known is not None}
     once = {scene_name(spec): spec for spec in specs.values()}  # a donor may give to several scenes
-    rendered = dict(zip(once, _render(suite, list(once.values()), dataset, progress), strict=True))
+    rendered = dict(zip(once, _render(bench, list(once.values())), strict=True))
     return {folder: rendered[scene_name(spec)][1] for folder, spec in specs.items()}
 
 
@@ -224,11 +306,6 @@ def _of_guest(scene: Path, donor: Path | None) -> list[str]:
         return []
     of_donor = [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
     return [*of_donor, sha256(scene / "truth" / "composition" / "composition.json")]
-
-
-def _part(progress: Progress, stage: int, doing: str) -> Progress:
-    """The progress of one of the three stages in that of the run."""
-    return lambda done, what: progress((stage + done) / 3, f"{doing} {what}")
 
 
 def _slug(name: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 import psutil
 
 import graycard
-import graycard.eval
+from graycard.io import code_hash
 from graycard.synth import find_llvm
 
 PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
@@ -21,12 +21,14 @@ PACKAGES += ("colour-science", "flip-evaluator")
 RECORDED = (*PACKAGES, "opencv-python-headless", "karellen-llvm-core")
 """What a run records; only the former are asked of one, for records of before have no more."""
 
+SCORING = ("graycard.eval:score_predictions", "graycard.eval.metrics.*")
+"""Code that scores come from; metrics are named in full, for a table may list the modules of their folder."""
+
 
 @cache
 def scoring_fingerprint() -> str:
-    """SHA-256 over the code that makes scores: when a metric changes, everything is scored anew."""
-    vocabulary = sorted(Path(graycard.__file__).parent.glob("*.py"))
-    return graycard.sources_hash(Path(graycard.eval.__path__[0]), *vocabulary)
+    """Return SHA-256 over the code that scores can reach: when a line of it changes, all is scored anew."""
+    return code_hash(SCORING)
 
 
 def environment() -> dict[str, Any]:

@@ -20,28 +20,32 @@ def run_all(
     jobs: Sequence[J],
     at_a_time: int,
     progress: Progress,
-    at_hand: Callable[[J], Outcome | None] = lambda job: None,
+    find_cached: Callable[[J], Outcome | None] = lambda job: None,
     timeout_s: float | None = None,
+    *,
+    tasks_each: int = 1,
 ) -> list[Outcome]:
-    """Do jobs in worker processes, each in a process of its own; outcomes in the order of the jobs.
+    """Do jobs in worker processes; outcomes in the order of the jobs.
 
-    A worker that dies (out of memory, a crash in native code) fails its own job only.
+    A worker that dies (out of memory, a crash in native code) fails its own job only; a fresh one goes on.
 
     Args:
         work: Does a job; must be importable by a fresh process.
         jobs: What to do.
         at_a_time: Number of workers.
         progress: Called after each job.
-        at_hand: Gives the outcome of a job that need not be done again.
+        find_cached: Returns the outcome of a job that need not be done again, else None.
         timeout_s: A job that takes longer has failed; None for no limit.
+        tasks_each: Number of jobs that a process does before a fresh one takes over. More than 1 only for
+            work that leaves nothing behind: the memory of a fit is measured over its whole process.
 
     Raises:
         OutputError: A job could not write its result.
     """
-    outcomes = {number: found for number, job in enumerate(jobs) if (found := at_hand(job)) is not None}
+    outcomes = {number: found for number, job in enumerate(jobs) if (found := find_cached(job)) is not None}
     context = multiprocessing.get_context("spawn")
     with ProcessPool(
-        max_workers=at_a_time, max_tasks=1, initializer=keep_freed_memory, context=context
+        max_workers=at_a_time, max_tasks=tasks_each, initializer=keep_freed_memory, context=context
     ) as pool:
         try:
             todo = [number for number in range(len(jobs)) if number not in outcomes]

@@ -17,9 +17,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import graycard
 from graycard import MethodError, UnknownNameError, __version__, find_layer
-from graycard.io import from_builtins, sources_hash, to_builtins
+from graycard.io import code_hash, from_builtins, to_builtins
 from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Ask, Method
 
 GROUP = "graycard.methods"
@@ -48,6 +47,12 @@ BUILT_IN = {
 
 RESERVED = ("seed", "out", "save", "priors", "donor")
 """Options of ``graycard fit`` itself; a setting of such a name could not be reached."""
+
+_AROUND = ("graycard:open_capture", "graycard.methods:write_predictions")
+"""Code of ours through which a method is given its capture and its predictions become files."""
+_ANSWERING = ("graycard:open_truth", "graycard.methods.priors:make_priors")
+_INSTALLED = ("site-packages", "dist-packages")
+"""Folders in which neighbours have nothing to do with each other."""
 
 _MEMBERS = ("summary", "needs", "settings_type", "fit", "load")
 
@@ -118,11 +123,16 @@ def settings_of(method: Method, changes: Mapping[str, Any]) -> Any:
     )
 
 
-def fingerprint(name: str) -> str:
-    """What a method's predictions depend on besides its job: its version and the hash of its code.
+def fingerprint(name: str, *, with_priors: bool = False) -> str:
+    """Return what a method's predictions depend on besides its job: its version and the hash of its code.
 
-    The code is that of the package that the method lives in, or of its one module, and that of the
-    vocabulary: after an edit, everything that the method made is made anew.
+    The code is all that the module of the method can reach in graycard, and for a method of others in their
+    own package, or in the modules beside it that it imports (see :func:`graycard.io.code_hash`); further that
+    which opens captures and writes predictions. After an edit of it, all that the method made is made anew.
+
+    Args:
+        name: A registered name or ``module:attribute``.
+        with_priors: Whether the method is handed priors or truth: then the code counts that makes them.
 
     Raises:
         UnknownNameError: No method has this name.
@@ -130,15 +140,22 @@ def fingerprint(name: str) -> str:
     """
     point = _find(name)
     spec = find_spec(point.module)
-    if spec is None or spec.origin is None:
+    if spec is None or spec.origin is None or not Path(spec.origin).is_file():
         return origin(point)
-    source = Path(spec.origin)
-    in_package = "." in point.module or spec.submodule_search_locations is not None
-    code = source.parent if in_package else source
-    ours = Path(__file__).parent  # our own stand on the engine, which is a package beside theirs
-    code = ours if code.resolve().is_relative_to(ours.resolve()) else code
-    vocabulary = sorted(Path(graycard.__file__).parent.glob("*.py"))
-    return f"{origin(point)} {sources_hash(code, *vocabulary)}"
+    roots = (f"{point.module}:{point.attr}", *_AROUND, *(_ANSWERING if with_priors else ()))
+    return f"{origin(point)} {code_hash(roots, _folders_of(point.module.partition('.')[0]))}"
+
+
+def _folders_of(top: str) -> dict[str, Path]:
+    """Return where the top-level package of a method lies, and those beside it that it may import."""
+    spec = find_spec(top)
+    if top == "graycard" or spec is None:
+        return {}
+    packages = list(spec.submodule_search_locations or ())
+    place = Path(packages[0] if packages else spec.origin or "")
+    beside = () if place.parent.name in _INSTALLED else place.parent.iterdir()
+    code = {path.stem: path for path in beside if path.is_dir() or path.suffix == ".py"}
+    return {name: path for name, path in code.items() if name != "graycard"} | {top: place}
 
 
 def origin(point: EntryPoint) -> str:

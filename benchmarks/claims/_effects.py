@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Along, Check
@@ -139,6 +138,8 @@ def _change_along(
     along: Along, places: Sequence[float], effects: np.ndarray
 ) -> tuple[float, tuple[float, float], float]:
     """The change of an effect between two values of a knob, by least squares; Student's interval."""
+    from scipy import stats  # takes a second to import
+
     if len(set(places)) < 2:
         raise RecordError(f"expected scenes that differ in {along.knob}, got {places[0]:g} in all of them")
     line: Any = stats.linregress(places, effects)

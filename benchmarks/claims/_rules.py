@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from scipy.stats import rankdata
 
 from graycard.benchmarks.claims._claim import Check
 from graycard.benchmarks.claims._effects import Effect
@@ -70,7 +69,9 @@ def is_negligible(check: Check, effect: Effect) -> bool:
 
 
 def signs_agree(check: Check, effect: Effect) -> bool:
-    """Whether scenes have the sign of the mean more often than by chance, as far as so many can tell."""
+    """Tell whether scenes have the sign of the mean more often than by chance, as far as so many can tell."""
+    from scipy.stats import rankdata  # takes a second to import
+
     scale = np.log if check.scale == "ratio" else np.asarray
     values = scale(list(effect.scenes.values()))
     if effect.p_rank is None or np.count_nonzero(values) < _LEAST:

@@ -132,13 +132,13 @@ def _partly_provided(run: RunRecord) -> list[Breach]:
 
 
 def finite_breaches(run: RunRecord) -> list[Breach]:
-    """Values that are no finite numbers; the optimum of a row that is handed truth may be infinite."""
-    handed = {method.name for method in run.methods if method.sees}
+    """Return values that are no finite numbers; the optimum of a privileged row may be infinite."""
+    privileged = {method.name for method in run.methods if method.sees}
     found = []
     for result, score in scores_of(run):
         if score.status != "scored":
             continue
-        perfect = score.optimum if result.job.method in handed else math.nan
+        perfect = score.optimum if result.job.method in privileged else math.nan
         named = [("the score", score.value), *score.per_view.items()]
         bad = [f"{name} is {v}" for name, v in named if v is None or not (math.isfinite(v) or v == perfect)]
         bad += [f"a factor of the gauge is {g}" for g in score.gauge or () if not math.isfinite(g)]

@@ -12,7 +12,7 @@ from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.methods.priors import PriorSpec
 from graycard.records import JobResult, RunRecord, SceneRecord
-from graycard.synth import SceneSpec, resolved_knobs, scene_name
+from graycard.synth import SceneSpec, resolved_knobs, scene_name, with_defaults
 
 RULE = "suite"
 
@@ -125,8 +125,10 @@ def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -
         settings = read_manifest(run / scene.folder / "truth", "graycard-truth").settings
     except DatasetError:
         return  # said by `hashes`
-    wanted = {"family": spec.family, "knobs": resolved_knobs(spec), "render": suite.render_of(spec)}
-    if (place := _apart(to_builtins(wanted), to_builtins(settings))) is not None:
+    render = suite.render_of(spec)
+    wanted = {"family": spec.family, "knobs": resolved_knobs(spec), "render": render}
+    found = with_defaults(settings, spec, render)
+    if (place := _apart(to_builtins(wanted), to_builtins(found))) is not None:
         what = f"expected the scene that {suite.name} asks for, got another {place}"
         yield Breach(RULE, f"{scene.track}/{scene.scene}", what)
 

@@ -164,17 +164,17 @@ def _ranks(
 
 
 def _above_ceiling(run: RunRecord) -> list[AboveCeiling]:
-    handed = {method.name: method.sees for method in run.methods}
+    privileged = {method.name: method.sees for method in run.methods}
     return [
         found
         for result in run.results
         for score in (result.sheet.scores if result.sheet else ())
-        if (found := _too_good(result.job, score, handed.get(result.job.method, ())))
+        if (found := _too_good(result.job, score, privileged.get(result.job.method, ())))
     ]
 
 
-def _too_good(job: Job, score: Score, handed: tuple[str, ...]) -> AboveCeiling | None:
-    """A score that is better than its noise ceiling by more than chance does it."""
+def _too_good(job: Job, score: Score, told: tuple[str, ...]) -> AboveCeiling | None:
+    """Return a score that is better than its noise ceiling by more than chance does it."""
     value, ceiling = score.value, score.noise_ceiling
     if value is None or ceiling is None:
         return None
@@ -182,7 +182,7 @@ def _too_good(job: Job, score: Score, handed: tuple[str, ...]) -> AboveCeiling |
     if not is_suspicious(above, score.unit):
         return None
     return AboveCeiling(
-        job.track, job.scene, job.method, job.seed, score.metric, value, ceiling, above, score.unit, handed
+        job.track, job.scene, job.method, job.seed, score.metric, value, ceiling, above, score.unit, told
     )
 
 

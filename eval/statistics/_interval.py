@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from scipy import stats
 
 LEVEL = 0.95
 LEAST_FOR_INTERVAL = 3
@@ -61,6 +60,8 @@ def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
     Returns:
         None where there is no interval; 0 for values that are equal and not 0, 1 if all are 0.
     """
+    from scipy import stats  # takes a second to import
+
     sample = np.asarray(values, np.float64)
     if len(sample) < LEAST_FOR_INTERVAL or not np.isfinite(sample).all():
         return None
@@ -89,6 +90,8 @@ def mean_intervals(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarra
     Returns:
         Lower and upper ends, each of shape ``(K,)``.
     """
+    from scipy import stats  # takes a second to import
+
     count = len(samples)
     mean, error = _mean_and_error(samples)
     tail = (1 - level) / 2

@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 
 def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
@@ -26,6 +25,8 @@ def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
         >>> signed_rank_p([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
         0.03125
     """
+    from scipy import stats  # takes a second to import
+
     values = np.asarray(differences, np.float64)
     if np.isnan(values).any():
         raise ValueError(f"expected differences that are numbers, got {values.tolist()}")

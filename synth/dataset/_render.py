@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from graycard import DatasetError, Progress, RecordError
-from graycard.io import file_lock, read_json, read_manifest, silent, to_builtins, writable_folder
-from graycard.synth._spec import GENERATOR_VERSION, RenderSettings, SceneSpec
+from graycard.io import file_lock, read_json, read_manifest, silent, writable_folder
+from graycard.synth._spec import RenderSettings, SceneSpec
 from graycard.synth.dataset._finish import finish
+from graycard.synth.dataset._identity import differences, identity
 from graycard.synth.dataset._renderings import content_of, missing, renderings, write_missing
 from graycard.synth.dataset._store import (
     Place,
@@ -19,7 +19,7 @@ from graycard.synth.dataset._store import (
     resume,
     stamped,
 )
-from graycard.synth.families import family_of, resolved_knobs, scene_name
+from graycard.synth.families import family_of, scene_name
 from graycard.synth.renderer._variant import can_render, use_renderer
 
 
@@ -70,35 +70,22 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
         DatasetError: The folder holds a scene of another spec, or something else.
     """
     place = Place(Path(dataset), spec.track, scene_name(spec))
-    found = _found_of_this_spec(place, identity(spec, settings))
+    found = _found_of_this_spec(place, spec, settings)
     return None if found is None or damage(place) else place.final
-
-
-def identity(spec: SceneSpec, settings: RenderSettings) -> dict[str, Any]:
-    """Everything that decides what a scene's files hold, but for the renderer's variant."""
-    return to_builtins(
-        {
-            "generator": GENERATOR_VERSION,
-            "track": spec.track,
-            "family": spec.family,
-            "seed": spec.seed,
-            "knobs": resolved_knobs(spec),
-            "render": settings,
-        }
-    )
 
 
 def _make(
     place: Place, spec: SceneSpec, settings: RenderSettings, progress: Progress, threads: int | None
 ) -> None:
     """Render what is missing, derive the rest, seal."""
-    wanted = identity(spec, settings)
-    found = _found_of_this_spec(place, wanted)
+    made_from = identity(spec, settings)
+    found = _found_of_this_spec(place, spec, settings)
     if found is not None:
-        reopen(place, {**wanted, "variant": found["variant"]}, damage(place))
+        reopen(place, {**made_from, "variant": found["variant"]}, damage(place))
     variant = _variant_for(place, threads)
-    stamp = {**wanted, "variant": variant}
-    resume(place, stamp)
+    stamp = {**made_from, "variant": variant}
+    begun = stamped(place)
+    resume(place, stamp, same=begun is not None and not differences(begun, stamp, spec, settings))
     content = content_of(family_of(spec).build(spec.seed, settings), spec.seed, settings)
     wanted = renderings(content, spec.seed, settings, variant)
     truth = place.partial / "truth"
@@ -139,7 +126,7 @@ def _found_identity(place: Place) -> dict[str, Any] | None:
     }
 
 
-def _found_of_this_spec(place: Place, wanted: Mapping[str, Any]) -> dict[str, Any] | None:
+def _found_of_this_spec(place: Place, spec: SceneSpec, settings: RenderSettings) -> dict[str, Any] | None:
     """What the final folder was made from, if it is there.
 
     Raises:
@@ -147,19 +134,12 @@ def _found_of_this_spec(place: Place, wanted: Mapping[str, Any]) -> dict[str, An
     """
     _check_foreign(place)
     found = _found_identity(place)
-    if found is not None:
-        _check_same(place, found, wanted)
-    return found
-
-
-def _check_same(place: Place, found: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-    old, new = _flat(found), _flat(wanted)
-    differ = [f"{k}: expected {v}, got {old.get(k)}" for k, v in new.items() if old.get(k) != v]
-    if differ:
+    if found is not None and (differ := differences(found, identity(spec, settings), spec, settings)):
         raise DatasetError(
             f"expected {place.final} to be free or to hold this very scene, got one of another spec "
             f"({'; '.join(differ)}). Choose another output folder, or delete this one"
         )
+    return found
 
 
 def _check_foreign(place: Place) -> None:
@@ -169,13 +149,3 @@ def _check_foreign(place: Place) -> None:
             f"expected {place.final} to be free or to hold a scene, got {', '.join(names[:3])} in it. "
             "Choose another output folder, or move this one away"
         )
-
-
-def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for name, value in values.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{name}.")
-        else:
-            flat[prefix + name] = value
-    return flat

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import DatasetError, NewerFormatError, OutputError, RecordError
-from graycard.io import damaged_files, read_json, read_layers, read_manifest, to_builtins, write_json
+from graycard.io import damaged_files, read_json, read_layers, read_manifest, write_json
 
 _PARTS = ("capture", "truth")
 
@@ -95,11 +95,20 @@ def reopen(place: Place, stamp: Mapping[str, Any], faults: Mapping[str, str]) ->
     _move(place.final, place.partial)
 
 
-def resume(place: Place, stamp: Mapping[str, Any]) -> None:
-    """Get the partial folder ready: keep pictures that were made for this stamp, and nothing else."""
-    if stamped(place) != to_builtins(stamp):
+def resume(place: Place, stamp: Mapping[str, Any], *, same: bool) -> None:
+    """Get the partial folder ready: keep pictures that were made for this stamp, and nothing else.
+
+    Args:
+        place: Where the scene is made.
+        stamp: What it is made from.
+        same: Whether what is there was made from the same, whatever has been added to specs since.
+
+    Raises:
+        OutputError: What is there cannot be removed, or the stamp cannot be written.
+    """
+    if not same:
         discard(place.work)
-        write_json(place.stamp, stamp)
+    write_json(place.stamp, stamp)
     for part in _PARTS:
         (place.partial / part / "manifest.json").unlink(missing_ok=True)
     for unfinished in list(

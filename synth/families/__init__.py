@@ -8,6 +8,7 @@ Beside it, ``graycard.synth`` has a function of this package's name: take what i
 
 from graycard.synth.families._catalogue import Knob as Knob
 from graycard.synth.families._catalogue import all_families as all_families
+from graycard.synth.families._catalogue import default_knobs as default_knobs
 from graycard.synth.families._catalogue import describe as describe
 from graycard.synth.families._catalogue import family_of as family_of
 from graycard.synth.families._catalogue import knobs as knobs

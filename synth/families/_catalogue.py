@@ -107,6 +107,16 @@ def resolved_knobs(spec: SceneSpec) -> dict[str, Any]:
     return to_builtins(family_of(spec))
 
 
+def default_knobs(spec: SceneSpec) -> dict[str, Any]:
+    """Return every knob of a spec's family with its default.
+
+    Raises:
+        UnknownNameError: There is no such family, or it is of another track.
+        RecordError: A knob of the spec is unknown, of another type, or out of its range.
+    """
+    return to_builtins(type(family_of(spec))())
+
+
 def scene_name(spec: SceneSpec) -> str:
     """Name of the scene's folder: family and seed, and a digest of the knobs that were changed, if any.
 
@@ -117,7 +127,7 @@ def scene_name(spec: SceneSpec) -> str:
         UnknownNameError: There is no such family, or it is of another track.
         RecordError: A knob is unknown, of another type, or out of its range.
     """
-    knobs, defaults = resolved_knobs(spec), to_builtins(type(family_of(spec))())
+    knobs, defaults = resolved_knobs(spec), default_knobs(spec)
     changed = {name: value for name, value in knobs.items() if value != defaults[name]}
     digest = hashlib.sha256(dumps(changed).encode()).hexdigest()[:6]
     return f"{spec.family}-{spec.seed:04d}" + (f"-{digest}" if changed else "")

@@ -23,7 +23,7 @@ from graycard import (
 from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
 from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
-from graycard.benchmarks._jobs import FitJob, fit_at_hand, run_fit
+from graycard.benchmarks._jobs import FitJob, find_fit, run_fit
 from graycard.dataset import manifest_of
 from graycard.io import read_layers, sha256, silent, write_json, write_layers, write_manifest
 from graycard.methods import fingerprint
@@ -360,9 +360,9 @@ def test_a_fit_of_which_access_is_not_known_is_done_again(scene: Path, tmp_path:
     finish_predictions(tmp_path / "job" / "predictions", Predictions("gray", "dark", scene.name))
     done = {"job": job, "job_hash": "hash", "cost": Cost(1.0, 1.0)}
     write_json(tmp_path / "job" / "job.json", done)
-    assert fit_at_hand(fit) is None
+    assert find_fit(fit) is None
     write_json(tmp_path / "job" / "job.json", done | {"access": Access(GUARD, "")})
-    assert fit_at_hand(fit) is not None
+    assert find_fit(fit) is not None
 
 
 def test_a_damaged_capture_is_named_by_the_folder_that_is_known(scene: Path, tmp_path: Path):

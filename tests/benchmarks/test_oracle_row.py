@@ -13,7 +13,8 @@ import graycard.eval as ge
 from changed_scene import DESK, EDITED_LIGHTS, EDITS, LAMP, SKY, enrich
 from graycard import RectangleLight, SpotLight, methods, open_capture, open_truth
 from graycard.benchmarks._changes import changes_for, relighting_of
-from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene, handed_priors
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
+from graycard.benchmarks._privileged import priors_for
 from graycard.benchmarks.validity._record import _is_declared
 from graycard.cli import main
 from graycard.dataset import manifest_of, write_index
@@ -90,7 +91,7 @@ def test_what_it_was_handed_is_on_record(fitted: tuple[Fitted, Path, Path]) -> N
 @pytest.mark.parametrize("method", ["gray", "2dgs-oracle"])
 def test_others_are_not_handed_changed_pictures(method: str, scene: Path) -> None:
     capture = open_capture(scene / "capture")
-    priors = handed_priors(methods.load_method(method), PriorSpec(), capture, scene)
+    priors = priors_for(methods.load_method(method), PriorSpec(), capture, scene)
     assert (priors.relighting, priors.composition) == ((), None)
 
 

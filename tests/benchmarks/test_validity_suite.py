@@ -94,6 +94,16 @@ def test_a_scene_of_other_knobs_under_the_name_of_the_suite(run: Path):
     assert "suite" not in breaches(run), "that it is gone is said by another rule"
 
 
+def test_a_scene_of_before_a_knob_was_added_is_that_of_the_suite(run: Path):
+    truth = run / "dataset/dark/corridor-1000/truth"
+    manifest = read_manifest(truth, "graycard-truth")
+    knobs = {name: value for name, value in manifest.settings["knobs"].items() if name != "clutter"}
+    render = {name: value for name, value in manifest.settings["render"].items() if name != "relighting"}
+    write_manifest(truth, replace(manifest, settings={**manifest.settings, "knobs": knobs, "render": render}))
+    change(run, lambda data: data["scenes"][0].update(truth_sha256=sha256(truth / "manifest.json")))
+    assert "suite" not in breaches(run)
+
+
 def test_a_suite_that_comes_along_is_known_by_its_name(run: Path):
     """A run that says that it is of the smoke suite, and kept an easier one."""
     smoke = load_suite("smoke")

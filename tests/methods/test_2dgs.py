@@ -20,7 +20,7 @@ from graycard import (
     open_truth,
     srgb_encode,
 )
-from graycard.io import silent, sources_hash
+from graycard.io import code_hash, reached_code, silent
 from graycard.layers import find_fault
 from graycard.methods import splat
 from graycard.methods.surfels import SurfelScene
@@ -224,9 +224,8 @@ def test_bad_settings(settings: dict[str, object], message: str):
 
 def test_a_change_of_the_engine_is_a_change_of_the_method():
     """What the fit depends on besides its job includes the engine, which is no module of the method's own."""
-    from graycard.methods import _registry
-
-    folder = Path(_registry.__file__).parent
-    assert methods.fingerprint("2dgs").endswith(
-        sources_hash(folder, *sorted(Path(graycard.__file__).parent.glob("*.py")))
-    )
+    roots = (methods.BUILT_IN["2dgs"], "graycard:open_capture", "graycard.methods:write_predictions")
+    assert methods.fingerprint("2dgs") == f"graycard {graycard.__version__} {code_hash(roots)}"
+    reached = reached_code([methods.BUILT_IN["2dgs"]])
+    engine = {"_surfels", "_rasterize", "raster._cpu", "raster._backward", "ops._losses", "fit._densify"}
+    assert {f"graycard.methods.splat.{name}" for name in engine} <= reached.keys()

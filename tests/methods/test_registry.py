@@ -55,7 +55,41 @@ def test_a_module_attribute_needs_no_packaging(plug_in: Callable[..., None], tmp
     assert methods.load_method("mine_ma:instance").summary == "Mine"
     before = methods.fingerprint("mine_ma:Mine")
     (tmp_path / "mine_ma.py").write_text(GOOD + "# changed\n")
+    assert methods.fingerprint("mine_ma:Mine") == before
+    (tmp_path / "mine_ma.py").write_text(GOOD + "changed = 1\n")
     assert methods.fingerprint("mine_ma:Mine") != before
+
+
+def test_a_module_beside_it_counts_once_it_is_imported(plug_in: Callable[..., None], tmp_path: Path):
+    (tmp_path / "beside_it.py").write_text("x = 1\n")
+    (tmp_path / "unused.py").write_text("x = 1\n")
+    plug_in("graycard-mine", "mine_besides", f"from beside_it import x\n{GOOD}")
+    before = methods.fingerprint("mine_besides:Mine")
+    (tmp_path / "unused.py").write_text("x = 22\n")
+    assert methods.fingerprint("mine_besides:Mine") == before
+    (tmp_path / "beside_it.py").write_text("x = 22\n")
+    assert methods.fingerprint("mine_besides:Mine") != before
+
+
+def test_a_package_of_others_counts_as_far_as_it_is_reached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    (tmp_path / "theirs_pk").mkdir()
+    for name, text in (
+        ("__init__", ""),
+        ("fit", f"from .inner import x\n{GOOD}"),
+        ("inner", "x = 1"),
+        ("far", ""),
+    ):
+        (tmp_path / "theirs_pk" / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    before = methods.fingerprint("theirs_pk.fit:Mine")
+    (tmp_path / "theirs_pk" / "far.py").write_text("x = 22")
+    assert methods.fingerprint("theirs_pk.fit:Mine") == before
+    (tmp_path / "theirs_pk" / "inner.py").write_text("x = 22")
+    assert methods.fingerprint("theirs_pk.fit:Mine") != before
+
+
+def test_a_module_that_is_not_python_has_only_its_version():
+    assert methods.fingerprint("sys:Method") == "named outright"
 
 
 def test_a_plug_in_that_raises_on_import_hurts_only_itself(plug_in: Callable[..., None]):

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import threading
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from graycard.io._lock import file_lock
 from graycard.layers import find_fault
 from graycard.synth import (
     GENERATOR_VERSION,
+    CaptureSettings,
     RenderSettings,
     SceneSpec,
     all_families,
@@ -39,7 +41,11 @@ from graycard.synth import (
     render_scene,
     scene_name,
 )
-from graycard.synth.dataset._store import Place
+from graycard.synth.dataset._identity import identity
+from graycard.synth.dataset._store import Place, reopen
+from graycard.synth.families._family import count
+from graycard.synth.families._tables import GlossyTable
+from graycard.synth.verify._subject import Rebuilt, rebuild
 
 TINY = RenderSettings(20, 16, 3, 1, 16, 3)
 TABLE = SceneSpec("tabletop", "glossy-table", 0)
@@ -448,6 +454,108 @@ def test_a_scene_of_other_settings_is_left_alone(
     with pytest.raises(DatasetError, match=f"{difference}.*Choose another output folder"):
         render_scene(TABLE, settings, table.parent.parent)
     assert bits(table) == before
+
+
+@dataclass(frozen=True, slots=True)
+class LaterTable(GlossyTable):
+    """The family after it has gained a knob."""
+
+    cartons: int = count(3, 0, 9)
+
+
+@dataclass(frozen=True, slots=True)
+class LaterSettings(RenderSettings):
+    """Settings after they have gained one."""
+
+    haze: float = 0.0
+
+
+LATER = LaterSettings(20, 16, 3, 1, 16, 3)
+
+
+@pytest.fixture
+def later(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A version of graycard whose glossy tables have one more knob."""
+    families = all_families() | {"glossy-table": LaterTable}
+    monkeypatch.setattr("graycard.synth.families._catalogue._FAMILIES", tuple(families.values()))
+
+
+@pytest.mark.usefixtures("later")
+def test_a_scene_of_before_a_knob_and_a_setting_were_added_is_this_very_scene(table: Path) -> None:
+    before = bits(table)
+    assert scene_name(TABLE) == table.name
+    assert find_scene(TABLE, LATER, table.parent.parent) == table
+    assert render_scene(TABLE, LATER, table.parent.parent) == table
+    assert bits(table) == before
+
+
+@pytest.mark.usefixtures("later")
+def test_a_scene_of_before_is_none_with_another_value_of_what_was_added(table: Path) -> None:
+    with pytest.raises(DatasetError, match=r"render.haze: expected 0.5, got 0.0\).*Choose another output"):
+        find_scene(TABLE, replace(LATER, haze=0.5), table.parent.parent)
+    changed = replace(TABLE, knobs={"cartons": 5})
+    shutil.move(table, table.with_name(scene_name(changed)))
+    with pytest.raises(DatasetError, match=r"\(knobs.cartons: expected 5, got 3\)"):
+        find_scene(changed, LATER, table.parent.parent)
+
+
+def change_manifest(scene: Path, change: Callable[[dict[str, Any]], Any]) -> None:
+    path = scene / "truth" / "manifest.json"
+    manifest = json.loads(path.read_text())
+    change(manifest["settings"])
+    path.write_text(json.dumps(manifest))
+
+
+def test_what_a_manifest_of_before_does_not_name_had_its_default(table: Path) -> None:
+    def forget(settings: dict[str, Any]) -> None:
+        del settings["knobs"]["roughness"], settings["render"]["capture"]["bits"]
+
+    change_manifest(table, forget)
+    assert find_scene(TABLE, TINY, table.parent.parent) == table
+    noisy = replace(TINY, capture=CaptureSettings(bits=8))
+    with pytest.raises(DatasetError, match=r"\(render.capture.bits: expected 8, got 0\)"):
+        find_scene(TABLE, noisy, table.parent.parent)
+
+
+@pytest.mark.parametrize(
+    ("part", "difference"), [("knobs", r"knobs.cartons: .*with 3"), ("render", r"render.cartons: .*with 3")]
+)
+def test_a_scene_with_a_knob_that_is_gone_is_refused(table: Path, part: str, difference: str) -> None:
+    change_manifest(table, lambda settings: settings[part].update(cartons=3))
+    with pytest.raises(DatasetError, match=rf"\({difference}\)\. Choose another output folder"):
+        find_scene(TABLE, TINY, table.parent.parent)
+
+
+def test_a_damaged_scene_of_before_is_mended_with_the_pictures_that_it_has(
+    rendered: dict[str, Path], table: Path
+) -> None:
+    change_manifest(table, lambda settings: settings["knobs"].pop("roughness"))
+    (table / "truth/views/test_002.exr").unlink()
+    heard: list[str] = []
+    render_scene(TABLE, TINY, table.parent.parent, lambda done, doing: heard.append(doing))
+    assert sum("_00" in h for h in heard) == 1
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
+def test_a_scene_in_the_making_of_before_goes_on(rendered: dict[str, Path], table: Path) -> None:
+    """Cut off before a knob was added, and taken up again after."""
+    place = Place(table.parent.parent, "tabletop", table.name)
+    manifest = read_manifest(table / "truth", "graycard-truth")
+    stamp = to_builtins(identity(TABLE, TINY)) | {"variant": manifest.generator["variant"]}
+    del stamp["knobs"]["roughness"]
+    reopen(place, stamp, {"truth/views/test_002.exr": "gone"})
+    heard: list[str] = []
+    render_scene(TABLE, TINY, table.parent.parent, lambda done, doing: heard.append(doing))
+    assert sum("_00" in h for h in heard) == 1
+    assert bits(table.parent) == bits(rendered["tabletop"].parent)
+
+
+@pytest.mark.usefixtures("later")
+def test_a_scene_of_before_is_verified_as_this_very_scene(table: Path) -> None:
+    rebuilt = rebuild(read_manifest(table / "truth", "graycard-truth"))
+    assert isinstance(rebuilt, Rebuilt)
+    assert scene_name(rebuilt.spec) == table.name
+    assert rebuilt.scene.views == open_truth(table / "truth").views
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files: atomic writing, hashing, locks, JSON, EXR, manifests, memory and progress."""
+"""Files: hashes of code, atomic writing, hashing, locks, JSON, EXR, manifests, memory and progress."""
 
+from graycard.io._code import code_hash as code_hash
+from graycard.io._code import reached_code as reached_code
 from graycard.io._exr import read_layers as read_layers
 from graycard.io._exr import read_rgb as read_rgb
 from graycard.io._exr import write_layers as write_layers
@@ -11,7 +13,6 @@ from graycard.io._files import free_mib as free_mib
 from graycard.io._files import output_error as output_error
 from graycard.io._files import sha256 as sha256
 from graycard.io._files import sha256_of_files as sha256_of_files
-from graycard.io._files import sources_hash as sources_hash
 from graycard.io._files import writable_folder as writable_folder
 from graycard.io._files import write_bytes as write_bytes
 from graycard.io._json import check_version as check_version

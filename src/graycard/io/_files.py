@@ -108,15 +108,6 @@ def sha256_of_files(root: Path, skip: Callable[[str], bool] = lambda name: False
     return {name: sha256(root / name) for name in kept if not skip(name)}
 
 
-def sources_hash(*places: Path) -> str:
-    """SHA-256 over Python files and those below folders: equal code, equal hash."""
-    digest = hashlib.sha256()
-    for place in (Path(p).resolve() for p in places):
-        for path in [place] if place.is_file() else sorted(place.rglob("*.py")):
-            digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
-
-
 def output_error(path: Path, cause: OSError) -> OutputError:
     """What a user can do about a write that failed."""
     if cause.errno in _OUT_OF_SPACE:
