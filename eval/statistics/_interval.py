@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from scipy import stats
 
 LEVEL = 0.95
 LEAST_FOR_INTERVAL = 3
@@ -68,6 +67,8 @@ def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
     if error[0] == 0:
         return float(mean[0] == 0)
     observed = float(mean[0] / error[0])
+    from scipy import stats
+
     student = 2 * float(stats.t.sf(abs(observed), len(sample) - 1))
     if len(sample) < _LEAST_FOR_BOOTSTRAP:
         return student
@@ -89,6 +90,8 @@ def mean_intervals(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarra
     Returns:
         Lower and upper ends, each of shape ``(K,)``.
     """
+    from scipy import stats
+
     count = len(samples)
     mean, error = _mean_and_error(samples)
     tail = (1 - level) / 2

@@ -4,7 +4,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 
 def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
@@ -32,7 +31,9 @@ def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
     values = values[values != 0]
     if not len(values):
         return None
-    ranks = np.rint(2 * stats.rankdata(np.abs(values))).astype(int)  # mean ranks are halves
+    from scipy.stats import rankdata
+
+    ranks = np.rint(2 * rankdata(np.abs(values))).astype(int)  # mean ranks are halves
     ways = _ways(ranks)
     positive, negative = int(ranks[values > 0].sum()), int(ranks[values < 0].sum())
     return float(min(1.0, 2 * ways[: min(positive, negative) + 1].sum() / ways.sum()))
