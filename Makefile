@@ -3,6 +3,7 @@
 #   make bench [SUITE=demo]   set up, run a suite, say where its report is
 #   make test                 set up, run the tests
 #   make check                the tests, and lint, format, types
+#   make docs                 write the pages of docs/ that are made of the code
 #   make gate                 run the smoke suite and compare it with the committed baseline
 
 SUITE ?= demo
@@ -10,7 +11,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test check lint gate clean
+.PHONY: help bench test check lint docs gate clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -27,6 +28,9 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+
+docs: .venv/installed
+	$(BIN)/python tests/helpers/docs_of_scores.py
 
 gate: .venv/installed
 	$(BIN)/graycard bench smoke --out runs/smoke
