@@ -75,8 +75,8 @@ class Metric(Generic[R]):
     rule: R
     """How it is computed."""
     layers: tuple[str, ...]
-    """Parts of a prediction that it reads, the judged one first: layers, where ``<light>`` stands for each
-    light, or :data:`LIGHTS`."""
+    """Parts of a prediction that it reads beside its gauge, the judged one first: layers, where ``<light>``
+    stands for each light, or :data:`LIGHTS`."""
     ceiling: Ceiling
     """Whether the truth's own noise bounds the score, and why."""
     references: tuple[Reference, ...]

@@ -14,7 +14,6 @@ from graycard.eval.kinds._references import ASSIGNMENT, Reference
 from graycard.eval.lights._errors import intensity_error
 from graycard.eval.lights._shapes import axis_of, chromaticity_error, direction_error, extent_error, radius_of
 from graycard.eval.scoring._ceiling import EXACT_LIGHTS
-from graycard.eval.scoring._training import GAUGED
 from graycard.records import Invariance, MetricRecord
 
 _MISSED_STOPS, _MISSED_COLOUR, _MISSED_AXIS, _MISSED_SIZE = 10.0, 90.0, 180.0, 100.0
@@ -40,14 +39,13 @@ def _light_metric(
     rule: LightRule,
     reference: Reference = ASSIGNMENT,
     *,
-    layers: tuple[str, ...] = (LIGHTS,),
     gauge: str | None = None,
     refuses: tuple[Invariance, ...] = (),
 ) -> Metric[LightRule]:
     return Metric(
         record=record,
         rule=rule,
-        layers=layers,
+        layers=(LIGHTS,),
         gauge=gauge,
         refuses=refuses,
         ceiling=EXACT_LIGHTS,
@@ -99,7 +97,6 @@ METRICS: tuple[Metric[LightRule], ...] = (
         ),
         LightRule(_gauged_intensity, _MISSED_STOPS),
         _STOPS,
-        layers=(LIGHTS, GAUGED),
         gauge=GAUGE,
         refuses=("sign",),
     ),

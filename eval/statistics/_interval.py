@@ -60,6 +60,8 @@ def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
     Returns:
         None where there is no interval; 0 for values that are equal and not 0, 1 if all are 0.
     """
+    from scipy import stats  # takes a second to import
+
     sample = np.asarray(values, np.float64)
     if len(sample) < LEAST_FOR_INTERVAL or not np.isfinite(sample).all():
         return None
@@ -67,8 +69,6 @@ def mean_p(values: Sequence[float] | np.ndarray) -> float | None:
     if error[0] == 0:
         return float(mean[0] == 0)
     observed = float(mean[0] / error[0])
-    from scipy import stats
-
     student = 2 * float(stats.t.sf(abs(observed), len(sample) - 1))
     if len(sample) < _LEAST_FOR_BOOTSTRAP:
         return student
@@ -90,7 +90,7 @@ def mean_intervals(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarra
     Returns:
         Lower and upper ends, each of shape ``(K,)``.
     """
-    from scipy import stats
+    from scipy import stats  # takes a second to import
 
     count = len(samples)
     mean, error = _mean_and_error(samples)

@@ -25,15 +25,15 @@ def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
         >>> signed_rank_p([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
         0.03125
     """
+    from scipy import stats  # takes a second to import
+
     values = np.asarray(differences, np.float64)
     if np.isnan(values).any():
         raise ValueError(f"expected differences that are numbers, got {values.tolist()}")
     values = values[values != 0]
     if not len(values):
         return None
-    from scipy.stats import rankdata
-
-    ranks = np.rint(2 * rankdata(np.abs(values))).astype(int)  # mean ranks are halves
+    ranks = np.rint(2 * stats.rankdata(np.abs(values))).astype(int)  # mean ranks are halves
     ways = _ways(ranks)
     positive, negative = int(ranks[values > 0].sum()), int(ranks[values < 0].sum())
     return float(min(1.0, 2 * ways[: min(positive, negative) + 1].sum() / ways.sum()))
