@@ -1,17 +1,19 @@
 # Everything goes through .venv, which the first target that needs it makes.
 #
 #   make bench [SUITE=demo]   set up, run a suite, say where its report is
-#   make test                 set up, run the tests
-#   make check                the tests, and lint, format, types
-#   make docs                 write the pages of docs/ that are made of the code
+#   make test                 set up, run the tests but for those marked slow
+#   make test-all             run every test
+#   make coverage             run every test and ask for 90 % coverage
+#   make check                lint, format, types, and `make test`
 #   make gate                 run the smoke suite and compare it with the committed baseline
+#   make docs                 write the tables and pictures that the docs take from code
 
 SUITE ?= demo
 PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test check lint docs gate clean
+.PHONY: help bench test test-all coverage kernels check lint gate docs clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -19,8 +21,21 @@ help:
 bench: .venv/installed
 	$(BIN)/graycard bench $(SUITE) --out runs/$(SUITE)
 
-test: .venv/installed-test
-	$(BIN)/python -m pytest -n auto --cov --cov-report=term-missing:skip-covered --durations=25
+# Tests that share an expensive fixture run in one worker (tests/conftest.py).
+PYTEST := $(BIN)/python -m pytest -n auto --dist loadgroup --durations=25
+
+test: kernels
+	$(PYTEST) -m "not slow"
+
+test-all: kernels
+	$(PYTEST)
+
+coverage: kernels
+	$(PYTEST) --cov --cov-report=term-missing:skip-covered
+
+# Compiled once here, not by every worker at the same time.
+kernels: .venv/installed-test
+	$(BIN)/graycard doctor --warm
 
 check: lint test
 
@@ -29,12 +44,12 @@ lint: .venv/installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 
-docs: .venv/installed
-	$(BIN)/python tests/helpers/docs_of_scores.py
-
 gate: .venv/installed
 	$(BIN)/graycard bench smoke --out runs/smoke
 	$(BIN)/graycard gate runs/smoke --baseline benchmarks/baselines/smoke.json
+
+docs: .venv/installed-test
+	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py
 
 clean:
 	rm -rf .venv runs build *.egg-info

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A tiny scene with closed-form truth, on disk, without a renderer: what most tests stand on."""
 
+import os
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -24,6 +25,10 @@ from graycard import (
 from graycard.dataset import write_index
 from graycard.io import Manifest, write_layers, write_manifest, write_rgb
 from graycard.lights import write_lights
+
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+"""Let threads of OpenMP sleep while they wait for work. With a test on each core they take the cores from
+each other: a fit of 20 s takes 340 s. PyTorch and Numba, which read this, are not loaded yet."""
 
 WIDTH, HEIGHT = 28, 24
 DIAMETER = 4.0

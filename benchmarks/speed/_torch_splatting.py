@@ -14,8 +14,7 @@ import torch
 from torch.overrides import TorchFunctionMode
 
 from graycard import Camera
-from graycard.methods.splat import FeatureMaps, Surfels
-from graycard.methods.splat._geometry import rotation_matrices
+from graycard.methods.splat import FeatureMaps, Surfels, rotation_matrices
 
 PACKAGE = "gaussian_splatting"
 """Its importable folder."""

@@ -92,9 +92,7 @@ def _timed(
 
 def _tracers(scene: Scene, settings: RenderSettings) -> Iterator[Callable[[int], object]]:
     """Both take the same four independent images of the middle view."""
-    from graycard.synth.layers._separation import separated_images
-    from graycard.synth.layers._views import radiance_images
-    from graycard.synth.renderer._mitsuba import load_scene
+    from graycard.synth.passes import load_scene, radiance_images, separated_images
 
     camera = scene.views[len(scene.views) // 2].camera
     loaded = load_scene(scene, camera)

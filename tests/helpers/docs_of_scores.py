@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pages of docs/ that are made of the code of eval: run this file to write them, as ``make docs`` does."""
+"""Pages of docs/ that are made of the code of eval; ``make docs`` writes them."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -129,8 +129,3 @@ def _dot(figure: Xml.Element, x: float, y: float, colour: str) -> None:
 def _text(figure: Xml.Element, x: float, y: float, words: str, size: int = 12, anchor: str = "start") -> None:
     places = {"x": f"{x:.1f}", "y": f"{y:.1f}", "font-size": str(size), "text-anchor": anchor}
     Xml.SubElement(figure, "text", {**places, "fill": "#333333"}).text = words
-
-
-if __name__ == "__main__":
-    for path, text in generated().items():
-        path.write_text(text, encoding="utf-8")

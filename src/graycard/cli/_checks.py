@@ -11,7 +11,8 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from graycard.cli._screen import OK, Json, Screen, new_table, write_optional_json
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io._json import write_json
 from graycard.records._comparison import (
     COMPARISON,
@@ -27,7 +28,7 @@ SHOWN = 5
 
 
 @dataclass(frozen=True)
-class CheckResult:
+class CheckResultCommand:
     """Say whether a run is a valid result: 0 if so, 1 if a rule is broken, 2 if that cannot be judged."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
@@ -37,28 +38,28 @@ class CheckResult:
     json: Json = None
     """Also write what was found to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Look at every rule."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Check every rule."""
         from graycard.benchmarks import RULES, check_result
 
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             found = check_result(self.run_folder, progress, rescore=self.rescore)
         lacking = Counter[str]()
         for breach in found.breaches:
             lacking[breach.rule] += breach.unknown
             if not breach.unknown or lacking[breach.rule] <= SHOWN:
-                screen.out.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+                terminal.out.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
         for rule, number in lacking.items():
             if number > SHOWN:
-                screen.out.print(f"unknown: {rule}: {number - SHOWN} more; --json lists them")
+                terminal.out.print(f"unknown: {rule}: {number - SHOWN} more; --json lists them")
         for rule in dict.fromkeys(breach.rule for breach in found.breaches):
-            screen.err.print(f"rule {rule}: {RULES[rule]}")
+            terminal.err.print(f"rule {rule}: {RULES[rule]}")
         write_optional_json(self.json, {"exit_code": found.exit_code, "validity": found})
         broken = sum(not breach.unknown for breach in found.breaches)
         says = {0: "valid", 1: "invalid", 2: "cannot be judged"}
-        screen.out.print(f"suite: {found.suite}")
+        terminal.out.print(f"suite: {found.suite}")
         part = f", {found.part}" if found.part else ""
-        screen.out.print(
+        terminal.out.print(
             f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "
             f"{broken} broken, {len(found.breaches) - broken} without evidence)"
         )
@@ -66,20 +67,20 @@ class CheckResult:
 
 
 @dataclass(frozen=True)
-class Compare:
+class CompareCommand:
     """Say which method of a run is better, by how much, and how sure that is."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder; its comparison.json is written anew from run.json. A published one is left as it is."""
-    metrics: tuple[str, ...] = ()
-    """Only these metrics; those of the leaderboard by default."""
+    metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
+    """Compare these metrics only; those of the leaderboard by default."""
     pairs: bool = False
     """Also show every two methods."""
     json: Json = None
     """Also write the comparison to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Compare."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Compare the methods."""
         from graycard._errors import UnknownNameError
         from graycard.eval.statistics import compare_run
         from graycard.reports import is_published
@@ -94,42 +95,44 @@ class Compare:
         tables = [table for table in found.metrics if table.metric in wanted]
         shown = [table for table in tables if self.metrics or _is_contested(table)]
         for table in shown:
-            self._show(screen, table, by_id[table.metric])
+            self._show(terminal, table, by_id[table.metric])
         if not is_published(self.run_folder):
             write_json(self.run_folder / COMPARISON, found)
         write_optional_json(self.json, found)
         if record.submitted:
-            screen.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
-        _say_skipped(screen, [table for table in tables if table not in shown])
-        _say(screen, found)
+            terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
+        _say_skipped(terminal, [table for table in tables if table not in shown])
+        _say(terminal, found)
         return OK
 
-    def _show(self, screen: Screen, table: MetricComparison, metric: MetricRecord) -> None:
+    def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"
-        screen.out.print(f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better")
-        screen.out.print(_standings(table, metric.higher_is_better))
+        terminal.out.print(
+            f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better"
+        )
+        terminal.out.print(_standings(table, metric.higher_is_better))
         if self.pairs and table.pairs:
-            screen.out.print(_pairs(table))
+            terminal.out.print(_pairs(table))
 
 
 def _is_contested(table: MetricComparison) -> bool:
-    """Whether a method that competes has a value."""
+    """Return true where a method that competes has a value."""
     return any(method.competes and method.mean is not None for method in table.methods)
 
 
-def _say_skipped(screen: Screen, tables: list[MetricComparison]) -> None:
+def _say_skipped(terminal: Terminal, tables: list[MetricComparison]) -> None:
     if tables:
         names = " ".join(dict.fromkeys(table.metric for table in tables))
-        screen.out.print(
+        terminal.out.print(
             f"skipped: {len(tables)} table{'s' * (len(tables) != 1)} in which no method that competes has a "
             f"value: --metrics {names}"
         )
 
 
-def _say(screen: Screen, found: Comparison) -> None:
+def _say(terminal: Terminal, found: Comparison) -> None:
     for above in found.above_ceiling:
         if not above.handed:
-            screen.err.print(
+            terminal.err.print(
                 f"truth has leaked: {above.track}/{above.scene} {above.method}, seed {above.seed}, "
                 f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
                 f"{found.margins[above.unit]:g} are left to chance"
@@ -140,7 +143,7 @@ def _say(screen: Screen, found: Comparison) -> None:
     tied = sum(pair.verdict == "tie" for pair in pairs)
     decided = len(pairs) - few - tied
     handed = len(every) - len(pairs)
-    screen.out.print(
+    terminal.out.print(
         f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
         f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
         + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
@@ -148,12 +151,12 @@ def _say(screen: Screen, found: Comparison) -> None:
 
 
 def _compete(table: MetricComparison, pair: PairDifference) -> bool:
-    """Whether neither of two methods is handed truth: only such pairs have a verdict to show."""
+    """Return true where neither method is handed truth: only such pairs have a verdict to show."""
     return {pair.first, pair.second} <= {method.method for method in table.methods if method.competes}
 
 
 def _standings(table: MetricComparison, higher_is_better: bool) -> Table:
-    """The best mean first, those without one last."""
+    """Return the standings, the best mean first, methods without a mean last."""
     shown = new_table("rank", "method", "mean", "95 % interval", "scenes", "scene sd", "seed sd", "ceiling")
     known = [row for row in table.methods if row.mean is not None]
     known.sort(key=lambda row: row.mean or 0.0, reverse=higher_is_better)
@@ -177,7 +180,7 @@ def _pairs(table: MetricComparison) -> Table:
 
 
 def _pair_cells(pair: PairDifference, compete: bool) -> tuple[str, ...]:
-    """Of a pair with a row that is handed truth neither a corrected p nor a verdict."""
+    """Return a row of the table; a pair with a row that is handed truth has no corrected p and no verdict."""
     names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
     ends = (_number(pair.p_mean_holm), pair.verdict) if compete else ("", "is handed truth")
     return names, difference, _interval(pair.interval), str(pair.scenes), _number(pair.p_rank), *ends

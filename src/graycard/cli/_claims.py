@@ -11,48 +11,49 @@ from typing import Annotated, get_args
 import tyro
 from rich.table import Table
 
-from graycard.cli._screen import OK, Json, Screen, new_table, write_optional_json
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io._json import write_json
 from graycard.records._ledger import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean
 from graycard.records._run import read_run
 
 
 @dataclass(frozen=True)
-class Claims:
+class ClaimsCommand:
     """Say which claims of papers a run bears out, and write them into it and its report."""
 
-    run_folder: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")] = None
-    """The run folder; its claims.json is written anew from run.json, where it is not a published one. Without
-    one, only papers' own tables are held against themselves."""
-    claims: tuple[str, ...] = ()
-    """Only these: names, or paths to claims of your own that end in .toml; those made for the run's suite by
-    default. Claims that are made for the runs of another suite are refused."""
+    run_folder: Annotated[Path | None, tyro.conf.Positional, optional("[RUN]")] = None
+    """The run folder; its claims.json is written anew from run.json, unless it is a published one.
+    Without a run, only papers' own tables are held against themselves."""
+    claims: Annotated[tuple[str, ...], optional("NAME ...")] = ()
+    """Judge these only: names, or paths that end in .toml. Those made for the run's suite by default.
+    Claims for the runs of another suite are refused."""
     any_suite: bool = False
-    """Also judge claims that are made for the runs of another suite; where --claims names none and none are
-    made for this suite, all that come along."""
+    """Also judge claims that are made for the runs of another suite.
+    All that come along, where --claims names none and none are made for this suite."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
     json: Json = None
     """Also write the ledger to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Judge them; a contradicted claim is a finding, no failure."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Judge the claims; a contradicted claim is a finding, no failure."""
         from graycard.benchmarks.claims import judge_tables
 
         if self.run_folder is None:
             found, report = judge_tables(self.claims), ""
         else:
-            found, report = self._judged(self.run_folder, screen)
+            found, report = self._judged(self.run_folder, terminal)
         for paper in found.papers:
-            self._show(screen, paper)
+            self._show(terminal, paper)
         write_optional_json(self.json, found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
         words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
-        screen.out.print(f"claims: {words}{report}")
+        terminal.out.print(f"claims: {words}{report}")
         return OK
 
-    def _judged(self, run: Path, screen: Screen) -> tuple[Ledger, str]:
-        """The ledger of a run, written into it, and where its report is; a published one is left as it is.
+    def _judged(self, run: Path, terminal: Terminal) -> tuple[Ledger, str]:
+        """Return the ledger of a run, written into it, and a note on its report; leave a published run alone.
 
         Raises:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
@@ -64,7 +65,7 @@ class Claims:
         names = self.claims or claims_of_suite(record.suite) or claims_names()
         found = judge_claims(record, run, names, any_suite=self.any_suite)
         for name, suite in made_for_others(record.suite, names).items():
-            screen.err.print(
+            terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
         if is_published(run):
@@ -72,17 +73,17 @@ class Claims:
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
 
-    def _show(self, screen: Screen, paper: PaperResult) -> None:
-        screen.out.print(f"\n{paper.title}, claims version {paper.version}")
+    def _show(self, terminal: Terminal, paper: PaperResult) -> None:
+        terminal.out.print(f"\n{paper.title}, claims version {paper.version}")
         table = new_table("", "claim", "verdict", "why")
         for claim in paper.claims:
             table.add_row(claim.id, claim.sentence, claim.verdict, claim.text)
-        screen.out.print(table)
+        terminal.out.print(table)
         if self.checks:
             for claim in paper.claims:
                 if claim.checks:
-                    screen.out.print(f"\n{claim.id}: {claim.sentence}")
-                    screen.out.print(_checks(claim.checks))
+                    terminal.out.print(f"\n{claim.id}: {claim.sentence}")
+                    terminal.out.print(_checks(claim.checks))
 
 
 def _checks(checks: tuple[CheckResult, ...]) -> Table:

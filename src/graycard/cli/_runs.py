@@ -3,83 +3,87 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
-from graycard.cli._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
+from graycard.cli._options import Json, optional, parse_settings, show_help
+from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.records._run import RunRecord, read_run
 
 
 @dataclass(frozen=True)
-class Methods:
+class MethodsCommand:
     """List the methods, or show one with its settings."""
 
-    name: Annotated[str | None, tyro.conf.Positional] = None
-    """Show this one: a name or module:attribute."""
+    name: Annotated[str | None, tyro.conf.Positional, optional("[NAME]")] = None
+    """Show this method: a name or module:attribute."""
     json: Json = None
     """Also write the list to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """List them; one that fails to load says why and hurts no other."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """List the methods; one that cannot be loaded says why and hurts no other."""
         if self.name is not None:
-            return self._show(screen, self.name)
+            return self._show(terminal, self.name)
         from graycard.methods import listings
 
         found = listings()
         table = new_table("method", "from", "what it does")
         for row in found:
             table.add_row(row.name, row.origin, row.summary or f"cannot be loaded: {row.reason}")
-        screen.out.print(table)
+        terminal.out.print(table)
         write_optional_json(self.json, found)
         broken = sum(row.summary is None for row in found)
-        screen.out.print(f"methods: {len(found) - broken} work, {broken} cannot be loaded")
+        terminal.out.print(f"methods: {len(found) - broken} work, {broken} cannot be loaded")
         return OK
 
-    def _show(self, screen: Screen, name: str) -> int:
+    def _show(self, terminal: Terminal, name: str) -> int:
         from graycard.methods import asks_of, load_method
 
         method = load_method(name)
-        screen.out.print(f"{name}: {method.summary}")
+        terminal.out.print(f"{name}: {method.summary}")
         asked = [f"{ask.kind} of {', '.join(ask.of)}" for ask in asks_of(method)]
-        screen.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}")
-        screen.out.print(f"asks a prior for: {'; '.join(asked) or 'nothing'}\n")
-        with suppress(SystemExit):
-            tyro.cli(
-                method.settings_type, args=["--help"], prog=f"graycard fit {name} SCENE --out PREDICTIONS"
-            )
+        terminal.out.print(f"is handed beyond the capture: {', '.join(method.needs) or 'nothing'}")
+        terminal.out.print(f"asks a prior for: {'; '.join(asked) or 'nothing'}\n")
+        show_help(method.settings_type, f"graycard fit {name} SCENE --out PREDICTIONS", terminal)
         settings = method.settings_type()
         write_optional_json(
             self.json, {"name": name, "summary": method.summary, "needs": method.needs, "settings": settings}
         )
-        screen.out.print(f"methods: {name} with {settings}")
+        terminal.out.print(f"methods: {name} with {settings}")
         return OK
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitCommand:
     """Fit a method on a scene; its own settings may follow as options."""
 
-    method: Annotated[str, tyro.conf.Positional]
-    """A name or module:attribute; `graycard methods NAME` shows its settings."""
-    scene: Annotated[Path, tyro.conf.Positional]
+    method: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="METHOD")]
+    """A name or module:attribute; `graycard fit NAME --help` shows its settings."""
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
-    """Where to; what is there is replaced."""
+    """Write the predictions to this folder; predictions that it holds are replaced."""
     seed: int = 0
     """Equal seeds give equal predictions."""
-    save: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
+    save: Annotated[Path | None, optional("FOLDER")] = None
     """Also save the decomposition itself here."""
     priors: str = "none"
-    """What answers what the method asks: none, oracle:SEVERITY (0, the truth itself, to 5), classical,
-    pretrained:FOLDER, or a path to priors that ends in .toml."""
-    donor: Annotated[Path | None, tyro.conf.arg(metavar="SCENE")] = None
-    """The scene whose object the truth shows put into this one: it is fitted too, and the object put in."""
+    """Source of priors: none, oracle:SEVERITY, classical, pretrained:FOLDER, or a path that ends in .toml.
+    SEVERITY is 0, the truth itself, to 5."""
+    donor: Annotated[Path | None, optional("SCENE")] = None
+    """Also fit this scene, and insert its object as the truth does."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    @classmethod
+    def settings_of(cls, subject: str) -> type[Any]:
+        """Return the settings of a method."""
+        from graycard.methods import load_method
+
+        return load_method(subject).settings_type
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Fit, then render every view."""
         from graycard.benchmarks import FitSpec, fit_scene, load_for
         from graycard.dataset import check_scene
@@ -91,45 +95,44 @@ class Fit:
             if folder is not None:
                 check_scene(folder)
         method = load_for(self.method, self.scene)
-        settings = tyro.cli(method.settings_type, args=rest, prog=f"graycard fit {self.method}")
+        settings = parse_settings(method.settings_type, rest, f"graycard fit {self.method}", type(self))
         priors = parse_priors(self.priors)
         spec = FitSpec(
             self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
         )
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             cost = fit_scene(spec, self.out, progress, self.save).cost
-        screen.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
+        terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
-            screen.advise(
+            terminal.advise(
                 f"{self.priors} answers nothing of {', '.join(lacking)}, which {self.method} can ask for"
             )
         return OK
 
 
 @dataclass(frozen=True)
-class Bench:
+class BenchCommand:
     """Run a suite from scene to report; what is there already is reused."""
 
-    suite: Annotated[str, tyro.conf.Positional]
+    suite: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE")]
     """A suite, or a path to one of your own that ends in .toml."""
-    tracks: tuple[str, ...] = ()
-    """Only these tracks."""
-    methods: tuple[str, ...] = ()
-    """Only these rows, or all rows of these methods; also methods that are not in the suite, by name or
-    module:attribute."""
-    predictions: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=FOLDER")] = ()
-    """Also rows of these names, whose predictions other code has made: FOLDER/<track>/<scene>/ each."""
-    jobs: int | None = None
+    tracks: Annotated[tuple[str, ...], optional("TRACK ...")] = ()
+    """Run these tracks only."""
+    methods: Annotated[tuple[str, ...], optional("METHOD ...")] = ()
+    """Run these rows, or all rows of these methods; others than the suite's by name or module:attribute."""
+    predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
+    """Add rows of these names, with predictions by other code at FOLDER/<track>/<scene>/."""
+    jobs: Annotated[int | None, optional("INT")] = None
     """Fits at a time; as many as there are cores by default."""
-    timeout: float | None = None
+    timeout: Annotated[float | None, optional("SECONDS")] = None
     """Seconds after which a fit has failed, stages that it found done left out; no limit by default."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="RUN")] = None
+    out: Annotated[Path | None, optional("RUN")] = None
     """The run folder; runs/<suite> by default."""
-    dataset: Annotated[Path | None, tyro.conf.arg(metavar="DATASET")] = None
-    """Where the scenes are or go; RUN/dataset by default."""
+    dataset: Annotated[Path | None, optional("DATASET")] = None
+    """The folder with the scenes; scenes that it lacks are rendered into it. RUN/dataset by default."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Run it; a job or a score that failed makes the exit code 1."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Run the suite; a job or a score that failed makes the exit code 1."""
         from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores, with_predictions
         from graycard.reports import write_report
         from graycard.synth import find_llvm
@@ -139,18 +142,18 @@ class Bench:
         given = [method.row for method in rows.methods[len(whole.methods) :]]
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
         run = self.out or Path("runs") / suite.name
-        screen.advise(find_llvm().advice)
+        terminal.advise(find_llvm().advice)
         jobs = usable_cores() if self.jobs is None else self.jobs
         part_of = whole if self.tracks or self.methods or self.predictions else None
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             record = run_bench(
                 suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, whole=part_of
             )
         report = write_report(run)
         failures = _failures(record)
         for line in failures:
-            screen.err.print(f"failed: {line}")
-        screen.out.print(
+            terminal.err.print(f"failed: {line}")
+        terminal.out.print(
             f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
             f"report: {report.resolve()}"
         )
@@ -158,7 +161,7 @@ class Bench:
 
 
 @dataclass(frozen=True)
-class Gate:
+class GateCommand:
     """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
@@ -170,22 +173,22 @@ class Gate:
     json: Json = None
     """Also write the verdict to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Compare."""
         from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
 
         if self.write:
             made = make_baseline(read_run(self.run_folder))
             write_baseline(self.baseline, made)
-            screen.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
+            terminal.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
             return OK
         verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
         for label in ("worse", "missing", "better"):
             for change in getattr(verdict, label):
-                screen.out.print(f"{label}: {change}")
+                terminal.out.print(f"{label}: {change}")
         write_optional_json(self.json, verdict)
         says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
-        screen.out.print(
+        terminal.out.print(
             f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
             f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
         )
@@ -193,53 +196,53 @@ class Gate:
 
 
 @dataclass(frozen=True)
-class Report:
+class ReportCommand:
     """Write the report of a run: one HTML file that opens offline."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Write it."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the report."""
         from graycard.reports import write_report
 
-        screen.out.print(f"report: {write_report(self.run_folder).resolve()}")
+        terminal.out.print(f"report: {write_report(self.run_folder).resolve()}")
         return OK
 
 
 @dataclass(frozen=True)
-class Publish:
+class PublishCommand:
     """Keep the records and the report of a valid run, without scenes and predictions."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder, with its scenes and predictions."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Where to; new or empty."""
-    pictures: tuple[str, ...] = ()
+    """Write to this folder, new or empty."""
+    pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
     """Embed pictures and values of single views of these rows only; of all by default."""
     limit_mib: float = 20.0
     """Fail if the folder would be larger."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Write it, unless a rule for a valid result is broken."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Publish the run, unless a rule for a valid result is broken."""
         from graycard.benchmarks import check_result
         from graycard.reports import publish_run
 
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             found = check_result(self.run_folder, progress)
         for breach in found.breaches:
-            screen.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+            terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
         if found.exit_code:
-            screen.out.print("publish: nothing written, the run is no valid result")
+            terminal.out.print("publish: nothing written, the run is no valid result")
             return found.exit_code
         size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
         part = f", {found.part}" if found.part else ""
-        screen.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
+        terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
         return OK
 
 
 def _failures(record: RunRecord) -> list[str]:
-    """A line for each job that failed, and for each score that failed."""
+    """Return a line for each job that failed, and for each score that failed."""
     lines = []
     for result in record.results:
         where = f"{result.job.track}/{result.job.scene} {result.job.method}"

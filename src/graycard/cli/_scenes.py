@@ -12,7 +12,8 @@ import tyro
 from rich.table import Table
 
 from graycard._errors import GraycardError, UnknownNameError
-from graycard.cli._screen import FAILED, OK, Json, Screen, new_table, refuse, share, write_optional_json
+from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
+from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
 from graycard.dataset import TRACKS, is_scene
 from graycard.exchange._transfer import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
@@ -22,18 +23,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Scenes:
+class ScenesCommand:
     """List the scene families and the scenes of each suite, or the knobs of one family."""
 
-    family: Annotated[str | None, tyro.conf.Positional] = None
+    family: Annotated[str | None, tyro.conf.Positional, optional("[FAMILY]")] = None
     """Show the knobs of this family."""
     json: Json = None
     """Also write the list to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """List them."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """List the scenes, or show one family."""
         if self.family is not None:
-            return self._show(screen, self.family)
+            return self._show(terminal, self.family)
         from graycard.benchmarks import load_suite, suite_names
         from graycard.synth import all_families, describe, scene_name
 
@@ -42,14 +43,14 @@ class Scenes:
         for suite in suites:
             for spec in suite.scenes:
                 table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
-        screen.out.print(table)
+        terminal.out.print(table)
         known = {track: [n for n, f in all_families().items() if f.track == track] for track in TRACKS}
         write_optional_json(self.json, {"families": known, "suites": suites})
         names = ", ".join(f"{track}: {'/'.join(found)}" for track, found in known.items())
-        screen.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
+        terminal.out.print(f"scenes: {sum(len(s.scenes) for s in suites)} in {len(suites)} suites ({names})")
         return OK
 
-    def _show(self, screen: Screen, name: str) -> int:
+    def _show(self, terminal: Terminal, name: str) -> int:
         from graycard.synth import all_families, knobs
 
         if name not in all_families():
@@ -59,61 +60,64 @@ class Scenes:
         table = new_table("knob", "default", "allowed", "what it does")
         for item in found:
             table.add_row(item.name, str(item.default), item.allowed, item.meaning)
-        screen.out.print(table)
+        terminal.out.print(table)
         write_optional_json(
             self.json, {"family": name, "track": family.track, "title": family.title, "knobs": found}
         )
-        screen.out.print(f"scenes: {name} ({family.track}), {family.title}; {len(found)} knobs")
+        terminal.out.print(f"scenes: {name} ({family.track}), {family.title}; {len(found)} knobs")
         return OK
 
 
 @dataclass(frozen=True)
-class Render:
+class RenderCommand:
     """Render the scenes of a suite, or one scene of a track with any seed."""
 
     what: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="SUITE|TRACK")]
-    """A suite, or one of the tracks. For a track, size and samples may follow: --width, --height, …"""
+    """A suite, or one of the tracks, whose size and samples may follow: `graycard render TRACK --help`."""
     out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
-    """Where to: DATASET/<track>/<scene>/{capture,truth}. What is there and intact is kept."""
-    seed: int | None = None
+    """Write to DATASET/<track>/<scene>/{capture,truth}; scenes that are there and intact are kept."""
+    seed: Annotated[int | None, optional("INT")] = None
     """Seed of the scene (for a track); 0 by default."""
-    family: str | None = None
+    family: Annotated[str | None, optional("FAMILY")] = None
     """Family of the scene (for a track); `graycard scenes` lists them. The first of the track by default."""
-    knob: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
+    knob: Annotated[tuple[str, ...], optional("NAME=VALUE ...")] = ()
     """Knobs of the family that are to differ from its defaults; `graycard scenes FAMILY` lists them."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    @classmethod
+    def settings_of(cls, subject: str) -> type[Any] | None:
+        """Return the settings of the renderer for a track; a suite brings its own."""
+        from graycard.synth import RenderSettings
+
+        return RenderSettings if subject in TRACKS else None
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
         from graycard.dataset import open_truth
         from graycard.synth import find_llvm, render_scene
 
         jobs, noisy = self._jobs(rest), 0
-        screen.advise(find_llvm().advice)
+        terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
-            with screen.progress() as progress:
+            with terminal.progress() as progress:
                 folder = render_scene(spec, settings, self.out, share(progress, number, len(jobs)))
             ceiling = open_truth(folder / "truth", check=False).noise_ceiling or 0.0
-            screen.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
+            terminal.out.print(f"{folder.as_posix()} (noise ceiling {ceiling:.1f} dB)")
             if ceiling < wanted:
                 noisy += 1
-                screen.err.print(f"failed: expected a noise ceiling of {wanted:g} dB at {folder.as_posix()}")
+                terminal.err.print(
+                    f"failed: expected a noise ceiling of {wanted:g} dB at {folder.as_posix()}"
+                )
         tail = f", {noisy} noisier than its suite allows: give it more samples" if noisy else ""
-        screen.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
+        terminal.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
         return FAILED if noisy else OK
 
     def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
-        """Specs, how they are photographed, and the noise ceilings that they must reach."""
-        from graycard.benchmarks import load_suite, suite_names
-        from graycard.synth import RenderSettings, SceneSpec, all_families
-
+        """Return specs, the render settings of each, and the noise ceilings that they must reach."""
         if self.what in TRACKS:
-            settings = tyro.cli(RenderSettings, args=rest, prog=f"graycard render {self.what}")
-            first = next(name for name, f in all_families().items() if f.track == self.what)
-            seed = self.seed or 0
-            if seed < 0:
-                raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
-            return [(SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings, 0.0)]
-        refuse(rest, "render")
+            return [(*self._scene_of_track(rest), 0.0)]
+        refuse(rest, "graycard render", option_names(type(self)))
+        from graycard.benchmarks import load_suite, suite_names
+
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
             raise UnknownNameError("suite or track", self.what, known)
@@ -124,12 +128,23 @@ class Render:
         suite = load_suite(self.what)
         return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
 
+    def _scene_of_track(self, rest: list[str]) -> tuple[Any, Any]:
+        """Return the spec of a scene of any seed, and its render settings."""
+        from graycard.synth import RenderSettings, SceneSpec, all_families
+
+        settings = parse_settings(RenderSettings, rest, f"graycard render {self.what}", type(self))
+        first = next(name for name, f in all_families().items() if f.track == self.what)
+        seed = self.seed or 0
+        if seed < 0:
+            raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
+        return SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings
+
 
 @dataclass(frozen=True)
-class Verify:
+class VerifyCommand:
     """Check the truth of a dataset by integrity, physics and a second rendering."""
 
-    dataset: Annotated[Path, tyro.conf.Positional]
+    dataset: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET")]
     """The dataset."""
     views: int = 3
     """Views of each scene that are rendered again."""
@@ -138,7 +153,7 @@ class Verify:
     json: Json = None
     """Also write every check to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Check; a check that failed makes the exit code 1."""
         from graycard.synth.verify import verify_dataset
 
@@ -146,15 +161,15 @@ class Verify:
             raise GraycardError(
                 f"expected 1 or more views, got {self.views}. Mend --views, or use --no-render"
             )
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             verdict = verify_dataset(self.dataset, self.views, self.render, progress)
-        screen.out.print(_verdict_table(verdict))
+        terminal.out.print(_verdict_table(verdict))
         write_optional_json(self.json, verdict)
         for check in verdict.checks:
             if check.status == "failed":
-                screen.err.print(f"failed: {check.scene} {check.view} {check.name}: {check.reason}")
+                terminal.err.print(f"failed: {check.scene} {check.view} {check.name}: {check.reason}")
         passed, failed, skipped = (verdict.count(status) for status in ("passed", "failed", "skipped"))
-        screen.out.print(
+        terminal.out.print(
             f"verify: {verdict.scenes} scene{'s' * (verdict.scenes != 1)}, {passed} checks passed, "
             f"{failed} failed, {skipped} skipped"
         )
@@ -162,72 +177,78 @@ class Verify:
 
 
 @dataclass(frozen=True)
-class Bounds:
+class BoundsCommand:
     """Say how well one vector a point can tell which lights reach it, however GS-ID's is read."""
 
-    scenes: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    scenes: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="SCENE ...", help_behavior_hint="(required)"),
+    ]
     """DATASET/<track>/<scene>, one or more, with local lights and truth."""
     json: Json = None
     """Also write the errors to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Look for the best vectors."""
-        from graycard.benchmarks.bounds import vector_bound
-
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Find the best vectors."""
         if not self.scenes:
             raise GraycardError("expected DATASET/<track>/<scene>, one or more, got none")
+        from graycard.benchmarks.bounds import vector_bound
+
         found = [vector_bound(scene) for scene in self.scenes]
         forms = list(found[0].errors)
         table = new_table("scene", "lights", *forms)
         for row in found:
             table.add_row(row.scene, str(row.lights), *(f"{row.errors[form]:.3f}" for form in forms))
-        screen.out.print(table)
+        terminal.out.print(table)
         write_optional_json(self.json, found)
-        screen.out.print(f"bounds: {len(found)} scenes, the error of the share of light at the best vectors")
+        terminal.out.print(
+            f"bounds: {len(found)} scenes, the error of the share of light at the best vectors"
+        )
         return OK
 
 
 @dataclass(frozen=True)
-class Look:
+class LookCommand:
     """Draw a contact sheet of each scene: photographs, true layers, plan of cameras and lights."""
 
-    dataset: Annotated[Path, tyro.conf.Positional]
-    """The dataset; what is half-written in it is left out. Or one scene: DATASET/<track>/<scene>."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER")] = None
-    """Where the PNGs go, one a scene; DATASET/look by default."""
+    dataset: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATASET|SCENE")]
+    """The dataset, without scenes that are half-written; or one scene, DATASET/<track>/<scene>."""
+    out: Annotated[Path | None, optional("FOLDER")] = None
+    """Write the PNGs to this folder, one a scene; DATASET/look by default."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Draw them."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Draw the contact sheets."""
         from graycard.reports import write_contact_sheets
 
         _refuse_predictions(self.dataset)
         dataset = self.dataset.resolve().parents[1] if is_scene(self.dataset) else self.dataset
         out = self.out or dataset / "look"
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             sheets = write_contact_sheets(self.dataset, out, progress)
         for sheet in sheets:
-            screen.out.print(sheet.as_posix())
-        screen.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
+            terminal.out.print(sheet.as_posix())
+        terminal.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
         return OK
 
 
 @dataclass(frozen=True)
-class Export:
+class ExportCommand:
     """Write a capture for another program; photographs of held-out views are in no capture."""
 
-    scene: Annotated[Path, tyro.conf.Positional]
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     format: ExchangeFormat
     """transforms.json of nerfstudio, or the text model of COLMAP."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Where to: a new or an empty folder."""
+    """Write to this folder, new or empty."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Write it."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the capture."""
         from graycard.exchange._transfer import export_capture
 
         capture = export_capture(self.scene, self.format, self.out)
-        screen.out.print(
+        terminal.out.print(
             f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, without one, "
             f"{len(capture.test)} held-out cameras"
         )
@@ -235,27 +256,27 @@ class Export:
 
 
 @dataclass(frozen=True)
-class Import:
+class ImportCommand:
     """Make a capture of your own photographs and cameras; it has no truth."""
 
-    folder: Annotated[Path, tyro.conf.Positional]
-    """With transforms.json (nerfstudio), or sparse/0/*.txt and images/ (COLMAP)."""
-    track: str
-    """What kind of scene it is: dark, tabletop or multilight."""
-    scene: str
-    """A name for it."""
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
+    """A folder with transforms.json (nerfstudio), or with sparse/0/*.txt and images/ (COLMAP)."""
+    track: Annotated[str, tyro.conf.arg(metavar="TRACK")]
+    """Kind of scene: dark, tabletop or multilight."""
+    scene: Annotated[str, tyro.conf.arg(metavar="NAME")]
+    """Name of the scene."""
     out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
-    """Where to: DATASET/<track>/<scene>/capture."""
+    """Write to DATASET/<track>/<scene>/capture."""
     hold_out_every: int = 8
     """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Read, check, then write."""
         from graycard import __version__
         from graycard.dataset import open_capture
         from graycard.exchange._transfer import import_capture
 
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             made = import_capture(
                 self.folder,
                 self.out,
@@ -266,14 +287,14 @@ class Import:
                 progress=progress,
             )
         capture = open_capture(made / "capture", check=False)
-        screen.out.print(
+        terminal.out.print(
             f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
         )
         return OK
 
 
 def _refuse_predictions(folder: Path) -> None:
-    """Say where predictions are looked at.
+    """Refuse a folder of predictions, and say how to see them.
 
     Raises:
         GraycardError: The folder holds some.
@@ -287,7 +308,7 @@ def _refuse_predictions(folder: Path) -> None:
 
 
 def _verdict_table(verdict: Verdict) -> Table:
-    """The worst of each check of each scene."""
+    """Return the worst of each check of each scene."""
     from graycard.synth.verify import worst
 
     table = new_table("scene", "check", "figure", "bound", "unit", "worst view", "")
@@ -299,7 +320,7 @@ def _verdict_table(verdict: Verdict) -> Table:
 
 
 def _knobs(pairs: tuple[str, ...]) -> dict[str, Any]:
-    """Knobs by name from ``name=value``; a value that is no number is a word.
+    """Return knobs by name from ``name=value``; a value that is no number is a word.
 
     Raises:
         GraycardError: A pair is none.

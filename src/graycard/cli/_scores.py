@@ -11,7 +11,8 @@ from typing import Annotated
 import tyro
 from rich.table import Table
 
-from graycard.cli._screen import FAILED, OK, Json, Screen, new_table, write_optional_json
+from graycard.cli._options import Json
+from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.records._run import Score, ScoreSheet
 
 
@@ -19,9 +20,9 @@ from graycard.records._run import Score, ScoreSheet
 class ScoreCommand:
     """Score a predictions folder, from any code, against the truth of its scene."""
 
-    predictions: Annotated[Path, tyro.conf.Positional]
+    predictions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PREDICTIONS")]
     """The folder: docs/formats.md says what is in it."""
-    scene: Annotated[Path, tyro.conf.Positional]
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
     """A published protocol for albedo, or all: how far apart they put the one prediction."""
@@ -30,44 +31,44 @@ class ScoreCommand:
     json: Json = None
     """Also write the scores to this file."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
         from graycard.dataset import check_scene
         from graycard.eval import NEIGHBOURS, score_predictions
 
         check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
-        self._show_scores(screen, sheet)
+        self._show_scores(terminal, sheet)
         if any(score.breakdown.keys() & NEIGHBOURS for score in sheet.scores):
-            screen.out.print(_breakdown_table(sheet, NEIGHBOURS))
+            terminal.out.print(_breakdown_table(sheet, NEIGHBOURS))
         if any(score.breakdown.keys() - NEIGHBOURS for score in sheet.scores):
-            screen.out.print(_parts_table(sheet, NEIGHBOURS))
+            terminal.out.print(_parts_table(sheet, NEIGHBOURS))
         if sheet.protocols:
-            screen.out.print(_protocol_table(sheet))
-            _say_spread(sheet, screen)
+            terminal.out.print(_protocol_table(sheet))
+            _say_spread(sheet, terminal)
         write_optional_json(self.json, sheet)
         scores = (*sheet.scores, *sheet.protocols)
         failed = [score for score in scores if score.status == "failed"]
         for reason in dict.fromkeys(score.reason for score in failed):
-            screen.err.print(f"failed: {reason}")
+            terminal.err.print(f"failed: {reason}")
         scored = sum(score.status == "scored" for score in scores)
         if not scored and not failed:
-            screen.err.print("nothing was scored: docs/formats.md lists the layers that are")
-        screen.out.print(
+            terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
+        terminal.out.print(
             f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
             f"{len(scores) - scored - len(failed)} not provided"
         )
         return OK if scored and not failed else FAILED
 
-    def _show_scores(self, screen: Screen, sheet: ScoreSheet) -> None:
+    def _show_scores(self, terminal: Terminal, sheet: ScoreSheet) -> None:
         shown = [score for score in sheet.scores if self.all or score.status != "not provided"]
         if shown:
-            screen.out.print(_score_table(shown))
+            terminal.out.print(_score_table(shown))
         if left := len(sheet.scores) - len(shown):
             what = "1 metric is" if left == 1 else f"{left} metrics are"
-            screen.out.print(f"{what} not provided by these predictions: --all lists them")
+            terminal.out.print(f"{what} not provided by these predictions: --all lists them")
         for note in _notes(shown):
-            screen.out.print(note)
+            terminal.out.print(note)
 
 
 def _notes(scores: Sequence[Score]) -> list[str]:
@@ -122,13 +123,13 @@ def _protocol_table(sheet: ScoreSheet) -> Table:
     return table
 
 
-def _say_spread(sheet: ScoreSheet, screen: Screen) -> None:
+def _say_spread(sheet: ScoreSheet, terminal: Terminal) -> None:
     """Say how far apart the protocols are, where more than one gave a number in dB."""
     found = [(s.value, s.protocol) for s in _by_protocols(sheet) if s.value is not None and s.unit == "dB"]
     if len(found) > 1:
         (low, lowest), (high, highest) = min(found), max(found)
         apart = 0.0 if low == high else high - low
-        screen.out.print(
+        terminal.out.print(
             f"spread: one prediction has {low:.1f} dB by {lowest} and {high:.1f} dB by {highest}, "
             f"{apart:.1f} dB apart"
         )

@@ -10,40 +10,42 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from graycard._errors import GraycardError
-from graycard.cli._screen import OK, Json, Screen, new_table, write_optional_json
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io._files import write_bytes
 
 Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"], ...]
 
 
 @dataclass(frozen=True)
-class Speed:
+class SpeedCommand:
     """Measure what the machinery costs, beside a peer in the same run."""
 
     what: Annotated[Literal["truth", "engine", "score"], tyro.conf.Positional]
-    """truth: light split by source and lobe, beside Mitsuba's path tracer. engine: surfels, stage by stage,
-    beside the machine's peak and other implementations. score: one view with all its layers, on one core."""
+    """truth: light split by source and lobe, beside Mitsuba's path tracer.
+    engine: surfels, stage by stage, beside the machine's peak and other implementations.
+    score: one view with all its layers, on one core."""
     repeats: int = 5
     """How often each is timed; medians count."""
-    parts: Parts = ()
+    parts: Annotated[Parts, tyro.conf.arg(help_behavior_hint="")] = ()
     """engine: measure these only."""
-    workloads: tuple[str, ...] = ()
+    workloads: Annotated[tuple[str, ...], optional("WORKLOAD ...")] = ()
     """engine: stages, peers and the tracer on these workloads only (A to E)."""
     quick: bool = False
     """engine and score: everything once, on next to nothing, to see that it works."""
     json: Json = None
     """Also write the figures to this file."""
-    plot: Annotated[Path | None, tyro.conf.arg(metavar="FILE.svg")] = None
+    plot: Annotated[Path | None, optional("FILE.svg")] = None
     """engine: also draw them."""
 
-    def run(self, screen: Screen, rest: list[str]) -> int:
-        """Time one of them."""
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Time the renderer, the engine or the scoring."""
         if self.repeats < 1:
             raise GraycardError(f"expected --repeats of 1 or more, got {self.repeats}")
         if self.what == "engine":
-            return self._engine(screen)
+            return self._engine(terminal)
         self._refuse_options(*() if self.what == "score" else ("quick",))
-        return self._truth(screen) if self.what == "truth" else self._score(screen)
+        return self._truth(terminal) if self.what == "truth" else self._score(terminal)
 
     def _refuse_options(self, *others: str) -> None:
         """Refuse what only the engine takes, and ``others``.
@@ -58,72 +60,72 @@ class Speed:
                 "`graycard speed engine`. Leave it out"
             )
 
-    def _score(self, screen: Screen) -> int:
+    def _score(self, terminal: Terminal) -> int:
         from graycard.benchmarks.speed import measure_scoring
 
         size, repeats = (64, 1) if self.quick else (512, self.repeats)
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             costs = measure_scoring(size, repeats, progress)
         table = new_table("track", "family", "pixels", "scores", "sheet s", "view s", "of it reading", "MiB")
         for c in costs:
             figures = str(c.pixels), str(c.scores), *(f"{s:.2f}" for s in (c.seconds, c.view_s, c.reading_s))
             table.add_row(c.track, c.family, *figures, f"{c.peak_mib:.0f}")
-        screen.out.print(table)
+        terminal.out.print(table)
         write_optional_json(self.json, costs)
         worst = max(costs, key=lambda cost: cost.view_s)
         peak = max(cost.peak_mib for cost in costs)
-        screen.out.print(
+        terminal.out.print(
             f"speed: a view of {size} x {size} takes at most {worst.view_s:.2f} s on one core "
             f"({worst.family}) and {peak:.0f} MiB, from files to scores"
         )
         return OK
 
-    def _truth(self, screen: Screen) -> int:
+    def _truth(self, terminal: Terminal) -> int:
         from graycard.benchmarks.speed import measure_truth
 
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             costs = measure_truth(repeats=self.repeats, progress=progress)
         table = new_table("track", "family", "lights", "path s", "separated s", "ratio", "CPU ratio")
         for c in costs:
             figures = f"{c.path_s:.3f}", f"{c.separated_s:.3f}", f"{c.ratio:.2f}", f"{c.cpu_ratio:.2f}"
             table.add_row(c.track, c.family, str(c.lights), *figures)
-        screen.out.print(table)
+        terminal.out.print(table)
         write_optional_json(self.json, costs)
         worst = max(costs, key=lambda cost: cost.ratio)
-        screen.out.print(
+        terminal.out.print(
             f"speed: the separated truth takes at most {worst.ratio:.2f} times as long as a plain picture "
             f"({worst.family}; in processor time {worst.cpu_ratio:.2f})"
         )
         return OK
 
-    def _engine(self, screen: Screen) -> int:
+    def _engine(self, terminal: Terminal) -> int:
         from graycard.benchmarks.speed import disturbed_note, engine_plot, engine_tables, measure_engine
 
         if self.plot is not None and self.plot.suffix.lower() != ".svg":
             raise GraycardError(f"expected --plot with a name that ends in .svg, got {self.plot}. Rename it")
-        with screen.progress() as progress:
+        with terminal.progress() as progress:
             speed = measure_engine(self._plan(), progress)
         for table in engine_tables(speed):
-            screen.out.print(table.title)
+            terminal.out.print(table.title)
             shown = new_table(*table.heads)
             for row in table.rows:
                 shown.add_row(*row)
-            screen.out.print(shown)
+            terminal.out.print(shown)
         for line in speed.left_out:
-            screen.out.print(f"left out: {line}")
-        screen.advise(disturbed_note(speed))
+            terminal.out.print(f"left out: {line}")
+        terminal.advise(disturbed_note(speed))
         write_optional_json(self.json, speed)
         if self.plot is not None:
             write_bytes(self.plot, engine_plot(speed).encode())
         peak = speed.peaks[-1]
-        screen.out.print(
+        terminal.out.print(
             f"speed: {len(speed.engine)} workloads, {len(speed.peers)} peers; the machine's peak is "
             f"{peak.gflops:.0f} GFLOP/s with {peak.threads} threads"
         )
         return OK
 
     def _plan(self) -> Any:
-        """What is to be measured.
+        """Return the plan of a measurement.
 
         Raises:
             UnknownNameError: There is no such workload.

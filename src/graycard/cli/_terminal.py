@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the verbs of the command line write, and what several of them need."""
+"""The two streams that verbs write to, and the tables, files and progress that several of them need."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import tyro
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
-from graycard._errors import GraycardError
 from graycard.io._json import write_json
 from graycard.io._progress import Progress
-
-Json = Annotated[Path | None, tyro.conf.arg(metavar="FILE")]
 
 OK, FAILED = 0, 1
 WIDE = 1000
@@ -27,7 +23,7 @@ WIDE = 1000
 
 
 def _console(stderr: bool) -> Console:
-    """A console that cuts nothing off: in a file or a pipe its lines are as long as they need to be."""
+    """Return a console that cuts nothing off: in a file or a pipe its lines are as long as need be."""
     console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDE
@@ -35,8 +31,8 @@ def _console(stderr: bool) -> Console:
 
 
 @dataclass(frozen=True)
-class Screen:
-    """Where a verb writes: results on stdout, progress and advice on stderr."""
+class Terminal:
+    """The output of a verb: results on stdout, progress and advice on stderr."""
 
     out: Console = field(default_factory=lambda: _console(stderr=False))
     err: Console = field(default_factory=lambda: _console(stderr=True))
@@ -48,7 +44,7 @@ class Screen:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """A progress bar for the length of a block."""
+        """Show a progress bar for the length of a block."""
         columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
         with ProgressBar(*columns, console=self.err, transient=True, disable=not self.err.is_terminal) as bar:
             task = bar.add_task("", total=1.0)
@@ -59,20 +55,8 @@ class Screen:
             yield report
 
 
-def refuse(rest: list[str], verb: str) -> None:
-    """Say that options were not understood.
-
-    Raises:
-        GraycardError: There are some.
-    """
-    if rest:
-        raise GraycardError(
-            f"expected options of `graycard {verb}`, got {' '.join(rest)}. See `graycard {verb} --help`"
-        )
-
-
 def new_table(*heads: str) -> Table:
-    """A table without lines whose cells wrap rather than lose their ends."""
+    """Return a table without lines whose cells wrap rather than lose their ends."""
     table = Table(box=None, pad_edge=False)
     for head in heads:
         table.add_column(head, overflow="fold")
@@ -80,10 +64,11 @@ def new_table(*heads: str) -> Table:
 
 
 def share(progress: Progress, number: int, of: int) -> Callable[[float, str], None]:
-    """The progress of one part in that of the whole."""
+    """Return a function that reports the progress of one part as part of the whole."""
     return lambda done, doing: progress((number + done) / of, doing)
 
 
 def write_optional_json(path: Path | None, value: Any) -> None:
+    """Write a value to a file, if one was asked for."""
     if path is not None:
         write_json(path, value)

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Options of verbs, methods and the renderer: their names, their help, and near matches of misspelt ones."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import shutil
+import textwrap
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Protocol, TypeVar, get_origin, get_type_hints, runtime_checkable
+
+import tyro
+
+from graycard._errors import GraycardError
+from graycard.cli._terminal import Terminal
+
+_NEAR = 0.6
+"""Likeness from which an option counts as misspelt: the default of :func:`difflib.get_close_matches`."""
+_WIDEST = 100
+"""Characters of the longest line of a docstring."""
+Settings = TypeVar("Settings")
+
+
+def optional(metavar: str) -> Any:
+    """Return what tyro is to show of an option that may be left out; its help says what then holds."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
+Json = Annotated[Path | None, optional("FILE")]
+
+
+@runtime_checkable
+class TakesSettings(Protocol):
+    """A command after whose own options those of a method or of the renderer may follow."""
+
+    @classmethod
+    def settings_of(cls, subject: str) -> type[Any] | None:
+        """Return the dataclass of settings that may follow.
+
+        Args:
+            subject: First argument of the verb.
+
+        Raises:
+            GraycardError: There is no such subject.
+        """
+        ...
+
+
+def option_names(kind: type[Any], prefix: str = "--") -> list[str]:
+    """Return the options that tyro makes of a dataclass, as ``--hold-out-every`` and ``--capture.bits``."""
+    names = []
+    for name, hint in get_type_hints(kind, include_extras=True).items():
+        option = prefix + name.replace("_", "-")
+        if dataclasses.is_dataclass(hint):
+            names += option_names(kind=hint, prefix=f"{option}.")  # pyright: ignore[reportArgumentType]
+        elif not _is_positional(hint):
+            names += [option] if hint is not bool else [option, f"{prefix}no-{option.removeprefix(prefix)}"]
+    return names
+
+
+def _is_positional(hint: Any) -> bool:
+    return get_origin(hint) is Annotated and tyro.conf.Positional in hint.__metadata__
+
+
+def given_options(args: Iterable[str]) -> list[str]:
+    """Return the options among arguments, without values and with hyphens; a negative number is a value."""
+    options = (arg.partition("=")[0].replace("_", "-") for arg in args if arg.startswith("-"))
+    return [option for option in options if not _is_number(option)]
+
+
+def _is_number(text: str) -> bool:
+    with suppress(ValueError):
+        float(text)
+        return True
+    return False
+
+
+def near_option(option: str, known: Iterable[str]) -> str | None:
+    """Return the known option that an unknown one is most like, if any is."""
+    return next(iter(get_close_matches(option.replace("_", "-"), known, n=1, cutoff=_NEAR)), None)
+
+
+def refuse(rest: Sequence[str], command: str, known: Collection[str]) -> None:
+    """Refuse arguments that were not understood.
+
+    Args:
+        rest: What was left over; nothing is refused where it is empty.
+        command: The command that was given, as ``graycard fit gray``.
+        known: Options that it takes.
+
+    Raises:
+        GraycardError: There are some; it names the options that they are most like.
+    """
+    if not rest:
+        return
+    near = (near_option(option, known) for option in rest if option.startswith("-"))
+    hints = " and ".join(dict.fromkeys(option for option in near if option))
+    meant = f" (did you mean {hints}?)" if hints else ""
+    raise GraycardError(
+        f"expected options of `{command}`, got {' '.join(rest)}{meant}. See `{command} --help`"
+    )
+
+
+def parse_settings(kind: type[Settings], args: Sequence[str], command: str, also: type[Any]) -> Settings:
+    """Return the settings of a method or the renderer from what its verb left over.
+
+    Args:
+        kind: Dataclass of the settings.
+        args: Arguments that the verb did not take.
+        command: The command that was given, as ``graycard fit gray``.
+        also: Dataclass of the verb's own options, for near matches.
+
+    Raises:
+        GraycardError: An argument is no setting.
+        SystemExit: A value is not allowed; tyro has said why.
+    """
+    settings, rest = tyro.cli(kind, args=args, prog=command, return_unknown_args=True)
+    if rest:
+        refuse(rest, command, [*option_names(kind), *option_names(also)])
+    return settings
+
+
+def show_help(kind: type[Any], command: str, terminal: Terminal) -> None:
+    """Print the docstring of a dataclass of options, then its options."""
+    if purpose := _wrapped_docstring(kind):
+        terminal.out.print(purpose + "\n")
+    with suppress(SystemExit):  # tyro writes a help only on its way out of the program
+        tyro.cli(kind, args=["--help"], prog=command, description="")
+
+
+def _wrapped_docstring(kind: type[Any]) -> str:
+    """Return the docstring of a dataclass, wrapped to the terminal; tyro would leave its lines long."""
+    text = inspect.cleandoc(kind.__doc__ or "")
+    if text.startswith(f"{kind.__name__}("):  # made by dataclass where there is none
+        return ""
+    width = min(shutil.get_terminal_size().columns, _WIDEST)
+    return "\n\n".join(
+        part if "\n " in part else textwrap.fill(part, width, break_on_hyphens=False)
+        for part in text.split("\n\n")
+    )
