@@ -112,22 +112,22 @@ def view_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 
 def _views_that_see(scene: Path) -> Mapping[bool, set[str]]:
-    """Names of the held-out views that see an object; by whether surfaces of lights are left out."""
+    """Return the names of the held-out views that see an object, by whether surfaces of lights count."""
     truth = open_truth(scene / "truth", check=False)
     ids = {v.name: truth.layers(v)["object_id"] for v in truth.views if v.split == "test"}
-    without = {True: truth.emitter_ids(), False: frozenset[int]()}
+    left_out = {True: frozenset[int](), False: truth.emitter_ids()}
     return {
-        albedo: {name for name, found in ids.items() if judged_mask(found, left_out).any()}
-        for albedo, left_out in without.items()
+        lights: {name for name, found in ids.items() if judged_mask(found, out).any()}
+        for lights, out in left_out.items()
     }
 
 
 def _views(result: JobResult, seen: Mapping[bool, set[str]]) -> Iterator[Breach]:
     everywhere = in_every_view()
     for score in result.sheet.scores if result.sheet else ():
-        expected = seen[score.metric.startswith("albedo.")]
         if not score.per_view or score.metric not in everywhere:
             continue
+        expected = seen[everywhere[score.metric]]
         if absent := sorted(expected - score.per_view.keys()):
             what = f"{score.metric}: expected {len(expected)} held-out views, got none of {', '.join(absent)}"
             yield Breach("counts", place_of(result), what)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a prediction looks like it got wrong: conventions that are mistaken again and again.
+"""Conventions that predictions mistake again and again, recognised by undoing each mistake.
 
 Each hint is the test of one mistake. If the inverse of the mistake brings the prediction far closer to the
 truth, in nearly all test views, a warning beside the score says so. No score is changed by it, and what fits
@@ -15,7 +15,7 @@ import numpy as np
 from graycard import Camera, PredictionError, Predictions, Truth, angles, srgb_decode, srgb_encode
 from graycard.eval.hints._lights import light_hints
 from graycard.eval.hints._pictures import Looks, look, picture_hints
-from graycard.eval.scoring._assembly import Scene
+from graycard.eval.scoring._findings import Scene
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.records import Score
 
@@ -39,7 +39,7 @@ SCORES = {
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What a mistake may depend on, at the pixels that are looked at."""
+    """Camera and exposure, which a mistake may depend on, at the pixels that are looked at."""
 
     exposure: float
     camera_to_world: np.ndarray
@@ -185,15 +185,15 @@ class Hints:
             self.errors.setdefault(suspicion, []).append((before[error], after))
 
     def found(self, predictions: Predictions, truth: Truth) -> dict[str, tuple[str, ...]]:
-        """Warnings by the id of the score that they stand beside."""
-        told = [(SCORES[layer], says) for layer, says in _convincing(self.errors)]
-        told += [(SCORES[layer], says) for layer, says in picture_hints(self.looks)]
-        told += light_hints(predictions, truth)
-        return {score: tuple(s for id_, s in told if id_ == score) for score in dict(told)}
+        """Return hints by the id of the score that they belong to."""
+        hints = [(SCORES[layer], says) for layer, says in _convincing(self.errors)]
+        hints += [(SCORES[layer], says) for layer, says in picture_hints(self.looks)]
+        hints += light_hints(predictions, truth)
+        return {score: tuple(s for id_, s in hints if id_ == score) for score in dict(hints)}
 
 
 def with_hints(scores: Iterable[Score], found: Mapping[str, tuple[str, ...]]) -> tuple[Score, ...]:
-    """The scores with the warnings beside them."""
+    """Return the scores with the hints among their warnings."""
     return tuple(replace(s, warnings=s.warnings + found.get(s.metric, ())) for s in scores)
 
 

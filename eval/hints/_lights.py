@@ -9,7 +9,7 @@ import numpy as np
 
 from graycard import Camera, LocalLight, PredictionError, Predictions, Truth
 from graycard.eval.lights._errors import match_lights
-from graycard.eval.lights._scores import local, predicted_lights
+from graycard.eval.lights._read import local, predicted_lights
 
 _RATIO = 0.3
 _NEAR = 0.02
@@ -27,7 +27,7 @@ _MOST = 6
 
 
 def light_hints(predictions: Predictions, truth: Truth) -> list[tuple[str, str]]:
-    """Ids of light scores and hints beside them; nothing for lights that cannot be read."""
+    """Return ids of light scores, each with a hint; nothing for lights that cannot be read."""
     try:
         found = local(predicted_lights(predictions) or ())
     except PredictionError:
@@ -45,7 +45,7 @@ def light_hints(predictions: Predictions, truth: Truth) -> list[tuple[str, str]]
 def _frame(
     found: Sequence[LocalLight], true: Sequence[LocalLight], cameras: list[Camera], diameter: float
 ) -> list[tuple[str, str]]:
-    """Whether the same numbers in another frame are where the lights are."""
+    """Return a hint if the same numbers in another frame are where the lights are."""
     ways = {
         'like the world\'s axes: set "frame": "world"': [replace(x, frame="world") for x in found],
         'like the camera\'s axes: set "frame": "camera"': [replace(x, frame="camera") for x in found],
@@ -80,7 +80,7 @@ def _unit(ratios: np.ndarray) -> list[tuple[str, str]]:
 
 
 def _exchanged(pairs: Sequence[tuple[LocalLight, LocalLight]]) -> list[tuple[str, str]]:
-    """Whether each light has the intensity of another one."""
+    """Return a hint if each light has the intensity of another one."""
     if not 2 <= len(pairs) <= _MOST:
         return []
     p, t = (np.log([pair[i].axial_intensity for pair in pairs]) for i in (0, 1))

@@ -22,7 +22,7 @@ _FLIPS = {"left and right": np.s_[:, ::-1], "top and bottom": np.s_[::-1]}
 
 @dataclass(frozen=True, slots=True)
 class Looks:
-    """What one view tells about whole pictures."""
+    """Evidence of one view on mistakes with whole pictures."""
 
     view: str
     thumbnails: tuple[np.ndarray, np.ndarray] | None = None
@@ -54,9 +54,9 @@ def picture_hints(looks: Sequence[Looks]) -> list[tuple[str, str]]:
     found = [*_exchanged(seen), *_flipped(seen)] if seen else []
     if seen and not found:
         found += _moved(seen)
-    told = dict.fromkeys(says for x in looks for says in x.says)
+    candidates = dict.fromkeys(says for x in looks for says in x.says)
     return [("radiance", says) for says in found] + [
-        says for says in told if sum(says in x.says for x in looks) > len(looks) / 2
+        says for says in candidates if sum(says in x.says for x in looks) > len(looks) / 2
     ]
 
 
@@ -143,7 +143,7 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _rounded(layer: str, predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
-    """Whether all values are whole numbers of 255, which the true ones are not."""
+    """Return a hint if all values are whole numbers of 255, which the true ones are not."""
     values = _fit(predicted, layer)
     if values is None or layer not in true.layers:
         return []
@@ -163,7 +163,7 @@ def _whole(codes: np.ndarray) -> bool:
 
 
 def _clipped(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
-    """Whether radiance ends at exactly 1 where the true one goes on."""
+    """Return a hint if radiance ends at exactly 1 where the true one goes on."""
     values = _fit(predicted, "radiance")
     if values is None or "radiance" not in true.layers or abs(float(values.max()) - 1) > 1e-6:
         return []
@@ -175,7 +175,7 @@ def _clipped(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
 
 
 def _inverted(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
-    """Whether the object is kept as it is and all else was changed."""
+    """Return a hint if the object is kept as it is and all else was changed."""
     layer = "counterfactual.radiance"
     values = _fit(predicted, layer)
     if values is None or not {layer, "effect.footprint"} <= true.layers.keys():

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scores of predicted lights and environments."""
+"""Predicted lights and environments: matching, errors, spheres lit by them."""

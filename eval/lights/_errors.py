@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which predicted light stands for which true one, and how far off it is."""
+"""Matching of predicted with true lights, and errors of place and intensity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

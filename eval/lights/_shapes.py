@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a light points, how large it is, and what colour it has, against the true one."""
+"""Errors of a light's direction, size and colour."""
 
 from collections.abc import Sequence
 

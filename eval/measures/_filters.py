@@ -1,25 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Filters of images that are a product of a vertical and a horizontal one."""
 
-from typing import Literal
-
 import numpy as np
-
-Border = Literal["edge", "symmetric"]
-"""What lies beyond the image: its last pixel again and again, or its mirror image."""
 
 _BLOCK = 32
 """Pixels that one matrix product filters."""
 
 
-def separable(image: np.ndarray, down: np.ndarray, across: np.ndarray, border: Border = "edge") -> np.ndarray:
-    """Correlation with the filter ``down[i] * across[j]``, shape ``(H, W)``, float64.
+def separable(image: np.ndarray, down: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Return the correlation with the filter ``down[i] * across[j]``, shape ``(H, W)``, float64.
+
+    Beyond the image lies its last pixel, again and again.
 
     Args:
         image: shape ``(H, W)``, any unit.
         down: Weights along a column, an odd number of them.
         across: Weights along a row, an odd number of them.
-        border: What lies beyond the image.
 
     Raises:
         ValueError: A filter has no middle.
@@ -29,41 +25,39 @@ def separable(image: np.ndarray, down: np.ndarray, across: np.ndarray, border: B
         >>> separable(np.eye(3), np.ones(1), np.array([0, 0, 1])).tolist()
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]]
     """
-    return along_columns(along_rows(image, across, border), down, border)
+    return along_columns(along_rows(image, across), down)
 
 
-def along_columns(image: np.ndarray, weights: np.ndarray, border: Border = "edge") -> np.ndarray:
-    """Correlation of each column with weights; arguments as of :func:`separable`.
+def along_columns(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the correlation of each column with weights; arguments as of :func:`separable`.
 
     By products with a banded matrix, block by block: though most of its elements are 0, BLAS is three times
     as fast as a loop over the weights.
     """
-    windows = _windows(image, len(weights), 0, border).swapaxes(1, 2)
+    windows = _windows(image, len(weights), 0).swapaxes(1, 2)
     return np.matmul(_banded(weights), windows).reshape(-1, image.shape[1])[: image.shape[0]]
 
 
-def along_rows(image: np.ndarray, weights: np.ndarray, border: Border = "edge") -> np.ndarray:
-    """Correlation of each row with weights; as :func:`along_columns`."""
-    windows = _windows(image, len(weights), 1, border).swapaxes(0, 1)
+def along_rows(image: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the correlation of each row with weights; as :func:`along_columns`."""
+    windows = _windows(image, len(weights), 1).swapaxes(0, 1)
     blocks = np.matmul(windows, _banded(weights).T)
     return blocks.swapaxes(0, 1).reshape(image.shape[0], -1)[:, : image.shape[1]]
 
 
-def _windows(image: np.ndarray, length: int, axis: int, border: Border) -> np.ndarray:
-    """What each block of pixels along an axis sees, in a last axis of its own."""
+def _windows(image: np.ndarray, length: int, axis: int) -> np.ndarray:
+    """Return the pixels that each block along an axis sees, in a last axis of its own."""
     if length % 2 == 0:
         raise ValueError(f"expected an odd number of weights, got {length}")
-    wide = np.take(image, _seen(image.shape[axis], length // 2, border), axis).astype(np.float64, copy=False)
+    wide = np.take(image, _seen(image.shape[axis], length // 2), axis).astype(np.float64, copy=False)
     windows = np.lib.stride_tricks.sliding_window_view(wide, _BLOCK + length - 1, axis)
     return windows[::_BLOCK] if axis == 0 else windows[:, ::_BLOCK]
 
 
-def _seen(size: int, reach: int, border: Border) -> np.ndarray:
+def _seen(size: int, reach: int) -> np.ndarray:
     """Indices of the pixels that whole blocks see."""
     places = np.arange(-reach, size + -size % _BLOCK + reach)
-    if border == "edge":
-        return np.clip(places, 0, size - 1)
-    return np.minimum(places % (2 * size), -(places + 1) % (2 * size))
+    return np.clip(places, 0, size - 1)
 
 
 def _banded(weights: np.ndarray) -> np.ndarray:

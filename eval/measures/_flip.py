@@ -95,7 +95,7 @@ def _difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _resolved(opponent: np.ndarray) -> np.ndarray:
-    """What the eye resolves of an image, shape ``(3, H, W)``."""
+    """Return the image as far as the eye resolves it, shape ``(3, H, W)``."""
     return np.array([_without_details(c, s) for c, s in zip(opponent, _SENSITIVITY, strict=True)])
 
 
@@ -137,7 +137,7 @@ def _redistributed(distance: np.ndarray) -> np.ndarray:
 
 @cache
 def _greatest_distance() -> float:
-    """Of two colours of a display, compressed: that of green and blue."""
+    """Return the greatest compressed distance of two display colours: that of green and blue."""
     green, blue = np.eye(3)[1:]
     return float(_hyab(_hunt_lab(green), _hunt_lab(blue)))
 

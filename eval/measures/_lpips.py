@@ -33,7 +33,7 @@ def weights_folder() -> Path | None:
 
 
 def has_weights() -> bool:
-    """Whether LPIPS can be computed."""
+    """Tell whether LPIPS can be computed."""
     return weights_folder() is not None
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from graycard import angles
 from graycard.eval.measures._colour_difference import ciede2000
 from graycard.eval.measures._flip import flip_map
-from graycard.eval.metrics._image_metric import Space
+from graycard.eval.measures._spaces import Space
 from graycard.eval.scoring._mask import check_images, judged_pixels
 from graycard.io import blocks
 

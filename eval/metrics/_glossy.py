@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which surfaces a method takes for glossy: the overlap of what it marks with what is."""
+"""Glossy surfaces: the overlap of the pixels that a method marks with those that are glossy."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import share
+from graycard.eval.kinds._references import Reference
+from graycard.eval.kinds._views import ViewRule
+from graycard.eval.scoring._ceiling import NO_LIGHT_PATH
+from graycard.eval.scoring._comparison import REGIONS
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
 from graycard.layers import GLOSSY_ROUGHNESS
-from graycard.records import MetricRecord
 
 LAYER = "glossy"
 LEAST = 0.5
@@ -17,7 +22,7 @@ LEAST = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """What is asked in one view."""
+    """The part of a view that is judged."""
 
     mask: np.ndarray
     """The judged pixels, shape ``(H, W)``, bool."""
@@ -28,7 +33,7 @@ class Region:
 
 
 def overlap(predicted: np.ndarray, true: np.ndarray) -> float:
-    """Intersection over union of two regions.
+    """Return the intersection over union of two regions.
 
     Args:
         predicted: Any shape, bool.
@@ -48,41 +53,45 @@ def overlap(predicted: np.ndarray, true: np.ndarray) -> float:
     return int(np.count_nonzero(predicted & true)) / union
 
 
-def _asked(true: TrueView, exposure: float) -> Region | None:
+def _prepare(true: TrueView, exposure: float) -> Region | None:
     mask = true.mask(LAYER)
     glossy = mask & (true.take(LAYER) > LEAST)
     return Region(mask, glossy, true.pure()) if glossy.any() else None
 
 
-def _answer(predicted: np.ndarray, asked: Region) -> Answer:
-    marked = (predicted > LEAST) & asked.mask
-    return Answer(overlap(marked, asked.glossy), _parts(marked, asked))
+def _compute(predicted: np.ndarray, region: Region) -> Measurement:
+    marked = (predicted > LEAST) & region.mask
+    return Measurement(overlap(marked, region.glossy), _parts(marked, region))
 
 
-def _parts(marked: np.ndarray, asked: Region) -> dict[str, float]:
-    """How much of the truth is found, how much of what is marked is true, overlaps in parts of it."""
-    both = marked & asked.glossy
-    parts = {"recall": both.sum() / asked.glossy.sum()}
+def _parts(marked: np.ndarray, region: Region) -> dict[str, float]:
+    """Return the share of the truth that is found, of the marked that is true, and overlaps in regions."""
+    both = marked & region.glossy
+    parts = {"recall": both.sum() / region.glossy.sum()}
     if marked.any():
         parts["precision"] = both.sum() / marked.sum()
-    if asked.pure is not None:
-        for name, where in (("interior", asked.pure), ("boundary", ~asked.pure)):
-            if ((marked | asked.glossy) & where).any():
-                parts[name] = overlap(marked & where, asked.glossy & where)
+    if region.pure is not None:
+        for name, where in zip(REGIONS, (region.pure, ~region.pure), strict=True):
+            if ((marked | region.glossy) & where).any():
+                parts[name] = overlap(marked & where, region.glossy & where)
     return {name: float(value) for name, value in parts.items()}
 
 
-GLOSSY_METRICS: tuple[ViewMetric, ...] = (
-    ViewMetric(
-        MetricRecord(
-            "glossy.iou", "Glossy surfaces, overlap", "glossy", "1", True, 1.0,
+METRICS: tuple[Metric[ViewRule], ...] = (
+    Metric(
+        record=share(
+            "glossy",
+            "iou",
+            "Glossy surfaces, overlap",
             f"pixels with glossy > {LEAST:g} in both over those with it in either, over the mask without "
             f"lights, mean over views; the truth is 1 where f0 > 0 and roughness < {GLOSSY_ROUGHNESS:g}; "
-            "views in which nothing is glossy are not asked", headline=False, tolerance=0.02,
+            "views in which nothing is glossy are not asked",
+            tolerance=0.02,
         ),
-        LAYER,
-        (LAYER,),
-        _asked,
-        _answer,
+        rule=ViewRule((LAYER,), _prepare, _compute),
+        layers=(LAYER,),
+        ceiling=NO_LIGHT_PATH,
+        references=(Reference("overlap of glossy regions", "scipy.spatial.distance, Jaccard", 1e-9),),
+        breakdown=("recall", "precision", *REGIONS),
     ),
-)  # fmt: skip
+)

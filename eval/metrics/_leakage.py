@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much light is baked into albedo: the slope of the log albedo error over the log of the true light.
+"""Light that is baked into albedo: the slope of the log albedo error over the log of the true light.
 
 A prediction that is the true albedo times (shading)^k has the slope k: 0 where nothing leaks, 1 where all
 of the light does. Slopes are medians over pairs of pixels (Theil 1950, Sen 1968), not Huber's: they need no
@@ -23,9 +23,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import CHANNEL, error
+from graycard.eval.kinds._references import Reference
+from graycard.eval.kinds._views import ViewRule
+from graycard.eval.scoring._ceiling import CERTAIN_SHADING
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
-from graycard.records import MetricRecord
 
 FLOOR = 1e-3
 """Reflectance below which an albedo counts as black: a logarithm would make a great error of it."""
@@ -66,7 +70,7 @@ class Pairs:
 
 
 def median_slope(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
-    """Median over pairs of (error_high - error_low) / (light_high - light_low).
+    """Return the median over pairs of (error_high - error_low) / (light_high - light_low).
 
     Args:
         errors: Log albedo errors, shape ``(N,)``.
@@ -84,12 +88,12 @@ def median_slope(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: n
 
 
 def slopes(errors: np.ndarray, light: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(error_high - error_low) / (light_high - light_low), ``(N,)``; arguments as of :func:`median_slope`."""
+    """Return (error_high - error_low) / (light_high - light_low), ``(N,)``; see :func:`median_slope`."""
     return (errors[high] - errors[low]) / (light[high] - light[low])
 
 
 def partners(light: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of each pixel of the darker half with that half of all pixels further on, by rank of the light.
+    """Pair each pixel of the darker half with that half of all pixels further on, by rank of the light.
 
     Args:
         light: Logs of the light, shape ``(N,)``.
@@ -128,7 +132,7 @@ def _across_shadow_edges(true: TrueView, exposure: float) -> Pairs | None:
 
 
 def _neighbours(visibility: np.ndarray) -> list[np.ndarray]:
-    """Where one partner sees nearly all of a light and the other nearly nothing, along each axis."""
+    """Mark where one partner sees nearly all of a light and the other nearly nothing, along each axis."""
     sides = [_sides(visibility, axis) for axis in (0, 1)]
     return [(np.maximum(a, b) > 0.75) & (np.minimum(a, b) < 0.25) for a, b in sides]
 
@@ -155,7 +159,7 @@ def _sides(image: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _scatters(true: TrueView) -> np.ndarray:
-    """Where base colour is judged and is no metal's, which the shading does not light, ``(H, W)``, bool."""
+    """Mark where base colour is judged and is no metal's, which shading does not light, ``(H, W)``, bool."""
     mask = true.mask(LAYER)
     return mask & (true.take("metallic") < 0.5) if "metallic" in true.layers else mask
 
@@ -189,7 +193,7 @@ def _lobes(true: TrueView) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _dull(true: TrueView) -> np.ndarray:
-    """Where diffuse light outweighs the specular by far, ``(H·W,)``, bool; anywhere without true lobes."""
+    """Mark where diffuse light far outweighs the specular, ``(H·W,)``, bool; anywhere without true lobes."""
     if not any(name.startswith("direct.specular.") for name in true.layers):
         return np.ones(true.take("object_id").size, bool)
     return true.once(_log_gloss).ravel() <= math.log1p(MOST_GLOSS)
@@ -221,44 +225,66 @@ def _pairs(true: TrueView, light: np.ndarray, low: np.ndarray, high: np.ndarray)
     return Pairs(true.take(LAYER).reshape(-1, 3), low[tells], high[tells], light)
 
 
-def _answer(predicted: np.ndarray, pairs: Pairs) -> Answer:
+def _compute(predicted: np.ndarray, pairs: Pairs) -> Measurement:
     errors = log_errors(predicted.reshape(-1, 3), pairs.albedo)
-    return _leak(slopes(errors, pairs.light, pairs.low, pairs.high))
+    return _pool(slopes(errors, pairs.light, pairs.low, pairs.high))
 
 
-def _leak(found: np.ndarray) -> Answer:
-    """Of the pairs of a view, or of all views together."""
+def _pool(found: np.ndarray) -> Measurement:
+    """Return the slope of the pairs of a view, or of all views together."""
     slope = float(np.median(found))
-    return Answer(abs(slope), {"signed": slope}, found)
+    return Measurement(abs(slope), {"signed": slope}, found)
+
+
+_THEIL_SEN = Reference("leakage slope", "scipy.stats.theilslopes over every pair", 1e-9)
 
 
 def _metric(
-    name: str, title: str, needs: tuple[str, ...], question: Callable[..., Pairs | None], rule: str
-) -> ViewMetric:
-    record = MetricRecord(
-        f"albedo.{name}", title, "albedo", "1", False, 0.0,
-        "|median over the pairs of pixels of all views of Δ log(s_c·base_color / truth) / Δ log(light)|, "
-        f"not metal, logs averaged over channels, Δ log(light) > 0.1; {rule}: 0 no leak, 1 all baked in",
-        headline=False, tolerance=0.02, ignores=("global gain", "channel gain"),
-    )  # fmt: skip
-    return ViewMetric(record, LAYER, (LAYER, *needs), question, _answer, gauge="channel", pool=_leak)
+    name: str, title: str, needs: tuple[str, ...], prepare: Callable[..., Pairs | None], where: str
+) -> Metric[ViewRule]:
+    return Metric(
+        record=error(
+            "albedo",
+            name,
+            title,
+            "|median over the pairs of pixels of all views of Δ log(s_c·base_color / truth) / Δ log(light)|, "
+            f"not metal, logs averaged over channels, Δ log(light) > 0.1; {where}: 0 no leak, 1 all baked in",
+            tolerance=0.02,
+            ignores=CHANNEL,
+        ),
+        rule=ViewRule((LAYER, *needs), prepare, _compute, pool=_pool),
+        layers=(LAYER,),
+        gauge="channel",
+        refuses=("sign",),
+        ceiling=CERTAIN_SHADING,
+        references=(_THEIL_SEN,),
+        breakdown=("signed",),
+    )
 
 
 _DULL = "with specular light of at most a third of the diffuse"
-LEAKAGE_METRICS: tuple[ViewMetric, ...] = (
+METRICS: tuple[Metric[ViewRule], ...] = (
     _metric(
-        "leakage", "Light in albedo", ("shading",), _over_the_mask,
+        "leakage",
+        "Light in albedo",
+        ("shading",),
+        _over_the_mask,
         f"light is the shading; pixels of one object and albedo (5 %) {_DULL}, half of their ranks apart",
     ),
     _metric(
-        "leakage.shadow", "Shadows in albedo", ("shading", "visibility."), _across_shadow_edges,
+        "leakage.shadow",
+        "Shadows in albedo",
+        ("shading", "visibility."),
+        _across_shadow_edges,
         f"light is the shading; pixels of one object {_DULL}, a 28th of the side apart, one in a light, "
         "one not",
     ),
     _metric(
-        "leakage.highlight", "Highlights in albedo",
-        ("shading", "direct.diffuse.", "direct.specular."), _at_highlights,
+        "leakage.highlight",
+        "Highlights in albedo",
+        ("shading", "direct.diffuse.", "direct.specular."),
+        _at_highlights,
         "light is (diffuse + specular) / diffuse; pixels of one object, a 28th of the side apart, in almost "
         "the same shading and true base_color",
     ),
-)  # fmt: skip
+)

@@ -5,9 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import error
+from graycard.eval.kinds._references import Reference
+from graycard.eval.kinds._views import ViewRule
+from graycard.eval.scoring._ceiling import OF_HALVES
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
-from graycard.records import MetricRecord
 
 WINDOW = 5
 """Side in pixels of the neighbourhood over which variances are averaged."""
@@ -28,7 +32,7 @@ class Noisy:
 
 
 def local_variance(variance: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Mean of the variance over each pixel's neighbours inside a mask.
+    """Return the mean of the variance over each pixel's neighbours inside a mask.
 
     A variance from four images has three degrees of freedom: the mean square of errors divided by such ones
     is three times what it should be. A mean over 25 pixels has 75.
@@ -49,7 +53,7 @@ def local_variance(variance: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.where(mask[..., None], np.maximum(sums, 0) / np.maximum(count, 1 / WINDOW**2), 0)
 
 
-def _question(layer: str, true: TrueView) -> Noisy | None:
+def _prepare(layer: str, true: TrueView) -> Noisy | None:
     mask = true.mask(layer)
     variance = local_variance(true.take(f"{layer}.var"), mask)
     judged = mask & (variance > 0).all(axis=-1)
@@ -61,37 +65,49 @@ def _question(layer: str, true: TrueView) -> Noisy | None:
     return Noisy(values, np.sqrt(variance[judged]), judged, difference)
 
 
-def _answer(predicted: np.ndarray, asked: Noisy) -> Answer:
-    return Answer(_rms((predicted[asked.judged] - asked.values) / asked.deviation))
+def _compute(predicted: np.ndarray, noisy: Noisy) -> Measurement:
+    return Measurement(_rms((predicted[noisy.judged] - noisy.values) / noisy.deviation))
 
 
-def _ceiling(asked: Noisy) -> float | None:
-    return 1.0 if asked.half_difference is None else _rms(asked.half_difference / asked.deviation)
+def _noise(noisy: Noisy) -> float | None:
+    return 1.0 if noisy.half_difference is None else _rms(noisy.half_difference / noisy.deviation)
 
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _metric(group: str, title: str, layer: str) -> ViewMetric:
-    record = MetricRecord(
-        f"{group}.noise_rms", f"{title}, error over noise", group, "σ", False, 0.0,
-        f"mean over views of the root mean square of (p - t) / σ of {layer}, linear, over the mask; σ² the "
-        "mean variance of the truth in 5x5 pixels. 1: as close as the truth knows itself; its ceiling is the "
-        "same of (half_a - half_b) / 2",
-        headline=False, tolerance=0.5,
-    )  # fmt: skip
-    return ViewMetric(
-        record,
-        layer,
-        (layer, f"{layer}.var"),
-        lambda true, exposure: _question(layer, true),
-        _answer,
-        ceiling=_ceiling,
+_REFERENCES = (
+    Reference("local variance", "sums over each window, pixel by pixel", 1e-9),
+    Reference("error over noise", "the closed form of an offset of k standard deviations", 1e-9, "σ"),
+)
+
+
+def _metric(group: str, title: str, layer: str) -> Metric[ViewRule]:
+    return Metric(
+        record=error(
+            group,
+            "noise_rms",
+            f"{title}, error over noise",
+            f"mean over views of the root mean square of (p - t) / σ of {layer}, linear, over the mask; σ² "
+            "the mean variance of the truth in 5x5 pixels. 1: as close as the truth knows itself; its "
+            "ceiling is the same of (half_a - half_b) / 2",
+            unit="σ",
+            tolerance=0.5,
+        ),
+        rule=ViewRule(
+            (layer, f"{layer}.var"),
+            lambda true, exposure: _prepare(layer, true),
+            _compute,
+            noise=_noise,
+        ),
+        layers=(layer,),
+        ceiling=OF_HALVES,
+        references=_REFERENCES,
     )
 
 
-NOISE_METRICS: tuple[ViewMetric, ...] = (
+METRICS: tuple[Metric[ViewRule], ...] = (
     _metric("novel_view", "Novel view", "radiance"),
     _metric("counterfactual", "Removal", "counterfactual.radiance"),
 )

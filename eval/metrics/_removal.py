@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left of a removed object, apart for where it stood, its shadow, its mirror image and the rest."""
+"""Residue of a removed object, apart for where it stood, its shadow, its mirror image and the rest."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import decibels, error
+from graycard.eval.kinds._references import PSNR, RESIDUAL
+from graycard.eval.kinds._views import ViewRule
 from graycard.eval.measures._psnr import psnr
-from graycard.eval.metrics._image_metric import display, exposed
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
-from graycard.eval.scoring._ceiling import mean_variance
+from graycard.eval.measures._spaces import display, exposed
+from graycard.eval.scoring._ceiling import AS_DISPLAYED, PROJECTED, mean_variance
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
-from graycard.records import MetricRecord
 
 LAYER = "counterfactual.radiance"
 EFFECTS = ("footprint", "shadow", "mirror")
@@ -22,16 +24,18 @@ WHERE = {
     "mirror": "where the object is seen by reflection",
     "rest": "outside of footprint, shadow and mirror image",
 }
-BESIDE = (
+CAUTION = (
     "A picture of one colour, as bright as what is around, holds next to nothing of the object either: read "
     "it beside counterfactual.psnr and counterfactual.psnr.rest"
 )
-"""What a reader of any share that is left has to know."""
+"""Warning to the reader of any share that is left."""
+NOTE = f"counterfactual.residual.*: 0 the object is gone, 1 all of it is still there. {CAUTION}"
+"""The same for a reader who sees only numbers, whose unit alone does not say what 1 is."""
 
 
 @dataclass(frozen=True, slots=True)
 class Removed:
-    """What is asked of a removal in one region of one view, at the pixels of the region."""
+    """The truth with and without the object in one region of one view, at the pixels of the region."""
 
     without: np.ndarray
     """True radiance without the object, shape ``(N, 3)``."""
@@ -47,7 +51,7 @@ class Removed:
 def residual_energy(
     predicted: np.ndarray, without: np.ndarray, with_object: np.ndarray, region: np.ndarray
 ) -> float:
-    """How much of an object's effect is still in a picture: <p - c, o - c> / ‖o - c‖² over a region.
+    """Return the share of an object's effect that is still in a picture: <p - c, o - c> / ‖o - c‖².
 
     The coefficient of the least squares fit of p - c by o - c. What the picture lacks in other ways, and is
     not alike the effect, does not enter.
@@ -79,13 +83,14 @@ def residual_energy(
 
 
 def region_of(true: TrueView, name: str) -> np.ndarray:
+    """Return the judged pixels of a region of :data:`WHERE`, shape ``(H, W)``, bool."""
     seen = true.mask(LAYER)
     if name != "rest":
         return seen & (true.take(f"effect.{name}") > 0.5)
     return seen & ~np.any([true.take(f"effect.{effect}") > 0.5 for effect in EFFECTS], axis=0)
 
 
-def _asked(true: TrueView, exposure: float, name: str) -> Removed | None:
+def _prepare(true: TrueView, exposure: float, name: str) -> Removed | None:
     region = region_of(true, name)
     if not region.any():
         return None
@@ -94,76 +99,86 @@ def _asked(true: TrueView, exposure: float, name: str) -> Removed | None:
     return Removed(without, with_object, region, exposure, variance)
 
 
-def _asked_for_residual(true: TrueView, exposure: float, name: str) -> Removed | None:
-    asked = _asked(true, exposure, name)
-    if asked is None:
+def _prepare_residual(true: TrueView, exposure: float, name: str) -> Removed | None:
+    removed = _prepare(true, exposure, name)
+    if removed is None:
         return None
-    o, c = exposed(asked.with_object, exposure), exposed(asked.without, exposure)
-    return asked if (o != c).any() else None
+    o, c = exposed(removed.with_object, exposure), exposed(removed.without, exposure)
+    return removed if (o != c).any() else None
 
 
-def _square_error(predicted: np.ndarray, asked: Removed) -> Answer:
-    p, t = (display(pixels, asked.exposure) for pixels in (predicted[asked.region], asked.without))
-    return Answer(float(np.mean((p - t) ** 2)))
+def _square_error(predicted: np.ndarray, removed: Removed) -> Measurement:
+    p, t = (display(pixels, removed.exposure) for pixels in (predicted[removed.region], removed.without))
+    return Measurement(float(np.mean((p - t) ** 2)))
 
 
-def _noise(asked: Removed) -> float | None:
-    if asked.variance is None:
+def _noise(removed: Removed) -> float | None:
+    if removed.variance is None:
         return None
-    return mean_variance(asked.without, asked.variance, lambda values: display(values, asked.exposure))
+    return mean_variance(removed.without, removed.variance, lambda values: display(values, removed.exposure))
 
 
-def _residual(predicted: np.ndarray, asked: Removed) -> Answer:
-    seen = predicted[asked.region], asked.without, asked.with_object
-    p, c, o = (exposed(pixels, asked.exposure) for pixels in seen)
+def _residual(predicted: np.ndarray, removed: Removed) -> Measurement:
+    seen = predicted[removed.region], removed.without, removed.with_object
+    p, c, o = (exposed(pixels, removed.exposure) for pixels in seen)
     evidence = np.array([((p - c) * (o - c)).sum(), ((o - c) ** 2).sum()])
-    return _left(evidence)._replace(evidence=evidence)
+    return _pool(evidence)._replace(evidence=evidence)
 
 
-def _left(evidence: np.ndarray) -> Answer:
-    """Of one view, or of all together: views in which the effect is faint say as little as they know."""
+def _pool(evidence: np.ndarray) -> Measurement:
+    """Return the share of one view, or of all together: a view with a faint effect has little weight."""
     left, energy = evidence.reshape(-1, 2).sum(axis=0).tolist()
-    return Answer(abs(left / energy), {"signed": left / energy})
+    return Measurement(abs(left / energy), {"signed": left / energy})
 
 
-def _psnr_metric(region: str) -> ViewMetric:
-    record = MetricRecord(
-        f"counterfactual.psnr.{region}", f"Removal PSNR, {region}", "counterfactual", "dB", True, math.inf,
-        "10·log10(1 / mean over views of MSE) of radiance without the target object as displayed, "
-        f"srgb(L·exposure), {WHERE[region]}",
-        headline=False, tolerance=0.5,
-    )  # fmt: skip
-    needs = LAYER, "effect.footprint", "effect.shadow", "effect.mirror"
-    return ViewMetric(
-        record,
-        LAYER,
-        needs,
-        lambda true, exposure: _asked(true, exposure, region),
-        _square_error,
-        finish=psnr,
-        ceiling=_noise,
+def _psnr_metric(region: str) -> Metric[ViewRule]:
+    return Metric(
+        record=decibels(
+            "counterfactual",
+            f"psnr.{region}",
+            f"Removal PSNR, {region}",
+            "10·log10(1 / mean over views of MSE) of radiance without the target object as displayed, "
+            f"srgb(L·exposure), {WHERE[region]}",
+            tolerance=0.5,
+        ),
+        rule=ViewRule(
+            (LAYER, *(f"effect.{effect}" for effect in EFFECTS)),
+            lambda true, exposure: _prepare(true, exposure, region),
+            _square_error,
+            finish=psnr,
+            noise=_noise,
+        ),
+        layers=(LAYER,),
+        ceiling=AS_DISPLAYED,
+        references=(PSNR,),
     )
 
 
-def _residual_metric(region: str) -> ViewMetric:
-    record = MetricRecord(
-        f"counterfactual.residual.{region}", f"Object left over, {region}", "counterfactual", "1", False, 0.0,
-        "|Σ <p - c, o - c> / Σ ‖o - c‖²|, sums over views (prediction p, truth without object c, with it o; "
-        f"linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there. {BESIDE}",
-        headline=False, tolerance=0.02,
-    )  # fmt: skip
-    needs = LAYER, f"effect.{region}"
-    return ViewMetric(
-        record,
-        LAYER,
-        needs,
-        lambda true, exposure: _asked_for_residual(true, exposure, region),
-        _residual,
-        pool=_left,
+def _residual_metric(region: str) -> Metric[ViewRule]:
+    return Metric(
+        record=error(
+            "counterfactual",
+            f"residual.{region}",
+            f"Object left over, {region}",
+            "|Σ <p - c, o - c> / Σ ‖o - c‖²|, sums over views (prediction p, truth without object c, with it "
+            f"o; linear, L·exposure clipped to [0, 1]) {WHERE[region]}: 0 gone, 1 still there. {CAUTION}",
+            tolerance=0.02,
+        ),
+        rule=ViewRule(
+            (LAYER, f"effect.{region}"),
+            lambda true, exposure: _prepare_residual(true, exposure, region),
+            _residual,
+            pool=_pool,
+        ),
+        layers=(LAYER,),
+        ceiling=PROJECTED,
+        references=(RESIDUAL,),
+        breakdown=("signed",),
+        note=NOTE,
     )
 
 
-REMOVAL_METRICS: tuple[ViewMetric, ...] = (
+METRICS: tuple[Metric[ViewRule], ...] = (
     *(_psnr_metric(region) for region in (*EFFECTS, "rest")),
     *(_residual_metric(region) for region in EFFECTS),
 )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is left of a removed object's mirror image apart from its shadow, and the other way round.
+"""Residue of a removed object's mirror image apart from its shadow, and the other way round.
 
 On a polished table both lie on the same pixels, and a method that takes one of them away leaves a share of
 the whole that says little of either. The truth knows by which lobe each change of the light comes.
@@ -9,23 +9,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.metrics._image_metric import exposed
-from graycard.eval.metrics._removal import BESIDE, LAYER, WHERE, region_of
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import error
+from graycard.eval.kinds._references import RESIDUAL
+from graycard.eval.kinds._views import ViewRule
+from graycard.eval.measures._spaces import exposed
+from graycard.eval.metrics._removal import CAUTION, LAYER, NOTE, WHERE, region_of
+from graycard.eval.scoring._ceiling import PROJECTED
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
-from graycard.records import MetricRecord
 
 LEAST_APART = 0.2
 """Sine of the angle between two effects on a region up to which what is left is not told apart."""
 _SPECULAR = "specular", "counterfactual.specular"
 """Layers of the specular light with the target and without it."""
 _LOBES = {"mirror": "specular", "shadow": "diffuse"}
-"""Which lobe the effect that gives a region its name is in."""
+"""Lobe of the effect that gives a region its name."""
 
 
 @dataclass(frozen=True, slots=True)
-class LobeAsked:
-    """What is asked in one region of one view, at those of its pixels that are not overexposed."""
+class LobeEffects:
+    """An object's effects in one region of one view, at those of its pixels that are not overexposed."""
 
     without: np.ndarray
     """True radiance without the object, shape ``(N, 3)``, exposed."""
@@ -39,7 +43,7 @@ class LobeAsked:
 
 
 def effect_sums(left: np.ndarray, effect: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """What :func:`residual_share` needs of a view; sums of several views are those of all together.
+    """Return the sums that :func:`residual_share` needs; those of several views add up.
 
     Args:
         left: A prediction less the true picture without the object, any shape.
@@ -55,7 +59,7 @@ def effect_sums(left: np.ndarray, effect: np.ndarray, other: np.ndarray) -> np.n
 
 
 def are_apart(sums: np.ndarray) -> bool:
-    """Whether an effect is there, and not so much alike the other that nobody can tell them apart.
+    """Tell whether an effect is there, and unlike the other so that the two can be told apart.
 
     Of views of which each has it, all together have it too (Cauchy and Schwarz).
 
@@ -67,7 +71,7 @@ def are_apart(sums: np.ndarray) -> bool:
 
 
 def residual_share(sums: np.ndarray) -> float:
-    """How much of one effect of an object is still in a picture, where another one overlaps it.
+    """Return the share of one effect of an object that is still in a picture, where another overlaps it.
 
     The coefficient of the effect in the least squares fit of what is left by both effects together: the
     projection on that part of it which is not alike the other (Frisch and Waugh 1933).
@@ -86,7 +90,7 @@ def residual_share(sums: np.ndarray) -> float:
     return (along - slope * along_other) / (energy - slope * alike)
 
 
-def _asked(true: TrueView, exposure: float, name: str) -> LobeAsked | None:
+def _prepare(true: TrueView, exposure: float, name: str) -> LobeEffects | None:
     layers = (true.take(layer).astype(np.float64) for layer in ("radiance", LAYER, *_SPECULAR))
     with_object, without, present, emptied = (layer * exposure for layer in layers)
     region = region_of(true, name) & (np.maximum(with_object, without).max(axis=-1) <= 1)
@@ -96,38 +100,47 @@ def _asked(true: TrueView, exposure: float, name: str) -> LobeAsked | None:
     effects = (specular, diffuse) if _LOBES[name] == "specular" else (diffuse, specular)
     if not are_apart(effect_sums(specular, *effects)):
         return None
-    return LobeAsked(without[region], *effects, region, exposure)
+    return LobeEffects(without[region], *effects, region, exposure)
 
 
-def _answer(predicted: np.ndarray, asked: LobeAsked) -> Answer:
-    left = exposed(predicted[asked.region], asked.exposure) - asked.without
-    sums = effect_sums(left, asked.effect, asked.other)
-    return _share(sums)._replace(evidence=sums)
+def _compute(predicted: np.ndarray, effects: LobeEffects) -> Measurement:
+    left = exposed(predicted[effects.region], effects.exposure) - effects.without
+    sums = effect_sums(left, effects.effect, effects.other)
+    return _pool(sums)._replace(evidence=sums)
 
 
-def _share(evidence: np.ndarray) -> Answer:
-    """Of one view, or of all together."""
+def _pool(evidence: np.ndarray) -> Measurement:
+    """Return the share of one view, or of all together."""
     share = residual_share(evidence.reshape(-1, 5).sum(axis=0))
-    return Answer(abs(share), {"signed": share})
+    return Measurement(abs(share), {"signed": share})
 
 
-def _metric(region: str) -> ViewMetric:
+def _metric(region: str) -> Metric[ViewRule]:
     lobe = _LOBES[region]
-    record = MetricRecord(
-        f"counterfactual.residual.{region}.{lobe}",
-        f"Object left over, {region}, {lobe} light",
-        "counterfactual", "1", False, 0.0,
-        "|a| in the least squares fit p - c = a·d + b·e over all views (prediction p, truth without object "
-        f"c, d what the object changes in {lobe} light, e in all other; linear, L·exposure, pixels "
-        f"where no truth is overexposed) {WHERE[region]}: 0 gone, 1 still there, whatever is left of the "
-        f"other; views where d and e are alike (sine of the angle up to {LEAST_APART:g}) are not asked. "
-        f"{BESIDE}",
-        headline=False, tolerance=0.02,
-    )  # fmt: skip
-    needs = LAYER, f"effect.{region}", *_SPECULAR
-    return ViewMetric(
-        record, LAYER, needs, lambda true, exposure: _asked(true, exposure, region), _answer, pool=_share
+    return Metric(
+        record=error(
+            "counterfactual",
+            f"residual.{region}.{lobe}",
+            f"Object left over, {region}, {lobe} light",
+            "|a| in the least squares fit p - c = a·d + b·e over all views (prediction p, truth without "
+            f"object c, d what the object changes in {lobe} light, e in all other; linear, L·exposure, "
+            f"pixels where no truth is overexposed) {WHERE[region]}: 0 gone, 1 still there, whatever is left "
+            f"of the other; views where d and e are alike (sine of the angle up to {LEAST_APART:g}) are not "
+            f"asked. {CAUTION}",
+            tolerance=0.02,
+        ),
+        rule=ViewRule(
+            (LAYER, f"effect.{region}", *_SPECULAR),
+            lambda true, exposure: _prepare(true, exposure, region),
+            _compute,
+            pool=_pool,
+        ),
+        layers=(LAYER,),
+        ceiling=PROJECTED,
+        references=(RESIDUAL,),
+        breakdown=("signed",),
+        note=NOTE,
     )
 
 
-REMOVAL_LOBE_METRICS: tuple[ViewMetric, ...] = tuple(_metric(region) for region in _LOBES)
+METRICS: tuple[Metric[ViewRule], ...] = tuple(_metric(region) for region in _LOBES)

@@ -1,17 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Novel views where the main light does not reach, and where it does: a method without shadows errs there."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._records import decibels
+from graycard.eval.kinds._references import PSNR
+from graycard.eval.kinds._views import ViewRule
 from graycard.eval.measures._psnr import psnr
-from graycard.eval.metrics._image_metric import display
-from graycard.eval.metrics._view_metrics import Answer, ViewMetric
-from graycard.eval.scoring._ceiling import mean_variance
+from graycard.eval.measures._spaces import display
+from graycard.eval.scoring._ceiling import AS_DISPLAYED, mean_variance
+from graycard.eval.scoring._findings import Measurement
 from graycard.eval.scoring._readings import TrueView
-from graycard.records import MetricRecord
 
 LAYER = "radiance"
 _IRRADIANCE, _VISIBILITY = "irradiance.", "visibility."
@@ -21,7 +23,7 @@ HIDDEN, SEEN = 0.25, 0.75
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """What is asked of a picture in one part of a view."""
+    """The true picture in one part of a view."""
 
     pixels: np.ndarray
     """Shape ``(H, W)``, bool."""
@@ -33,7 +35,7 @@ class Region:
 
 
 def main_light(true: TrueView) -> str | None:
-    """The light that brings surfaces in view the most; None where no light has a layer of visibility."""
+    """Return the light that brings surfaces in view the most; None without layers of visibility."""
     lights = [name.removeprefix(_VISIBILITY) for name in true.layers if name.startswith(_VISIBILITY)]
     brings = {light: _IRRADIANCE + light for light in lights if _IRRADIANCE + light in true.layers}
     seen = true.mask("shading")
@@ -42,7 +44,7 @@ def main_light(true: TrueView) -> str | None:
     return max(brings, key=lambda light: float(true.take(brings[light])[seen].mean()))
 
 
-def _asked(true: TrueView, exposure: float, shadow: bool) -> Region | None:
+def _prepare(true: TrueView, exposure: float, shadow: bool) -> Region | None:
     light = true.once(main_light)
     if light is None:
         return None
@@ -54,35 +56,41 @@ def _asked(true: TrueView, exposure: float, shadow: bool) -> Region | None:
     return Region(pixels, true.take(LAYER)[pixels].astype(np.float64), exposure, variance)
 
 
-def _square_error(predicted: np.ndarray, asked: Region) -> Answer:
-    p, t = (display(values, asked.exposure) for values in (predicted[asked.pixels], asked.true))
-    return Answer(float(np.mean((p - t) ** 2)))
+def _square_error(predicted: np.ndarray, region: Region) -> Measurement:
+    p, t = (display(values, region.exposure) for values in (predicted[region.pixels], region.true))
+    return Measurement(float(np.mean((p - t) ** 2)))
 
 
-def _noise(asked: Region) -> float | None:
-    if asked.variance is None:
+def _noise(region: Region) -> float | None:
+    if region.variance is None:
         return None
-    return mean_variance(asked.true, asked.variance, lambda values: display(values, asked.exposure))
+    return mean_variance(region.true, region.variance, lambda values: display(values, region.exposure))
 
 
-def _metric(name: str, title: str, where: str, shadow: bool) -> ViewMetric:
-    record = MetricRecord(
-        f"novel_view.psnr.{name}", title, "novel_view", "dB", True, math.inf,
-        "10·log10(1 / mean over views of MSE) of radiance as displayed, srgb(L·exposure), without lights, "
-        f"{where}; the main light of a view is the one of most irradiance", headline=False, tolerance=0.5,
-    )  # fmt: skip
-    return ViewMetric(
-        record,
-        LAYER,
-        (LAYER, _IRRADIANCE, _VISIBILITY),
-        lambda true, exposure: _asked(true, exposure, shadow),
-        _square_error,
-        finish=psnr,
-        ceiling=_noise,
+def _metric(name: str, title: str, where: str, shadow: bool) -> Metric[ViewRule]:
+    return Metric(
+        record=decibels(
+            "novel_view",
+            f"psnr.{name}",
+            title,
+            "10·log10(1 / mean over views of MSE) of radiance as displayed, srgb(L·exposure), without "
+            f"lights, {where}; the main light of a view is the one of most irradiance",
+            tolerance=0.5,
+        ),
+        rule=ViewRule(
+            (LAYER, _IRRADIANCE, _VISIBILITY),
+            lambda true, exposure: _prepare(true, exposure, shadow),
+            _square_error,
+            finish=psnr,
+            noise=_noise,
+        ),
+        layers=(LAYER,),
+        ceiling=AS_DISPLAYED,
+        references=(PSNR,),
     )
 
 
-SHADOW_METRICS: tuple[ViewMetric, ...] = (
+METRICS: tuple[Metric[ViewRule], ...] = (
     _metric(
         "shadow", "Novel view PSNR in shadow", f"where less than {HIDDEN:g} of the main light is seen", True
     ),

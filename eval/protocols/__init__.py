@@ -14,7 +14,6 @@ from graycard.eval.protocols._find import ALL as ALL
 from graycard.eval.protocols._find import all_protocols as all_protocols
 from graycard.eval.protocols._find import find_protocols as find_protocols
 from graycard.eval.protocols._graycard import GRAYCARD as GRAYCARD
-from graycard.eval.protocols._graycard import PROTOCOL as PROTOCOL
 from graycard.eval.protocols._lmse import LmseProtocol as LmseProtocol
 from graycard.eval.protocols._psnr import PsnrProtocol as PsnrProtocol
 from graycard.eval.protocols._published import PUBLISHED as PUBLISHED

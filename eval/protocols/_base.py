@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a protocol is: a name, a version, and rules that turn images into one number."""
+"""The shape of a protocol: a name, a version, and rules that turn images into one number."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from graycard.records import Invariance, MetricRecord
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What a protocol does, in words for a table."""
+    """The steps of a protocol, in words for a table."""
 
     pixels: str
     """Which pixels the error is averaged over."""
@@ -48,7 +48,7 @@ class Protocol(ABC):
 
     @abstractmethod
     def rules_of(self, metric: str) -> Rules:
-        """What it does to come to a metric, in words for a table."""
+        """Return what it does to come to a metric, in words for a table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class AlbedoViews:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a protocol says about the views."""
+    """The result of a protocol on the views."""
 
     value: float
     per_view: Mapping[str, float] = field(default_factory=dict)
@@ -88,11 +88,13 @@ class AlbedoProtocol(Protocol, ABC):
 
     ignores: tuple[Invariance, ...] = ()
     """The gauge groups under which its score does not change."""
+    refuses: tuple[Invariance, ...] = ()
+    """The changes of a prediction by which its score fails."""
 
     @property
     @abstractmethod
     def record(self) -> MetricRecord:
-        """What its number is: unit, direction, optimum."""
+        """Record of its number: unit, direction, optimum."""
 
     @abstractmethod
     def score(self, views: AlbedoViews) -> Outcome:

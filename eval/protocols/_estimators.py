@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How published code fits the factors that it takes off a predicted albedo.
+"""Fits of the factors that published code takes off a predicted albedo.
 
 Each estimator takes the pixels that it may see, predicted and true, each of shape ``(N, 3)``, linear, and
 gives the factors for R, G, B, shape ``(3,)``.

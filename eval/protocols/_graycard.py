@@ -39,49 +39,44 @@ view has is "not provided". A file that cannot be read may hold any layer, so it
 
 from dataclasses import dataclass
 
+from graycard.eval._protocol import NAME, VERSION
+from graycard.eval.metrics._registry import find_metric
 from graycard.eval.protocols._base import Protocol, Rules
-
-_GAUGES = {
-    "albedo.psnr.scalar": "least squares, one factor",
-    "albedo.psnr.channel": "least squares, per channel",
-    "albedo.ssim": "least squares, per channel",
-    "albedo.flip": "least squares, per channel",
-    "albedo.ciede2000": "least squares, one factor",
-}
-_SPACES = {
-    "albedo.psnr.raw": "linear",
-    "albedo.psnr.scalar": "linear",
-    "albedo.psnr.channel": "linear",
-    "albedo.lmse": "linear, gray",
-    "albedo.ciede2000": "CIE L*a*b*",
-}
+from graycard.eval.scoring._training import GAUGED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SheetProtocol(Protocol):
-    """The protocol of whole score sheets; :func:`graycard.eval.metrics` lists what it measures."""
+    """The protocol of whole score sheets; :func:`graycard.eval.registry` lists the metrics."""
 
     def rules_of(self, metric: str) -> Rules:
-        """What it does to come to a metric, in words for a table."""
-        albedo, psnr = metric.startswith("albedo."), ".psnr" in metric
-        space = "world" if metric.startswith(("normal.", "light.")) else "sRGB"
+        """Return what it does to come to a metric, in words for a table.
+
+        Raises:
+            UnknownNameError: There is no such metric.
+        """
+        found = find_metric(metric)
         return Rules(
             pixels="mask",
-            gauge=_GAUGES.get(metric, "none"),
-            fitted_on="all training views" if metric in _GAUGES else "no view",
-            space=_SPACES.get(metric, space),
-            pooling="PSNR of the mean error" if psnr else "mean of views",
+            gauge=_fit_of(found.gauge),
+            fitted_on="all training views" if found.gauge else "no view",
+            space=found.rule.space_name,
+            pooling="PSNR of the mean error" if found.record.unit == "dB" else "mean of views",
             channels="together",
-            exposure="1 is white" if albedo else "the one exposure of the scene",
+            exposure="1 is white" if found.layer == GAUGED else "the one exposure of the scene",
         )
 
 
+def _fit_of(gauge: str | None) -> str:
+    if gauge is None:
+        return "none"
+    return f"least squares, {'one factor' if gauge.endswith('scalar') else 'per channel'}"
+
+
 GRAYCARD = SheetProtocol(
-    name="graycard",
+    name=NAME,
+    version=VERSION,
     summary="raw, one factor and one factor a channel, fitted on training views",
     source="graycard.eval.protocols",
 )
 """``graycard-1``."""
-
-PROTOCOL = GRAYCARD.id
-"""Name and version of these rules; a change to any of them is a new version."""

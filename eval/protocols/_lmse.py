@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from graycard.eval.kinds._records import error
 from graycard.eval.measures._lmse import SHIFT, WINDOW, lmse
 from graycard.eval.protocols._base import AlbedoProtocol, AlbedoViews, Outcome, Rules
 from graycard.records import MetricRecord
@@ -17,13 +18,10 @@ class LmseProtocol(AlbedoProtocol):
     @property
     def record(self) -> MetricRecord:
         """Albedo LMSE."""
-        return MetricRecord(
-            "albedo.lmse", "Albedo LMSE", "albedo", "1", False, 0.0, self.summary,
-            headline=False, tolerance=0.01, ignores=self.ignores,
-        )  # fmt: skip
+        return error("albedo", "lmse", "Albedo LMSE", self.summary, tolerance=0.01, ignores=self.ignores)
 
     def rules_of(self, metric: str) -> Rules:
-        """What it does, in words for a table."""
+        """Return the steps in words for a table."""
         return Rules(
             pixels="mask",
             gauge="least squares, one factor",

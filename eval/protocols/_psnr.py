@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Protocols that end in a PSNR: each is data, and one short program follows it."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -9,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from graycard import DatasetError, PredictionError, srgb_encode
+from graycard.eval.kinds._records import decibels
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.protocols._base import AlbedoProtocol, AlbedoView, AlbedoViews, Outcome, Rules
 from graycard.eval.protocols._estimators import Estimator, estimate
@@ -68,10 +68,7 @@ class PsnrProtocol(AlbedoProtocol):
     @property
     def record(self) -> MetricRecord:
         """Albedo PSNR."""
-        return MetricRecord(
-            "albedo.psnr", "Albedo PSNR", "albedo", "dB", True, math.inf, self.summary,
-            headline=False, tolerance=0.3, ignores=self.ignores,
-        )  # fmt: skip
+        return decibels("albedo", "psnr", "Albedo PSNR", self.summary, ignores=self.ignores)
 
     def rules_of(self, metric: str) -> Rules:
         """The fields as a row of a table."""

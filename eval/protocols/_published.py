@@ -5,13 +5,10 @@ What cannot be carried over is said at each: graycard has no validation views, s
 stands for the first of them; its truth is no 8-bit file, so it is rounded where the original reads one.
 """
 
+from graycard.eval.kinds._records import CHANNEL, GLOBAL
 from graycard.eval.protocols._base import AlbedoProtocol
 from graycard.eval.protocols._lmse import LmseProtocol
 from graycard.eval.protocols._psnr import PsnrProtocol
-from graycard.records import Invariance
-
-GLOBAL: tuple[Invariance, ...] = ("global gain",)
-CHANNEL: tuple[Invariance, ...] = ("global gain", "channel gain")
 
 RAW_LINEAR = PsnrProtocol(
     name="raw-linear",
@@ -35,6 +32,7 @@ GLOBAL_LSQ = PsnrProtocol(
     estimator="least squares, one factor",
     fitted_on="all scored views",
     ignores=GLOBAL,
+    refuses=("sign",),
 )
 """One factor Σ p t / Σ p² over all channels of all scored views: the best that one factor can do."""
 
@@ -45,6 +43,7 @@ CHANNEL_LSQ = PsnrProtocol(
     estimator="least squares, per channel",
     fitted_on="all scored views",
     ignores=CHANNEL,
+    refuses=("sign",),
 )
 """A factor Σ p t / Σ p² for each channel over all scored views: the best that three factors can do."""
 
@@ -56,6 +55,7 @@ NERFACTOR = PsnrProtocol(
     fitted_on="the first training view",
     predicted_as="8 bits, gamma 2.2",
     true_as="8 bits",
+    refuses=("sign",),
 )
 """Factors Σ p t / Σ p² of one view that is not scored; the prediction goes through an 8-bit image of gamma
 2.2, where what is above 1 is lost, the truth through a linear one. The script ends with the corrected
@@ -73,6 +73,7 @@ ORB_ALBEDO = PsnrProtocol(
     clipped=True,
     floor=0.5,
     ignores=CHANNEL,
+    refuses=("sign",),
 )
 """Each view gets its own three factors from its own truth, inside the mask eroded by 5 x 5; both images
 are multiplied by that mask and averaged over the whole image; no view scores less than gray 0.5 would."""
@@ -140,6 +141,7 @@ NVDIFFREC = PsnrProtocol(
     fitted_on="all scored views",
     space="sRGB",
     ignores=GLOBAL,
+    refuses=("sign",),
 )
 """One factor, mean truth over mean prediction on the scored views, then the PSNR of sRGB over the mask.
 The authors name raw, mean intensity and single channels, and call the choice unsolved; which pixels enter
@@ -154,6 +156,7 @@ OWL = PsnrProtocol(
     space="gamma 2.2",
     clipped=True,
     ignores=GLOBAL,
+    refuses=("sign",),
 )
 """Each view gets the exposure, then the balance of each channel within [0.5, 2], of least mean absolute
 error at gamma 2.2, fitted where the truth is not white, scored over the whole mask. The least errors
@@ -168,19 +171,7 @@ MIT_LMSE = LmseProtocol(
 """The reflectance half of the score of Grosse et al. 2009; the other half is of shading, which predictions
 need not hold. See :func:`graycard.eval.lmse`."""
 
-PUBLISHED: tuple[AlbedoProtocol, ...] = (
-    RAW_LINEAR,
-    RAW_SRGB,
-    GLOBAL_LSQ,
-    CHANNEL_LSQ,
-    NERFACTOR,
-    ORB_ALBEDO,
-    TENSOIR_THREE,
-    TENSOIR_SINGLE,
-    GS_IR,
-    R3DG_SYN4,
-    NVDIFFREC,
-    OWL,
-    MIT_LMSE,
+PUBLISHED: tuple[AlbedoProtocol, ...] = tuple(
+    value for value in list(globals().values()) if isinstance(value, AlbedoProtocol)
 )
-"""In the order in which they are shown."""
+"""All protocols above, in the order in which they stand there and are shown."""

@@ -55,7 +55,7 @@ def score_views(protocol: AlbedoProtocol, views: AlbedoViews) -> Score:
 
 
 def _absence(predictions: Predictions, truth: Truth, cause: PredictionError) -> tuple[Status, str]:
-    """Whether base colour is missing in some view, or no view has it; a broken file may hold it."""
+    """Tell base colour that some view lacks from one that no view has; a broken file may hold it."""
     found = (read_prediction(predictions, view) for view in truth.views)
     if any(p.fault or LAYER in p.layers for p in found):
         return "failed", str(cause)

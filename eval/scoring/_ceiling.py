@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.metrics._image_metric import display
+from graycard.eval.measures._spaces import display
 from graycard.eval.scoring._readings import TrueView
 from graycard.io import blocks
 
@@ -19,74 +19,45 @@ A decibel of an error is a ninth of its root mean square, hence 0.1 σ.
 
 
 @dataclass(frozen=True, slots=True)
-class CeilingRule:
-    """Whether some metrics have a noise ceiling, and which, or why not."""
+class Ceiling:
+    """A statement on the best score that the truth's own noise allows."""
 
-    metrics: tuple[str, ...]
-    """Ids, or patterns of ids with ``*``."""
     known: bool
-    says: str
+    """Tell whether scores have a noise ceiling."""
+    explanation: str
+    """How it is computed, or why there is none."""
 
 
-CEILINGS: tuple[CeilingRule, ...] = (
-    CeilingRule(
-        ("novel_view.psnr*", "counterfactual.psnr*", "relighting.psnr*", "composition.psnr", "shading.psnr"),
-        True,
-        "PSNR of the mean variance of the truth as displayed, where that clips and bends too",
-    ),
-    CeilingRule(
-        ("*.noise_rms",),
-        True,
-        "that of (half_a - half_b) / 2, which is as far off as the truth; 1 without halves",
-    ),
-    CeilingRule(
-        ("novel_view.ssim", "counterfactual.ssim", "relighting.ssim", "composition.ssim", "novel_view.flip*",
-         "counterfactual.flip"),
-        False,
-        "none: they look at neighbourhoods, and no formula says what noise costs there; one that was made of "
-        "the truth after a filter and new noise accused pictures without any",
-    ),
-    CeilingRule(
-        ("training_view.psnr",),
-        False,
-        "none: a fit has seen the noise of these very pictures",
-    ),
-    CeilingRule(
-        ("novel_view.lpips",),
-        False,
-        "none: a second pass through the network for each view would cost more than all other scores",
-    ),
-    CeilingRule(
-        ("irradiance.psnr", "light_share.psnr", "light_off.*", "diffuse.psnr", "specular.psnr",
-         "direct.*", "indirect.*"),
-        False,
-        "none: the truth has no variance and no halves of light by source, lobe or bounce",
-    ),
-    CeilingRule(
-        ("counterfactual.residual.*",),
-        False,
-        "none: noise is projected onto the object's effect, where it averages out; how much of it both true "
-        "pictures share is not known",
-    ),
-    CeilingRule(
-        ("albedo.leakage*",),
-        False,
-        "none: reflectance is exact; shading below four of its standard deviations is not judged",
-    ),
-    CeilingRule(
-        ("albedo.psnr.*", "albedo.ssim", "albedo.flip", "albedo.ciede2000", "albedo.lmse",
-         "albedo.chart", "diffuse_reflectance.*", "hemispherical_albedo.*", "f0.*", "roughness.*",
-         "metallic.*", "glossy.*", "normal.*", "depth.*"),
-        False,
-        "needs none: no light path is drawn for this truth",
-    ),
-    CeilingRule(("light.*", "environment.*"), False, "needs none: the lights are exact"),
-)  # fmt: skip
-"""Every metric is in exactly one."""
+AS_DISPLAYED = Ceiling(
+    True, "PSNR of the mean variance of the truth as displayed, where that clips and bends too"
+)
+OF_HALVES = Ceiling(True, "that of (half_a - half_b) / 2, which is as far off as the truth; 1 without halves")
+NEIGHBOURHOODS = Ceiling(
+    False,
+    "none: they look at neighbourhoods, and no formula says what noise costs there; one that was made of the "
+    "truth after a filter and new noise accused pictures without any",
+)
+FITTED_TO = Ceiling(False, "none: a fit has seen the noise of these very pictures")
+TOO_COSTLY = Ceiling(
+    False, "none: a second pass through the network for each view would cost more than all other scores"
+)
+NO_VARIANCE = Ceiling(
+    False, "none: the truth has no variance and no halves of light by source, lobe or bounce"
+)
+PROJECTED = Ceiling(
+    False,
+    "none: noise is projected onto the object's effect, where it averages out; how much of it both true "
+    "pictures share is not known",
+)
+CERTAIN_SHADING = Ceiling(
+    False, "none: reflectance is exact; shading below four of its standard deviations is not judged"
+)
+NO_LIGHT_PATH = Ceiling(False, "needs none: no light path is drawn for this truth")
+EXACT_LIGHTS = Ceiling(False, "needs none: the lights are exact")
 
 
 def noise_as_displayed(true: TrueView, layer: str, mask: np.ndarray, exposure: float) -> float | None:
-    """Mean variance over a mask of a layer as displayed; None where its noise is not known."""
+    """Return the mean variance over a mask of a layer as displayed; None where its noise is not known."""
     if f"{layer}.var" not in true.layers:
         return None
     variance = true.take(f"{layer}.var")
@@ -96,7 +67,7 @@ def noise_as_displayed(true: TrueView, layer: str, mask: np.ndarray, exposure: f
 def mean_variance(
     values: np.ndarray, variance: np.ndarray, shown: Callable[[np.ndarray], np.ndarray]
 ) -> float:
-    """Mean variance that noisy values have after a curve.
+    """Return the mean variance that noisy values have after a curve.
 
     By three points of Gauss and Hermite (mean and √3 standard deviations to both sides): where a display
     clips or bends, as in dark pictures and near white, a slope alone would give too much or too little.
@@ -123,7 +94,7 @@ def _sum_of_variances(
 
 
 def pooled_ceiling(best: Sequence[float | None], finish: Callable[[float], float]) -> float | None:
-    """The ceiling of a score from those of its views.
+    """Return the ceiling of a score from those of its views.
 
     Args:
         best: Before ``finish``; None where it is not known.
@@ -140,19 +111,19 @@ def pooled_ceiling(best: Sequence[float | None], finish: Callable[[float], float
 
 
 def excess(value: float, ceiling: float, higher_is_better: bool) -> float:
-    """By how much a score is better than its ceiling; below 0 where it is worse."""
+    """Return by how much a score is better than its ceiling; below 0 where it is worse."""
     return value - ceiling if higher_is_better else ceiling - value
 
 
 def is_suspicious(above: float, unit: str) -> bool:
-    """Whether a score is above its ceiling by more than chance does it; never where chance is not known."""
+    """Tell whether a score exceeds its ceiling by more than chance; never where chance is not known."""
     return unit in MARGINS and above >= MARGINS[unit]
 
 
 def ceiling_warnings(
     value: float | None, ceiling: float | None, unit: str, higher_is_better: bool
 ) -> tuple[str, ...]:
-    """What stands beside a score that only the truth's own noise explains; nothing beside any other."""
+    """Return the warning for a score that exceeds its noise ceiling; empty for any other."""
     if value is None or ceiling is None:
         return ()
     above = excess(value, ceiling, higher_is_better)

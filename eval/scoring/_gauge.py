@@ -18,7 +18,7 @@ Factors = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Moments:
+class LinearMoments:
     """Sums over judged pixels from which any gauge follows; each per channel R, G, B."""
 
     predicted_true: np.ndarray
@@ -29,8 +29,8 @@ class Moments:
     """Σ t², shape ``(3,)``."""
 
 
-def moments(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> Moments:
-    """The sums of one view.
+def moments(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> LinearMoments:
+    """Return the sums of one view.
 
     Args:
         predicted: shape ``(H, W, 3)``, linear.
@@ -41,11 +41,11 @@ def moments(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> Moment
         ValueError: The shapes differ, or the mask is empty.
     """
     p, t = judged_pixels(predicted, true, mask)
-    return Moments((p * t).sum(axis=0), (p * p).sum(axis=0), (t * t).sum(axis=0))
+    return LinearMoments((p * t).sum(axis=0), (p * p).sum(axis=0), (t * t).sum(axis=0))
 
 
-def fit_gauge(views: Iterable[Moments], kind: Kind, layer: str = "base_color") -> Factors:
-    """The factors that bring predictions closest to the truth, over all given views together.
+def fit_gauge(views: Iterable[LinearMoments], kind: Kind, layer: str = "base_color") -> Factors:
+    """Return the factors that bring predictions closest to the truth, over all views together.
 
     ``channel``: s_c = Σ p_c t_c / Σ p_c², one factor each for R, G, B (Grosse et al. 2009 per
     channel). ``scalar``: the same with the sums over channels too, one factor for all. ``raw``: 1.
@@ -70,7 +70,7 @@ def fit_gauge(views: Iterable[Moments], kind: Kind, layer: str = "base_color") -
 
 
 def apply_gauge(values: np.ndarray, gauge: tuple[float, ...]) -> np.ndarray:
-    """The image with each channel times its factor, shape ``(H, W, 3)``, linear, float64.
+    """Return the image with each channel times its factor, shape ``(H, W, 3)``, linear, float64.
 
     Example:
         >>> import numpy as np

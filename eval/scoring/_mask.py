@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which pixels are judged; what lies outside is left out, never multiplied by zero."""
+"""Masks of judged pixels; what lies outside is left out, never multiplied by zero."""
 
 from collections.abc import Set
 
@@ -7,7 +7,7 @@ import numpy as np
 
 
 def judged_mask(object_id: np.ndarray, left_out: Set[int] = frozenset()) -> np.ndarray:
-    """Where an object is seen that is not left out, shape ``(H, W)``, bool.
+    """Mark where an object is seen that is not left out, shape ``(H, W)``, bool.
 
     Args:
         object_id: shape ``(H, W)``, integer, from the truth; 0 is where nothing is seen.

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from graycard import DatasetError, GraycardError, PredictionError, Predictions, Truth, View, all_layers
-from graycard.eval.metrics._chart import NAME as CHART
+from graycard.eval.measures._chart import NAME as CHART
 from graycard.eval.scoring._mask import judged_mask
 from graycard.layers import LOBES, find_fault, with_derived, with_sums
 
@@ -23,7 +23,7 @@ _EACH = ".<light>"
 
 @dataclass(frozen=True, slots=True)
 class PredictedView:
-    """What a predictions folder holds for one view."""
+    """The layers of a predictions folder for one view."""
 
     view: View
     layers: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class TrueView:
     charts: frozenset[int] = frozenset()
     """Ids of the objects that are colour charts."""
     masks: dict[tuple[str, bool], np.ndarray] = field(default_factory=dict, repr=False, compare=False)
-    """Those that were asked for already."""
+    """Those that were computed before."""
     kept: dict[Callable[..., Any], Any] = field(default_factory=dict, repr=False, compare=False)
     """What :meth:`once` has made, by what made it."""
 
@@ -87,7 +87,7 @@ class TrueView:
         return self.layers[layer]
 
     def once(self, make: Callable[["TrueView"], T]) -> T:
-        """What several metrics derive from this view: made when first asked for, then kept."""
+        """Return a quantity that several metrics derive from this view: made once, then kept."""
         if make not in self.kept:
             self.kept[make] = make(self)
         return self.kept[make]
@@ -134,7 +134,7 @@ class TrueView:
 def read_prediction(
     predictions: Predictions, view: View, names: Mapping[str, str] | None = None
 ) -> PredictedView:
-    """What is predicted for a view, with what follows by addition; an unreadable file becomes a fault.
+    """Return the prediction of a view, with sums of its layers; an unreadable file becomes a fault.
 
     Args:
         predictions: The folder.
@@ -162,7 +162,7 @@ def with_darkness(
 
     Args:
         predicted: The view.
-        judged: The layers that are asked for.
+        judged: The layers that are needed.
         names: True names of lights by predicted ones; None where no lights are predicted: then any may be
             there.
     """

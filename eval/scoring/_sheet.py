@@ -2,19 +2,19 @@
 """From a predictions folder and a scene folder to a sheet of scores."""
 
 from pathlib import Path
+from typing import Any
 
 from graycard import PredictionError, Predictions, Truth, open_predictions, open_truth
+from graycard.eval._protocol import PROTOCOL
 from graycard.eval.hints._hints import Hints, with_hints
-from graycard.eval.lights._environment import score_environments
-from graycard.eval.lights._scores import local, score_lights, true_names
-from graycard.eval.metrics._light_off import LightsOff
-from graycard.eval.metrics._relighting import Masks, score_changed
-from graycard.eval.metrics._table import VIEW_METRICS, gauge_names
-from graycard.eval.metrics._training_view import score_training_views
-from graycard.eval.metrics._view_metrics import ViewScores
-from graycard.eval.protocols import PROTOCOL, AlbedoProtocol, find_protocols, score_protocols
+from graycard.eval.kinds._images import is_in_every_view
+from graycard.eval.kinds._metric import Metric, Scorer
+from graycard.eval.lights._read import true_names
+from graycard.eval.metrics._registry import gauge_names, registry
+from graycard.eval.protocols import AlbedoProtocol, find_protocols, score_protocols
+from graycard.eval.scoring._findings import Scene
 from graycard.eval.scoring._gauge import Factors
-from graycard.eval.scoring._images import score_images
+from graycard.eval.scoring._readings import WITH_LIGHTS, read_prediction, read_truth
 from graycard.eval.scoring._training import fit_gauges, survey_training
 from graycard.io import sha256
 from graycard.records import Score, ScoreSheet
@@ -30,7 +30,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         scene: The scene's folder, ``DATASET/<track>/<scene>``; each file of its truth is first
             compared with its SHA-256.
         protocol: Name or id. By graycard's own, ``scores`` holds one score for each metric that the scene
-            has, in the order of :func:`graycard.eval.metrics`; a published one judges base colour
+            has, in the order of :func:`graycard.eval.registry`; a published one judges base colour
             alone, into ``protocols``; ``"all"`` fills both.
 
     Returns:
@@ -62,7 +62,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
 
 
 def training_gauges(predictions: Path, scene: Path) -> dict[str, Factors]:
-    """The gauges that a predictions folder has by its training views.
+    """Return the gauges that a predictions folder has by its training views.
 
     Args:
         predictions: The predictions folder.
@@ -81,23 +81,40 @@ def training_gauges(predictions: Path, scene: Path) -> dict[str, Factors]:
     return {metric: factors for metric, factors in found.items() if not isinstance(factors, str)}
 
 
+def in_every_view() -> dict[str, bool]:
+    """Return the metrics that each held-out view with an object in it has a value of.
+
+    Returns:
+        By id: whether the surfaces of lights are judged, too.
+    """
+    return {m.id: m.layer in WITH_LIGHTS for m in registry() if is_in_every_view(m)}
+
+
 def scores_of(predictions: Predictions, truth: Truth) -> tuple[Score, ...]:
-    """All scores by graycard's own protocol, in the order of the table, of folders that are open already.
+    """Return all scores by graycard's own protocol, in the order of the registry, of open folders.
 
     Raises:
         DatasetError: The truth of a view is missing or broken.
     """
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
-    views, masks, hints = ViewScores(VIEW_METRICS), Masks(), Hints()
-    off = LightsOff([light.name for light in local(truth.lights())], names)
-    scores = (
-        *score_images(predictions, truth, training, names, (views, off, masks, hints)),
-        *views.scores(),
-        *off.scores(),
-        *score_changed(predictions, truth, masks),
-        *score_training_views(training),
-        *score_lights(predictions, truth, fit_gauges(training)["light"]),
-        *score_environments(predictions, truth),
-    )
+    scene = Scene(truth.exposure, training, fit_gauges(training), names)
+    metrics = [metric for metric in registry() if metric.available()]
+    scorers, hints = _scorers(metrics, predictions, truth, scene), Hints()
+    for view in (v for v in truth.views if v.split == "test"):
+        true, predicted = read_truth(truth, view), read_prediction(predictions, view, names)
+        for observer in (*scorers, hints):
+            observer.observe(predicted, true, scene)
+    found = {score.metric: score for scorer in scorers for score in scorer.scores()}
+    scores = [found[metric.id] for metric in metrics if metric.id in found]
     return with_hints(scores, hints.found(predictions, truth))
+
+
+def _scorers(
+    metrics: list[Metric[Any]], predictions: Predictions, truth: Truth, scene: Scene
+) -> list[Scorer]:
+    """Return a scorer for each kind of metric, in the order of the first metric of each."""
+    kinds = dict.fromkeys(type(metric.rule) for metric in metrics)
+    return [
+        kind.scorer([m for m in metrics if type(m.rule) is kind], predictions, truth, scene) for kind in kinds
+    ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the training views of a prediction are read for: the gauges, and which layers there are."""
+"""Survey of the training views of a prediction: the gauges, and which layers there are."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,8 +7,8 @@ from typing import get_args
 
 from graycard import PredictionError, Predictions, Truth
 from graycard.eval.measures._psnr import mean_square_error
-from graycard.eval.metrics._image_metric import display
-from graycard.eval.scoring._gauge import Factors, Kind, Moments, fit_gauge, moments
+from graycard.eval.measures._spaces import display
+from graycard.eval.scoring._gauge import Factors, Kind, LinearMoments, fit_gauge, moments
 from graycard.eval.scoring._readings import PredictedView, TrueView, read_prediction, read_truth
 
 PICTURE = "radiance"
@@ -19,9 +19,9 @@ REFLECTANCES = (GAUGED, "diffuse_reflectance", "albedo")
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """What the gauge of one layer is fitted to."""
+    """Sums that the gauge of one layer is fitted to."""
 
-    moments: tuple[Moments, ...]
+    moments: tuple[LinearMoments, ...]
     """Of the views in which the layer is fit to be used."""
     faults: tuple[str, ...] = ()
     """Why it is not, for the others."""
@@ -71,7 +71,7 @@ def survey_training(
     """
     provided: set[str] = set()
     unreadable: list[str] = []
-    sums: dict[str, list[Moments]] = {layer: [] for layer in REFLECTANCES}
+    sums: dict[str, list[LinearMoments]] = {layer: [] for layer in REFLECTANCES}
     faults: dict[str, list[str]] = {layer: [] for layer in REFLECTANCES}
     errors: dict[str, float | str] = {}
     known = {GAUGED}
@@ -93,7 +93,7 @@ def survey_training(
 
 
 def fit_gauges(training: Training) -> dict[str, Factors | str]:
-    """All gauges by name: the factors, or why there are none.
+    """Return all gauges by name: the factors, or why there are none.
 
     ``raw``, ``scalar`` and ``channel`` are those of base colour, ``<layer>.<kind>`` those of another
     reflectance. ``traded`` is the scale per channel of the first reflectance that is predicted, and 1 where
@@ -126,7 +126,7 @@ def _picture_error(predicted: PredictedView, true: TrueView, exposure: float) ->
     return mean_square_error(p, display(true.take(PICTURE), exposure), true.mask(PICTURE))
 
 
-def _moments(layer: str, predicted: PredictedView, true: TrueView) -> list[Moments]:
+def _moments(layer: str, predicted: PredictedView, true: TrueView) -> list[LinearMoments]:
     mask = true.mask(layer)
     values = predicted.take(layer)
     return [moments(values, true.take(layer), mask)] if mask.any() else []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How sure a run is of its numbers.
+"""Uncertainty of the numbers of a run.
 
 *Scenes are the sample.* A method is judged by its mean over scenes; several seeds of one scene are first
 averaged, for they say nothing about other scenes. Intervals are for the mean over scenes like these.

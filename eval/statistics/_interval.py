@@ -18,7 +18,7 @@ intervals it covers 95 % in simulation."""
 
 
 def mean_interval(values: Sequence[float] | np.ndarray, level: float = LEVEL) -> tuple[float, float] | None:
-    """The interval that covers the mean of what the values are a sample of.
+    """Return the interval that covers the mean of what the values are a sample of.
 
     The hull of Student's interval and the bootstrap-t interval (Efron and Tibshirani 1993, chapter 12.5),
     each with tails of 1.2 (1 - level) / 2. Fewer than 6 values, or values most of which are equal, have
@@ -137,7 +137,7 @@ def _idle(ratios: np.ndarray, level: float) -> np.ndarray:
 
 @cache
 def _resampling(count: int) -> np.ndarray:
-    """How often each resample draws each value, over their number, shape ``(N, B)``; always the same."""
+    """Return how often each resample draws each value, over their number, ``(N, B)``; always the same."""
     even = np.full(count, 1 / count)
     drawn = np.random.default_rng(20090).multinomial(count, even, size=_RESAMPLES)
     return np.ascontiguousarray(drawn.T / count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How much of a spread is between scenes, and how much between fits of one scene with different seeds."""
+"""Split of a spread into that between scenes and that between fits of one scene with different seeds."""
 
 import math
 from collections.abc import Sequence

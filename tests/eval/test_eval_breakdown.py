@@ -12,8 +12,8 @@ import graycard.eval as ge
 from graycard import View, open_predictions, open_truth, srgb_encode
 from graycard.colour import display_variance
 from graycard.dataset import manifest_of
-from graycard.eval.metrics._albedo import IMAGE_METRICS
-from graycard.eval.scoring._breakdown import Comparison, measure
+from graycard.eval.kinds._images import measure
+from graycard.eval.scoring._comparison import LayerComparison
 from graycard.io import write_layers, write_manifest
 
 Predict = Callable[..., Path]
@@ -138,10 +138,10 @@ def test_a_noise_free_prediction_has_little_error_left(sigma: float) -> None:
     """Half of the pixels are dark, where the display clips half of the noise and a slope says too much."""
     rng = np.random.default_rng(3)
     exact = np.broadcast_to(np.linspace(0.002, 0.5, 400)[:, None, None] ** 2, (400, 100, 3))
-    metric = next(m for m in IMAGE_METRICS if m.record.id == "novel_view.psnr")
+    metric = ge.find_metric("novel_view.psnr")
     variance, mask = np.full(exact.shape, sigma**2), np.ones(exact.shape[:2], bool)
     true = exact + rng.normal(0, sigma, exact.shape)
-    noise, parts = measure(metric, Comparison(exact, true, mask, 1.0, variance))
+    noise, parts = measure(metric, LayerComparison(exact, true, mask, 1.0, variance))
     assert -0.03 * noise < parts["debiased"] < 0.25 * noise, "what is left is on the safe side"
     if sigma >= 0.01:
         assert display_variance(true, variance, 1.0).mean() > 1.2 * noise

@@ -3,8 +3,8 @@
 
 import math
 from collections.abc import Callable
-from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +13,10 @@ import graycard.eval as ge
 from changed_scene import enrich
 from graycard import Camera, Predictions, View, look_at, open_truth
 from graycard.edits import composed_file
-from graycard.eval.scoring._ceiling import CEILINGS, MARGINS, ceiling_warnings, is_suspicious, pooled_ceiling
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.scoring._ceiling import MARGINS, ceiling_warnings, is_suspicious, pooled_ceiling
 from graycard.io import write_layers
 from graycard.predictions import finish_predictions
-from graycard.records import MetricRecord
 
 Layers = dict[str, np.ndarray]
 Predict = Callable[..., Path]
@@ -24,14 +24,9 @@ VIEW = View("v", "test", Camera.from_fov(80, 60, 50, look_at(np.array([0.0, -3, 
 RNG = np.random.default_rng(11)
 
 
-def rule_of(metric: str) -> ge.CeilingRule:
-    (rule,) = [r for r in CEILINGS if any(fnmatch(metric, pattern) for pattern in r.metrics)]
-    return rule
-
-
-@pytest.mark.parametrize("metric", ge.all_metrics(), ids=lambda m: m.id)
-def test_every_metric_has_one_rule(metric: MetricRecord) -> None:
-    assert not rule_of(metric.id).known or metric.unit in MARGINS
+@pytest.mark.parametrize("metric", ge.registry(), ids=lambda m: m.id)
+def test_a_metric_with_a_ceiling_has_a_margin(metric: Metric[Any]) -> None:
+    assert not metric.ceiling.known or metric.record.unit in MARGINS
 
 
 def test_scores_have_the_ceilings_that_the_rules_say(
@@ -42,7 +37,7 @@ def test_scores_have_the_ceilings_that_the_rules_say(
     folder = predict(scene, lambda view, layers: truth.layers(view))
     scores = ge.score_predictions(folder, scene).scores
     assert {s.metric: s.noise_ceiling is not None for s in scores if s.status == "scored"} == {
-        s.metric: rule_of(s.metric).known and s.metric != "shading.psnr"
+        s.metric: ge.find_metric(s.metric).ceiling.known and s.metric != "shading.psnr"
         for s in scores
         if s.status == "scored"
     }, "the shading of this scene is exact"
@@ -62,7 +57,7 @@ def test_who_holds_the_noise_is_named(make_scene: Callable[..., Path], predict: 
     finish_predictions(folder, Predictions("truth", truth.track, truth.scene), truth.lights())
     sheet = ge.score_predictions(folder, scene)
     known = [s for s in sheet.scores if s.unit in ("dB", "σ") and s.metric != "shading.psnr"]
-    assert {s.metric for s in known if rule_of(s.metric).known} == {
+    assert {s.metric for s in known if ge.find_metric(s.metric).ceiling.known} == {
         s.metric for s in known if any("holds the noise of the truth itself" in w for w in s.warnings)
     }
     (said,) = sheet.score("novel_view.noise_rms").warnings

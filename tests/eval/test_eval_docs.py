@@ -1,46 +1,40 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/scores.md shows what the code says.
+"""docs/scores.md and its figure show what the code says.
 
-With ``GRAYCARD_WRITE_DOCS=1`` in the environment these tests write it.
+``make docs`` writes them: with ``GRAYCARD_WRITE_DOCS`` in the environment these tests do so.
 """
 
 import os
 import re
 from pathlib import Path
 
-from docs_of_scores import ceiling_table, reference_table, spread_figure
-from graycard.eval.protocols import Experiment, protocol_spread
+import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
-SHARES = (0.10, 0.25, 0.60)
-BETWEEN = r"(<!-- references: [^>]*-->\n)(.*?)(<!-- end -->)"
+import graycard.eval as ge
+from docs_of_scores import DOCS, ceiling_table, generated, metric_table, reference_table, scores_page
+from graycard.records import MetricRecord
 
 
-def held(path: Path, expected: str) -> None:
-    """Compare a page with what it has to be, or write it where that was asked for."""
+@pytest.mark.parametrize("path", [DOCS / "scores.md", DOCS / "protocol-spread.svg"], ids=lambda p: p.name)
+def test_a_page_is_what_the_code_makes_of_it(path: Path) -> None:
+    expected = generated()[path]
     if os.environ.get("GRAYCARD_WRITE_DOCS"):
         path.write_text(expected, encoding="utf-8")
-    assert path.read_text(encoding="utf-8") == expected
+    assert path.read_text(encoding="utf-8") == expected, "write it by `make docs`"
 
 
-def test_the_table_of_references_is_the_one_that_tests_use() -> None:
+@pytest.mark.parametrize("metric", ge.all_metrics(), ids=lambda m: m.id)
+def test_each_metric_stands_once_in_the_tables(metric: MetricRecord) -> None:
+    assert len(re.findall(rf"^\| `{re.escape(metric.id)}` \|", metric_table(), re.MULTILINE)) == 1
+    assert ceiling_table().count(f"`{metric.id}`") == 1
+
+
+def test_each_reference_stands_in_its_table() -> None:
+    rows = reference_table().splitlines()[2:]
+    assert [row.split(" | ")[0].removeprefix("| ") for row in rows] == [r.name for r in ge.references()]
+
+
+def test_a_page_that_has_lost_a_mark_is_not_written() -> None:
     page = (DOCS / "scores.md").read_text(encoding="utf-8")
-    table = reference_table()
-    held(DOCS / "scores.md", re.sub(BETWEEN, lambda m: m[1] + table + m[3], page, flags=re.DOTALL))
-    assert len(re.findall(BETWEEN, page, flags=re.DOTALL)) == 1
-
-
-def test_the_table_of_ceilings_is_the_one_of_the_code() -> None:
-    page = (DOCS / "scores.md").read_text(encoding="utf-8")
-    between = r"(<!-- ceilings: [^>]*-->\n)(.*?)(<!-- end of ceilings -->)"
-    table = ceiling_table()
-    held(DOCS / "scores.md", re.sub(between, lambda m: m[1] + table + m[3], page, flags=re.DOTALL))
-    assert len(re.findall(between, page, flags=re.DOTALL)) == 1
-
-
-def test_the_figure_of_the_spread_is_that_of_the_experiment() -> None:
-    scores = []
-    for share in SHARES:
-        found = protocol_spread(Experiment(share))
-        scores.append({n: s.value for n, s in found.items() if s.value is not None and s.unit == "dB"})
-    held(DOCS / "protocol-spread.svg", spread_figure(SHARES, scores))
+    with pytest.raises(ValueError, match="expected one generated part named ceilings, got 0. Mark it"):
+        scores_page(page.replace("<!-- ceilings:", "<!-- roof:"))

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ import pytest
 import graycard.eval as ge
 from graycard import DatasetError, PointLight, PredictionError, View, open_predictions, open_truth
 from graycard.dataset import manifest_of
-from graycard.eval.lights._metrics import MISSED
-from graycard.eval.metrics._albedo import IMAGE_METRICS
+from graycard.eval.kinds._images import ImageRule
+from graycard.eval.kinds._lights import LightRule
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._views import ViewRule
 from graycard.io import write_bytes, write_layers, write_manifest, write_rgb
 from graycard.lights import write_lights
 from graycard.predictions import finish_predictions, write_view
@@ -19,22 +22,32 @@ from graycard.records import ScoreSheet
 
 Predict = Callable[..., Path]
 Layers = dict[str, np.ndarray]
-UNGAUGED = ("albedo.psnr.raw", "albedo.lmse")
-GAUGED = ("albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip", "albedo.ciede2000")
-ALBEDO = UNGAUGED + GAUGED
-_HERE = ("radiance", "base_color", "normal", "depth")
-IMAGES = (
-    *(m.record.id for m in IMAGE_METRICS if m.layer in _HERE and not m.chart and m.available()),
-    "novel_view.noise_rms",
-)
+HERE = frozenset({"radiance", "base_color", "normal", "depth"})
+"""True layers of the scene; base colour is the only reflectance, so it gauges light, too."""
 TRAINING = "training_view.psnr"
-NORMAL = tuple(m for m in IMAGES if m.startswith("normal."))
-LIGHTS = tuple(
-    m.id for m in ge.all_metrics() if m.group == "light" and m.id not in ("light.direction", "light.extent")
-)
-INTENSITY = ("light.intensity", "light.intensity.channel")
-GAUGED_TOO = (*GAUGED, "light.intensity.channel")
-PARTNERED = (*INTENSITY, "light.chromaticity")
+
+
+def judged(metric: Metric[Any]) -> bool:
+    """Whether the scene has an image metric, by its layers alone."""
+    rule = metric.rule
+    if not metric.available() or (isinstance(rule, ImageRule) and rule.chart):
+        return False
+    if isinstance(rule, ViewRule):
+        return all(need.removesuffix(".var") in HERE for need in rule.needs)
+    return isinstance(rule, ImageRule) and metric.layer in HERE
+
+
+IMAGES = tuple(m.id for m in ge.registry() if judged(m))
+ALBEDO = tuple(m.id for m in ge.registry() if judged(m) and m.layer == "base_color")
+NORMAL = tuple(m.id for m in ge.registry() if judged(m) and m.layer == "normal")
+LAMP = PointLight("lamp", (0, 0, 0), (1, 1, 1))
+LIGHT_METRICS = tuple(m for m in ge.registry() if isinstance(m.rule, LightRule) and m.rule.judges(LAMP))
+"""Those that a scene with a point light alone has."""
+LIGHTS = tuple(m.id for m in LIGHT_METRICS)
+PARTNERED = {m.id: m.rule.price for m in LIGHT_METRICS if m.rule.error}
+"""What a missed light counts."""
+GAUGED = tuple(m.id for m in ge.registry() if judged(m) and m.gauge)
+GAUGED_TOO = (*GAUGED, *(m.id for m in LIGHT_METRICS if m.gauge))
 
 
 @pytest.fixture
@@ -265,12 +278,12 @@ def test_a_light_nowhere(scene: Path, predict: Predict) -> None:
 def test_a_light_that_is_off_fails_its_intensity_and_colour_only(scene: Path, predict: Predict) -> None:
     light = PointLight("off", (0.3, -0.1, 0.0), (0.0, 0.0, 0.0), "camera")
     sheet = ge.score_predictions(predict(scene, lights=(light,)), scene)
-    expect(sheet, "failed", PARTNERED, "expected light 'off' with a")
+    expect(sheet, "failed", tuple(PARTNERED), "expected light 'off' with a")
 
 
 def test_an_empty_list_of_lights_finds_none(scene: Path, predict: Predict) -> None:
     sheet = ge.score_predictions(predict(scene, lights=()), scene)
-    assert [sheet.score(m).value for m in PARTNERED] == [MISSED[m] for m in PARTNERED]
+    assert {m: sheet.score(m).value for m in PARTNERED} == PARTNERED
     assert [sheet.score(m).value for m in LIGHTS if m not in PARTNERED] == [100, 1, 0]
 
 

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -12,29 +12,22 @@ from hypothesis import strategies as st
 
 import graycard.eval as ge
 from graycard import Camera, Light, PredictionError, SphereLight, SpotLight, View, look_at
-from graycard.eval.lights._environment import compare_spheres
-from graycard.eval.lights._metrics import ENVIRONMENT_METRICS, LIGHT_METRICS
-from graycard.eval.lights._scores import score_lights
+from graycard.eval.kinds._changed import ChangedMetric, ChangedRule, Picture, judge_picture
+from graycard.eval.kinds._images import ImageMetric, ImageRule, judge
+from graycard.eval.kinds._lights import LightRule, score_lights
+from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._views import ViewRule, judge_view
 from graycard.eval.lights._spheres import render_spheres
-from graycard.eval.metrics._albedo import IMAGE_METRICS
-from graycard.eval.metrics._image_metric import ImageMetric
-from graycard.eval.metrics._relighting import (
-    COMPOSITION_METRICS,
-    RELIGHTING_METRICS,
-    ChangedMetric,
-    Picture,
-    judge_picture,
-)
+from graycard.eval.metrics._environment import EnvironmentRule
+from graycard.eval.metrics._light_off import LightsOffRule, LightsOffScorer
 from graycard.eval.metrics._removal import EFFECTS
-from graycard.eval.metrics._table import VIEW_METRICS
-from graycard.eval.metrics._view_metrics import ViewMetric, judge_view
+from graycard.eval.metrics._training_view import TrainingRule, TrainingScorer
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
-from graycard.eval.scoring._assembly import Scene
-from graycard.eval.scoring._images import judge
+from graycard.eval.scoring._findings import Scene
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.eval.scoring._training import REFLECTANCES, Fit, Training, fit_gauges
 from graycard.layers import LOBES, PARTS
-from graycard.records import Invariance, MetricRecord
+from graycard.records import Invariance
 
 RNG = np.random.default_rng(77)
 SHAPE = 32, 34, 3
@@ -95,23 +88,6 @@ ONCE = settings(max_examples=8, database=None, deadline=None, phases=(Phase.gene
 CASES: tuple[Invariance, ...] = get_args(Invariance)
 
 
-REFUSED = frozenset({
-    "albedo.psnr.scalar", "albedo.psnr.channel", "albedo.ssim", "albedo.flip", "albedo.ciede2000",
-    "albedo.chart",
-    "diffuse_reflectance.psnr.scalar", "diffuse_reflectance.psnr.channel",
-    "hemispherical_albedo.psnr.scalar", "hemispherical_albedo.psnr.channel",
-    "albedo.leakage", "albedo.leakage.shadow", "albedo.leakage.highlight", "shading.psnr", "irradiance.psnr",
-    *(m.record.id for m in RELIGHTING_METRICS),
-    "light.intensity", "light.intensity.channel", "light.chromaticity", "environment.psnr",
-    "global-lsq", "channel-lsq", "nerfactor", "orb-albedo", "nvdiffrec", "owl",
-})  # fmt: skip
-"""Scores that fail for what is below zero: no positive gauge fits it, and no lamp takes light away."""
-
-
-def refuses(name: str, group: Invariance) -> bool:
-    return group == "sign" and name in REFUSED
-
-
 def acted_on(name: str, values: np.ndarray, factors: np.ndarray) -> np.ndarray:
     """What an element of a group makes of a layer; a layer of one channel takes the first factor."""
     scale = factors if values.ndim == 3 else factors[0]
@@ -126,10 +102,14 @@ def gauges_of(layers: dict[str, np.ndarray]) -> Training:
 
 def image_score(metric: ImageMetric, factors: np.ndarray) -> float | None:
     """The value of one view whose prediction, also in training, is multiplied; None where it failed."""
-    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    layers = multiplied(factors)
     true = TrueView(VIEW, TRUE, frozenset(), frozenset({1}))
-    each = replace(metric, layer=metric.layer.replace("<light>", "lamp"))
+    each = replace(metric, layers=tuple(layer.replace("<light>", "lamp") for layer in metric.layers))
     return judge(each, PredictedView(VIEW, layers), true, scene_of(layers), {}).value
+
+
+def multiplied(factors: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
 
 
 def scene_of(layers: dict[str, np.ndarray]) -> Scene:
@@ -137,26 +117,42 @@ def scene_of(layers: dict[str, np.ndarray]) -> Scene:
     return Scene(1.2, training, fit_gauges(training))
 
 
-def view_score(metric: ViewMetric, factors: np.ndarray) -> float | None:
+def view_score(metric: Metric[ViewRule], factors: np.ndarray) -> float | None:
     """The value of one view by a rule of its own, as ``image_score``."""
-    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
+    layers = multiplied(factors)
     true = TrueView(VIEW, TRUE | BESIDE, frozenset())
     finding = judge_view(metric, PredictedView(VIEW, layers), true, scene_of(layers))
     assert finding is not None, "the view has something to judge"
     return finding.value
 
 
-def changed_score(record: MetricRecord, factors: np.ndarray) -> float | None:
-    """The value of one picture under changed lights, whose albedo is multiplied as well."""
-    layers = {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
-    true = TrueView(VIEW, TRUE, frozenset())
-    kind = record.id.split(".")[-1] if record.id.count(".") == 2 else None
-    mask, relit = true.mask("radiance"), {"radiance": layers["counterfactual.radiance"]}
+def changed_score(metric: ChangedMetric, factors: np.ndarray) -> float | None:
+    """The value of one picture of a changed scene, whose albedo is multiplied as well."""
+    layers = multiplied(factors)
+    mask, changed = np.ones(SHAPE[:2], bool), {"radiance": layers["counterfactual.radiance"]}
     truth = {"radiance": TRUE["counterfactual.radiance"]}
-    gauged = record.id.startswith("relighting.")
-    picture = Picture("e", kind, VIEW, truth, lambda: relit, mask, gauged=gauged)  # pyright: ignore[reportArgumentType]
-    table = (*RELIGHTING_METRICS, *COMPOSITION_METRICS)
-    return judge_picture(table, picture, scene_of(layers))[record.id].value
+    picture = Picture("e", metric.rule.kind, VIEW, truth, lambda: changed, mask)
+    return judge_picture([metric], picture, scene_of(layers))[metric.id].value
+
+
+def off_score(metric: Metric[LightsOffRule], factors: np.ndarray) -> float | None:
+    """The value of one view with the lamp switched off."""
+    layers = multiplied(factors)
+    lamp = {"radiance.lamp": TRUE["radiance"] * TRUE["radiance.lamp"]}
+    share = {"radiance.lamp": layers["radiance"] * PREDICTED["radiance.lamp"] / 1.2}
+    scorer = LightsOffScorer([metric], ["lamp"])
+    true, predicted = TrueView(VIEW, TRUE | lamp, frozenset()), PredictedView(VIEW, layers | share)
+    scorer.observe(predicted, true, scene_of(layers))
+    (score,) = scorer.scores()
+    return score.value
+
+
+def training_score(metric: Metric[TrainingRule], factors: np.ndarray) -> float | None:
+    """The value of one training view."""
+    p, t = (np.clip(layers["radiance"], 0, 1) for layers in (multiplied(factors), TRUE))
+    training = Training(frozenset({"radiance"}), (), {}, {"train_000": float(np.mean((p - t) ** 2))})
+    (score,) = TrainingScorer([metric], training).scores()
+    return score.value
 
 
 @dataclass(frozen=True)
@@ -171,7 +167,7 @@ class Stub:
         return self.found
 
 
-def light_score(record: MetricRecord, factors: np.ndarray) -> float | None:
+def light_score(metric: Metric[LightRule], factors: np.ndarray) -> float | None:
     """The value for lights whose intensity is multiplied, and albedo divided, by what the group says."""
     colors = [np.array(light.intensity) * (1.1, 1.0, 0.9) * factors for light in LIGHTS]
     shifted = [
@@ -181,17 +177,28 @@ def light_score(record: MetricRecord, factors: np.ndarray) -> float | None:
     radiance = tuple((np.array(SPHERE.radiance) * (1.1, 1.0, 0.9) * factors).tolist())
     found = (*shifted, replace(SPHERE, radiance=radiance, radius=0.3))
     gauge = fit_gauges(gauges_of({name: PREDICTED[name] / factors for name in REFLECTANCES}))["light"]
-    scores = score_lights(Stub(found), Stub((*LIGHTS, SPHERE)), gauge)  # pyright: ignore[reportArgumentType]
-    (score,) = (s for s in scores if s.metric == record.id)
+    (score,) = score_lights([metric], Stub(found), Stub((*LIGHTS, SPHERE)), gauge)  # pyright: ignore[reportArgumentType]
     return score.value
 
 
-def environment_score(factors: np.ndarray) -> float | None:
+def environment_score(metric: Metric[EnvironmentRule], factors: np.ndarray) -> float | None:
     blurred = np.roll(SKY, 1, axis=1) * (1.1, 1.0, 0.8)
     try:
-        return compare_spheres(render_spheres(blurred * factors), render_spheres(SKY)).value
+        return metric.rule.compare(render_spheres(blurred * factors), render_spheres(SKY)).value
     except PredictionError:
         return None
+
+
+SCORES: dict[type, Callable[..., float | None]] = {
+    ImageRule: image_score,
+    ViewRule: view_score,
+    LightsOffRule: off_score,
+    ChangedRule: changed_score,
+    TrainingRule: training_score,
+    LightRule: light_score,
+    EnvironmentRule: environment_score,
+}
+"""How a made-up prediction is judged, by the kind of metric."""
 
 
 def protocol_score(protocol: AlbedoProtocol, factors: np.ndarray) -> float | None:
@@ -238,49 +245,12 @@ def prove(
 
 @pytest.mark.usefixtures("random_lpips")
 @pytest.mark.parametrize("group", CASES)
-@pytest.mark.parametrize("metric", IMAGE_METRICS, ids=lambda m: m.record.id)
-def test_an_image_metric_ignores_what_it_declares_and_nothing_else(
-    metric: ImageMetric, group: Invariance
+@pytest.mark.parametrize("metric", ge.registry(), ids=lambda m: m.id)
+def test_a_metric_ignores_and_refuses_what_it_declares_and_nothing_else(
+    metric: Metric[Any], group: Invariance
 ) -> None:
-    refused = refuses(metric.record.id, group)
-    prove(lambda factors: image_score(metric, factors), metric.record.ignores, group, refused=refused)
-
-
-@pytest.mark.parametrize("group", CASES)
-@pytest.mark.parametrize("metric", VIEW_METRICS, ids=lambda m: m.record.id)
-def test_a_view_metric_ignores_what_it_declares_and_nothing_else(
-    metric: ViewMetric, group: Invariance
-) -> None:
-    refused = refuses(metric.record.id, group)
-    prove(lambda factors: view_score(metric, factors), metric.record.ignores, group, refused=refused)
-
-
-@pytest.mark.parametrize("group", CASES)
-@pytest.mark.parametrize("metric", [*RELIGHTING_METRICS, *COMPOSITION_METRICS], ids=lambda m: m.record.id)
-def test_a_changed_picture_is_judged_in_the_gauge_of_the_albedo(
-    metric: ChangedMetric, group: Invariance
-) -> None:
-    refused = refuses(metric.record.id, group)
-    prove(
-        lambda factors: changed_score(metric.record, factors), metric.record.ignores, group, refused=refused
-    )
-
-
-@pytest.mark.parametrize("group", CASES)
-@pytest.mark.parametrize("record", LIGHT_METRICS, ids=lambda r: r.id)
-def test_a_light_metric_ignores_what_it_declares_and_nothing_else(
-    record: MetricRecord, group: Invariance
-) -> None:
-    refused = refuses(record.id, group)
-    prove(lambda factors: light_score(record, factors), record.ignores, group, refused=refused)
-
-
-@pytest.mark.parametrize("group", CASES)
-@pytest.mark.parametrize("record", ENVIRONMENT_METRICS, ids=lambda r: r.id)
-def test_an_environment_metric_ignores_what_it_declares_and_nothing_else(
-    record: MetricRecord, group: Invariance
-) -> None:
-    prove(environment_score, record.ignores, group, refused=refuses(record.id, group))
+    score, refused = SCORES[type(metric.rule)], group in metric.refuses
+    prove(lambda factors: score(metric, factors), metric.record.ignores, group, refused=refused)
 
 
 @pytest.mark.parametrize("group", CASES)
@@ -288,7 +258,7 @@ def test_an_environment_metric_ignores_what_it_declares_and_nothing_else(
 def test_a_protocol_ignores_what_it_declares_and_nothing_else(
     protocol: AlbedoProtocol, group: Invariance
 ) -> None:
-    refused = refuses(protocol.name, group)
+    refused = group in protocol.refuses
     prove(lambda factors: protocol_score(protocol, factors), protocol.ignores, group, refused=refused)
 
 
@@ -299,12 +269,12 @@ def test_whoever_ignores_a_gain_for_each_channel_ignores_one_for_all() -> None:
 
 
 def test_a_declaration_that_is_wrong_is_found() -> None:
-    raw = next(m for m in IMAGE_METRICS if m.record.id == "albedo.psnr.raw")
+    raw = ge.find_metric("albedo.psnr.raw")
     with pytest.raises(AssertionError):
         prove(lambda factors: image_score(raw, factors), ("global gain",), "global gain")
     with pytest.raises(AssertionError):
         prove(lambda factors: image_score(raw, factors), (), "sign", refused=True)
-    channel = next(m for m in IMAGE_METRICS if m.record.id == "albedo.psnr.channel")
+    channel = ge.find_metric("albedo.psnr.channel")
     with pytest.raises(Exception, match="NoSuchExample|could not be satisfied|No examples"):
         prove(lambda factors: image_score(channel, factors), (), "global gain")
 

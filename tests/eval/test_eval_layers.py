@@ -481,6 +481,26 @@ def test_regions_of_gloss_have_borders_and_insides(score: Callable[..., ScoreShe
     assert (parts["interior"], parts["boundary"]) == pytest.approx((0, 0.2), abs=1e-6)
 
 
+def test_a_breakdown_has_the_names_that_its_metric_declares(scene: Path, tmp_path: Path) -> None:
+    """Those of relighting and composition are held in another scene."""
+    truth, folder = open_truth(scene / "truth"), tmp_path / "multilight" / "tiny-0000"
+    shutil.copytree(scene, folder)
+    for view in truth.views:
+        true = truth.layers(view)
+        pure = (np.arange(true["metallic"].shape[1]) % 2 == 0) & np.ones(true["metallic"].shape, bool)
+        known = true | {"pure": pure.astype(np.float32), "shading.var": true["shading"] * np.float32(1e-6)}
+        write_layers(folder / "truth" / "views" / f"{view.name}.exr", known)
+        wrong = {k: v * np.float32(0.9) for k, v in true.items() if k not in EXACT}
+        write_view(tmp_path / "p", view.name, wrong | {"glossy": glossy_in(true)})
+    write_manifest(folder / "truth", manifest_of(truth))
+    write_rgb(tmp_path / "p" / "sky.exr", read_rgb(scene / "truth" / "sky.exr"))
+    finish_predictions(tmp_path / "p", Predictions("t", truth.track, truth.scene), (*LAMPS, SKY))
+    found = {s.metric: set(s.breakdown) for s in ge.score_predictions(tmp_path / "p", folder).scores}
+    assert found == {metric: set(ge.find_metric(metric).breakdown) for metric in found}
+    some = {"shading.psnr", "glossy.iou", "light_off.psnr", "environment.psnr", "albedo.leakage"}
+    assert some <= found.keys()
+
+
 @pytest.mark.parametrize("shining", ["nowhere", "test_001"])
 def test_where_nothing_shines_there_is_nothing_to_take_apart(
     write_tiny: Callable[..., Path], tmp_path: Path, shining: str

@@ -11,7 +11,7 @@ import graycard.eval as ge
 from changed_scene import enrich
 from graycard import Camera, View, look_at, open_truth
 from graycard.dataset import manifest_of
-from graycard.eval.metrics._leakage import LEAKAGE_METRICS, MOST_GLOSS, slopes
+from graycard.eval.metrics._leakage import MOST_GLOSS, slopes
 from graycard.eval.scoring._readings import TrueView
 from graycard.io import write_layers, write_manifest
 from graycard.records import ScoreSheet
@@ -106,7 +106,7 @@ def test_a_view_of_few_pairs_weighs_little(
 
 
 def asked(gloss: float) -> object:
-    """The question of a gray wall in a ramp of light, of which a share of the diffuse light is mirrored."""
+    """The pairs of a gray wall in a ramp of light, of which a share of the diffuse light is mirrored."""
     ramp = np.linspace(0.2, 1.0, 80)[None, :, None] * np.ones((60, 80, 3), np.float32)
     layers = {
         "base_color": np.full_like(ramp, 0.5),
@@ -117,7 +117,7 @@ def asked(gloss: float) -> object:
         "indirect.specular.lamp": 0.25 * gloss * ramp,
         "direct.specular.lamp": 0.25 * gloss * ramp,
     }
-    return LEAKAGE_METRICS[0].question(TrueView(VIEW, layers, frozenset()), 1.0)
+    return ge.find_metric("albedo.leakage").rule.prepare(TrueView(VIEW, layers, frozenset()), 1.0)
 
 
 def test_a_third_of_the_diffuse_light_is_the_limit() -> None:

@@ -22,8 +22,8 @@ from graycard import (
     View,
     look_at,
 )
-from graycard.eval.lights._metrics import MISSED
-from graycard.eval.lights._scores import score_lights
+from graycard.eval.kinds._lights import score_lights
+from graycard.eval.metrics._lights import METRICS
 
 RNG = np.random.default_rng(4)
 
@@ -122,7 +122,7 @@ class Stub:
 
 
 def scores(predicted: tuple[LocalLight, ...], true: tuple[LocalLight, ...]) -> dict[str, float | None]:
-    found = score_lights(Stub(predicted), Stub(true))  # pyright: ignore[reportArgumentType]
+    found = score_lights(METRICS, Stub(predicted), Stub(true))  # pyright: ignore[reportArgumentType]
     return {score.metric: score.value for score in found}
 
 
@@ -135,6 +135,8 @@ def spots(factors: Sequence[float], turns: Sequence[float]) -> tuple[LocalLight,
 
 
 PANEL = RectangleLight("panel", (3, 0, 2), (0.5, 0, 0), (0, -0.5, 0), (4, 4, 4))
+MISSED = {metric.id: metric.rule.price for metric in METRICS if metric.rule.error}
+"""What a true light counts that no predicted one stands for."""
 HARD_TRUTH = (*spots((1, 1, 1), (0, 0, 0)), PANEL)
 
 

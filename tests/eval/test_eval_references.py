@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every metric against a second library or a closed form, as closely as one table says."""
 
+import re
 from collections.abc import Callable
+from importlib.util import module_from_spec, spec_from_file_location
 from itertools import permutations
+from pathlib import Path
+from typing import Any
 
 import flip_evaluator
 import numpy as np
@@ -16,10 +20,9 @@ import graycard.eval as ge
 import layer_references
 import statistics_references
 from graycard import Camera, PointLight, View, look_at, srgb_encode
+from graycard.eval.kinds._changed import Picture, judge_picture
 from graycard.eval.measures._colour_difference import REC709_TO_XYZ
-from graycard.eval.metrics._noise_error import NOISE_METRICS
-from graycard.eval.metrics._relighting import RELIGHTING_METRICS, Picture, judge_picture
-from graycard.eval.scoring._assembly import Scene
+from graycard.eval.scoring._findings import Scene
 from graycard.eval.scoring._readings import TrueView
 from graycard.eval.scoring._training import Fit, Training, fit_gauges
 from layer_references import Pair, colour_science
@@ -134,9 +137,9 @@ def local_variance() -> Pair:
 def error_over_noise() -> Pair:
     offsets, sigma = RNG.uniform(0, 4, 3), 0.01
     layers = {"radiance": TRUE, "radiance.var": np.full_like(TRUE, sigma**2), "object_id": EVERYWHERE * 1}
-    question = NOISE_METRICS[0].question(TrueView(VIEW, layers, frozenset()), 1.0)
-    ours = NOISE_METRICS[0].answer(TRUE + offsets * sigma, question)
-    return ours.value, float(np.sqrt(np.mean(offsets**2)))
+    rule = ge.find_metric("novel_view.noise_rms").rule
+    noisy = rule.prepare(TrueView(VIEW, layers, frozenset()), 1.0)
+    return rule.compute(TRUE + offsets * sigma, noisy).value, float(np.sqrt(np.mean(offsets**2)))
 
 
 def relit() -> Pair:
@@ -147,7 +150,7 @@ def relit() -> Pair:
     light, dark = PREDICTED[::-1], TRUE[::-1]
     picture = Picture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
     scene = Scene(0.8, training, fit_gauges(training))
-    found = judge_picture(RELIGHTING_METRICS, picture, scene)["relighting.psnr"].value
+    found = judge_picture([ge.find_metric("relighting.psnr")], picture, scene)["relighting.psnr"].value
     shown = srgb_encode(dark * 0.8), srgb_encode(light * factors * 0.8)
     return ge.psnr(found or 0), float(peak_signal_noise_ratio(*shown, data_range=1))
 
@@ -200,13 +203,41 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
 }
 
 
-@pytest.mark.parametrize("reference", ge.REFERENCES, ids=lambda r: r.name)
+def computed(tests: Path = Path(__file__).parent) -> dict[str, Callable[[], Pair]]:
+    """All computations: a metric's own test file adds to them by a ``COMPUTED`` of its own."""
+    found = dict(COMPUTED)
+    for path in sorted(tests.glob("test_*.py")):
+        if path.name != Path(__file__).name and re.search(
+            r"^COMPUTED\b", path.read_text("utf-8"), re.MULTILINE
+        ):
+            spec = spec_from_file_location(f"references_of_{path.stem}", path)
+            assert spec is not None
+            assert spec.loader is not None
+            module = module_from_spec(spec)
+            spec.loader.exec_module(module)
+            found |= module.COMPUTED
+    return found
+
+
+@pytest.mark.parametrize("reference", ge.references(), ids=lambda r: r.name)
 def test_a_metric_agrees_with_its_reference(reference: ge.Reference) -> None:
-    ours, other = COMPUTED[reference.name]()
+    ours, other = computed()[reference.name]()
     assert np.abs(np.asarray(ours) - np.asarray(other)).max() <= reference.tolerance
     assert np.abs(np.asarray(other)).max() > 100 * reference.tolerance, "something to disagree about"
 
 
 def test_the_table_is_whole() -> None:
-    assert [r.name for r in ge.REFERENCES] == list(COMPUTED)
-    assert all(r.tolerance <= 1e-6 or "digits" in r.against for r in ge.REFERENCES)
+    assert {r.name for r in ge.references()} == set(computed())
+    assert len({r.name for r in ge.references()}) == len(ge.references())
+    assert all(r.tolerance <= 1e-6 or "digits" in r.against for r in ge.references())
+
+
+@pytest.mark.parametrize("metric", ge.registry(), ids=lambda m: m.id)
+def test_every_metric_has_a_reference(metric: ge.Metric[Any]) -> None:
+    assert metric.references
+
+
+def test_another_test_file_may_compute_a_reference(tmp_path: Path) -> None:
+    (tmp_path / "test_new.py").write_text('COMPUTED = {"new": lambda: (1.0, 1.0)}\n')
+    (tmp_path / "test_other.py").write_text("NOTHING = {}\n")
+    assert set(computed(tmp_path)) == {*COMPUTED, "new"}

@@ -14,8 +14,9 @@ import graycard.eval as ge
 from graycard import Camera, Truth, View, open_truth, srgb_encode
 from graycard.colour import srgb_slope
 from graycard.dataset import manifest_of, write_index
-from graycard.eval.metrics._shadow import SHADOW_METRICS, main_light
-from graycard.eval.metrics._training_view import score_training_views
+from graycard.eval.metrics._shadow import METRICS, main_light
+from graycard.eval.metrics._training_view import METRICS as TRAINING_METRICS
+from graycard.eval.metrics._training_view import TrainingScorer
 from graycard.eval.scoring._readings import TrueView
 from graycard.eval.scoring._training import Training
 from graycard.io import write_layers, write_manifest
@@ -184,17 +185,17 @@ def test_the_main_light_is_the_one_that_brings_most() -> None:
 )
 def test_a_view_without_shadow_or_light_asks_nothing(visible: float, asked: list[bool]) -> None:
     view = seen(light("a", visible, 1.0))
-    assert [metric.question(view, 1.0) is not None for metric in SHADOW_METRICS] == asked
-    assert [metric.question(seen({}), 1.0) for metric in SHADOW_METRICS] == [None, None]
+    assert [metric.rule.prepare(view, 1.0) is not None for metric in METRICS] == asked
+    assert [metric.rule.prepare(seen({}), 1.0) for metric in METRICS] == [None, None]
 
 
 def test_without_a_variance_there_is_no_ceiling() -> None:
-    metric = SHADOW_METRICS[0]
-    assert metric.ceiling(metric.question(seen(light("a", 0.0, 1.0)), 1.0)) is None
+    rule = METRICS[0].rule
+    assert rule.noise(rule.prepare(seen(light("a", 0.0, 1.0)), 1.0)) is None
     known = light("a", 0.0, 1.0) | {"radiance.var": np.full((4, 4, 3), 1e-6, np.float32)}
-    noise = metric.ceiling(metric.question(seen(known), 1.0))
+    noise = rule.noise(rule.prepare(seen(known), 1.0))
     assert noise == pytest.approx(1e-6 * srgb_slope(np.asarray(0.5)) ** 2, rel=1e-3)
 
 
 def test_training_views_that_see_nothing_have_no_score() -> None:
-    assert score_training_views(Training(frozenset(), (), {})) == []
+    assert TrainingScorer(TRAINING_METRICS, Training(frozenset(), (), {})).scores() == []

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What docs/scores.md shows of the code: the table of references, and the figure of the protocols' spread."""
+"""Pages of docs/ that are made of the code of eval; ``make docs`` writes them."""
 
+import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 import graycard.eval as ge
+from graycard.eval.protocols import Experiment, protocol_spread
+
+DOCS = Path(__file__).parents[2] / "docs"
+SHARES = (0.10, 0.25, 0.60)
+"""Parts of the picture that the object covers in the figure of the spread."""
 
 WIDTH, ROW, LEFT, RIGHT, TOP = 760, 24, 130, 20, 60
 """SVG units: of the figure, of a row, of what is beside and above the dots."""
@@ -14,21 +21,65 @@ COLOURS = ("#4477aa", "#228833", "#ee6677")
 """Of Paul Tol's bright scheme, which the colour-blind can tell apart."""
 
 
+def metric_table() -> str:
+    """Return the table of metrics in Markdown."""
+    head = ["| metric | title | unit | best | gauge | ignores |", "| --- | --- | --- | --- | --- | --- |"]
+    rows = [
+        f"| `{m.id}` | {m.record.title} | {m.record.unit} | {m.record.optimum:g} | {m.gauge or ''} | "
+        f"{', '.join(m.record.ignores)} |"
+        for m in ge.registry()
+    ]
+    return "\n".join([*head, *rows]) + "\n"
+
+
 def reference_table() -> str:
-    """The table of tolerances in Markdown."""
+    """Return the table of tolerances in Markdown."""
     head = ["| number | held against | within |", "| --- | --- | --- |"]
     rows = [
         f"| {r.name} | {r.against} | {r.tolerance:g}{'' if r.unit == '1' else ' ' + r.unit} |"
-        for r in ge.REFERENCES
+        for r in ge.references()
     ]
     return "\n".join([*head, *rows]) + "\n"
 
 
 def ceiling_table() -> str:
-    """Which metrics have a noise ceiling, and why not, in Markdown."""
+    """Return which metrics have a noise ceiling, and why others have none, in Markdown."""
     head = ["| metrics | ceiling |", "| --- | --- |"]
-    rows = [f"| {', '.join(f'`{name}`' for name in rule.metrics)} | {rule.says} |" for rule in ge.CEILINGS]
+    by_ceiling: dict[ge.Ceiling, list[str]] = {}
+    for metric in ge.registry():
+        by_ceiling.setdefault(metric.ceiling, []).append(f"`{metric.id}`")
+    rows = [f"| {', '.join(names)} | {ceiling.explanation} |" for ceiling, names in by_ceiling.items()]
     return "\n".join([*head, *rows]) + "\n"
+
+
+def scores_page(page: str) -> str:
+    """Return docs/scores.md with its generated parts as the code has them.
+
+    Raises:
+        ValueError: A mark of a generated part is missing, or there twice.
+    """
+    tables = {"metrics": metric_table(), "references": reference_table(), "ceilings": ceiling_table()}
+    for name, table in tables.items():
+        between = rf"(<!-- {name}: [^>]*-->\n)(.*?)(<!-- end of {name} -->)"
+        page, count = re.subn(between, lambda m, t=table: m[1] + t + m[3], page, flags=re.DOTALL)
+        if count != 1:
+            raise ValueError(f"expected one generated part named {name}, got {count}. Mark it in the page")
+    return page
+
+
+def spread_of_protocols() -> str:
+    """Return the figure of one made-up prediction by every protocol, as SVG."""
+    scores = []
+    for share in SHARES:
+        found = protocol_spread(Experiment(share))
+        scores.append({n: s.value for n, s in found.items() if s.value is not None and s.unit == "dB"})
+    return spread_figure(SHARES, scores)
+
+
+def generated() -> dict[Path, str]:
+    """Return what each page that is made of the code has to be."""
+    page = (DOCS / "scores.md").read_text(encoding="utf-8")
+    return {DOCS / "scores.md": scores_page(page), DOCS / "protocol-spread.svg": spread_of_protocols()}
 
 
 def spread_figure(shares: Sequence[float], scores: Sequence[Mapping[str, float]]) -> str:

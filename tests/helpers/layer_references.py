@@ -27,14 +27,14 @@ from graycard import (
     srgb_decode,
     srgb_encode,
 )
+from graycard.eval.kinds._images import measure
 from graycard.eval.lights._shapes import chromaticity_error, direction_error, extent_error
 from graycard.eval.lights._spheres import ALPHA, render_spheres, sphere_normals
+from graycard.eval.measures._chart import patch_difference
 from graycard.eval.measures._colour_difference import REC709_TO_XYZ
 from graycard.eval.measures._lpips import lpips as our_lpips
-from graycard.eval.metrics._albedo import IMAGE_METRICS
-from graycard.eval.metrics._chart import patch_difference
 from graycard.eval.metrics._glossy import overlap
-from graycard.eval.scoring._breakdown import Comparison, measure
+from graycard.eval.scoring._comparison import LayerComparison
 from graycard.layers import PARTS, with_sums
 
 RNG = np.random.default_rng(32)
@@ -116,9 +116,9 @@ def enlarged(image: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def flip_hdr() -> Pair:
-    metric = next(m for m in IMAGE_METRICS if m.record.id == "novel_view.flip_hdr")
+    metric = ge.find_metric("novel_view.flip_hdr")
     linear = srgb_decode(PREDICTED) * 0.4, srgb_decode(TRUE) * 0.4
-    ours, _ = measure(metric, Comparison(*linear, EVERYWHERE, 1.25))
+    ours, _ = measure(metric, LayerComparison(*linear, EVERYWHERE, 1.25))
     maps = []
     for gain in (1.25, 10.0):
         p, t = (np.float32(srgb_encode(image * gain)) for image in linear)
@@ -137,9 +137,9 @@ def chart() -> Pair:
 
 
 def pixel_measure(name: str, predicted: np.ndarray, true: np.ndarray) -> float:
-    metric = next(m for m in IMAGE_METRICS if m.record.id == name)
-    value, _ = measure(metric, Comparison(predicted, true, EVERYWHERE, 1.0))
-    return metric.finish(value)
+    metric = ge.find_metric(name)
+    value, _ = measure(metric, LayerComparison(predicted, true, EVERYWHERE, 1.0))
+    return metric.rule.finish(value)
 
 
 def share_of_normals() -> Pair:

@@ -15,11 +15,6 @@ from graycard.cli._options import Json
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.records._run import Score, ScoreSheet
 
-BREAKDOWN = ("interior", "boundary", "srgb", "linear", "mean_of_views", "debiased", "signed")
-"""What many metrics have: a column each. Parts of a few, as the edits of relighting, are listed."""
-LEFT_OVER = "counterfactual.residual."
-"""How metrics of what is left of a removed object begin: their unit alone does not say what 1 is."""
-
 
 @dataclass(frozen=True)
 class ScoreCommand:
@@ -39,15 +34,15 @@ class ScoreCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
         from graycard.dataset import check_scene
-        from graycard.eval import score_predictions
+        from graycard.eval import NEIGHBOURS, score_predictions
 
         check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
         self._show_scores(terminal, sheet)
-        if any(score.breakdown.keys() & BREAKDOWN for score in sheet.scores):
-            terminal.out.print(_breakdown_table(sheet))
-        if any(score.breakdown.keys() - BREAKDOWN for score in sheet.scores):
-            terminal.out.print(_parts_table(sheet))
+        if any(score.breakdown.keys() & NEIGHBOURS for score in sheet.scores):
+            terminal.out.print(_breakdown_table(sheet, NEIGHBOURS))
+        if any(score.breakdown.keys() - NEIGHBOURS for score in sheet.scores):
+            terminal.out.print(_parts_table(sheet, NEIGHBOURS))
         if sheet.protocols:
             terminal.out.print(_protocol_table(sheet))
             _say_spread(sheet, terminal)
@@ -72,10 +67,15 @@ class ScoreCommand:
         if left := len(sheet.scores) - len(shown):
             what = "1 metric is" if left == 1 else f"{left} metrics are"
             terminal.out.print(f"{what} not provided by these predictions: --all lists them")
-        if any(score.metric.startswith(LEFT_OVER) for score in shown):
-            from graycard.eval import BESIDE
+        for note in _notes(shown):
+            terminal.out.print(note)
 
-            terminal.out.print(f"{LEFT_OVER}*: 0 the object is gone, 1 all of it is still there. {BESIDE}")
+
+def _notes(scores: Sequence[Score]) -> list[str]:
+    """Return what a reader must know of some metrics, each note once."""
+    from graycard.eval import find_metric
+
+    return [note for note in dict.fromkeys(find_metric(score.metric).note for score in scores) if note]
 
 
 def _score_table(scores: Sequence[Score]) -> Table:
@@ -89,22 +89,22 @@ def _score_table(scores: Sequence[Score]) -> Table:
     return table
 
 
-def _breakdown_table(sheet: ScoreSheet) -> Table:
-    """The same numbers by neighbouring rules."""
-    names = [n for n in BREAKDOWN if any(n in score.breakdown for score in sheet.scores)]
+def _breakdown_table(sheet: ScoreSheet, columns: Sequence[str]) -> Table:
+    """Return the same numbers by neighbouring rules, a column each."""
+    names = [n for n in columns if any(n in score.breakdown for score in sheet.scores)]
     table = new_table("the same", *(name.replace("_", " ") for name in names))
     for score in sheet.scores:
-        if score.breakdown.keys() & BREAKDOWN:
+        if score.breakdown.keys() & names:
             found = (score.breakdown.get(name) for name in names)
             table.add_row(score.metric, *("" if x is None else f"{x:.4g}" for x in found))
     return table
 
 
-def _parts_table(sheet: ScoreSheet) -> Table:
-    """The same numbers of each edit, inside and around an object, or by other names of the metric's own."""
+def _parts_table(sheet: ScoreSheet, columns: Sequence[str]) -> Table:
+    """Return the same numbers of each edit, of regions, or by other names of the metric's own."""
     table = new_table("in parts", "")
     for score in sheet.scores:
-        if parts := {name: x for name, x in score.breakdown.items() if name not in BREAKDOWN}:
+        if parts := {name: x for name, x in score.breakdown.items() if name not in columns}:
             table.add_row(score.metric, ", ".join(f"{name} {x:.4g}" for name, x in parts.items()))
     return table
 
@@ -136,6 +136,9 @@ def _say_spread(sheet: ScoreSheet, terminal: Terminal) -> None:
 
 
 def _by_protocols(sheet: ScoreSheet) -> Iterator[Score]:
-    """Graycard's own PSNRs of albedo, where there are some, and the published ones."""
-    yield from (score for score in sheet.scores if score.metric.startswith("albedo.psnr."))
+    """Yield graycard's own PSNRs of albedo, where there are some, and the published ones."""
+    from graycard.eval import find_metric
+
+    own = (score for score in sheet.scores if score.unit == "dB")
+    yield from (score for score in own if find_metric(score.metric).layer == "base_color")
     yield from sheet.protocols
