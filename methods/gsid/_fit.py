@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from graycard import Capture, MethodError, Progress
+from graycard import MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._candidates import SAMPLES, ByWay, Samples, enough_cover, find_lights
@@ -55,10 +55,10 @@ from graycard.methods.splat import (
     Rate,
     Surfels,
     initial_state,
-    scene_extent,
     surfels_of,
     train,
 )
+from graycard.methods.surfels import FitTask
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,29 +79,19 @@ class Stage:
         return self.settings.iterations - self.settings.geometry_steps
 
 
-def fit_lights(
-    capture: Capture,
-    geometry: Parameters,
-    guesses: Sequence[Guess],
-    settings: GsidSettings,
-    seed: int,
-    progress: Progress,
-) -> Parameters:
-    """Materials and lights that explain the training photographs.
+def fit_lights(task: FitTask[GsidSettings], geometry: Parameters, guesses: Sequence[Guess]) -> Parameters:
+    """Fit materials and lights that explain the training photographs.
 
     Args:
-        capture: The photographs.
+        task: The photographs, the settings and the seed of the order of views and of the samples.
         geometry: Of the first stage; it stays.
-        guesses: What the prior says, one a view.
-        settings: Of the fit.
-        seed: Of the order of views and of the samples.
-        progress: Called now and then.
+        guesses: Answers of the prior, one a view.
 
     Raises:
         MethodError: Surfels cover nothing, or the fit has no way on.
     """
+    capture, settings, seed, extent = task.capture, task.settings, task.seed, task.extent
     surfels = surfels_of(geometry.surfels)
-    extent = scene_extent([view.camera for view in capture.train])
     eyes = torch.tensor(np.array([view.camera.position for view in capture.train])).float()
     normals = outward(surfels, eyes)
     opened = sky_visibility(surfels, normals, extent) if settings.occlusion else torch.ones(len(surfels))
@@ -114,7 +104,7 @@ def fit_lights(
     by_way = None if stage.bounces is None else _by_way(surface, samples, stage.bounces)
     lights = find_lights(samples, surfels, settings, extent, by_way)
     parameters = Parameters(surface, first_lights(lights, settings))
-    return _trained(initial_state(parameters, seed), stage, progress).parameters
+    return _trained(initial_state(parameters, seed), stage, task.progress).parameters
 
 
 def check_told(guesses: Sequence[Guess], settings: GsidSettings) -> None:

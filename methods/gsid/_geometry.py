@@ -6,24 +6,20 @@ from dataclasses import dataclass
 
 import torch
 
-from graycard import Capture, Progress
 from graycard.methods.gsid._guess import Guess
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.splat import (
     Look,
     Maps,
     Parameters,
-    Plan,
     image_radius,
-    initial_state,
     photometric_map,
     rasterize,
-    scene_extent,
     surfels_of,
-    train,
     view_at,
 )
 from graycard.methods.surfels import (
+    FitTask,
     Photograph,
     SurfelSettings,
     colours,
@@ -40,21 +36,18 @@ DEGREE = 2
 _DEGREE_EVERY = 1 / 10
 
 
-def fit_geometry(
-    capture: Capture, guesses: Sequence[Guess], settings: GsidSettings, seed: int, progress: Progress
-) -> Parameters:
-    """Surfels that show the training photographs.
+def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[Guess]) -> Parameters:
+    """Fit surfels that show the training photographs.
 
     Raises:
         MethodError: There are too few sparse points, or the fit has no way on.
     """
-    surfel_settings = _surfel_settings(settings)
-    extent = scene_extent([view.camera for view in capture.train])
-    views = photographs(capture, surfel_settings)
-    rates, rules = learning_rates(extent, surfel_settings), density_rules(settings.surfels)
-    plan = Plan(settings.geometry_steps, rates, extent, rules)
-    state = initial_state(sparse_start(capture, surfel_settings, seed), seed)
-    return train(state, plan, GeometryObjective(views, guesses, settings, seed), progress).parameters
+    settings, surface = task.settings, _surfel_settings(task.settings)
+    views = photographs(task.capture, surface)
+    rates, rules = learning_rates(task.extent, surface), density_rules(settings.surfels)
+    plan = task.plan(settings.geometry_steps, rates, rules)
+    objective = GeometryObjective(views, guesses, settings, task.seed)
+    return task.train(sparse_start(task.capture, surface, task.seed), plan, objective)
 
 
 def _surfel_settings(settings: GsidSettings) -> SurfelSettings:

@@ -514,7 +514,7 @@ def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, 
     assert set(found.surfels) >= {"centres", "coefficients", "detail"}
     assert REGION not in found.surfels
     scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)
-    colours, rough = SurfelScene("goris", found, 1.0), SurfelScene("goris", world.parameters, 1.0)
+    colours, rough = SurfelScene(found, "goris", 1.0), SurfelScene(world.parameters, "goris", 1.0)
     camera = world.cameras[2]
     true, got, before = (s.render(camera, ["radiance"])["radiance"] for s in (scene, colours, rough))
     assert np.abs(got - true).mean() < 0.5 * np.abs(before - true).mean()
