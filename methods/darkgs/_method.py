@@ -6,10 +6,10 @@ import torch
 from graycard import Capture
 from graycard.methods._contract import Ask
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT
-from graycard.methods.darkgs._objective import Objective, photographs
+from graycard.methods.darkgs._objective import DarkGsObjective, photographs
 from graycard.methods.darkgs._scene import METHOD, DarkGsScene
 from graycard.methods.darkgs._settings import DarkGsSettings
-from graycard.methods.splat import Parameters, Rate, parameters_of, rotation_matrices
+from graycard.methods.splat import LearningRateSchedule, Parameters, parameters_of, rotation_matrices
 from graycard.methods.surfels import (
     FitTask,
     SceneMethod,
@@ -47,9 +47,9 @@ class DarkGsMethod(SceneMethod[DarkGsSettings, DarkGsScene]):
         pictures = [(view.camera, view.exposed) for view in views]
         checkpoint = fit_checkpoint(fit_name, settings, task.seed, pictures)
         rates, rules = learning_rates(task.extent), density_rules(settings.surfels)
-        plan = task.plan(settings.iterations, rates, rules, checkpoint)
-        objective = Objective(views, lamp, capture.exposure, settings, task.seed)
-        parameters = task.train(start(capture, settings, task.seed), plan, objective)
+        config = task.config(settings.iterations, rates, rules, checkpoint)
+        objective = DarkGsObjective(views, lamp, capture.exposure, settings, task.seed)
+        parameters = task.train(start(capture, settings, task.seed), config, objective)
         return DarkGsScene(parameters, lamp, capture.exposure, (lamp,))
 
 
@@ -70,14 +70,14 @@ def start(capture: Capture, settings: DarkGsSettings, seed: int) -> Parameters:
     return parameters_of(discs, {PAINT: paint, **own}, shared)
 
 
-def learning_rates(extent: float) -> dict[str, Rate]:
+def learning_rates(extent: float) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
     Those of the geometry are those of ``2dgs``. The lamp has none: it is as it was calibrated.
     """
     return {
         **geometry_rates(extent),
-        PAINT: Rate(2e-2),
-        NORMALS: Rate(5e-3),
-        AMBIENT: Rate(1e-2),
+        PAINT: LearningRateSchedule(2e-2),
+        NORMALS: LearningRateSchedule(5e-3),
+        AMBIENT: LearningRateSchedule(1e-2),
     }

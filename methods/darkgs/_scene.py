@@ -14,7 +14,13 @@ from graycard.lights import light_from_json, light_to_json
 from graycard.methods._priors import Lamp
 from graycard.methods.darkgs._model import albedo_of, shade
 from graycard.methods.splat import arrays_of, export_ply, parameters_from, rasterize, surfels_of
-from graycard.methods.surfels import LayeredScene, SceneContents, depth_layer, encode, normal_layer
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 METHOD = "darkgs"
 
@@ -89,7 +95,7 @@ class DarkGsScene(LayeredScene):
         return cls(parameters_from(saved.arrays), lamp, exposure, tuple(shining), stays)
 
     def _export(self, path: Path) -> None:
-        shown = encode(albedo_of(self.parameters.surfels).clamp(0, 1))
+        shown = srgb_encode_tensor(albedo_of(self.parameters.surfels).clamp(0, 1))
         export_ply(path, surfels_of(self.parameters.surfels), shown)
 
 

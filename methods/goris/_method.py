@@ -7,7 +7,7 @@ from graycard.methods.goris._flat import flat_surface
 from graycard.methods.goris._remove import Removed, without_object
 from graycard.methods.goris._scene import METHOD, DistilledScene, GlossyScene, GorisScene
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import ASKS, looked_at, shots_of
+from graycard.methods.goris._training_views import ASKS, looked_at, training_views
 from graycard.methods.removal import checked_for_removal
 from graycard.methods.splat import Checkpoint, Parameters
 from graycard.methods.surfels import FitTask, SceneMethod, fit_checkpoint
@@ -27,7 +27,7 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
         """Fit surfels and light transport, remove the object's surfels, and fit what is left."""
         capture, priors, seed, progress = task.capture, task.priors, task.seed, task.progress
         masks = checked_for_removal(task, METHOD, task.settings.first)
-        shots = shots_of(capture, priors, masks, task.settings)
+        shots = training_views(capture, priors, masks, task.settings)
         saved = fit_checkpoint(METHOD, task.settings.first, seed, looked_at(shots))
         settings = as_glossy_as_told(task.settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None

@@ -15,7 +15,7 @@ from graycard import Camera, Light, MethodError
 from graycard.io import from_builtins as decode_json
 from graycard.io import to_builtins
 from graycard.methods._contract import Decomposition
-from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
+from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, GlossyPicture, drawn_buffers, picture_of
 from graycard.methods.goris._remove import RemovalMasks
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.removal import Emptied
@@ -27,11 +27,11 @@ from graycard.methods.surfels import (
     SavedScene,
     SceneContents,
     SurfelScene,
-    decode,
     depth_layer,
     export_colours,
     normal_layer,
     sky_basis,
+    srgb_decode_tensor,
 )
 
 METHOD = "goris"
@@ -66,15 +66,15 @@ class GlossyScene(LayeredScene):
         found = self._layers(picture_of(values, buffers, self.settings, self.extent))
         return found | {"normal": normal_layer(buffers.drawn, camera), "depth": depth_layer(buffers.drawn)}
 
-    def _layers(self, picture: Picture) -> dict[str, np.ndarray]:
+    def _layers(self, picture: GlossyPicture) -> dict[str, np.ndarray]:
         """All but geometry."""
         buffers, share = picture.buffers, picture.buffers.glossy[..., None]
-        rough = decode(buffers.rough)
+        rough = srgb_decode_tensor(buffers.rough)
         specular = share * picture.reflected
         diffuse = (
             rough if self.settings.composite == "paper" else share * buffers.diffuse + (1 - share) * rough
         )
-        radiant = {"radiance": decode(picture.encoded), "diffuse": diffuse, "specular": specular}
+        radiant = {"radiance": srgb_decode_tensor(picture.encoded), "diffuse": diffuse, "specular": specular}
         found = {name: (image.clamp(min=0) / self.exposure) for name, image in radiant.items()}
         found |= {
             "f0": share * buffers.f0,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import torch
 
-from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.splat import (
-    Look,
+    LossResult,
     Maps,
     Parameters,
     image_radius,
@@ -19,8 +19,8 @@ from graycard.methods.splat import (
     view_at,
 )
 from graycard.methods.surfels import (
+    EncodedPhotograph,
     FitTask,
-    Photograph,
     SurfelSettings,
     colours,
     composed,
@@ -36,7 +36,7 @@ DEGREE = 2
 _DEGREE_EVERY = 1 / 10
 
 
-def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[Guess]) -> Parameters:
+def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[MaterialGuess]) -> Parameters:
     """Fit surfels that show the training photographs.
 
     Raises:
@@ -45,9 +45,9 @@ def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[Guess]) -> Param
     settings, surface = task.settings, _surfel_settings(task.settings)
     views = photographs(task.capture, surface)
     rates, rules = learning_rates(task.extent, surface), density_rules(settings.surfels)
-    plan = task.plan(settings.geometry_steps, rates, rules)
+    config = task.config(settings.geometry_steps, rates, rules)
     objective = GeometryObjective(views, guesses, settings, task.seed)
-    return task.train(sparse_start(task.capture, surface, task.seed), plan, objective)
+    return task.train(sparse_start(task.capture, surface, task.seed), config, objective)
 
 
 def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
@@ -60,13 +60,13 @@ def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
 class GeometryObjective:
     """The loss of one view a step."""
 
-    views: Sequence[Photograph]
-    guesses: Sequence[Guess]
+    views: Sequence[EncodedPhotograph]
+    guesses: Sequence[MaterialGuess]
     """One a view."""
     settings: GsidSettings
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view, share = self.views[number], step / settings.geometry_steps
@@ -78,7 +78,7 @@ class GeometryObjective:
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
         loss = loss + self._agreement(drawn, number, share)
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, image_radius(values, view.camera), size)
+        return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _agreement(self, drawn: Maps, number: int, share: float) -> torch.Tensor:
         """Of the surfels with each other, and with the prior's normals."""

@@ -23,7 +23,7 @@ from graycard.methods.gsid._model import (
     OPEN,
     SOFTEN,
     Ground,
-    Picture,
+    LitPicture,
     Pixels,
     Reach,
     ground_of,
@@ -33,7 +33,7 @@ from graycard.methods.gsid._model import (
 )
 from graycard.methods.gsid._settings import GsidSettings, GsirSettings
 from graycard.methods.shading import (
-    Given,
+    GivenLights,
     Lamps,
     Shining,
     given_from_store,
@@ -45,8 +45,13 @@ from graycard.methods.shading import (
     to_latitudes,
 )
 from graycard.methods.splat import arrays_of, export_ply, parameters_from, surfels_of
-from graycard.methods.surfels import LayeredScene, SceneContents, depth_layer, normal_layer
-from graycard.methods.surfels import encode as show
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 GSID, GSIR = "gsid", "gsir"
 _SETTINGS: Mapping[str, type[GsidSettings]] = {GSID: GsidSettings, GSIR: GsirSettings}
@@ -69,7 +74,7 @@ class GsidScene(LayeredScene):
     """Of the scene, metres."""
     method: str = GSID
     """Whose it is: what is saved says so."""
-    given: Given | None = None
+    given: GivenLights | None = None
     """None: the lights that were found."""
 
     @property
@@ -101,7 +106,7 @@ class GsidScene(LayeredScene):
         pixels = pixels_of(values, ground)
         return self._surface_layers(ground, pixels) | self._light_layers(self._picture(ground))
 
-    def _picture(self, ground: Ground) -> Picture:
+    def _picture(self, ground: Ground) -> LitPicture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
         surroundings, reached, bounced = surroundings_of(self._sky), None, None
@@ -146,7 +151,7 @@ class GsidScene(LayeredScene):
             "depth": depth_layer(ground.drawn),
         }
 
-    def _light_layers(self, picture: Picture) -> dict[str, np.ndarray]:
+    def _light_layers(self, picture: LitPicture) -> dict[str, np.ndarray]:
         whole = {"radiance": picture.whole.numpy()}
         if self.given is not None:
             return whole
@@ -231,4 +236,4 @@ class GsidScene(LayeredScene):
 
     def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels
-        export_ply(path, surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
+        export_ply(path, surfels_of(surfels), srgb_encode_tensor(surfels[BASE_COLOR].sigmoid()))

@@ -5,13 +5,13 @@ import numpy as np
 import torch
 
 from graycard.methods.r3dg._light import BASE_COLOR, DEGREE, OWN, ROUGHNESS, SKY, Directions, directions_of
-from graycard.methods.r3dg._objective import Objective, Shot, shot_of
+from graycard.methods.r3dg._objective import ForwardView, R3dgObjective, forward_view
 from graycard.methods.r3dg._scene import METHOD, R3dgScene
 from graycard.methods.r3dg._settings import R3dgSettings
 from graycard.methods.splat import (
     GEOMETRY,
+    LearningRateSchedule,
     Parameters,
-    Rate,
     coefficient_count,
     surfels_of,
 )
@@ -21,11 +21,11 @@ from graycard.methods.surfels import (
     SurfelSettings,
     check_photographs,
     check_places,
-    decode,
     density_rules,
     fit_surfels,
     photographs,
     sparse_start,
+    srgb_decode_tensor,
 )
 
 ALBEDO = 0.5
@@ -57,32 +57,32 @@ class R3dgMethod(SceneMethod[R3dgSettings, R3dgScene]):
         eyes = torch.tensor(np.array([view.camera.position for view in task.capture.train])).float()
         directions = directions_of(surfels_of(geometry.surfels), eyes, extent)
         views = photographs(task.capture, surface)
-        shots = [shot_of(view.camera, view.encoded, geometry.surfels) for view in views]
+        shots = [forward_view(view.camera, view.encoded, geometry.surfels) for view in views]
         found = _fit_light(task, geometry, shots, directions)
         return R3dgScene(found, directions, settings, task.capture.exposure, extent)
 
 
 def _fit_light(
-    task: FitTask[R3dgSettings], geometry: Parameters, shots: list[Shot], directions: Directions
+    task: FitTask[R3dgSettings], geometry: Parameters, shots: list[ForwardView], directions: Directions
 ) -> Parameters:
     """Fit materials and light on surfels that stand still."""
     settings = task.settings
     surfaces = {name: geometry.surfels[name] for name in GEOMETRY} | first_surfaces(len(geometry))
     start = Parameters(surfaces, {SKY: first_sky(shots, settings)})
-    objective = Objective(shots, directions, settings, settings.geometry_steps, task.seed)
+    objective = R3dgObjective(shots, directions, settings, settings.geometry_steps, task.seed)
     steps = settings.iterations - settings.geometry_steps
-    return task.train(start, task.plan(steps, learning_rates()), objective)
+    return task.train(start, task.config(steps, learning_rates()), objective)
 
 
-def learning_rates() -> dict[str, Rate]:
+def learning_rates() -> dict[str, LearningRateSchedule]:
     """By the names of parameters (paper's code: 0.01, and 0.1 of the environment, for 20 000 steps; the rest
     is inferred, for some hundreds).
     """
     return {
-        BASE_COLOR: Rate(2e-2, 5e-3),
-        ROUGHNESS: Rate(1e-2, 5e-3),
-        OWN: Rate(1e-2, 2e-3),
-        SKY: Rate(5e-2, 1e-2),
+        BASE_COLOR: LearningRateSchedule(2e-2, 5e-3),
+        ROUGHNESS: LearningRateSchedule(1e-2, 5e-3),
+        OWN: LearningRateSchedule(1e-2, 2e-3),
+        SKY: LearningRateSchedule(5e-2, 1e-2),
     }
 
 
@@ -96,8 +96,8 @@ def first_surfaces(count: int) -> dict[str, torch.Tensor]:
     return {BASE_COLOR: half.expand(count, 3).clone(), ROUGHNESS: half.expand(count, 1).clone(), OWN: own}
 
 
-def first_sky(shots: list[Shot], settings: R3dgSettings) -> torch.Tensor:
+def first_sky(shots: list[ForwardView], settings: R3dgSettings) -> torch.Tensor:
     """An even one that would make surfaces of that albedo as bright as the photographs."""
-    mean = torch.stack([decode(shot.shown).mean(dim=(0, 1)) for shot in shots]).mean(dim=0)
+    mean = torch.stack([srgb_decode_tensor(shot.shown).mean(dim=(0, 1)) for shot in shots]).mean(dim=0)
     size = settings.sky_size
     return (mean / ALBEDO).clamp(min=_DARKEST).log().expand(6, size, size, 3).clone()

@@ -28,7 +28,7 @@ from graycard.methods.r3dg._light import (
 from graycard.methods.r3dg._objective import drawn_layers
 from graycard.methods.r3dg._settings import R3dgSettings
 from graycard.methods.shading import (
-    Given,
+    GivenLights,
     Material,
     arriving,
     given_from_store,
@@ -40,8 +40,13 @@ from graycard.methods.shading import (
     to_latitudes,
 )
 from graycard.methods.splat import arrays_of, export_ply, parameters_from, rasterize, surfels_of
-from graycard.methods.surfels import LayeredScene, SceneContents, depth_layer, normal_layer
-from graycard.methods.surfels import encode as show
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 METHOD = "r3dg"
 OWN_SKY = EnvironmentLight("sky", "environment.exr")
@@ -63,7 +68,7 @@ class R3dgScene(LayeredScene):
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
     """Of the scene, metres."""
-    given: Given | None = None
+    given: GivenLights | None = None
     """None: the light that was found."""
 
     @property
@@ -105,7 +110,9 @@ class R3dgScene(LayeredScene):
         by_sky = returned(values, self.directions, incident, rows, eye)
         return by_sky + self._by_lamps(self.given, rows, eye, camera)
 
-    def _by_lamps(self, given: Given, rows: torch.Tensor, eye: torch.Tensor, camera: Camera) -> torch.Tensor:
+    def _by_lamps(
+        self, given: GivenLights, rows: torch.Tensor, eye: torch.Tensor, camera: Camera
+    ) -> torch.Tensor:
         values, surfels = self.parameters.all, surfels_of(self.parameters.surfels)
         lamps, centres = known_lamps(given.local, camera, PANEL), surfels.centres[rows]
         reached = lamp_visibility(surfels, centres, lamps.positions, self.extent)
@@ -163,4 +170,4 @@ class R3dgScene(LayeredScene):
 
     def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels
-        export_ply(path, surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
+        export_ply(path, surfels_of(surfels), srgb_encode_tensor(surfels[BASE_COLOR].sigmoid()))

@@ -33,8 +33,8 @@ from graycard.methods.splat import (
 )
 from graycard.methods.surfels import (
     FitTask,
-    Objective,
     SceneMethod,
+    SurfelObjective,
     density_rules,
     fit_checkpoint,
     learning_rates,
@@ -82,9 +82,11 @@ def identified(task: FitTask[GroupingSettings], masks: list[np.ndarray], method:
     looked_at = [(v.camera, part) for v, c in zip(views, classes, strict=True) for part in (v.encoded, c)]
     rates = learning_rates(task.extent, settings) | identity_rates(settings)
     checkpoint = fit_checkpoint(method, settings, seed, looked_at)
-    plan = task.plan(settings.iterations, rates, density_rules(settings.surfels), checkpoint)
-    objective = IdentityObjective(Objective(views, settings, seed), classes, settings)
-    return task.train(with_identities(sparse_start(capture, settings, seed), settings, seed), plan, objective)
+    config = task.config(settings.iterations, rates, density_rules(settings.surfels), checkpoint)
+    objective = IdentityObjective(SurfelObjective(views, settings, seed), classes, settings)
+    return task.train(
+        with_identities(sparse_start(capture, settings, seed), settings, seed), config, objective
+    )
 
 
 def named_surfels(fitted: Parameters, settings: GroupingSettings) -> torch.Tensor:

@@ -5,7 +5,7 @@ import numpy as np
 
 from graycard import srgb_encode
 from graycard.methods.removal._behind import drawn_colours, views_behind
-from graycard.methods.removal._filled import Target, Wall, targets_of
+from graycard.methods.removal._filled import BackgroundPoints, Target, targets_of
 from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
 from graycard.methods.removal._stages import (
@@ -85,14 +85,16 @@ class KeepMethod(SceneMethod[SurfelSettings, RemovalScene]):
         return decomposition(self.name, task.capture, parameters, parameters)
 
 
-def with_wall(left: Parameters, taken: int, wall: Wall, settings: RemovalSettings, seed: int) -> Parameters:
+def with_wall(
+    left: Parameters, taken: int, wall: BackgroundPoints, settings: RemovalSettings, seed: int
+) -> Parameters:
     """What is left, with new surfels on the wall behind the object."""
     discs = wall_surfels(len(left), taken, wall, np.asarray(srgb_encode(wall.colours)), settings, seed)
     return left if discs is None else joined_surfels(left, with_colours(discs, settings).surfels)
 
 
 def wall_surfels(
-    left: int, taken: int, wall: Wall, features: np.ndarray, settings: RemovalSettings, seed: int
+    left: int, taken: int, wall: BackgroundPoints, features: np.ndarray, settings: RemovalSettings, seed: int
 ) -> Surfels | None:
     """New surfels on the wall behind the object, as many as there may still be; None where that is none.
 

@@ -17,27 +17,27 @@ from graycard.methods.removal._target import check_masks, target_masks
 from graycard.methods.splat import (
     CENTRES,
     DensityRules,
+    LearningRateSchedule,
     Parameters,
-    Plan,
-    Rate,
+    TrainConfig,
     scene_extent,
 )
 from graycard.methods.surfels import (
+    EncodedPhotograph,
     FitTask,
-    Objective,
-    Photograph,
+    SurfelObjective,
     SurfelScene,
     SurfelSettings,
     check_checkpoint,
     check_photographs,
     check_places,
     density_rules,
-    encode,
     exposed_photograph,
     fit_surfels,
     learning_rates,
     sky_basis,
     sparse_start,
+    srgb_encode_tensor,
 )
 
 ASKS = (Ask("inpainting", ("radiance",)), Ask("mask", ("target",), optional=True))
@@ -101,7 +101,7 @@ def first_stage(task: FitTask[SurfelSettingsT]) -> Parameters:
 def second_stage(
     task: FitTask[StagedSettingsT],
     start: Parameters,
-    views: Sequence[Photograph],
+    views: Sequence[EncodedPhotograph],
     rules: DensityRules | None = None,
 ) -> Parameters:
     """Fit what is left to what views are to show.
@@ -117,14 +117,14 @@ def second_stage(
     steps, done = settings.second_steps, settings.iterations
     rates = learning_rates(extent, settings)
     centres = rates[CENTRES]
-    rates[CENTRES] = Rate(centres.start if rules else centres.end or centres.start)
+    rates[CENTRES] = LearningRateSchedule(centres.start if rules else centres.end or centres.start)
     # as the last steps of a longer fit: all harmonics and weights count from the first step on
-    objective = Objective(list(views), replace(settings, iterations=done + steps), task.seed)
-    plan = Plan(steps, rates, extent, rules)
-    return task.train(start, plan, lambda values, step: objective(values, done + step))
+    objective = SurfelObjective(list(views), replace(settings, iterations=done + steps), task.seed)
+    config = TrainConfig(steps, rates, extent, rules)
+    return task.train(start, config, lambda values, step: objective(values, done + step))
 
 
-def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photograph:
+def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> EncodedPhotograph:
     """The target of a view as a fit takes it, in place of the photograph that shows the object.
 
     Args:
@@ -133,9 +133,9 @@ def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photo
         settings: Of the sky.
     """
     camera = target.behind.view.camera
-    picture = encode(torch.from_numpy(target.picture.astype(np.float32)))
+    picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
     sky = sky_basis(camera, settings.sky_degree)
-    return Photograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
+    return EncodedPhotograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
 
 
 def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:

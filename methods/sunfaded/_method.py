@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import torch
 
-from graycard.methods.splat import Parameters, Plan, initial_state, train
+from graycard.methods.splat import Parameters, TrainConfig, initial_state, train
 from graycard.methods.sunfaded._guess import (
     GEOMETRY_ASKS,
-    Guess,
+    GeometryGuess,
     drawn_albedos,
     exposed_photographs,
     guesses,
 )
 from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._model import draw
-from graycard.methods.sunfaded._objective import Objective, Photograph, photographs
+from graycard.methods.sunfaded._objective import DisplayedPhotograph, SunFadedObjective, photographs
 from graycard.methods.sunfaded._scene import METHOD, SunFadedScene
-from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates
+from graycard.methods.sunfaded._schedule import ENDS, FitStage, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
 from graycard.methods.surfels import FitTask, SceneMethod, check_checkpoint, fit_checkpoint
@@ -42,7 +42,7 @@ class SunFadedMethod(SceneMethod[SunFadedSettings, SunFadedScene]):
         return SunFadedScene(parameters, Lighting(task.settings, task.capture.exposure, reach))
 
 
-def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[Photograph]) -> Parameters:
+def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotograph]) -> Parameters:
     """Fit all stages; before the fourth the prior is asked anew, with the albedo.
 
     A fit that was cut off after that finds what the third stage left in a file of its own: so the prior is
@@ -50,20 +50,22 @@ def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[Photograph]) ->
     """
     capture, priors, settings = task.capture, task.priors, task.settings
     asked = settings.geometry_prior != "none" and bool(priors.kinds & {"depth", "normal"})
-    lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [Guess()] * len(views)
+    lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [GeometryGuess()] * len(views)
     state = initial_state(start(capture, views, settings, task.seed), task.seed)
-    plan = _plan(task, views, lit)
-    objective = Objective(views, lit, settings, task.seed)
+    config = _train_config(task, views, lit)
+    objective = SunFadedObjective(views, lit, settings, task.seed)
     if asked and settings.geometry_prior == "albedo":
-        until = max(1, round(ENDS[settings.schedule][Stage.JOINT] * settings.iterations))
-        first = replace(plan, until=until, checkpoint=plan.checkpoint and plan.checkpoint.beside("lit"))
+        until = max(1, round(ENDS[settings.schedule][FitStage.JOINT] * settings.iterations))
+        first = replace(config, until=until, checkpoint=config.checkpoint and config.checkpoint.beside("lit"))
         state = train(state, first, objective, task.progress)
         albedos = drawn_albedos(capture, state.parameters.all, settings)
         objective = replace(objective, guesses=guesses(capture, priors, albedos))
-    return train(state, plan, objective, task.progress).parameters
+    return train(state, config, objective, task.progress).parameters
 
 
-def _plan(task: FitTask[SunFadedSettings], views: Sequence[Photograph], lit: Sequence[Guess]) -> Plan:
+def _train_config(
+    task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotograph], lit: Sequence[GeometryGuess]
+) -> TrainConfig:
     settings = task.settings
     fitted = [
         (view.camera, picture)
@@ -73,11 +75,11 @@ def _plan(task: FitTask[SunFadedSettings], views: Sequence[Photograph], lit: Seq
     ]
     checkpoint = fit_checkpoint(METHOD, settings, task.seed, fitted)
     rates = learning_rates(task.extent, settings)
-    return task.plan(settings.iterations, rates, density_rules(settings), checkpoint)
+    return task.config(settings.iterations, rates, density_rules(settings), checkpoint)
 
 
 @torch.no_grad()
-def _reach(parameters: Parameters, views: Sequence[Photograph], settings: SunFadedSettings) -> float:
+def _reach(parameters: Parameters, views: Sequence[DisplayedPhotograph], settings: SunFadedSettings) -> float:
     """The median over views of the depth in the middle of the picture, metres."""
     middles = []
     for view in views:

@@ -15,11 +15,11 @@ from graycard.methods.splat import Maps, view_at
 from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._light import POSITION
 from graycard.methods.sunfaded._model import AMBIENT, picture_of
-from graycard.methods.sunfaded._objective import Photograph, displayed, photographs
+from graycard.methods.sunfaded._objective import DisplayedPhotograph, displayed, photographs
 from graycard.methods.sunfaded._scene import lighting_from_json, lighting_to_json
 from graycard.methods.sunfaded._settings import LightMap, Space, SunFadedSettings
 from graycard.methods.sunfaded._start import DARKEST, check_capture, first_lights
-from graycard.methods.surfels import encode
+from graycard.methods.surfels import srgb_encode_tensor
 
 METHOD = "sunfaded-oracle"
 RATE, PLACE_RATE, LAST = 5e-3, 2.5e-2, 0.005
@@ -156,7 +156,7 @@ class OracleSunFadedMethod:
 
 
 def fit_lights(
-    drawn: Sequence[Maps], views: Sequence[Photograph], settings: SunFadedSettings, seed: int,
+    drawn: Sequence[Maps], views: Sequence[DisplayedPhotograph], settings: SunFadedSettings, seed: int,
     progress: Progress,
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Parameters of the lamp and of the light that stays, fitted as the second stage of ``sunfaded`` does.
@@ -203,7 +203,7 @@ def as_drawn(surfaces: Mapping[str, np.ndarray], space: Space) -> Maps:
     normal = torch.from_numpy(np.asarray(surfaces["normal"], np.float32))
     seen = torch.isfinite(depth)
     alpha, depth = seen.float(), torch.where(seen, depth, 0.0)
-    albedo = (albedo if space == "linear" else encode(albedo)) * alpha[..., None]
+    albedo = (albedo if space == "linear" else srgb_encode_tensor(albedo)) * alpha[..., None]
     return Maps(albedo, alpha, depth, depth, normal * alpha[..., None], torch.zeros_like(depth))
 
 

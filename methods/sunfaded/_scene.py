@@ -18,8 +18,7 @@ from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._model import ALBEDO, albedo_of, draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._tiles import light_evaluations, tile_side
-from graycard.methods.surfels import LayeredScene, SceneContents
-from graycard.methods.surfels import encode as show
+from graycard.methods.surfels import LayeredScene, SceneContents, srgb_encode_tensor
 
 METHOD = "sunfaded"
 
@@ -73,7 +72,7 @@ class SunFadedScene(LayeredScene):
 
     def _export(self, path: Path) -> None:
         albedo = albedo_of(self.parameters.surfels)
-        albedo = show(albedo) if self.lighting.settings.space == "linear" else albedo
+        albedo = srgb_encode_tensor(albedo) if self.lighting.settings.space == "linear" else albedo
         export_ply(path, surfels_of(self.parameters.surfels), albedo)
 
 

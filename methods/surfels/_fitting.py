@@ -17,10 +17,10 @@ from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     Checkpoint,
     DensityRules,
+    LearningRateSchedule,
     Objective,
     Parameters,
-    Plan,
-    Rate,
+    TrainConfig,
     check_saved,
     initial_state,
     scene_extent,
@@ -56,14 +56,14 @@ class FitTask(Generic[SettingsT]):
         """Return the same task with other settings, as one stage of a fit has them."""
         return FitTask(self.capture, self.priors, settings, self.seed, self.progress)
 
-    def plan(
+    def config(
         self,
         steps: int,
-        rates: Mapping[str, Rate],
+        rates: Mapping[str, LearningRateSchedule],
         rules: DensityRules | None = None,
         checkpoint: Checkpoint | None = None,
-    ) -> Plan:
-        """Return the plan of a fit of the whole capture.
+    ) -> TrainConfig:
+        """Return the configuration of a fit of the whole capture.
 
         Args:
             steps: How many.
@@ -71,16 +71,16 @@ class FitTask(Generic[SettingsT]):
             rules: When surfels come and go; None: never.
             checkpoint: Where the fit is saved; None: nowhere.
         """
-        return Plan(steps, rates, self.extent, rules, checkpoint)
+        return TrainConfig(steps, rates, self.extent, rules, checkpoint)
 
-    def train(self, start: Parameters, plan: Plan, objective: Objective) -> Parameters:
-        """Fit parameters from their start to the end of a plan.
+    def train(self, start: Parameters, config: TrainConfig, objective: Objective) -> Parameters:
+        """Fit parameters from their start to the end of a budget.
 
         Raises:
             MethodError: The loss or a gradient is not finite, or the checkpoint is of another fit.
             OutputError: The checkpoint cannot be written.
         """
-        return train(initial_state(start, self.seed), plan, objective, self.progress).parameters
+        return train(initial_state(start, self.seed), config, objective, self.progress).parameters
 
 
 class SceneMethod(ABC, Generic[SettingsT, SceneT]):

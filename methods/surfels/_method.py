@@ -10,12 +10,12 @@ from graycard.methods.splat import (
     LOGITS,
     ROTATIONS,
     DensityRules,
+    LearningRateSchedule,
     Parameters,
-    Rate,
 )
 from graycard.methods.surfels._checks import check_places
 from graycard.methods.surfels._fitting import FitTask, SceneMethod, check_checkpoint, fit_checkpoint
-from graycard.methods.surfels._objective import Objective, Tones, photographs
+from graycard.methods.surfels._objective import SurfelObjective, Tones, photographs
 from graycard.methods.surfels._scene import SurfelScene
 from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
@@ -85,8 +85,8 @@ def fit_surfels(
     views = photographs(task.capture, settings)
     rates = learning_rates(task.extent, settings) | dict(tones.rates if tones else {})
     checkpoint = fit_checkpoint(method, settings, seed, [(view.camera, view.encoded) for view in views])
-    plan = task.plan(settings.iterations, rates, rules, checkpoint)
-    return task.train(start, plan, Objective(views, settings, seed, tones))
+    config = task.config(settings.iterations, rates, rules, checkpoint)
+    return task.train(start, config, SurfelObjective(views, settings, seed, tones))
 
 
 def density_rules(limit: int) -> DensityRules:
@@ -94,23 +94,23 @@ def density_rules(limit: int) -> DensityRules:
     return DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=limit)
 
 
-def geometry_rates(extent: float) -> dict[str, Rate]:
+def geometry_rates(extent: float) -> dict[str, LearningRateSchedule]:
     """Return the learning rates of geometry by name, for a scene of an extent in metres."""
     return {
-        CENTRES: Rate(5e-4, 5e-6).times(extent),
-        LOG_SCALES: Rate(5e-3),
-        ROTATIONS: Rate(1e-3),
-        LOGITS: Rate(5e-2),
+        CENTRES: LearningRateSchedule(5e-4, 5e-6).times(extent),
+        LOG_SCALES: LearningRateSchedule(5e-3),
+        ROTATIONS: LearningRateSchedule(1e-3),
+        LOGITS: LearningRateSchedule(5e-2),
     }
 
 
-def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:
+def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres."""
     rates = {
         **geometry_rates(extent),
-        COEFFICIENTS: Rate(5e-3),
-        DETAIL: Rate(2.5e-4),
-        SKY: Rate(1e-2),
+        COEFFICIENTS: LearningRateSchedule(5e-3),
+        DETAIL: LearningRateSchedule(2.5e-4),
+        SKY: LearningRateSchedule(1e-2),
     }
     if isinstance(settings, OracleSurfelSettings) and settings.frozen:
         rates = {name: rate for name, rate in rates.items() if name not in GEOMETRY}

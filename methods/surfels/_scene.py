@@ -20,7 +20,7 @@ from graycard.methods.splat import (
     rasterize,
     surfels_of,
 )
-from graycard.methods.surfels._colour import decode
+from graycard.methods.surfels._colour import srgb_decode_tensor
 from graycard.methods.surfels._compose import composed
 from graycard.methods.surfels._layered_scene import LayeredScene, SceneContents
 from graycard.methods.surfels._objective import colours, sky_basis
@@ -84,7 +84,7 @@ def coloured_layers(
     drawn = rasterize(surfels_of(values, seen), camera)
     sky = sky_basis(camera, _degree(len(values[SKY])))
     return {
-        "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / exposure).numpy(),
+        "radiance": (srgb_decode_tensor(composed(drawn, sky, values)).clamp(min=0) / exposure).numpy(),
         "normal": normal_layer(drawn, camera),
         "depth": depth_layer(drawn),
     }

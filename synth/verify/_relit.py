@@ -11,7 +11,7 @@ from graycard.lights import light_to_json
 from graycard.synth._sky import recorded
 from graycard.synth.edits._light_edits import Edit, light_edits
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Rebuilt, Subject
+from graycard.synth.verify._subject import Rebuilt, Subject, TruePicture
 from graycard.synth.verify._values import ESTIMATES, PARTS
 
 _LIGHTS_OF = "lights of the edits"
@@ -53,7 +53,7 @@ def _is_the_sky(found: np.ndarray, sky: np.ndarray | None) -> bool:
     return bool(np.abs(found - wanted).max() <= 1e-5 * wanted.max())
 
 
-def check_relit(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterator[Check]:
+def check_relit(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
     """Light adds up: with a light switched off or recoloured, only the parts of that light change.
 
     The surface of a light shines itself, so the law is for the pixels in which none is seen.
@@ -72,7 +72,7 @@ def check_relit(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterato
 
 
 def _check_one(
-    subject: Subject, picture: Picture, edit: Edit, relit: Mapping[str, np.ndarray]
+    subject: Subject, picture: TruePicture, edit: Edit, relit: Mapping[str, np.ndarray]
 ) -> Iterator[Check]:
     name, found = edit.record.name, relit["radiance"].astype(float)
     half = (relit["radiance.half_a"].astype(float) + relit["radiance.half_b"]) / 2
