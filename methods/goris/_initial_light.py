@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from scipy.optimize import nnls
 
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._model import (
     REGION,
     Reflection,
@@ -113,14 +114,14 @@ def initial_light(
     left = found.colour - _fresnel(f0, found)[:, None] * light
     seen, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
     diffuse = np.stack([np.bincount(surfel, c) for c in left.T], axis=1)
-    cubemap = _float(sky.reshape(6, _SIZE, _SIZE, 3))
-    toward = _float(texel_directions(settings.sky_size))
+    cubemap = float_tensor(sky.reshape(6, _SIZE, _SIZE, 3))
+    toward = float_tensor(texel_directions(settings.sky_size))
     least = 0.05 * float(found.colour.mean())
     return InitialLight(
         f0,
         look_up(cubemap, toward).clamp(min=least),
         torch.from_numpy(seen),
-        _float(diffuse / count[:, None]).clamp(min=0),
+        float_tensor(diffuse / count[:, None]).clamp(min=0),
     )
 
 
@@ -161,7 +162,7 @@ def likeliest(errors: Sequence[float], matte: float) -> float | None:
 def _basis(found: Observations) -> np.ndarray:
     """Weight of each texel of the environment map in each direction, ``(M, T)``."""
     texels = torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1)
-    return look_up(texels, _float(found.direction)).numpy()
+    return look_up(texels, float_tensor(found.direction)).numpy()
 
 
 def _fitted(found: Observations, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
@@ -235,7 +236,3 @@ def _seen_at(places: np.ndarray, shot: TrainingView, depth: np.ndarray) -> tuple
     numbers, rows, columns, z = points_in_picture(camera, places)
     seen = np.abs(z / depth[rows, columns] - 1) <= NEAR
     return numbers[seen], (rows * camera.width + columns)[seen]
-
-
-def _float(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(np.asarray(values, np.float32))

@@ -9,6 +9,7 @@ import torch
 
 from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._fit import light_rates, own_stage
 from graycard.methods.goris._model import (
     BRIGHTEST,
@@ -231,10 +232,10 @@ def _painted(wall: BackgroundPoints) -> np.ndarray:
 
     New surfels are rough where only radiance was inpainted.
     """
-    count, colours = len(wall.points), srgb_encode_tensor(_float(wall.colours)).numpy()
+    count, colours = len(wall.points), srgb_encode_tensor(float_tensor(wall.colours)).numpy()
     if not wall.layers:
         return np.concatenate([colours, colours, np.full((count, 5), (0.1, 0.1, 0.1, 0.3, 0.0))], axis=1)
-    diffuse = srgb_encode_tensor(_float(np.maximum(wall.layers["diffuse"], 0))).numpy()
+    diffuse = srgb_encode_tensor(float_tensor(np.maximum(wall.layers["diffuse"], 0))).numpy()
     shares = [wall.layers["f0"], wall.layers["roughness"][:, None], wall.layers["glossy"][:, None]]
     return np.concatenate([colours, diffuse, *(np.clip(share, 0, 1) for share in shares)], axis=1)
 
@@ -262,18 +263,14 @@ class RemovalTarget:
 
 def _removal_target(target: Target) -> RemovalTarget:
     known = target.known
-    layers = {name: _float(layer) for name, layer in target.layers.items()}
+    layers = {name: float_tensor(layer) for name, layer in target.layers.items()}
     glossy = np.zeros_like(known)
     if layers:
         glossy = known & (target.layers["glossy"] > _GLOSSY)
         layers["diffuse"] = srgb_encode_tensor(layers["diffuse"])
         layers["normal"] = torch.nn.functional.normalize(layers["normal"], dim=-1)
-    masks = (_float(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
-    return RemovalTarget(*masks, srgb_encode_tensor(_float(target.picture)), layers)
-
-
-def _float(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(values.astype(np.float32))
+    masks = (float_tensor(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
+    return RemovalTarget(*masks, srgb_encode_tensor(float_tensor(target.picture)), layers)
 
 
 @dataclass(frozen=True, eq=False)

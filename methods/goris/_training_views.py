@@ -63,14 +63,15 @@ def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]
     return [
         (shot.photograph.camera, picture)
         for shot in shots
-        for picture in (shot.photograph.encoded, shot.glossy, shot.target, _asked(shot), shot.normal)
+        for picture in (
+            shot.photograph.encoded,
+            shot.glossy,
+            shot.target,
+            torch.tensor([shot.told, shot.normal is not None]),  # "all is glossy" is more than not to ask
+            shot.normal,
+        )
         if picture is not None
     ]
-
-
-def _asked(shot: TrainingView) -> torch.Tensor:
-    """What priors were asked: to be told that all is glossy is more than not to ask."""
-    return torch.tensor([shot.told, shot.normal is not None])
 
 
 def _shot(

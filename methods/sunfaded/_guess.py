@@ -10,6 +10,7 @@ import torch
 from graycard import Capture
 from graycard.methods._contract import Ask, Priors
 from graycard.methods._priors import PHOTOGRAPH
+from graycard.methods._tensors import float_tensor
 from graycard.methods.sunfaded._model import draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.surfels import srgb_decode_tensor
@@ -28,7 +29,7 @@ class GeometryGuess:
 
 
 def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> list[GeometryGuess]:
-    """What the prior says when it sees an image of each training view.
+    """Ask the prior about an image of each training view.
 
     Args:
         capture: The views.
@@ -40,9 +41,9 @@ def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> l
     """
     found = []
     for view, image in zip(capture.train, images, strict=True):
-        depth = priors.depth(image, view) if "depth" in priors.kinds else None
-        normal = priors.normal(image, view) if "normal" in priors.kinds else None
-        found.append(GeometryGuess(_tensor(depth), _tensor(normal)))
+        depth = float_tensor(priors.depth(image, view)) if "depth" in priors.kinds else None
+        normal = float_tensor(priors.normal(image, view)) if "normal" in priors.kinds else None
+        found.append(GeometryGuess(depth, normal))
     return found
 
 
@@ -58,7 +59,3 @@ def drawn_albedos(
     """What a prior sees then: the albedo of the training views as it has been found, linear."""
     drawn = [draw(values, view.camera, settings).features[..., :3] for view in capture.train]
     return [(image if settings.space == "linear" else srgb_decode_tensor(image)).numpy() for image in drawn]
-
-
-def _tensor(answer: np.ndarray | None) -> torch.Tensor | None:
-    return None if answer is None else torch.from_numpy(answer.astype(np.float32))

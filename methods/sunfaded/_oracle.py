@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import Camera, Capture, Light, MethodError, Progress, View
+from graycard import Camera, Capture, Light, MethodError, Progress
 from graycard.methods._contract import Priors, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Maps, view_at
@@ -133,7 +133,10 @@ class OracleSunFadedMethod:
         """
         check_capture(capture)
         whole = settings.whole()
-        surfaces = {view.camera.digest: _surfaces(priors, view) for view in capture.views}
+        surfaces = {
+            view.camera.digest: {name: priors.layer(view.name, name) for name in _BUFFER}
+            for view in capture.views
+        }
         views = photographs(capture, whole)
         drawn = [as_drawn(surfaces[view.camera.digest], settings.space) for view in views]
         values = fit_lights(drawn, views, whole, seed, progress)
@@ -205,10 +208,6 @@ def as_drawn(surfaces: Mapping[str, np.ndarray], space: Space) -> Maps:
     alpha, depth = seen.float(), torch.where(seen, depth, 0.0)
     albedo = (albedo if space == "linear" else srgb_encode_tensor(albedo)) * alpha[..., None]
     return Maps(albedo, alpha, depth, depth, normal * alpha[..., None], torch.zeros_like(depth))
-
-
-def _surfaces(priors: Priors, view: View) -> dict[str, np.ndarray]:
-    return {name: priors.layer(view.name, name) for name in _BUFFER}
 
 
 def _ahead(depth: np.ndarray) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth.verify._check import Check
+from graycard.synth.verify._comparison import largest_relative
 from graycard.synth.verify._statistics import bound_of, z_of_shares
 from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._values import PARTS
@@ -35,7 +36,7 @@ def check_halves(picture: TruePicture, views: int) -> Iterator[Check]:
             mean, var, a, b = (
                 picture.layers[f"{name}{end}"].astype(float) for end in ("", ".var", ".half_a", ".half_b")
             )
-            off = _largest(np.abs((a + b) / 2 - mean), mean)
+            off = largest_relative((a + b) / 2 - mean, mean)
             told = f"the halves of {name} average to it; looks like halves of another picture"
             yield picture.at.judge("halves average", off, 1e-5, "relative", told)
             var = np.where(var > (_ROUNDING * mean) ** 2, var, 0)
@@ -87,15 +88,10 @@ def check_parts(
     total = layers["emitted"].astype(float)
     for part in PARTS:
         total = total + np.sum([layers[f"{part}.{name}"] for name in lights], axis=0)
-    off = _largest(np.abs(total - layers["radiance"]), layers["radiance"])
+    off = largest_relative(total - layers["radiance"], layers["radiance"])
     told = "emitted and the parts of all lights add up to radiance; looks like a light or lobe left out"
     yield picture.at.judge("parts add up", off, 1e-4, "relative", told)
     yield from _check_matte(subject, picture, lambertian)
-
-
-def _largest(off: np.ndarray, of: np.ndarray) -> float:
-    """The largest difference, relative to the value there and a little of the mean."""
-    return float((off / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)).max())
 
 
 def _check_matte(subject: Subject, picture: TruePicture, lambertian: frozenset[int]) -> Iterator[Check]:
