@@ -8,7 +8,7 @@ from graycard.benchmarks._fit import fit_scene as fit_scene
 from graycard.benchmarks._fit import load_for as load_for
 from graycard.benchmarks._gate import Baseline as Baseline
 from graycard.benchmarks._gate import Expected as Expected
-from graycard.benchmarks._gate import Verdict as Verdict
+from graycard.benchmarks._gate import GateVerdict as GateVerdict
 from graycard.benchmarks._gate import judge as judge
 from graycard.benchmarks._gate import make_baseline as make_baseline
 from graycard.benchmarks._gate import read_baseline as read_baseline

@@ -74,7 +74,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class GateVerdict:
     """What the gate says."""
 
     worse: tuple[Change, ...]
@@ -141,7 +141,7 @@ def read_baseline(path: Path) -> Baseline:
     return baseline
 
 
-def judge(run: RunRecord, baseline: Baseline) -> Verdict:
+def judge(run: RunRecord, baseline: Baseline) -> GateVerdict:
     """Compare each score that the baseline expects; scores that it does not name do not count.
 
     Raises:
@@ -155,7 +155,7 @@ def judge(run: RunRecord, baseline: Baseline) -> Verdict:
     found = {(*key, score.metric, score.protocol): score for key, score in _scores(run)}
     changes = [_change(expected, found.get(expected.key)) for expected in baseline.scores]
     measured = [c for c in changes if c.found is not None]
-    return Verdict(
+    return GateVerdict(
         worse=tuple(c for c in measured if c.loss > c.expected.tolerance),
         missing=tuple(c for c in changes if c.found is None),
         better=tuple(c for c in measured if c.loss < -c.expected.tolerance),

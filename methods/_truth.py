@@ -24,11 +24,11 @@ _SURFACE = (
 )  # fmt: skip
 _LIGHT = ("radiance", "shading", "irradiance.<light>", "radiance.<light>", *LOBES, *PARTS)
 _CHANGED = "changed"
-"""Prefix of the arrays of :attr:`Oracle.changed` on disk."""
+"""Prefix of the arrays of :attr:`TrueDecomposition.changed` on disk."""
 
 
 @dataclass(frozen=True, slots=True)
-class Oracle:
+class TrueDecomposition:
     """The truth behind the contract of a decomposition."""
 
     known: Lookup
@@ -112,7 +112,7 @@ class TruthMethod:
 
     def fit(
         self, capture: Capture, priors: Priors, settings: NoSettings, seed: int, progress: Progress
-    ) -> Oracle:
+    ) -> TrueDecomposition:
         """Keep the truth of every view.
 
         Raises:
@@ -122,9 +122,9 @@ class TruthMethod:
             raise MethodError(f"expected the truth as an oracle prior, got source {priors.source!r}")
         images = {view.camera.digest: priors.layers[view.name] for view in capture.views}
         known = Lookup("truth", images, priors.lights, priors.environments)
-        return Oracle(known, capture.target, _changed(capture, priors))
+        return TrueDecomposition(known, capture.target, _changed(capture, priors))
 
-    def load(self, folder: Path) -> Oracle:
+    def load(self, folder: Path) -> TrueDecomposition:
         """A saved oracle.
 
         Raises:
@@ -137,11 +137,11 @@ class TruthMethod:
         for name, values in stored.items():
             _, change, camera = name.split("/")
             changed.setdefault(change, {})[camera] = values
-        return Oracle(known, facts["target"], changed)
+        return TrueDecomposition(known, facts["target"], changed)
 
 
 def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray]]:
-    """The true pictures of each change, as :attr:`Oracle.changed` keeps them."""
+    """The true pictures of each change, as :attr:`TrueDecomposition.changed` keeps them."""
     pictures = {_digest_of_lights(relit.lights): relit.radiance for relit in priors.relighting}
     if priors.composition is not None:
         pictures[_digest(to_builtins(priors.composition.composition))] = priors.composition.radiance

@@ -10,7 +10,7 @@ from graycard import View
 from graycard.reports._evidence import MethodEvidence, SceneEvidence
 from graycard.reports.pictures._changed_pictures import changed_rows
 from graycard.reports.pictures._layer_rows import LayerRow, judged_layer, layer_row
-from graycard.reports.pictures._pictures import Picture, linear_picture, shrink
+from graycard.reports.pictures._pictures import PagePicture, linear_picture, shrink
 
 SHOWN_LAYERS = ("radiance", "counterfactual.radiance", "base_color", "normal", "depth")
 """Shown of every scene that has them; after them what else a competing method hands in."""
@@ -32,10 +32,10 @@ class ViewPictures:
 class Gallery:
     """All pictures of a scene."""
 
-    thumbnails: tuple[Picture, ...]
+    thumbnails: tuple[PagePicture, ...]
     views: tuple[ViewPictures, ...]
 
-    def pictures(self) -> Iterator[Picture]:
+    def pictures(self) -> Iterator[PagePicture]:
         """The pictures of light and layers, colour bars and errors left out."""
         yield from self.thumbnails
         tiles = (t for view in self.views for row in view.rows for t in (row.truth, *row.predictions))
@@ -75,7 +75,7 @@ def _is_value(name: str) -> bool:
     return not name.endswith((".var", ".half_a", ".half_b"))
 
 
-def _thumbnail(scene: SceneEvidence, view: View) -> Picture:
+def _thumbnail(scene: SceneEvidence, view: View) -> PagePicture:
     small = shrink(scene.capture.photograph(view), THUMBNAIL_SIDE)
     return linear_picture(small * scene.capture.exposure, f"training photograph {view.name}")
 

@@ -24,6 +24,7 @@ from graycard.dataset import manifest_of
 from graycard.layers import find_fault
 from graycard.records import JobResult, SceneRecord
 from graycard.reports._format import count
+from graycard.reports._scores import find_score
 
 MAX_VIEWS = 2
 """Test views whose pictures are embedded: a report must stay small enough to be mailed."""
@@ -207,5 +208,5 @@ def _read_lights(predictions: Predictions) -> tuple[tuple[Light, ...] | None, st
 
 
 def _gauge_of(result: JobResult, metric: str) -> tuple[float, ...] | None:
-    scores = result.sheet.scores if result.sheet else ()
-    return next((s.gauge for s in scores if s.metric == metric and s.gauge), None)
+    score = find_score(result, metric)
+    return score.gauge or None if score else None

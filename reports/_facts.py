@@ -50,15 +50,17 @@ def fact_groups(record: RunRecord) -> tuple[FactGroup, ...]:
         ("jobs", _count_jobs(record.results)),
     )
     nested = {k: v for k, v in record.environment.items() if _is_nested(v)}
-    plain = tuple((_words(k), _text(v)) for k, v in record.environment.items() if k not in nested)
+    plain = tuple((k.replace("_", " "), _text(v)) for k, v in record.environment.items() if k not in nested)
     groups = [FactGroup("Run", own), *([FactGroup("Machine", plain)] if plain else [])]
-    return tuple(groups + [FactGroup(_words(k).capitalize(), flatten(v)) for k, v in nested.items()])
+    return tuple(
+        groups + [FactGroup(k.replace("_", " ").capitalize(), flatten(v)) for k, v in nested.items()]
+    )
 
 
 def flatten(value: Any, prefix: str = "") -> tuple[tuple[str, str], ...]:
     """Nested mappings and lists as pairs of a path and a text."""
     if isinstance(value, Mapping):
-        parts = [(f"{prefix} {_words(str(k))}".strip(), v) for k, v in value.items()]
+        parts = [(f"{prefix} {str(k).replace('_', ' ')}".strip(), v) for k, v in value.items()]
     elif _is_nested(value):
         parts = [(f"{prefix} {i + 1}".strip() if len(value) > 1 else prefix, v) for i, v in enumerate(value)]
     else:
@@ -109,7 +111,3 @@ def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(_text(v) for v in value) or "none"
     return str(value)
-
-
-def _words(key: str) -> str:
-    return key.replace("_", " ")

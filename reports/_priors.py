@@ -47,11 +47,11 @@ def prior_badge(priors: Mapping[str, Any]) -> PriorBadge | None:
     sources = [priors.get("source", "none"), *(spec.get("source", "none") for spec in own.values())]
     if set(sources) == {"none"}:
         return None
-    short = [f"{_words(kind)} {_short(spec, priors)}" for kind, spec in own.items()]
+    short = [f"{kind.replace('_', ' ')} {_short(spec, priors)}" for kind, spec in own.items()]
     main = [] if sources[0] == "none" else [_short(priors, {})]
     more = ["…"] if len(short) > _SHOWN else []
     answers = [f"answers are {_answers(priors)}"]
-    answers += [f"those about {_words(kind)} are {_answers(spec)}" for kind, spec in own.items()]
+    answers += [f"those about {kind.replace('_', ' ')} are {_answers(spec)}" for kind, spec in own.items()]
     return PriorBadge(
         ", ".join([*main, *short[:_SHOWN], *more]),
         f"Told more than the photographs by priors: {'; '.join(answers)}",
@@ -88,13 +88,11 @@ def _answers(spec: Mapping[str, Any]) -> str:
 def _details(spec: Mapping[str, Any]) -> list[str]:
     """Single parameters of an override, and its algorithm."""
     found = [spec["algorithm"]] if spec.get("algorithm") else []
-    return found + [f"{_words(name)} {value:g}" for name, value in (spec.get("errors") or {}).items()]
+    return found + [
+        f"{name.replace('_', ' ')} {value:g}" for name, value in (spec.get("errors") or {}).items()
+    ]
 
 
 def _name(spec: Mapping[str, Any]) -> str:
     """Of the weights, without the folders of somebody's machine."""
     return PurePath(spec["path"]).name
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

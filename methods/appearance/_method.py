@@ -2,16 +2,16 @@
 """``appearance``: each photograph may change the colours of the surfels, as WildGaussians has it."""
 
 from dataclasses import replace
-from pathlib import Path
 
-from graycard import Capture, Progress
-from graycard.methods._contract import Priors
+from graycard import Capture
 from graycard.methods.appearance._nearest import eyes_of
-from graycard.methods.appearance._scene import METHOD, AppearanceScene, load_scene
+from graycard.methods.appearance._scene import METHOD, AppearanceScene
 from graycard.methods.appearance._settings import AppearanceSettings
 from graycard.methods.appearance._tone import CODE, codes_of, tone_parameters, tone_rates, toned
 from graycard.methods.splat import CENTRES, Parameters
 from graycard.methods.surfels import (
+    FitTask,
+    SceneMethod,
     Tones,
     check_checkpoint,
     check_photographs,
@@ -22,48 +22,30 @@ from graycard.methods.surfels import (
 )
 
 
-class AppearanceMethod:
+class AppearanceMethod(SceneMethod[AppearanceSettings, AppearanceScene]):
     """The surfels of ``2dgs``, and what is different about each photograph.
 
     A new view is shown as the photograph from nearest to it would have it: no held-out photograph is looked
     at, unlike in the paper, which fits an embedding to it.
     """
 
+    name = METHOD
     summary = "2D Gaussian surfels whose colours each photograph may change (as WildGaussians)"
-    needs = ()
     settings_type = AppearanceSettings
+    scene_type = AppearanceScene
+    checks = (check_places, check_photographs)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: AppearanceSettings, seed: int, progress: Progress
-    ) -> AppearanceScene:
-        """Fit surfels, embeddings and the network to the training photographs.
-
-        Raises:
-            MethodError: Photographs are black, not finite or all from one place, there are too few sparse
-                points, or the fit has no way on.
-        """
-        check_places(capture)
-        check_photographs(capture)
-        check_checkpoint(METHOD, settings, seed)
+    def _fitted(self, task: FitTask[AppearanceSettings]) -> AppearanceScene:
+        capture, settings = task.capture, task.settings
+        check_checkpoint(METHOD, settings, task.seed)
         parameters = fit_surfels(
             METHOD,
-            capture,
-            settings,
-            seed,
-            progress,
-            start=start(capture, settings, seed),
+            task,
+            start=start(capture, settings, task.seed),
             rules=density_rules(settings.surfels),
             tones=Tones(toned, tone_rates(settings)),
         )
         return AppearanceScene(parameters, eyes_of([v.camera for v in capture.train]), capture.exposure)
-
-    def load(self, folder: Path) -> AppearanceScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder)
 
 
 def start(capture: Capture, settings: AppearanceSettings, seed: int) -> Parameters:

@@ -14,7 +14,7 @@ import torch
 from torch.nn.functional import linear
 
 from graycard.methods.appearance._settings import AppearanceSettings
-from graycard.methods.splat import Rate
+from graycard.methods.splat import LearningRateSchedule
 
 EMBEDDINGS, CODE = "embeddings", "code"
 """Parameters: of the photographs, shape ``(M, E)``, and of the surfels, shape ``(N, 24)``."""
@@ -51,10 +51,14 @@ def tone_parameters(photographs: int, settings: AppearanceSettings, seed: int) -
     return found
 
 
-def tone_rates(settings: AppearanceSettings) -> dict[str, Rate]:
+def tone_rates(settings: AppearanceSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters."""
-    network = {name: Rate(settings.network_rate) for name in NETWORK}
-    return {EMBEDDINGS: Rate(settings.embedding_rate), CODE: Rate(settings.code_rate), **network}
+    network = {name: LearningRateSchedule(settings.network_rate) for name in NETWORK}
+    return {
+        EMBEDDINGS: LearningRateSchedule(settings.embedding_rate),
+        CODE: LearningRateSchedule(settings.code_rate),
+        **network,
+    }
 
 
 def toned(values: Mapping[str, torch.Tensor], seen: torch.Tensor, photograph: int) -> torch.Tensor:

@@ -1,37 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """``darkgs``: an albedo for each surfel under a lamp that was calibrated before (Zhang et al., IROS 2024)."""
 
-from pathlib import Path
-
 import torch
 
-from graycard import Capture, Progress
-from graycard.methods._contract import Ask, Priors
+from graycard import Capture
+from graycard.methods._contract import Ask
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT
-from graycard.methods.darkgs._objective import Objective, photographs
-from graycard.methods.darkgs._scene import METHOD, DarkGsScene, load_scene
+from graycard.methods.darkgs._objective import DarkGsObjective, photographs
+from graycard.methods.darkgs._scene import METHOD, DarkGsScene
 from graycard.methods.darkgs._settings import DarkGsSettings
-from graycard.methods.splat import (
-    CENTRES,
-    LOG_SCALES,
-    LOGITS,
-    ROTATIONS,
-    Parameters,
-    Plan,
-    Rate,
-    initial_state,
-    parameters_of,
-    rotation_matrices,
-    scene_extent,
-    train,
-)
+from graycard.methods.splat import LearningRateSchedule, Parameters, parameters_of, rotation_matrices
 from graycard.methods.surfels import (
+    FitTask,
+    SceneMethod,
     check_checkpoint,
     check_lamp_on_camera,
     check_photographs,
     check_places,
     density_rules,
     fit_checkpoint,
+    geometry_rates,
     sparse_discs,
 )
 
@@ -41,45 +29,28 @@ AMBIENT_START = 0.1
 """Exposed radiance over albedo of the light that stays, at the start; its logarithm is fitted."""
 
 
-class DarkGsMethod:
+class DarkGsMethod(SceneMethod[DarkGsSettings, DarkGsScene]):
     """Surfels with an albedo and a normal for shading, each shaded under a lamp whose calibration is told."""
 
+    name = METHOD
     summary = "surfels with albedo, each shaded under a calibrated lamp on the camera (as DarkGS)"
-    needs = ()
     asks = (Ask("light"),)
     settings_type = DarkGsSettings
+    scene_type = DarkGsScene
+    checks = (check_lamp_on_camera, check_places, check_photographs)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: DarkGsSettings, seed: int, progress: Progress
-    ) -> DarkGsScene:
-        """Fit surfels and the light that stays to the training photographs.
-
-        Raises:
-            MethodError: No calibration of the lamp was handed in, the light is not on the camera, photographs
-                are black, not finite or all from one place, there are too few sparse points, or the fit has
-                no way on.
-        """
-        check_lamp_on_camera(capture)
-        check_places(capture)
-        check_photographs(capture)
-        lamp, views = priors.light(), photographs(capture)
-        check_checkpoint(f"{METHOD} {lamp}", settings, seed)
-        extent = scene_extent([view.camera for view in capture.train])
+    def _fitted(self, task: FitTask[DarkGsSettings]) -> DarkGsScene:
+        capture, settings, lamp = task.capture, task.settings, task.priors.light()
+        fit_name = f"{METHOD} {lamp}"
+        check_checkpoint(fit_name, settings, task.seed)
+        views = photographs(capture)
         pictures = [(view.camera, view.exposed) for view in views]
-        checkpoint = fit_checkpoint(f"{METHOD} {lamp}", settings, seed, pictures)
-        rules = density_rules(settings.surfels)
-        plan = Plan(settings.iterations, learning_rates(extent), extent, rules, checkpoint)
-        objective = Objective(views, lamp, capture.exposure, settings, seed)
-        state = train(initial_state(start(capture, settings, seed), seed), plan, objective, progress)
-        return DarkGsScene(state.parameters, lamp, capture.exposure, (lamp,))
-
-    def load(self, folder: Path) -> DarkGsScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder)
+        checkpoint = fit_checkpoint(fit_name, settings, task.seed, pictures)
+        rates, rules = learning_rates(task.extent), density_rules(settings.surfels)
+        config = task.config(settings.iterations, rates, rules, checkpoint)
+        objective = DarkGsObjective(views, lamp, capture.exposure, settings, task.seed)
+        parameters = task.train(start(capture, settings, task.seed), config, objective)
+        return DarkGsScene(parameters, lamp, capture.exposure, (lamp,))
 
 
 def start(capture: Capture, settings: DarkGsSettings, seed: int) -> Parameters:
@@ -99,17 +70,14 @@ def start(capture: Capture, settings: DarkGsSettings, seed: int) -> Parameters:
     return parameters_of(discs, {PAINT: paint, **own}, shared)
 
 
-def learning_rates(extent: float) -> dict[str, Rate]:
+def learning_rates(extent: float) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
     Those of the geometry are those of ``2dgs``. The lamp has none: it is as it was calibrated.
     """
     return {
-        CENTRES: Rate(5e-4, 5e-6).times(extent),
-        LOG_SCALES: Rate(5e-3),
-        ROTATIONS: Rate(1e-3),
-        LOGITS: Rate(5e-2),
-        PAINT: Rate(2e-2),
-        NORMALS: Rate(5e-3),
-        AMBIENT: Rate(1e-2),
+        **geometry_rates(extent),
+        PAINT: LearningRateSchedule(2e-2),
+        NORMALS: LearningRateSchedule(5e-3),
+        AMBIENT: LearningRateSchedule(1e-2),
     }

@@ -12,12 +12,12 @@ from graycard.methods._priors import Lamp
 from graycard.methods.darkgs._lamp import warming
 from graycard.methods.darkgs._model import shade
 from graycard.methods.darkgs._settings import DarkGsSettings
-from graycard.methods.splat import CENTRES, Look, image_radius, l1_map, rasterize, surfels_of, view_at
+from graycard.methods.splat import CENTRES, LossResult, image_radius, l1_map, rasterize, surfels_of, view_at
 from graycard.methods.surfels import disagreement
 
 
 @dataclass(frozen=True, eq=False)
-class Photograph:
+class ExposedPhotograph:
     """A training view as a fit looks at it."""
 
     camera: Camera
@@ -25,10 +25,10 @@ class Photograph:
     """Shape ``(H, W, 3)``: linear, radiance times exposure."""
 
 
-def photographs(capture: Capture) -> list[Photograph]:
+def photographs(capture: Capture) -> list[ExposedPhotograph]:
     """The training views, linear and exposed."""
     return [
-        Photograph(
+        ExposedPhotograph(
             view.camera,
             torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)),
         )
@@ -37,17 +37,17 @@ def photographs(capture: Capture) -> list[Photograph]:
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class DarkGsObjective:
     """The loss of one view a step, each view once in a round, in an order that the seed decides."""
 
-    views: Sequence[Photograph]
+    views: Sequence[ExposedPhotograph]
     lamp: Lamp
     """As calibrated, in camera axes."""
     exposure: float
     settings: DarkGsSettings
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         settings, share = self.settings, step / self.settings.iterations
         view = self.views[view_at(step, len(self.views), self.seed)]
@@ -61,7 +61,7 @@ class Objective:
             weights = settings.normal_weight, settings.distortion_weight
             loss = loss + disagreement(drawn, view.camera, weights)
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, image_radius(values, view.camera), size)
+        return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _lamp_at(self, share: float) -> Lamp:
         """The lamp when a share of the budget is spent."""

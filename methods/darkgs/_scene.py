@@ -1,31 +1,34 @@
 # SPDX-License-Identifier: Apache-2.0
 """The decomposition of ``darkgs``: albedo and geometry of surfels under the lamp that was handed in."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
 
 from graycard import Camera, EnvironmentLight, Light, MethodError
 from graycard.lights import light_from_json, light_to_json
-from graycard.methods._contract import check_layers
 from graycard.methods._priors import Lamp
-from graycard.methods._store import restore, store
 from graycard.methods.darkgs._model import albedo_of, shade
-from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, rasterize, surfels_of
-from graycard.methods.surfels import depth_layer, encode, normal_layer
+from graycard.methods.splat import arrays_of, export_ply, parameters_from, rasterize, surfels_of
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 METHOD = "darkgs"
 
 
 @dataclass(frozen=True, eq=False)
-class DarkGsScene:
+class DarkGsScene(LayeredScene):
     """Surfels with an albedo, a light that stays, and a calibrated lamp on the camera."""
 
-    parameters: Parameters
     lamp: Lamp
     """As it was handed in, in camera axes."""
     exposure: float
@@ -40,17 +43,7 @@ class DarkGsScene:
         """The picture, its two lights apart, albedo and geometry."""
         return frozenset({"radiance", "radiance.lamp", "radiance.ambient", "base_color", "normal", "depth"})
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them; the lamp goes with it.
-
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        check_layers(layers, self.provides)
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
         values = self.parameters.all
         shaded = shade(values, camera, self.lamp, self.exposure)
         sent = torch.zeros_like(shaded.lamp)
@@ -59,7 +52,7 @@ class DarkGsScene:
         features = torch.cat([shaded.albedo, sent, shaded.ambient * self.stays], dim=1)
         drawn = rasterize(surfels_of(values, features), camera)
         albedo, lit, ambient = drawn.features.split(3, dim=-1)
-        images = {
+        return {
             "radiance": ((lit + ambient) / self.exposure).numpy(),
             "radiance.lamp": (lit / self.exposure).numpy(),
             "radiance.ambient": (ambient / self.exposure).numpy(),
@@ -67,7 +60,6 @@ class DarkGsScene:
             "normal": normal_layer(drawn, camera),
             "depth": depth_layer(drawn),
         }
-        return {name: images[name] for name in layers}
 
     def lights(self) -> tuple[Light, ...] | None:
         """The lamp as it was handed in: nothing of it is found. The light that stays has no place."""
@@ -86,33 +78,25 @@ class DarkGsScene:
             return None
         return replace(self, shining=lamps, stays=len(lights) > len(mounted))
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and the albedo as a PLY that viewers of Gaussian splats read.
-
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
+    def _contents(self) -> SceneContents:
         facts = {
             "exposure": self.exposure,
             "lamp": light_to_json(self.lamp),
             "shining": [light_to_json(lamp) for lamp in self.shining],
             "stays": self.stays,
         }
-        store(folder, METHOD, facts, arrays_of(self.parameters))
-        shown = encode(albedo_of(self.parameters.surfels).clamp(0, 1))
-        export_ply(Path(folder) / "surfels.ply", surfels_of(self.parameters.surfels), shown)
+        return SceneContents(METHOD, facts, arrays_of(self.parameters))
 
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        facts = saved.facts
+        lamp, *shining = (_lamp(found, folder) for found in (facts["lamp"], *facts["shining"]))
+        exposure, stays = float(facts["exposure"]), bool(facts["stays"])
+        return cls(parameters_from(saved.arrays), lamp, exposure, tuple(shining), stays)
 
-def load_scene(folder: Path) -> DarkGsScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, METHOD)
-    lamp, *shining = (_lamp(found, folder) for found in (facts["lamp"], *facts["shining"]))
-    exposure, stays = float(facts["exposure"]), bool(facts["stays"])
-    return DarkGsScene(parameters_from(arrays), lamp, exposure, tuple(shining), stays)
+    def _export(self, path: Path) -> None:
+        shown = srgb_encode_tensor(albedo_of(self.parameters.surfels).clamp(0, 1))
+        export_ply(path, surfels_of(self.parameters.surfels), shown)
 
 
 def _lamp(data: Any, folder: Path) -> Lamp:

@@ -12,10 +12,10 @@ from graycard import Camera, Capture, Progress
 from graycard.methods.goris._fit import own_stage
 from graycard.methods.goris._model import drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.splat import Checkpoint, Parameters, Plan, initial_state, scene_extent, train
+from graycard.methods.splat import Checkpoint, Parameters, TrainConfig, initial_state, scene_extent, train
 from graycard.methods.surfels import (
-    Objective,
-    Photograph,
+    EncodedPhotograph,
+    SurfelObjective,
     density_rules,
     learning_rates,
     sky_basis,
@@ -55,17 +55,19 @@ def distilled(
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
     checkpoint = own_stage(saved, "distilled", (view.encoded for view in views), settings)
     rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
-    plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
+    config = TrainConfig(settings.iterations, rates, extent, rules, checkpoint)
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)
     state = initial_state(sparse_start(capture, settings, seed), seed)
-    return train(state, plan, Objective(views, alone, seed), progress).parameters
+    return train(state, config, SurfelObjective(views, alone, seed), progress).parameters
 
 
 @torch.no_grad()
-def _pictured(parameters: Parameters, camera: Camera, settings: GorisSettings, extent: float) -> Photograph:
+def _pictured(
+    parameters: Parameters, camera: Camera, settings: GorisSettings, extent: float
+) -> EncodedPhotograph:
     values, sky = parameters.all, sky_basis(camera, settings.sky_degree)
     picture = picture_of(values, drawn_buffers(values, camera, sky, settings), settings, extent)
-    return Photograph(camera, picture.encoded, sky)
+    return EncodedPhotograph(camera, picture.encoded, sky)
 
 
 def cameras_between(cameras: Sequence[Camera], count: int) -> list[Camera]:

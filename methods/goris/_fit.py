@@ -9,8 +9,8 @@ import torch
 
 from graycard import Capture, Progress
 from graycard.methods.goris._filter import translation_parameters
-from graycard.methods.goris._first import FirstLight, first_light
 from graycard.methods.goris._flat import FlatSurface
+from graycard.methods.goris._initial_light import InitialLight, initial_light
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -22,15 +22,15 @@ from graycard.methods.goris._model import (
 )
 from graycard.methods.goris._objective import LightObjective, RadianceObjective
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import (
     CENTRES,
     LOGITS,
     SH_DC,
     Checkpoint,
+    LearningRateSchedule,
     Parameters,
-    Plan,
-    Rate,
+    TrainConfig,
     initial_state,
     scene_extent,
     share_inside,
@@ -40,11 +40,11 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import (
     COEFFICIENTS,
     SKY,
-    decode,
     density_rules,
-    encode,
     learning_rates,
     sparse_start,
+    srgb_decode_tensor,
+    srgb_encode_tensor,
 )
 
 FIRST_FRESNEL, FIRST_ROUGHNESS, FIRST_DIFFUSE = 0.3, 0.3, 0.5
@@ -53,9 +53,9 @@ FIRST_REGION = 0.9
 """Initial region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
 """Initial regions and diffuse radiance keep this far from 0 and 1, whose logits are infinite."""
-FRESNEL_RATE, FOUND_FRESNEL_RATE = Rate(2e-2, 5e-3), Rate(6e-3, 1.5e-3)
-"""Learning rates of f0: gradients lead away from what :func:`first_light` has found."""
-CENTRES_RATE = Rate(8e-5, 5e-6)
+FRESNEL_RATE, FOUND_FRESNEL_RATE = LearningRateSchedule(2e-2, 5e-3), LearningRateSchedule(6e-3, 1.5e-3)
+"""Learning rates of f0: gradients lead away from what :func:`initial_light` has found."""
+CENTRES_RATE = LearningRateSchedule(8e-5, 5e-6)
 """Learning rate of positions in the steps with light transport, in extents of the scene.
 
 It starts above where the radiance-only steps ended (1 % of their start), as most steps are still to come."""
@@ -64,7 +64,7 @@ _SURE_OF_OBJECT = 0.01
 masked as reflecting the object."""
 
 
-def as_glossy_as_told(settings: GorisSettings, shots: Sequence[Shot]) -> GorisSettings:
+def as_glossy_as_told(settings: GorisSettings, shots: Sequence[TrainingView]) -> GorisSettings:
     """Settings for radiance only where a prior says that nothing is glossy, else unchanged."""
     matte = settings.matte_in_colours and all(shot.told and not shot.glossy.any() for shot in shots)
     return replace(settings, radiance_share=1.0, transport=False) if matte else settings
@@ -72,7 +72,7 @@ def as_glossy_as_told(settings: GorisSettings, shots: Sequence[Shot]) -> GorisSe
 
 def fit_colours(
     capture: Capture,
-    shots: Sequence[Shot],
+    shots: Sequence[TrainingView],
     settings: GorisSettings,
     seed: int,
     progress: Progress,
@@ -95,7 +95,7 @@ def fit_colours(
         MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
-    plan = Plan(
+    config = TrainConfig(
         settings.radiance_steps,
         learning_rates(extent, settings),
         extent,
@@ -104,12 +104,12 @@ def fit_colours(
     )
     known = None if flat is None else flat.depths
     state = initial_state(sparse_start(capture, settings, seed, known), seed)
-    return train(state, plan, RadianceObjective(shots, settings, seed), progress).parameters
+    return train(state, config, RadianceObjective(shots, settings, seed), progress).parameters
 
 
 def fit_light(
     coloured: Parameters,
-    shots: Sequence[Shot],
+    shots: Sequence[TrainingView],
     settings: GorisSettings,
     seed: int,
     progress: Progress,
@@ -132,14 +132,14 @@ def fit_light(
     start = with_light(coloured, shots, settings, seed)
     found = None
     if settings.transport and settings.first_light and all(shot.told for shot in shots):
-        found = first_light(start.all, shots, settings, extent)
+        found = initial_light(start.all, shots, settings, extent)
         start = as_photographs_allow(start, found)
     if settings.light_steps == 0:
         return start
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
-    plan = Plan(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
+    config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
     objective = LightObjective(shots, settings, extent, seed)
-    return train(initial_state(start, seed), plan, objective, progress).parameters
+    return train(initial_state(start, seed), config, objective, progress).parameters
 
 
 def own_stage(
@@ -158,7 +158,9 @@ def own_stage(
     return saved.beside(stage, looked_at, str(replace(settings, checkpoint="")))
 
 
-def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSettings, seed: int) -> Parameters:
+def with_light(
+    coloured: Parameters, shots: Sequence[TrainingView], settings: GorisSettings, seed: int
+) -> Parameters:
     """Surfels with the initial parameters of light transport (inferred but for the region).
 
     Diffuse radiance starts at half the encoded colour of degree 0; regions and labels at the share of a
@@ -182,28 +184,28 @@ def with_light(coloured: Parameters, shots: Sequence[Shot], settings: GorisSetti
         LABEL: torch.logit(inside([shot.target for shot in shots]), eps=_SURE_OF_OBJECT),
     }
     size = settings.sky_size
-    sky = decode(coloured.shared[SKY][0] * SH_DC + 0.5).clamp(min=_SURE)
+    sky = srgb_decode_tensor(coloured.shared[SKY][0] * SH_DC + 0.5).clamp(min=_SURE)
     shared = {SURROUNDINGS: sky.log().expand(6, size, size, 3).contiguous()}
     if settings.filter != "none":
         shared |= translation_parameters(settings.filter, seed)
     return Parameters({**coloured.surfels, **own}, {**coloured.shared, **shared})
 
 
-def as_photographs_allow(start: Parameters, found: FirstLight | None) -> Parameters:
+def as_photographs_allow(start: Parameters, found: InitialLight | None) -> Parameters:
     """Surfels with f0, diffuse radiance and environment map as they were found."""
     if found is None:
         return start
     diffuse, fresnel = (start.surfels[name].clone() for name in (DIFFUSE, FRESNEL))
     glossy = start.surfels[REGION][:, 0] < 0
     fresnel[glossy] = torch.logit(torch.tensor(found.f0))
-    diffuse[found.surfels] = torch.logit(encode(found.diffuse) / BRIGHTEST, eps=_SURE)
+    diffuse[found.surfels] = torch.logit(srgb_encode_tensor(found.diffuse) / BRIGHTEST, eps=_SURE)
     own = {DIFFUSE: diffuse, FRESNEL: fresnel}
     return Parameters(
         {**start.surfels, **own}, {**start.shared, SURROUNDINGS: found.surroundings.log().contiguous()}
     )
 
 
-def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
+def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters (inferred).
 
     Geometry and radiance go on at the rates that they ended with, opacities at a fifth of theirs; new
@@ -212,20 +214,20 @@ def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str
     Args:
         extent: Of the scene, metres.
         settings: Of the method.
-        found: Whether f0 was found by :func:`first_light`, or fitted by a stage before.
+        found: Whether f0 was found by :func:`initial_light`, or fitted by a stage before.
     """
     rates = learning_rates(extent, settings)
-    rates = {name: Rate(rate.end or rate.start) for name, rate in rates.items()}
-    rates[LOGITS] = Rate(1e-2)
+    rates = {name: LearningRateSchedule(rate.end or rate.start) for name, rate in rates.items()}
+    rates[LOGITS] = LearningRateSchedule(1e-2)
     rates |= {
-        DIFFUSE: Rate(2e-2, 5e-3),
+        DIFFUSE: LearningRateSchedule(2e-2, 5e-3),
         FRESNEL: FOUND_FRESNEL_RATE if found else FRESNEL_RATE,
-        ROUGHNESS: Rate(2e-2, 5e-3),
-        REGION: Rate(2e-2),
-        LABEL: Rate(2e-2),
-        SURROUNDINGS: Rate(2e-2, 5e-3),
+        ROUGHNESS: LearningRateSchedule(2e-2, 5e-3),
+        REGION: LearningRateSchedule(2e-2),
+        LABEL: LearningRateSchedule(2e-2),
+        SURROUNDINGS: LearningRateSchedule(2e-2, 5e-3),
     }
     if settings.filter != "none":
         names = translation_parameters(settings.filter, 0)
-        rates |= {name: Rate(1e-3) for name in names}
+        rates |= {name: LearningRateSchedule(1e-3) for name in names}
     return rates

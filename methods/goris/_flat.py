@@ -17,7 +17,7 @@ from skimage.measure import label
 from skimage.morphology import convex_hull_image
 
 from graycard import Camera
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.removal import points_in_picture
 from graycard.methods.surfels import plane_depth
 
@@ -65,13 +65,13 @@ class FlatSurface:
     depths: list[np.ndarray]
     """z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface."""
 
-    def alone(self, shots: Sequence[Shot]) -> list[Shot]:
+    def alone(self, shots: Sequence[TrainingView]) -> list[TrainingView]:
         """The views with this surface as the only glossy one."""
         masks = [torch.from_numpy(mask.astype(np.float32)) for mask in self.mirrors]
         return [replace(shot, glossy=shot.glossy * mask) for shot, mask in zip(shots, masks, strict=True)]
 
 
-def flat_surface(shots: Sequence[Shot], points: np.ndarray) -> FlatSurface | None:
+def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurface | None:
     """The flat glossy surface of a scene, if there is one.
 
     Args:

@@ -1,45 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """``goris`` (GOR-IS, CVPR 2026): an object is removed together with its reflection."""
 
-from pathlib import Path
-
-from graycard import Capture, Progress
-from graycard.methods._contract import Priors
 from graycard.methods.goris._distil import distilled
 from graycard.methods.goris._fit import as_glossy_as_told, fit_colours, fit_light
 from graycard.methods.goris._flat import flat_surface
-from graycard.methods.goris._remove import without_object
-from graycard.methods.goris._scene import METHOD, DistilledScene, GlossyScene, GorisScene, load_scene
+from graycard.methods.goris._remove import Removed, without_object
+from graycard.methods.goris._scene import METHOD, DistilledScene, GlossyScene, GorisScene
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import ASKS, looked_at, shots_of
+from graycard.methods.goris._training_views import ASKS, looked_at, training_views
 from graycard.methods.removal import checked_for_removal
-from graycard.methods.splat import Parameters, scene_extent
-from graycard.methods.surfels import fit_checkpoint
+from graycard.methods.splat import Checkpoint, Parameters
+from graycard.methods.surfels import FitTask, SceneMethod, fit_checkpoint
 
 
-class GorisMethod:
+class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
     """Surfels, some of them glossy: their reflections are traced, so the object's goes with the object."""
 
+    name = METHOD
     summary = "surfels whose glossy ones reflect traced light; the object is removed with its reflection"
-    needs: tuple[str, ...] = ()
     asks = ASKS
     staged = True
     settings_type = GorisSettings
+    scene_type = GorisScene
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: GorisSettings, seed: int, progress: Progress
-    ) -> GorisScene:
-        """Fit surfels and light transport, remove the object's surfels, and fit what is left.
-
-        Raises:
-            MethodError: The capture names no object or its masks are not sound, there are too few sparse
-                points, photographs are black or not finite, an answer of the prior is not sound, or the loss
-                or a gradient is not finite.
-        """
-        masks = checked_for_removal(capture, priors, settings, seed, METHOD, settings.first)
-        shots = shots_of(capture, priors, masks, settings)
-        saved = fit_checkpoint(METHOD, settings.first, seed, looked_at(shots))
-        settings = as_glossy_as_told(settings, shots)
+    def _fitted(self, task: FitTask[GorisSettings]) -> GorisScene:
+        """Fit surfels and light transport, remove the object's surfels, and fit what is left."""
+        capture, priors, seed, progress = task.capture, task.priors, task.seed, task.progress
+        masks = checked_for_removal(task, METHOD, task.settings.first)
+        shots = training_views(capture, priors, masks, task.settings)
+        saved = fit_checkpoint(METHOD, task.settings.first, seed, looked_at(shots))
+        settings = as_glossy_as_told(task.settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
         shots = shots if flat is None else flat.alone(shots)
         coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
@@ -47,24 +37,21 @@ class GorisMethod:
         removed = without_object(
             capture, before, shots, priors, settings=settings, seed=seed, progress=progress, saved=saved
         )
-        cameras = [view.camera for view in capture.train]
-        extent = scene_extent(cameras)
+        return _decomposition(task.with_settings(settings), before, removed, saved)
 
-        def scene(parameters: Parameters) -> GlossyScene:
-            return GlossyScene(parameters, settings, capture.exposure, extent)
 
-        colours = None
-        if settings.distilled:
-            fitted = distilled(removed.parameters, capture, settings, seed, progress, saved)
-            colours = DistilledScene(METHOD, fitted, capture.exposure)
-        assert capture.target is not None, "it was checked"
-        after = scene(removed.parameters)
-        return GorisScene(scene(before), after, capture.target, colours, removed.changed)
-
-    def load(self, folder: Path) -> GorisScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder)
+def _decomposition(
+    task: FitTask[GorisSettings], before: Parameters, removed: Removed, saved: Checkpoint | None
+) -> GorisScene:
+    """Return the scene with the object and without it, and, where settings want it, as radiance alone."""
+    capture, settings = task.capture, task.settings
+    with_object, without = (
+        GlossyScene(parameters, settings, capture.exposure, task.extent)
+        for parameters in (before, removed.parameters)
+    )
+    colours = None
+    if settings.distilled:
+        fitted = distilled(removed.parameters, capture, settings, task.seed, task.progress, saved)
+        colours = DistilledScene(fitted, METHOD, capture.exposure)
+    assert capture.target is not None, "it was checked"
+    return GorisScene(with_object, without, capture.target, colours, removed.changed)

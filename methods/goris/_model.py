@@ -24,7 +24,14 @@ from graycard.methods.splat import (
     surfels_of,
     trace_rays,
 )
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, colours, composed, decode, encode
+from graycard.methods.surfels import (
+    COEFFICIENTS,
+    DETAIL,
+    colours,
+    composed,
+    srgb_decode_tensor,
+    srgb_encode_tensor,
+)
 
 DIFFUSE, FRESNEL, ROUGHNESS, REGION, LABEL = "diffuse", "f0", "roughness", "region", "label"
 """Names of the parameters of surfels, all logits: of diffuse radiance over :data:`BRIGHTEST`, encoded,
@@ -104,7 +111,7 @@ def drawn_buffers(
         rays,
         drawn,
         composed(FeatureMaps(drawn.features[..., :3], drawn.alpha), sky, values),
-        decode(encoded),
+        srgb_decode_tensor(encoded),
         f0 / cover,
         (roughness / cover)[..., 0],
         glossy[..., 0] if settings.transport else torch.zeros_like(drawn.alpha),
@@ -176,7 +183,7 @@ def reflected_radiance(
     encoded = spherical_harmonics_colours(blended, rays.directions, np.zeros(3), settings.traced_degree)
     cover = (1 - met.transmittance)[:, None]
     mean = encoded / cover.clamp(min=LEAST_COVER) + 0.5
-    radiance = cover * decode(mean).clamp(min=0)
+    radiance = cover * srgb_decode_tensor(mean).clamp(min=0)
     return Reflection(rows, rays.directions, radiance, met.transmittance[:, None], met.depth[:, None])
 
 
@@ -247,7 +254,7 @@ def _distances(
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class GlossyPicture:
     """A rendered picture and its parts."""
 
     buffers: Buffers
@@ -259,7 +266,7 @@ class Picture:
 
 def picture_of(
     values: Mapping[str, torch.Tensor], buffers: Buffers, settings: GorisSettings, extent: float
-) -> Picture:
+) -> GlossyPicture:
     """Transport light along reflected rays, and mix rough and glossy radiance by the region.
 
     Args:
@@ -270,12 +277,12 @@ def picture_of(
     """
     reflected = _reflected(values, buffers, settings, extent)
     share = buffers.glossy[..., None]
-    rough = decode(buffers.rough)
+    rough = srgb_decode_tensor(buffers.rough)
     if settings.composite == "paper":
         linear = rough + share * reflected
     else:
         linear = (1 - share) * rough + share * (buffers.diffuse + reflected)
-    return Picture(buffers, encode(linear), reflected)
+    return GlossyPicture(buffers, srgb_encode_tensor(linear), reflected)
 
 
 def _reflected(

@@ -9,10 +9,10 @@ from torch.nn.functional import binary_cross_entropy, normalize
 
 from graycard.methods.goris._model import SURROUNDINGS, Buffers, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.shading import unevenness
 from graycard.methods.splat import (
-    Look,
+    LossResult,
     Maps,
     depth_to_normals,
     image_radius,
@@ -37,11 +37,11 @@ class RadianceObjective:
     Without these a reflection becomes a room behind the mirror, which no later step removes.
     """
 
-    shots: Sequence[Shot]
+    shots: Sequence[TrainingView]
     settings: GorisSettings
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """The loss of a step."""
         settings = self.settings
         shot, share = self.shots[view_at(step, len(self.shots), self.seed)], step / settings.radiance_steps
@@ -60,20 +60,20 @@ class RadianceObjective:
         loss = loss + settings.weights * settings.normal_prior_weight * normal_difference(normals, shot)
         camera = view.camera
         radius, size = image_radius(values, camera), (camera.width, camera.height)
-        return Look(loss + cover_loss(drawn, settings), offsets, radius, size)
+        return LossResult(loss + cover_loss(drawn, settings), offsets, radius, size)
 
 
 @dataclass(frozen=True, eq=False)
 class LightObjective:
     """Pictures with light transport."""
 
-    shots: Sequence[Shot]
+    shots: Sequence[TrainingView]
     settings: GorisSettings
     extent: float
     """Of the scene, metres."""
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """The loss of a step, counted from the first with light transport."""
         settings = self.settings
         shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
@@ -84,11 +84,11 @@ class LightObjective:
         loss = loss + surface_loss(buffers, shot, settings, step)
         loss = loss + settings.weights * settings.smooth_weight * surface_unevenness(buffers, shot)
         loss = loss + settings.sky_weight * unevenness(values[SURROUNDINGS])
-        return Look(loss + settings.label_weight * label_loss(buffers, shot))
+        return LossResult(loss + settings.label_weight * label_loss(buffers, shot))
 
 
 def surface_loss(
-    buffers: Buffers, shot: Shot, settings: GorisSettings, step: int, kept: torch.Tensor | float = 1.0
+    buffers: Buffers, shot: TrainingView, settings: GorisSettings, step: int, kept: torch.Tensor | float = 1.0
 ) -> torch.Tensor:
     """Regularisers of surfaces and of the region, in all stages with light transport.
 
@@ -127,7 +127,9 @@ def normal_prior_weight(settings: GorisSettings, step: int) -> float:
     return first * (last / first) ** share
 
 
-def normal_difference(normal: torch.Tensor, shot: Shot, kept: torch.Tensor | float = 1.0) -> torch.Tensor:
+def normal_difference(
+    normal: torch.Tensor, shot: TrainingView, kept: torch.Tensor | float = 1.0
+) -> torch.Tensor:
     """Mean absolute difference from the prior's normals where surfaces are glossy, summed over axes.
 
     Args:
@@ -141,12 +143,12 @@ def normal_difference(normal: torch.Tensor, shot: Shot, kept: torch.Tensor | flo
     return ((normal - shot.normal).abs().sum(dim=-1) * known).mean()
 
 
-def label_loss(buffers: Buffers, shot: Shot) -> torch.Tensor:
+def label_loss(buffers: Buffers, shot: TrainingView) -> torch.Tensor:
     """Mean cross entropy between rendered labels and the mask of the object."""
     return binary_cross_entropy(buffers.label.clamp(_INSIDE, 1 - _INSIDE), shot.target)
 
 
-def surface_unevenness(buffers: Buffers, shot: Shot) -> torch.Tensor:
+def surface_unevenness(buffers: Buffers, shot: TrainingView) -> torch.Tensor:
     """Edge-aware smoothness of f0, roughness, normals and normals of depth on glossy surfaces.
 
     ``|d x| exp(-8 |d i|)`` with differences d of neighbours, of the means over channels: Sobel's, which the

@@ -9,6 +9,7 @@ import torch
 
 from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._fit import light_rates, own_stage
 from graycard.methods.goris._model import (
     BRIGHTEST,
@@ -18,18 +19,18 @@ from graycard.methods.goris._model import (
     REGION,
     ROUGHNESS,
     SURROUNDINGS,
-    Picture,
+    GlossyPicture,
     drawn_buffers,
     effect_of,
     picture_of,
 )
 from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import LAYERS, Shot
+from graycard.methods.goris._training_views import LAYERS, TrainingView
 from graycard.methods.removal import (
-    Shown,
+    BackgroundPoints,
+    RenderedView,
     Target,
-    Wall,
     check_some,
     targets_of,
     views_behind,
@@ -39,9 +40,9 @@ from graycard.methods.removal import (
 )
 from graycard.methods.splat import (
     Checkpoint,
-    Look,
+    LossResult,
     Parameters,
-    Plan,
+    TrainConfig,
     initial_state,
     joined_surfels,
     photometric_map,
@@ -51,7 +52,14 @@ from graycard.methods.splat import (
     train,
     view_at,
 )
-from graycard.methods.surfels import SKY, decode, depth_layer, encode, sky_basis, with_colours
+from graycard.methods.surfels import (
+    SKY,
+    depth_layer,
+    sky_basis,
+    srgb_decode_tensor,
+    srgb_encode_tensor,
+    with_colours,
+)
 
 MOST_DOUBTFUL = 0.5
 """Share of a glossy surfel's blending weights in the photographs within the widened masks of the object,
@@ -87,7 +95,7 @@ class Removed:
 def without_object(
     capture: Capture,
     fitted: Parameters,
-    shots: Sequence[Shot],
+    shots: Sequence[TrainingView],
     priors: Priors,
     *,
     settings: GorisSettings,
@@ -130,17 +138,17 @@ def without_object(
     rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY):
         rates.pop(name)
-    aims = [_aim(target) for target in targets]
+    aims = [_removal_target(target) for target in targets]
     objective = RemovalObjective(shots, aims, settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
-    plan = Plan(
+    config = TrainConfig(
         settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
     )
-    after = train(initial_state(start, seed), plan, objective, progress).parameters
+    after = train(initial_state(start, seed), config, objective, progress).parameters
     return Removed(after, {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind})
 
 
-def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> torch.Tensor:
+def next_to_object(fitted: Parameters, shots: Sequence[TrainingView], grow: float) -> torch.Tensor:
     """Which glossy surfels have most of their blending weights within the widened masks of the object, shape
     ``(N,)``, bool.
 
@@ -154,7 +162,7 @@ def next_to_object(fitted: Parameters, shots: Sequence[Shot], grow: float) -> to
 
 
 def _effects(
-    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
+    values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
 ) -> list[np.ndarray]:
     """The lighting-aware mask of each view, shape ``(H, W)``, bool."""
     found = []
@@ -169,23 +177,23 @@ def _effects(
 
 def _drawn(
     values: Mapping[str, torch.Tensor], settings: GorisSettings, extent: float
-) -> Callable[[Camera], Shown]:
+) -> Callable[[Camera], RenderedView]:
     """A renderer of the picture and of the layers that are inpainted as materials."""
 
     @torch.no_grad()
-    def draw(camera: Camera) -> Shown:
+    def draw(camera: Camera) -> RenderedView:
         buffers = drawn_buffers(values, camera, sky_basis(camera, settings.sky_degree), settings)
         picture = picture_of(values, buffers, settings, extent)
-        radiance = decode(picture.encoded).clamp(min=0).numpy().astype(np.float64)
+        radiance = srgb_decode_tensor(picture.encoded).clamp(min=0).numpy().astype(np.float64)
         layers = {name: layer.numpy() for name, layer in material_layers(picture).items()}
         if not (settings.material_inpainting and settings.transport):
             layers = {}
-        return Shown(radiance, depth_layer(buffers.drawn).astype(np.float64), layers)
+        return RenderedView(radiance, depth_layer(buffers.drawn).astype(np.float64), layers)
 
     return draw
 
 
-def material_layers(picture: Picture) -> dict[str, torch.Tensor]:
+def material_layers(picture: GlossyPicture) -> dict[str, torch.Tensor]:
     """The layers of :data:`LAYERS`: diffuse radiance linear and exposed, the others in their unit."""
     buffers = picture.buffers
     parts = (buffers.diffuse, buffers.f0, buffers.roughness, buffers.glossy, buffers.normal)
@@ -193,7 +201,7 @@ def material_layers(picture: Picture) -> dict[str, torch.Tensor]:
 
 
 def with_painted_wall(
-    left: Parameters, taken: int, wall: Wall, settings: GorisSettings, seed: int
+    left: Parameters, taken: int, wall: BackgroundPoints, settings: GorisSettings, seed: int
 ) -> Parameters:
     """What is left, with new surfels on the surface behind the object as it was inpainted.
 
@@ -219,21 +227,21 @@ def with_painted_wall(
     return joined_surfels(left, {**coloured, **{k: torch.logit(v, eps=_SURE) for k, v in own.items()}})
 
 
-def _painted(wall: Wall) -> np.ndarray:
+def _painted(wall: BackgroundPoints) -> np.ndarray:
     """Encoded colours, encoded diffuse radiance, f0, roughness and gloss of points, shape ``(M, 11)``.
 
     New surfels are rough where only radiance was inpainted.
     """
-    count, colours = len(wall.points), encode(_float(wall.colours)).numpy()
+    count, colours = len(wall.points), srgb_encode_tensor(float_tensor(wall.colours)).numpy()
     if not wall.layers:
         return np.concatenate([colours, colours, np.full((count, 5), (0.1, 0.1, 0.1, 0.3, 0.0))], axis=1)
-    diffuse = encode(_float(np.maximum(wall.layers["diffuse"], 0))).numpy()
+    diffuse = srgb_encode_tensor(float_tensor(np.maximum(wall.layers["diffuse"], 0))).numpy()
     shares = [wall.layers["f0"], wall.layers["roughness"][:, None], wall.layers["glossy"][:, None]]
     return np.concatenate([colours, diffuse, *(np.clip(share, 0, 1) for share in shares)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
-class Aim:
+class RemovalTarget:
     """Targets of a training view without the object; H x W pixels, float32."""
 
     kept: torch.Tensor
@@ -253,35 +261,31 @@ class Aim:
         return self.kept, self.rough, self.glossy, self.encoded, *self.layers.values()
 
 
-def _aim(target: Target) -> Aim:
+def _removal_target(target: Target) -> RemovalTarget:
     known = target.known
-    layers = {name: _float(layer) for name, layer in target.layers.items()}
+    layers = {name: float_tensor(layer) for name, layer in target.layers.items()}
     glossy = np.zeros_like(known)
     if layers:
         glossy = known & (target.layers["glossy"] > _GLOSSY)
-        layers["diffuse"] = encode(layers["diffuse"])
+        layers["diffuse"] = srgb_encode_tensor(layers["diffuse"])
         layers["normal"] = torch.nn.functional.normalize(layers["normal"], dim=-1)
-    masks = (_float(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
-    return Aim(*masks, encode(_float(target.picture)), layers)
-
-
-def _float(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(values.astype(np.float32))
+    masks = (float_tensor(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
+    return RemovalTarget(*masks, srgb_encode_tensor(float_tensor(target.picture)), layers)
 
 
 @dataclass(frozen=True, eq=False)
 class RemovalObjective:
     """Photographs where they are not masked out, and the inpainting where the object was."""
 
-    shots: Sequence[Shot]
-    aims: Sequence[Aim]
+    shots: Sequence[TrainingView]
+    aims: Sequence[RemovalTarget]
     """One a view."""
     settings: GorisSettings
     extent: float
     """Of the scene, metres."""
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """The loss of a step, counted from the first without the object."""
         settings = self.settings
         number = view_at(step, len(self.shots), self.seed)
@@ -294,10 +298,10 @@ class RemovalObjective:
         loss = (seen * aim.kept[..., None]).mean() + settings.hole_weight * painted_loss(
             picture, aim, settings
         )
-        return Look(loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept))
+        return LossResult(loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept))
 
 
-def painted_loss(picture: Picture, aim: Aim, settings: GorisSettings) -> torch.Tensor:
+def painted_loss(picture: GlossyPicture, aim: RemovalTarget, settings: GorisSettings) -> torch.Tensor:
     """Difference of holes from the inpainting: of radiance where they are rough, else of materials.
 
     The paper compares radiance by LPIPS, whose weights do not come with it; here as photographs are compared.
@@ -308,7 +312,7 @@ def painted_loss(picture: Picture, aim: Aim, settings: GorisSettings) -> torch.T
         loss = loss + (differs * aim.rough[..., None]).mean()
     if not aim.layers:
         return loss
-    layers = material_layers(picture) | {"diffuse": encode(picture.buffers.diffuse)}
+    layers = material_layers(picture) | {"diffuse": srgb_encode_tensor(picture.buffers.diffuse)}
     for name, layer in layers.items():
         differs = (layer - aim.layers[name]).abs().reshape(*aim.glossy.shape, -1).mean(dim=-1)
         loss = loss + (differs * aim.glossy).mean()

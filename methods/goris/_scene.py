@@ -6,6 +6,7 @@ object.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -13,9 +14,8 @@ import torch
 from graycard import Camera, Light, MethodError
 from graycard.io import from_builtins as decode_json
 from graycard.io import to_builtins
-from graycard.methods._contract import Decomposition, check_layers
-from graycard.methods._store import restore, store
-from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, Picture, drawn_buffers, picture_of
+from graycard.methods._contract import Decomposition
+from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, REGION, GlossyPicture, drawn_buffers, picture_of
 from graycard.methods.goris._remove import RemovalMasks
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.removal import Emptied
@@ -23,12 +23,15 @@ from graycard.methods.splat import SH_DC, Parameters, arrays_of, parameters_from
 from graycard.methods.surfels import (
     COEFFICIENTS,
     DETAIL,
+    LayeredScene,
+    SavedScene,
+    SceneContents,
     SurfelScene,
-    decode,
     depth_layer,
     export_colours,
     normal_layer,
     sky_basis,
+    srgb_decode_tensor,
 )
 
 METHOD = "goris"
@@ -39,10 +42,9 @@ _DOUBTED, _UNSEEN = "doubted/", "unseen/"
 
 
 @dataclass(frozen=True, eq=False)
-class GlossyScene:
+class GlossyScene(LayeredScene):
     """Surfels with light transport, of which some are glossy."""
 
-    parameters: Parameters
     settings: GorisSettings
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
@@ -54,33 +56,25 @@ class GlossyScene:
         """Radiance and its diffuse and specular parts, materials and geometry."""
         return LAYERS
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them.
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
+        """Render all layers; rough surfaces are all diffuse.
 
-        Rough surfaces are all diffuse: in proportion ``specular`` is 0 there, ``roughness`` 1 and ``f0`` 0.
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
+        In proportion ``specular`` is 0 there, ``roughness`` 1 and ``f0`` 0.
         """
-        check_layers(layers, self.provides)
         values, sky = self.parameters.all, sky_basis(camera, self.settings.sky_degree)
         buffers = drawn_buffers(values, camera, sky, self.settings)
         found = self._layers(picture_of(values, buffers, self.settings, self.extent))
-        found |= {"normal": normal_layer(buffers.drawn, camera), "depth": depth_layer(buffers.drawn)}
-        return {name: found[name] for name in layers}
+        return found | {"normal": normal_layer(buffers.drawn, camera), "depth": depth_layer(buffers.drawn)}
 
-    def _layers(self, picture: Picture) -> dict[str, np.ndarray]:
+    def _layers(self, picture: GlossyPicture) -> dict[str, np.ndarray]:
         """All but geometry."""
         buffers, share = picture.buffers, picture.buffers.glossy[..., None]
-        rough = decode(buffers.rough)
+        rough = srgb_decode_tensor(buffers.rough)
         specular = share * picture.reflected
         diffuse = (
             rough if self.settings.composite == "paper" else share * buffers.diffuse + (1 - share) * rough
         )
-        radiant = {"radiance": decode(picture.encoded), "diffuse": diffuse, "specular": specular}
+        radiant = {"radiance": srgb_decode_tensor(picture.encoded), "diffuse": diffuse, "specular": specular}
         found = {name: (image.clamp(min=0) / self.exposure) for name, image in radiant.items()}
         found |= {
             "f0": share * buffers.f0,
@@ -93,16 +87,25 @@ class GlossyScene:
         """None: it estimates none."""
         return None
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON.
+    def _contents(self) -> SceneContents:
+        return SceneContents(METHOD, self.facts, arrays_of(self.parameters))
 
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        settings = decode_json(GorisSettings, saved.facts["settings"], MethodError, "settings")
+        exposure, extent = float(saved.facts["exposure"]), float(saved.facts["extent"])
+        return cls(parameters_from(saved.arrays), settings, exposure, extent)
+
+    def _export(self, path: Path) -> None:
+        """Write radiance alone, as viewers trace no rays: of glossy surfaces the diffuse one.
+
+        The colours of their radiance-only steps would still show the reflection of the object.
         """
-        store(folder, METHOD, self._facts, arrays_of(self.parameters))
+        export_colours(path, _scattered(self))
 
     @property
-    def _facts(self) -> dict[str, object]:
+    def facts(self) -> dict[str, Any]:
+        """JSON data that is saved beside the parameters."""
         return {"settings": to_builtins(self.settings), "exposure": self.exposure, "extent": self.extent}
 
 
@@ -116,7 +119,7 @@ class DistilledScene(SurfelScene):
 
 
 @dataclass(frozen=True, eq=False)
-class GorisScene(Emptied):
+class GorisScene(Emptied, SavedScene):
     """Surfels with the object, and without it and its reflection."""
 
     before: GlossyScene
@@ -135,23 +138,30 @@ class GorisScene(Emptied):
         left = super().remove(object_id)
         return left if self.distilled is None else self.distilled
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
-
-        Viewers trace no rays: the PLY has radiance alone, of glossy surfaces the diffuse one. The colours of
-        their radiance-only steps would still show the reflection of the object.
-
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
+    def _contents(self) -> SceneContents:
         parts = {_BEFORE: self.before.parameters, _AFTER: self.after.parameters}
         if self.distilled is not None:
             parts[_DISTILLED] = self.distilled.parameters
         arrays = {part + name: a for part, p in parts.items() for name, a in arrays_of(p).items()}
         arrays |= {_DOUBTED + view: masks.doubted for view, masks in self.changed.items()}
         arrays |= {_UNSEEN + view: masks.unseen for view, masks in self.changed.items()}
-        store(folder, METHOD, {**self.before._facts, "target": self.target}, arrays)
-        export_colours(folder, parts[_DISTILLED] if self.distilled is not None else _scattered(self.after))
+        return SceneContents(METHOD, {**self.before.facts, "target": self.target}, arrays)
+
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        def part(name: str) -> SceneContents:
+            own = {k.removeprefix(name): a for k, a in saved.arrays.items() if k.startswith(name)}
+            return saved._replace(arrays=own)
+
+        before, after = (GlossyScene._restored(part(name), folder) for name in (_BEFORE, _AFTER))
+        colours = DistilledScene._restored(part(_DISTILLED), folder) if before.settings.distilled else None
+        doubted, unseen = part(_DOUBTED).arrays, part(_UNSEEN).arrays
+        changed = {view: RemovalMasks(doubted[view], unseen[view]) for view in sorted(doubted)}
+        return cls(before, after, int(saved.facts["target"]), colours, changed)
+
+    def _export(self, path: Path) -> None:
+        """Write what is left."""
+        (self.after if self.distilled is None else self.distilled)._export(path)
 
 
 def _scattered(scene: GlossyScene) -> Parameters:
@@ -162,23 +172,3 @@ def _scattered(scene: GlossyScene) -> Parameters:
     own[COEFFICIENTS] = torch.where(glossy[:, None, None], even[:, None].float(), own[COEFFICIENTS])
     own[DETAIL] = torch.where(glossy[:, None, None], 0.0, own[DETAIL])
     return Parameters(own, scene.parameters.shared)
-
-
-def load_scene(folder: Path) -> GorisScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, METHOD)
-    settings = decode_json(GorisSettings, facts["settings"], MethodError, "settings")
-    exposure, extent = float(facts["exposure"]), float(facts["extent"])
-
-    def parameters(part: str) -> Parameters:
-        return parameters_from({k.removeprefix(part): a for k, a in arrays.items() if k.startswith(part)})
-
-    before, after = (GlossyScene(parameters(part), settings, exposure, extent) for part in (_BEFORE, _AFTER))
-    colours = DistilledScene(METHOD, parameters(_DISTILLED), exposure) if settings.distilled else None
-    views = sorted(name.removeprefix(_DOUBTED) for name in arrays if name.startswith(_DOUBTED))
-    changed = {view: RemovalMasks(arrays[_DOUBTED + view], arrays[_UNSEEN + view]) for view in views}
-    return GorisScene(before, after, int(facts["target"]), colours, changed)

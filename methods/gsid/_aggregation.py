@@ -21,8 +21,8 @@ from graycard.methods.gsid._lights import (
     lamps_from,
     sky_from,
 )
-from graycard.methods.gsid._model import Picture, Reach
-from graycard.methods.gsid._objective import Shot
+from graycard.methods.gsid._model import LitPicture, Reach
+from graycard.methods.gsid._objective import DeferredView
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of
 from graycard.methods.splat import FitState
@@ -46,7 +46,7 @@ class Lack:
 @torch.no_grad()
 def aggregated(
     state: FitState,
-    shots: Sequence[Shot],
+    shots: Sequence[DeferredView],
     reach: Sequence[Reach],
     settings: GsidSettings,
     extent: float,
@@ -84,16 +84,16 @@ def aggregated(
 
 def _shaded(
     values: Mapping[str, torch.Tensor],
-    shot: Shot,
+    shot: DeferredView,
     reach: Reach,
     settings: GsidSettings,
     extent: float,
-) -> Picture:
+) -> LitPicture:
     lights = lamps_from(values), surroundings_of(sky_from(values))
     return draw(values, shot.ground, lights, reach, settings, extent)
 
 
-def largest_lack(shots: Sequence[Shot], pictures: Sequence[Picture], extent: float) -> Lack:
+def largest_lack(shots: Sequence[DeferredView], pictures: Sequence[LitPicture], extent: float) -> Lack:
     """Where photographs are brighter than pictures by most, over a few pixels."""
     missing = torch.stack([_blurred(s.linear - p.whole) for s, p in zip(shots, pictures, strict=True)])
     covered = torch.stack([shot.ground.drawn.alpha > 0.9 for shot in shots])

@@ -13,7 +13,7 @@ from graycard.methods.gsid._model import (
     ROUGHNESS,
     SHADOW,
     Ground,
-    Picture,
+    LitPicture,
     Pixels,
     Reach,
     picture_of,
@@ -48,7 +48,7 @@ def draw(
     extent: float,
     *,
     apart: bool = True,
-) -> Picture:
+) -> LitPicture:
     """A view of shape ``(H, W)``.
 
     Args:
@@ -86,7 +86,7 @@ def _seen_surfels(values: Mapping[str, torch.Tensor], ground: Ground) -> Pixels:
     return Pixels(material, values[SHADOW], surfels.centres, normal, eye, values[OPEN], whole)
 
 
-def _drawn(lit: Picture, surfels: Surfels, ground: Ground, surroundings: Surroundings) -> Picture:
+def _drawn(lit: LitPicture, surfels: Surfels, ground: Ground, surroundings: Surroundings) -> LitPicture:
     """The light that surfels send, drawn, and the surroundings behind them."""
     parts = lit.by_lamp, lit.by_sky[:, None], lit.by_way, lit.irradiance
     sizes = [part.shape[1] for part in parts]
@@ -95,4 +95,4 @@ def _drawn(lit: Picture, surfels: Surfels, ground: Ground, surroundings: Surroun
     by_lamp, by_sky, by_way, irradiance = drawn.features.unflatten(-1, (-1, 3)).split(sizes, dim=-2)
     behind = look_up(surroundings.skies[0], -ground.eye)
     by_sky = by_sky[..., 0, :] + (1 - drawn.alpha[..., None]) * behind
-    return Picture(by_lamp, by_sky, by_way, irradiance)
+    return LitPicture(by_lamp, by_sky, by_way, irradiance)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from graycard import Capture, MethodError, Progress
+from graycard import MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._candidates import SAMPLES, ByWay, Samples, enough_cover, find_lights
 from graycard.methods.gsid._draw import reach_in_view
-from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
     AXES,
@@ -38,7 +38,7 @@ from graycard.methods.gsid._model import (
     matte_of,
     pixels_of,
 )
-from graycard.methods.gsid._objective import Objective, Shot, shots_of
+from graycard.methods.gsid._objective import DeferredView, GsidObjective, deferred_views
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import (
     Material,
@@ -50,23 +50,23 @@ from graycard.methods.shading import (
 from graycard.methods.splat import (
     GEOMETRY,
     FitState,
+    LearningRateSchedule,
     Parameters,
-    Plan,
-    Rate,
     Surfels,
+    TrainConfig,
     initial_state,
-    scene_extent,
     surfels_of,
     train,
 )
+from graycard.methods.surfels import FitTask
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class LightStage:
     """What the second stage looks at, and does not move."""
 
     surfels: Surfels
-    shots: Sequence[Shot]
+    shots: Sequence[DeferredView]
     settings: GsidSettings
     extent: float
     seed: int
@@ -80,44 +80,36 @@ class Stage:
 
 
 def fit_lights(
-    capture: Capture,
-    geometry: Parameters,
-    guesses: Sequence[Guess],
-    settings: GsidSettings,
-    seed: int,
-    progress: Progress,
+    task: FitTask[GsidSettings], geometry: Parameters, guesses: Sequence[MaterialGuess]
 ) -> Parameters:
-    """Materials and lights that explain the training photographs.
+    """Fit materials and lights that explain the training photographs.
 
     Args:
-        capture: The photographs.
+        task: The photographs, the settings and the seed of the order of views and of the samples.
         geometry: Of the first stage; it stays.
-        guesses: What the prior says, one a view.
-        settings: Of the fit.
-        seed: Of the order of views and of the samples.
-        progress: Called now and then.
+        guesses: Answers of the prior, one a view.
 
     Raises:
         MethodError: Surfels cover nothing, or the fit has no way on.
     """
+    capture, settings, seed, extent = task.capture, task.settings, task.seed, task.extent
     surfels = surfels_of(geometry.surfels)
-    extent = scene_extent([view.camera for view in capture.train])
     eyes = torch.tensor(np.array([view.camera.position for view in capture.train])).float()
     normals = outward(surfels, eyes)
     opened = sky_visibility(surfels, normals, extent) if settings.occlusion else torch.ones(len(surfels))
     grounds = [ground_of(surfels, view.camera, opened) for view in capture.train]
     between = bounces_between(surfels, normals, extent) if settings.bounces else None
-    stage = Stage(surfels, shots_of(capture, grounds, guesses), settings, extent, seed, between)
+    stage = LightStage(surfels, deferred_views(capture, grounds, guesses), settings, extent, seed, between)
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
     surface |= first_materials(surfels, normals, stage.shots) | {SIDE: lit_side(surfels, normals)}
     samples = _samples(surface, stage, eyes)
     by_way = None if stage.bounces is None else _by_way(surface, samples, stage.bounces)
     lights = find_lights(samples, surfels, settings, extent, by_way)
     parameters = Parameters(surface, first_lights(lights, settings))
-    return _trained(initial_state(parameters, seed), stage, progress).parameters
+    return _trained(initial_state(parameters, seed), stage, task.progress).parameters
 
 
-def check_told(guesses: Sequence[Guess], settings: GsidSettings) -> None:
+def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None:
     """Refuse to keep the materials of a prior that knows none.
 
     Raises:
@@ -135,22 +127,22 @@ def check_told(guesses: Sequence[Guess], settings: GsidSettings) -> None:
         )
 
 
-def _trained(state: FitState, stage: Stage, progress: Progress) -> FitState:
+def _trained(state: FitState, stage: LightStage, progress: Progress) -> FitState:
     """In chunks: before each, rays are traced to where the lamps are then."""
     settings = stage.settings
     every = max(1, round(settings.aggregate_every * stage.steps))
-    plan = Plan(stage.steps, learning_rates(stage.extent, settings), stage.extent)
+    config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
     while state.step < stage.steps:
         reach = reach_in(stage, state.parameters)
         if 0 < state.step <= settings.aggregate_until * stage.steps:
             state = aggregated(state, stage.shots, reach, settings, stage.extent)
             reach = reach_in(stage, state.parameters)
-        objective = Objective(stage.shots, reach, settings, stage.extent, stage.seed)
-        state = train(state, replace(plan, until=state.step + every), objective, progress)
+        objective = GsidObjective(stage.shots, reach, settings, stage.extent, stage.seed)
+        state = train(state, replace(config, until=state.step + every), objective, progress)
     return state
 
 
-def reach_in(stage: Stage, parameters: Parameters) -> list[Reach]:
+def reach_in(stage: LightStage, parameters: Parameters) -> list[Reach]:
     """What arrives of the lights in each training view."""
     reached = bounced = None
     if stage.settings.visibility == "traced":
@@ -166,22 +158,22 @@ def reach_in(stage: Stage, parameters: Parameters) -> list[Reach]:
     return [reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots]
 
 
-def learning_rates(extent: float, settings: GsidSettings) -> dict[str, Rate]:
+def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningRateSchedule]:
     """By the names of parameters, for a scene of an extent in metres (all inferred)."""
     windows = ((settings.material_start, 1.0),)
     materials = {
-        BASE_COLOR: Rate(4e-2, 1e-2, windows),
-        ROUGHNESS: Rate(2e-2, 5e-3, windows),
-        METALLIC: Rate(2e-2, 5e-3, windows),
+        BASE_COLOR: LearningRateSchedule(4e-2, 1e-2, windows),
+        ROUGHNESS: LearningRateSchedule(2e-2, 5e-3, windows),
+        METALLIC: LearningRateSchedule(2e-2, 5e-3, windows),
     }
     rates = {
-        POSITIONS: Rate(5e-3, 1e-3).times(extent),
-        AXES: Rate(2e-2, 5e-3),
-        SHARPNESS: Rate(2e-2, 5e-3),
-        AMPLITUDES: Rate(3e-2, 5e-3),
-        SKY: Rate(2e-2, 5e-3),
+        POSITIONS: LearningRateSchedule(5e-3, 1e-3).times(extent),
+        AXES: LearningRateSchedule(2e-2, 5e-3),
+        SHARPNESS: LearningRateSchedule(2e-2, 5e-3),
+        AMPLITUDES: LearningRateSchedule(3e-2, 5e-3),
+        SKY: LearningRateSchedule(2e-2, 5e-3),
     }
-    rates |= {SHADOW: Rate(2e-2)} if settings.visibility.startswith("vector") else {}
+    rates |= {SHADOW: LearningRateSchedule(2e-2)} if settings.visibility.startswith("vector") else {}
     return rates | (materials if settings.materials == "fitted" else {})
 
 
@@ -192,7 +184,7 @@ def _by_way(surface: dict[str, torch.Tensor], samples: Samples, bounces: Bounces
 
 
 @torch.no_grad()
-def _samples(surface: dict[str, torch.Tensor], stage: Stage, eyes: torch.Tensor) -> Samples:
+def _samples(surface: dict[str, torch.Tensor], stage: LightStage, eyes: torch.Tensor) -> Samples:
     """Some pixels of all training views, with the materials that surfels begin with."""
     parts: list[tuple[torch.Tensor, ...]] = []
     for shot in stage.shots:

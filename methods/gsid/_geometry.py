@@ -6,25 +6,21 @@ from dataclasses import dataclass
 
 import torch
 
-from graycard import Capture, Progress
-from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.splat import (
-    Look,
+    LossResult,
     Maps,
     Parameters,
-    Plan,
     image_radius,
-    initial_state,
     photometric_map,
     rasterize,
-    scene_extent,
     surfels_of,
-    train,
     view_at,
 )
 from graycard.methods.surfels import (
-    Photograph,
+    EncodedPhotograph,
+    FitTask,
     SurfelSettings,
     colours,
     composed,
@@ -40,21 +36,18 @@ DEGREE = 2
 _DEGREE_EVERY = 1 / 10
 
 
-def fit_geometry(
-    capture: Capture, guesses: Sequence[Guess], settings: GsidSettings, seed: int, progress: Progress
-) -> Parameters:
-    """Surfels that show the training photographs.
+def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[MaterialGuess]) -> Parameters:
+    """Fit surfels that show the training photographs.
 
     Raises:
         MethodError: There are too few sparse points, or the fit has no way on.
     """
-    surfel_settings = _surfel_settings(settings)
-    extent = scene_extent([view.camera for view in capture.train])
-    views = photographs(capture, surfel_settings)
-    rates, rules = learning_rates(extent, surfel_settings), density_rules(settings.surfels)
-    plan = Plan(settings.geometry_steps, rates, extent, rules)
-    state = initial_state(sparse_start(capture, surfel_settings, seed), seed)
-    return train(state, plan, GeometryObjective(views, guesses, settings, seed), progress).parameters
+    settings, surface = task.settings, _surfel_settings(task.settings)
+    views = photographs(task.capture, surface)
+    rates, rules = learning_rates(task.extent, surface), density_rules(settings.surfels)
+    config = task.config(settings.geometry_steps, rates, rules)
+    objective = GeometryObjective(views, guesses, settings, task.seed)
+    return task.train(sparse_start(task.capture, surface, task.seed), config, objective)
 
 
 def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
@@ -67,13 +60,13 @@ def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
 class GeometryObjective:
     """The loss of one view a step."""
 
-    views: Sequence[Photograph]
-    guesses: Sequence[Guess]
+    views: Sequence[EncodedPhotograph]
+    guesses: Sequence[MaterialGuess]
     """One a view."""
     settings: GsidSettings
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view, share = self.views[number], step / settings.geometry_steps
@@ -85,7 +78,7 @@ class GeometryObjective:
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
         loss = loss + self._agreement(drawn, number, share)
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, image_radius(values, view.camera), size)
+        return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _agreement(self, drawn: Maps, number: int, share: float) -> torch.Tensor:
         """Of the surfels with each other, and with the prior's normals."""

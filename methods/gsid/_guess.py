@@ -14,7 +14,7 @@ ASKS = tuple(Ask(kind, optional=True) for kind in KINDS)
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
+class MaterialGuess:
     """Layers of a view as a prior sees them, float32; None where it says nothing."""
 
     normal: torch.Tensor | None = None
@@ -27,7 +27,7 @@ class Guess:
     """Shape ``(H, W)``, [0, 1]."""
 
 
-def guesses_of(capture: Capture, priors: Priors) -> list[Guess]:
+def guesses_of(capture: Capture, priors: Priors) -> list[MaterialGuess]:
     """What the prior says when it sees the training photographs, exposed; what it does not know is None.
 
     Raises:
@@ -41,5 +41,5 @@ def guesses_of(capture: Capture, priors: Priors) -> list[Guess]:
             for kind in KINDS
             if kind in priors.kinds
         }
-        found.append(Guess(**answers))
+        found.append(MaterialGuess(**answers))
     return found

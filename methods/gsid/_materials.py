@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import torch
 
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW
-from graycard.methods.gsid._objective import Shot
+from graycard.methods.gsid._objective import DeferredView
 from graycard.methods.splat import Surfels, gather
 
 NEUTRAL = {BASE_COLOR: 0.4, ROUGHNESS: 0.6, METALLIC: 0.1}
@@ -16,7 +16,7 @@ _INSIDE = 0.02
 
 
 def first_materials(
-    surfels: Surfels, normals: torch.Tensor, shots: Sequence[Shot]
+    surfels: Surfels, normals: torch.Tensor, shots: Sequence[DeferredView]
 ) -> dict[str, torch.Tensor]:
     """Parameters of surfels before the second stage.
 
@@ -40,7 +40,7 @@ def first_materials(
 
 
 def _means(
-    surfels: Surfels, images: Sequence[tuple[Shot, torch.Tensor]], channels: int, otherwise: float
+    surfels: Surfels, images: Sequence[tuple[DeferredView, torch.Tensor]], channels: int, otherwise: float
 ) -> torch.Tensor:
     """Of the pixels in which each surfel is drawn, weighted as it is drawn, shape ``(N, channels)``."""
     total = torch.full((len(surfels), channels + 1), 1e-3)

@@ -1,53 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """``gsid`` (Du et al., ICCV 2025), and ``gsir`` (Liang et al., CVPR 2024), of which it is a successor."""
 
-from pathlib import Path
-
-from graycard import Capture, Progress
-from graycard.methods._contract import Ask, Priors
+from graycard.methods._contract import Ask
 from graycard.methods.gsid._fit import check_told, fit_lights
 from graycard.methods.gsid._geometry import fit_geometry
 from graycard.methods.gsid._guess import ASKS, guesses_of
-from graycard.methods.gsid._scene import GSID, GSIR, GsidScene, load_scene
+from graycard.methods.gsid._scene import GSID, GSIR, GsidScene
 from graycard.methods.gsid._settings import GsidSettings, GsirSettings
-from graycard.methods.splat import scene_extent
-from graycard.methods.surfels import check_photographs, check_places
+from graycard.methods.surfels import FitTask, SceneMethod, check_photographs, check_places
 
 
-class GsidMethod:
+class GsidMethod(SceneMethod[GsidSettings, GsidScene]):
     """Surfels with materials under local lamps of spherical Gaussians and an environment."""
 
+    name = GSID
     summary = "surfels with materials under local lamps of spherical Gaussians and an environment (GS-ID)"
-    needs: tuple[str, ...] = ()
     asks: tuple[Ask, ...] = ASKS
     settings_type: type[GsidSettings] = GsidSettings
-    name = GSID
+    scene_type = GsidScene
+    checks = (check_places, check_photographs)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: GsidSettings, seed: int, progress: Progress
-    ) -> GsidScene:
-        """Fit surfels, then materials and lights on them, to the training photographs.
-
-        Raises:
-            MethodError: All views are from one place, photographs are black or not finite, there are too
-                few sparse points, an answer of the prior is not sound, or the fit has no way on.
-        """
-        check_places(capture)
-        check_photographs(capture)
-        guesses = guesses_of(capture, priors)
-        check_told(guesses, settings)
-        geometry = fit_geometry(capture, guesses, settings, seed, progress)
-        parameters = fit_lights(capture, geometry, guesses, settings, seed, progress)
-        extent = scene_extent([view.camera for view in capture.train])
-        return GsidScene(parameters, settings, capture.exposure, extent, self.name)
-
-    def load(self, folder: Path) -> GsidScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, self.name, self.settings_type)
+    def _fitted(self, task: FitTask[GsidSettings]) -> GsidScene:
+        guesses = guesses_of(task.capture, task.priors)
+        check_told(guesses, task.settings)
+        geometry = fit_geometry(task, guesses)
+        parameters = fit_lights(task, geometry, guesses)
+        return GsidScene(parameters, task.settings, task.capture.exposure, task.extent, self.name)
 
 
 class GsirMethod(GsidMethod):

@@ -170,7 +170,7 @@ def _drawn(surfels: Surfels, values: torch.Tensor, ground: Ground) -> torch.Tens
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class LitPicture:
     """Exposed radiance of pixels, each of shape ``(..., 3)``, or ``(..., K, 3)`` by lamp."""
 
     by_lamp: torch.Tensor
@@ -182,16 +182,16 @@ class Picture:
     irradiance: torch.Tensor
     """Of the lamps on surfaces that face them, blocked light left out."""
 
-    def at(self, rows: torch.Tensor) -> "Picture":
+    def at(self, rows: torch.Tensor) -> "LitPicture":
         """Some pixels of a view, by their numbers row by row."""
         parts = (self.by_lamp, self.by_sky, self.by_way, self.irradiance)
-        return Picture(*(part.flatten(0, 1)[rows] for part in parts))
+        return LitPicture(*(part.flatten(0, 1)[rows] for part in parts))
 
-    def merged(self) -> "Picture":
+    def merged(self) -> "LitPicture":
         """With all lamps as one."""
         lamps = (part.sum(dim=-2, keepdim=True) for part in (self.by_lamp, self.irradiance))
         by_lamp, irradiance = lamps
-        return Picture(by_lamp, self.by_sky, self.by_way, irradiance)
+        return LitPicture(by_lamp, self.by_sky, self.by_way, irradiance)
 
     @property
     def whole(self) -> torch.Tensor:
@@ -206,7 +206,7 @@ def picture_of(
     reach: Reach,
     form: Visibility,
     extent: float,
-) -> Picture:
+) -> LitPicture:
     """Light on pixels.
 
     Args:
@@ -232,4 +232,4 @@ def picture_of(
     by_way = by_sky.new_zeros(*by_sky.shape[:-1], 0, 3)
     if reach.bounced is not None:
         by_way = (cover * material.diffuse / torch.pi)[..., None, :] * reach.bounced
-    return Picture(cover[..., None] * by_lamp, by_sky, by_way, arrival.facing)
+    return LitPicture(cover[..., None] * by_lamp, by_sky, by_way, arrival.facing)

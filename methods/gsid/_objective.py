@@ -9,17 +9,17 @@ import torch
 
 from graycard import Capture
 from graycard.methods.gsid._draw import draw
-from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import lamps_from, sky_from
-from graycard.methods.gsid._model import Ground, Picture, Pixels, Reach, picture_of, pixels_of
+from graycard.methods.gsid._model import Ground, LitPicture, Pixels, Reach, picture_of, pixels_of
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of, unevenness, unevenness_but_for_edges
-from graycard.methods.splat import Look, view_at
-from graycard.methods.surfels import encode
+from graycard.methods.splat import LossResult, view_at
+from graycard.methods.surfels import srgb_encode_tensor
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class DeferredView:
     """A training view as the second stage looks at it."""
 
     linear: torch.Tensor
@@ -27,37 +27,39 @@ class Shot:
     shown: torch.Tensor
     """The same, encoded for a display."""
     ground: Ground
-    guess: Guess
+    guess: MaterialGuess
 
 
-def shots_of(capture: Capture, grounds: Sequence[Ground], guesses: Sequence[Guess]) -> list[Shot]:
+def deferred_views(
+    capture: Capture, grounds: Sequence[Ground], guesses: Sequence[MaterialGuess]
+) -> list[DeferredView]:
     """The training views, exposed."""
     found = []
     for view, ground, guess in zip(capture.train, grounds, guesses, strict=True):
         linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
-        found.append(Shot(linear, encode(linear), ground, guess))
+        found.append(DeferredView(linear, srgb_encode_tensor(linear), ground, guess))
     return found
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class GsidObjective:
     """The loss of one view a step."""
 
-    shots: Sequence[Shot]
+    shots: Sequence[DeferredView]
     reach: Sequence[Reach]
     """One a view."""
     settings: GsidSettings
     extent: float
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         number, settings = view_at(step, len(self.shots), self.seed), self.settings
         shot, sky = self.shots[number], sky_from(values)
         whole = pixels_of(values, shot.ground)
         rows = self._rows(shot, step)
         picture = self._picture(values, whole, rows, number)
-        loss = (encode(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
+        loss = (srgb_encode_tensor(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
         loss = loss + prior_loss(whole, shot, settings)
         if settings.smooth_weight > 0:
             loss = loss + settings.smooth_weight * unevenness_but_for_edges(
@@ -65,11 +67,11 @@ class Objective:
             )
         loss = loss + settings.matte_weight * (1 - whole.material.roughness + whole.material.metallic).mean()
         loss = loss + settings.lamp_weight * few(picture.irradiance)
-        return Look(loss + settings.sky_weight * unevenness(sky))
+        return LossResult(loss + settings.sky_weight * unevenness(sky))
 
     def _picture(
         self, values: Mapping[str, torch.Tensor], whole: Pixels, rows: torch.Tensor, number: int
-    ) -> Picture:
+    ) -> LitPicture:
         """Some pixels of a view under the lights, row by row."""
         lights = lamps_from(values), surroundings_of(sky_from(values))
         reach, settings = self.reach[number], self.settings
@@ -77,7 +79,7 @@ class Objective:
             return picture_of(whole.at(rows), *lights, reach.at(rows), settings.visibility, self.extent)
         return draw(values, self.shots[number].ground, lights, reach, settings, self.extent).at(rows)
 
-    def _rows(self, shot: Shot, step: int) -> torch.Tensor:
+    def _rows(self, shot: DeferredView, step: int) -> torch.Tensor:
         """Pixels that are shaded at a step, as the seed decides."""
         count = shot.shown.shape[0] * shot.shown.shape[1]
         random = np.random.default_rng([self.seed, step])
@@ -98,7 +100,7 @@ def material_image(pixels: Pixels) -> torch.Tensor:
     )
 
 
-def prior_loss(pixels: Pixels, shot: Shot, settings: GsidSettings) -> torch.Tensor:
+def prior_loss(pixels: Pixels, shot: DeferredView, settings: GsidSettings) -> torch.Tensor:
     """Weighted mean absolute differences to what the prior says, over what surfels cover."""
     material, guess, loss = pixels.material, shot.guess, torch.zeros(())
     cover = pixels.cover

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import torch
@@ -12,8 +13,7 @@ import torch
 from graycard import Camera, Composition, EnvironmentLight, Light, MethodError
 from graycard.io import from_builtins as decode_json
 from graycard.io import to_builtins
-from graycard.methods._contract import Guest, check_layers
-from graycard.methods._store import restore, store
+from graycard.methods._contract import Guest
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._draw import draw, light_evaluations, reach_in_view
 from graycard.methods.gsid._guest import with_guest
@@ -23,7 +23,7 @@ from graycard.methods.gsid._model import (
     OPEN,
     SOFTEN,
     Ground,
-    Picture,
+    LitPicture,
     Pixels,
     Reach,
     ground_of,
@@ -31,9 +31,9 @@ from graycard.methods.gsid._model import (
     matte_of,
     pixels_of,
 )
-from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.gsid._settings import GsidSettings, GsirSettings
 from graycard.methods.shading import (
-    Given,
+    GivenLights,
     Lamps,
     Shining,
     given_from_store,
@@ -44,11 +44,17 @@ from graycard.methods.shading import (
     surroundings_of,
     to_latitudes,
 )
-from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
-from graycard.methods.surfels import depth_layer, normal_layer
-from graycard.methods.surfels import encode as show
+from graycard.methods.splat import arrays_of, export_ply, parameters_from, surfels_of
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 GSID, GSIR = "gsid", "gsir"
+_SETTINGS: Mapping[str, type[GsidSettings]] = {GSID: GsidSettings, GSIR: GsirSettings}
 SKY_NAME, SKY_FILE = "sky", "environment.exr"
 HEIGHT = 64
 """Rows of the image of the surroundings."""
@@ -58,10 +64,9 @@ _ALWAYS = frozenset({"radiance", "base_color", "roughness", "metallic", "normal"
 
 
 @dataclass(frozen=True, eq=False)
-class GsidScene:
+class GsidScene(LayeredScene):
     """Surfels with materials, lit by lamps with places and by surroundings."""
 
-    parameters: Parameters
     settings: GsidSettings
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
@@ -69,7 +74,7 @@ class GsidScene:
     """Of the scene, metres."""
     method: str = GSID
     """Whose it is: what is saved says so."""
-    given: Given | None = None
+    given: GivenLights | None = None
     """None: the lights that were found."""
 
     @property
@@ -95,24 +100,13 @@ class GsidScene:
         lamps = lamps_from(self.parameters.all)[self._shining]
         return Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them.
-
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        check_layers(layers, self.provides)
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
         values = self.parameters.all
         ground = ground_of(surfels_of(values), camera, values[OPEN])
         pixels = pixels_of(values, ground)
-        found = self._surface_layers(ground, pixels) | self._light_layers(self._picture(ground))
-        return {name: found[name] for name in layers}
+        return self._surface_layers(ground, pixels) | self._light_layers(self._picture(ground))
 
-    def _picture(self, ground: Ground) -> Picture:
+    def _picture(self, ground: Ground) -> LitPicture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
         surroundings, reached, bounced = surroundings_of(self._sky), None, None
@@ -157,7 +151,7 @@ class GsidScene:
             "depth": depth_layer(ground.drawn),
         }
 
-    def _light_layers(self, picture: Picture) -> dict[str, np.ndarray]:
+    def _light_layers(self, picture: LitPicture) -> dict[str, np.ndarray]:
         whole = {"radiance": picture.whole.numpy()}
         if self.given is not None:
             return whole
@@ -227,33 +221,19 @@ class GsidScene:
         ground = ground_of(surfels_of(values), camera, values[OPEN])
         return {"light evaluations": light_evaluations(values, ground, self.settings)}
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
-
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
+    def _contents(self) -> SceneContents:
         facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
-        arrays = arrays_of(self.parameters) | given_arrays
-        store(folder, self.method, facts | given_facts, arrays)
+        return SceneContents(self.method, facts | given_facts, arrays_of(self.parameters) | given_arrays)
+
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        facts, arrays = saved.facts, dict(saved.arrays)
+        settings = decode_json(_SETTINGS[saved.method], facts["settings"], MethodError, "settings")
+        given = given_from_store(facts, arrays)
+        exposure, extent = float(facts["exposure"]), float(facts["extent"])
+        return cls(parameters_from(arrays), settings, exposure, extent, saved.method, given)
+
+    def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels
-        export_ply(Path(folder) / "surfels.ply", surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
-
-
-def load_scene(folder: Path, method: str, settings_type: type[GsidSettings]) -> GsidScene:
-    """A scene that was saved.
-
-    Args:
-        folder: Where.
-        method: Whose it has to be.
-        settings_type: Of that method.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, method)
-    settings = decode_json(settings_type, facts["settings"], MethodError, "settings")
-    given = given_from_store(facts, arrays)
-    exposure, extent = float(facts["exposure"]), float(facts["extent"])
-    return GsidScene(parameters_from(arrays), settings, exposure, extent, method, given)
+        export_ply(path, surfels_of(surfels), srgb_encode_tensor(surfels[BASE_COLOR].sigmoid()))

@@ -13,7 +13,7 @@ from graycard.io import sha256
 from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorModel, Priors, PriorSource
 from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
-from graycard.methods.priors._oracle import Oracle, truth_for
+from graycard.methods.priors._oracle import OraclePrior, truth_for
 from graycard.methods.priors._spec import KindSpec, PriorSpec, of_kind
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
@@ -123,7 +123,7 @@ def make_priors(
 def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
     """What answers about one kind; torch is loaded only for those that need it."""
     if spec.source == "oracle":
-        return Oracle(spec, truth, capture.exposure, capture.target)
+        return OraclePrior(spec, truth, capture.exposure, capture.target)
     if spec.source == "classical":
         from graycard.methods.priors._classical import Classical
 

@@ -62,7 +62,7 @@ def truth_for(ask: Ask) -> frozenset[str]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Oracle:
+class OraclePrior:
     """Answers about one kind from the truth.
 
     Of the scene without its target radiance and the layers of :data:`_TRUTH_OF_HOLES` are known; those of

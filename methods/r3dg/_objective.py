@@ -20,12 +20,19 @@ from graycard.methods.r3dg._light import (
 )
 from graycard.methods.r3dg._settings import R3dgSettings
 from graycard.methods.shading import look_up, unevenness, unevenness_but_for_edges
-from graycard.methods.splat import FeatureMaps, Look, photometric_map, rasterize_features, surfels_of, view_at
-from graycard.methods.surfels import encode
+from graycard.methods.splat import (
+    FeatureMaps,
+    LossResult,
+    photometric_map,
+    rasterize_features,
+    surfels_of,
+    view_at,
+)
+from graycard.methods.surfels import srgb_encode_tensor
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class ForwardView:
     """A training view as the second stage looks at it."""
 
     camera: Camera
@@ -39,24 +46,24 @@ class Shot:
     """Numbers of the surfels that may be seen."""
 
 
-def shot_of(camera: Camera, shown: torch.Tensor, values: Mapping[str, torch.Tensor]) -> Shot:
+def forward_view(camera: Camera, shown: torch.Tensor, values: Mapping[str, torch.Tensor]) -> ForwardView:
     """A view of surfels that stand still."""
     eye, rays = torch.tensor(camera.position).float(), torch.tensor(camera.rays()).float()
-    return Shot(camera, shown, eye, rays, in_view(values, camera))
+    return ForwardView(camera, shown, eye, rays, in_view(values, camera))
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class R3dgObjective:
     """The loss of one view a step."""
 
-    shots: Sequence[Shot]
+    shots: Sequence[ForwardView]
     directions: Directions
     settings: R3dgSettings
     first: int
     """Steps before this stage."""
     seed: int
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         settings = self.settings
         shot = self.shots[view_at(step + self.first, len(self.shots), self.seed)]
@@ -68,7 +75,7 @@ class Objective:
         drawn = drawn_layers(values, torch.cat([sent, arrived], dim=1), shot.rows, shot.camera)
         base, roughness, picture, light = drawn.features.split([3, 1, 3, 3], dim=-1)
         picture = picture + (1 - drawn.alpha[..., None]) * look_up(sky, shot.rays)
-        loss = photometric_map(encode(picture), shot.shown, settings.ssim_share).mean()
+        loss = photometric_map(srgb_encode_tensor(picture), shot.shown, settings.ssim_share).mean()
         for layer, weight in (
             (base, settings.base_color_smooth_weight),
             (roughness, settings.roughness_smooth_weight),
@@ -77,7 +84,7 @@ class Objective:
             loss = loss + weight * unevenness_but_for_edges(layer, shot.shown)
         colour = (arrived - arrived.mean(dim=-1, keepdim=True)).abs().sum() / max(1, arrived.numel())
         loss = loss + settings.white_weight * colour
-        return Look(loss + settings.sky_weight * unevenness(sky))
+        return LossResult(loss + settings.sky_weight * unevenness(sky))
 
 
 def drawn_layers(

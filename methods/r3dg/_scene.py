@@ -4,6 +4,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import torch
@@ -11,8 +12,6 @@ import torch
 from graycard import Camera, EnvironmentLight, Light, MethodError
 from graycard.io import from_builtins as decode_json
 from graycard.io import to_builtins
-from graycard.methods._contract import check_layers
-from graycard.methods._store import restore, store
 from graycard.methods.r3dg._light import (
     BASE_COLOR,
     ROUGHNESS,
@@ -29,7 +28,7 @@ from graycard.methods.r3dg._light import (
 from graycard.methods.r3dg._objective import drawn_layers
 from graycard.methods.r3dg._settings import R3dgSettings
 from graycard.methods.shading import (
-    Given,
+    GivenLights,
     Material,
     arriving,
     given_from_store,
@@ -40,9 +39,14 @@ from graycard.methods.shading import (
     look_up,
     to_latitudes,
 )
-from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, rasterize, surfels_of
-from graycard.methods.surfels import depth_layer, normal_layer
-from graycard.methods.surfels import encode as show
+from graycard.methods.splat import arrays_of, export_ply, parameters_from, rasterize, surfels_of
+from graycard.methods.surfels import (
+    LayeredScene,
+    SceneContents,
+    depth_layer,
+    normal_layer,
+    srgb_encode_tensor,
+)
 
 METHOD = "r3dg"
 OWN_SKY = EnvironmentLight("sky", "environment.exr")
@@ -55,17 +59,16 @@ _DIRECTIONS = ("normals", "toward", "through")
 
 
 @dataclass(frozen=True, eq=False)
-class R3dgScene:
+class R3dgScene(LayeredScene):
     """Surfels, each with a material and incident light of its own, under an environment."""
 
-    parameters: Parameters
     directions: Directions
     settings: R3dgSettings
     exposure: float
     """Factor from radiance to the range of the fit, 1/(W/m²/sr)."""
     extent: float
     """Of the scene, metres."""
-    given: Given | None = None
+    given: GivenLights | None = None
     """None: the light that was found."""
 
     @property
@@ -73,17 +76,7 @@ class R3dgScene:
         """Picture, material but for metals, and geometry."""
         return frozenset({"radiance", "base_color", "roughness", "normal", "depth"})
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them.
-
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        check_layers(layers, self.provides)
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
         values = self.parameters.all
         eye = torch.tensor(camera.position).float()
         rows = in_view(values, camera)
@@ -92,14 +85,13 @@ class R3dgScene:
         behind = look_up(self._sky, torch.tensor(camera.rays()).float())
         base, roughness, picture = drawn.features.split([3, 1, 3], dim=-1)
         cover = drawn.alpha[..., None]
-        found = {
+        return {
             "radiance": (picture + (1 - cover) * behind).numpy(),
             "base_color": (base / cover.clamp(min=_COVERED)).numpy(),
             "roughness": (roughness / cover.clamp(min=_COVERED))[..., 0].numpy(),
             "normal": normal_layer(geometry, camera),
             "depth": depth_layer(geometry),
         }
-        return {name: found[name] for name in layers}
 
     @property
     def _sky(self) -> torch.Tensor:
@@ -118,7 +110,9 @@ class R3dgScene:
         by_sky = returned(values, self.directions, incident, rows, eye)
         return by_sky + self._by_lamps(self.given, rows, eye, camera)
 
-    def _by_lamps(self, given: Given, rows: torch.Tensor, eye: torch.Tensor, camera: Camera) -> torch.Tensor:
+    def _by_lamps(
+        self, given: GivenLights, rows: torch.Tensor, eye: torch.Tensor, camera: Camera
+    ) -> torch.Tensor:
         values, surfels = self.parameters.all, surfels_of(self.parameters.surfels)
         lamps, centres = known_lamps(given.local, camera, PANEL), surfels.centres[rows]
         reached = lamp_visibility(surfels, centres, lamps.positions, self.extent)
@@ -156,32 +150,24 @@ class R3dgScene:
         """How often light is found for a picture: once a surfel that may be seen."""
         return {"light evaluations": len(in_view(self.parameters.all, camera))}
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and the base colour as a PLY that viewers of Gaussian splats read.
-
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
+    def _contents(self) -> SceneContents:
         facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
         rays = {name: getattr(self.directions, name).numpy() for name in _DIRECTIONS}
-        store(folder, METHOD, facts | given_facts, arrays_of(self.parameters) | given_arrays | rays)
+        return SceneContents(METHOD, facts | given_facts, arrays_of(self.parameters) | given_arrays | rays)
+
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        facts, arrays = saved.facts, dict(saved.arrays)
+        settings = decode_json(R3dgSettings, facts["settings"], MethodError, "settings")
+        given = given_from_store(facts, arrays)
+        if missing := [name for name in _DIRECTIONS if name not in arrays]:
+            raise MethodError(f"expected {', '.join(missing)} in {folder}, got none. Fit and save it again")
+        normals, toward, through = (torch.from_numpy(arrays.pop(name).copy()) for name in _DIRECTIONS)
+        directions = Directions(normals, toward, through, basis_of(toward))
+        exposure, extent = float(facts["exposure"]), float(facts["extent"])
+        return cls(parameters_from(arrays), directions, settings, exposure, extent, given)
+
+    def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels
-        export_ply(Path(folder) / "surfels.ply", surfels_of(surfels), show(surfels[BASE_COLOR].sigmoid()))
-
-
-def load_scene(folder: Path) -> R3dgScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, METHOD)
-    settings = decode_json(R3dgSettings, facts["settings"], MethodError, "settings")
-    given = given_from_store(facts, arrays)
-    if missing := [name for name in _DIRECTIONS if name not in arrays]:
-        raise MethodError(f"expected {', '.join(missing)} in {folder}, got none. Fit and save it again")
-    normals, toward, through = (torch.from_numpy(arrays.pop(name).copy()) for name in _DIRECTIONS)
-    directions = Directions(normals, toward, through, basis_of(toward))
-    exposure, extent = float(facts["exposure"]), float(facts["extent"])
-    return R3dgScene(parameters_from(arrays), directions, settings, exposure, extent, given)
+        export_ply(path, surfels_of(surfels), srgb_encode_tensor(surfels[BASE_COLOR].sigmoid()))

@@ -2,11 +2,11 @@
 """Removal of an object by radiance alone, the baselines of GOR-IS: no light transport and no materials."""
 
 from graycard.methods.removal._behind import NEAR as NEAR
-from graycard.methods.removal._behind import Shown as Shown
+from graycard.methods.removal._behind import RenderedView as RenderedView
 from graycard.methods.removal._behind import points_in_picture as points_in_picture
 from graycard.methods.removal._behind import views_behind as views_behind
+from graycard.methods.removal._filled import BackgroundPoints as BackgroundPoints
 from graycard.methods.removal._filled import Target as Target
-from graycard.methods.removal._filled import Wall as Wall
 from graycard.methods.removal._filled import targets_of as targets_of
 from graycard.methods.removal._grouping import GroupingMethod as GroupingMethod
 from graycard.methods.removal._method import KeepMethod as KeepMethod

@@ -33,7 +33,7 @@ class Behind:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class RenderedView:
     """What a camera sees of surfels, as :class:`Behind` has it."""
 
     picture: np.ndarray
@@ -43,7 +43,7 @@ class Shown:
 
 def views_behind(
     capture: Capture,
-    draw: Callable[[Camera], Shown],
+    draw: Callable[[Camera], RenderedView],
     masks: Sequence[np.ndarray],
     grow: float,
     effects: Sequence[np.ndarray] | None = None,
@@ -75,7 +75,7 @@ def views_behind(
     return found
 
 
-def drawn_colours(values: Mapping[str, torch.Tensor]) -> Callable[[Camera], Shown]:
+def drawn_colours(values: Mapping[str, torch.Tensor]) -> Callable[[Camera], RenderedView]:
     """What cameras see of coloured surfels: the picture, linear and in display range, over their sky.
 
     Args:
@@ -83,9 +83,9 @@ def drawn_colours(values: Mapping[str, torch.Tensor]) -> Callable[[Camera], Show
     """
 
     @torch.no_grad()
-    def draw(camera: Camera) -> Shown:
+    def draw(camera: Camera) -> RenderedView:
         layers = coloured_layers(values, all_colours(values, camera), camera, exposure=1.0)
-        return Shown(layers["radiance"].astype(np.float64), layers["depth"].astype(np.float64))
+        return RenderedView(layers["radiance"].astype(np.float64), layers["depth"].astype(np.float64))
 
     return draw
 

@@ -16,7 +16,7 @@ from graycard.methods.splat import depth_to_normals
 
 
 @dataclass(frozen=True, eq=False)
-class Wall:
+class BackgroundPoints:
     """Points of the background behind the object, as inpainted views show them."""
 
     points: np.ndarray
@@ -44,7 +44,9 @@ class Target:
     """What it is to show besides, by name, each ``(H, W)`` or ``(H, W, C)``."""
 
 
-def targets_of(behind: Sequence[Behind], priors: Priors, references: int) -> tuple[list[Target], Wall]:
+def targets_of(
+    behind: Sequence[Behind], priors: Priors, references: int
+) -> tuple[list[Target], BackgroundPoints]:
     """What views are to show, and the points that their holes show.
 
     Args:
@@ -93,7 +95,7 @@ def own_targets(behind: Sequence[Behind], filled: Mapping[int, Target]) -> list[
     return [filled.get(k, Target(one, one.picture, one.hole, one.layers)) for k, one in enumerate(behind)]
 
 
-def _wall(filled: Target) -> Wall:
+def _wall(filled: Target) -> BackgroundPoints:
     """The points in the hole of a filled view, on depths that go on from around it."""
     behind = filled.behind
     camera, hole = behind.view.camera, behind.hole
@@ -106,7 +108,7 @@ def _wall(filled: Target) -> Wall:
     shown = hole & np.isfinite(depth)
     points = camera.position + distance[shown][:, None] * rays[shown]
     layers = {name: layer[shown] for name, layer in filled.layers.items()}
-    return Wall(points, normals[shown], filled.picture[shown], distance[shown], layers)
+    return BackgroundPoints(points, normals[shown], filled.picture[shown], distance[shown], layers)
 
 
 def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
@@ -133,7 +135,7 @@ def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
     return np.where(told, 1 / np.where(told, filled, 1.0), np.where(hole, np.inf, depth))
 
 
-def _told(behind: Behind, wall: Wall) -> Target:
+def _told(behind: Behind, wall: BackgroundPoints) -> Target:
     """A view as the wall tells it: its nearest points, each in the pixel that it falls into."""
     camera = behind.view.camera
     rows, columns, nearest = seen_points(camera, wall.points)
@@ -164,11 +166,13 @@ def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     return pixels // camera.width, pixels % camera.width, numbers[order][first]
 
 
-def _joined(walls: Sequence[Wall]) -> Wall:
+def _joined(walls: Sequence[BackgroundPoints]) -> BackgroundPoints:
     """All points; none of no walls."""
     if not walls:
         nothing = np.zeros((0, 3))
-        return Wall(nothing, nothing, nothing, np.zeros(0))
+        return BackgroundPoints(nothing, nothing, nothing, np.zeros(0))
     names = ("points", "normals", "colours", "distances")
     layers = {name: np.concatenate([wall.layers[name] for wall in walls]) for name in walls[0].layers}
-    return Wall(*(np.concatenate([getattr(wall, name) for wall in walls]) for name in names), layers)
+    return BackgroundPoints(
+        *(np.concatenate([getattr(wall, name) for wall in walls]) for name in names), layers
+    )

@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """``grouping``: identities of surfels are learnt, and the background behind the object grows from its rim."""
 
-from pathlib import Path
-
 import numpy as np
 import torch
 from scipy.spatial import KDTree
 
-from graycard import Capture, Progress
-from graycard.methods._contract import Priors
 from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import Target, filled_views, own_targets
 from graycard.methods.removal._identity import (
@@ -18,7 +14,7 @@ from graycard.methods.removal._identity import (
     with_identities,
     without_identities,
 )
-from graycard.methods.removal._scene import RemovalScene, load_scene
+from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import GroupingSettings
 from graycard.methods.removal._stages import (
     ASKS,
@@ -32,15 +28,13 @@ from graycard.methods.splat import (
     CENTRES,
     ROTATIONS,
     Parameters,
-    Plan,
-    initial_state,
     joined_surfels,
-    scene_extent,
     surfels_of,
-    train,
 )
 from graycard.methods.surfels import (
-    Objective,
+    FitTask,
+    SceneMethod,
+    SurfelObjective,
     density_rules,
     fit_checkpoint,
     learning_rates,
@@ -49,7 +43,7 @@ from graycard.methods.surfels import (
 )
 
 
-class GroupingMethod:
+class GroupingMethod(SceneMethod[GroupingSettings, RemovalScene]):
     """Surfels learn identities, and every view is inpainted for itself (Gaussian Grouping, Ye et al. 2024).
 
     Unlike :class:`RemovalMethod` it has no points behind the object: new surfels begin as the mean of those
@@ -58,65 +52,41 @@ class GroupingMethod:
 
     name = "grouping"
     summary = "2D Gaussian surfels with learnt identities; every view inpainted (Gaussian Grouping)"
-    needs = ()
     asks = ASKS
     settings_type = GroupingSettings
+    scene_type = RemovalScene
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: GroupingSettings, seed: int, progress: Progress
-    ) -> RemovalScene:
-        """Fit surfels and identities, remove the object's, and fit the rest to inpainted views.
-
-        Raises:
-            MethodError: As of :meth:`RemovalMethod.fit`.
-        """
-        masks = checked_for_removal(capture, priors, settings, seed, self.name, settings)
-        fitted = identified(capture, masks, settings, seed, progress, self.name)
+    def _fitted(self, task: FitTask[GroupingSettings]) -> RemovalScene:
+        """Fit surfels and identities, remove the object's, and fit the rest to inpainted views."""
+        capture, settings = task.capture, task.settings
+        masks = checked_for_removal(task, self.name, settings)
+        fitted = identified(task, masks, self.name)
         theirs, before = named_surfels(fitted, settings), without_identities(fitted)
         left, gone = before.take(~theirs), before.surfels[CENTRES][theirs]
         behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
-        targets = own_targets(behind, filled_views(behind, priors))
+        targets = own_targets(behind, filled_views(behind, task.priors))
         views = [shown(target, pixel_weights(target, settings.inside_share), settings) for target in targets]
         start = with_means(left, gone, settings.neighbours)
-        rules = density_rules(settings.surfels)
-        after = second_stage(start, views, settings, seed, progress, rules)
+        after = second_stage(task, start, views, density_rules(settings.surfels))
         return decomposition(self.name, capture, before, after)
 
-    def load(self, folder: Path) -> RemovalScene:
-        """A saved decomposition.
 
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, self.name)
-
-
-def identified(
-    capture: Capture,
-    masks: list[np.ndarray],
-    settings: GroupingSettings,
-    seed: int,
-    progress: Progress,
-    method: str,
-) -> Parameters:
-    """Surfels of the whole scene, the object included, and their identities.
+def identified(task: FitTask[GroupingSettings], masks: list[np.ndarray], method: str) -> Parameters:
+    """Fit surfels of the whole scene, the object included, and their identities.
 
     Raises:
         MethodError: There are too few sparse points, or the loss or a gradient is not finite.
     """
+    capture, settings, seed = task.capture, task.settings, task.seed
     views, classes = photographs(capture, settings), [torch.from_numpy(mask).long() for mask in masks]
-    extent = scene_extent([view.camera for view in views])
     looked_at = [(v.camera, part) for v, c in zip(views, classes, strict=True) for part in (v.encoded, c)]
-    plan = Plan(
-        settings.iterations,
-        learning_rates(extent, settings) | identity_rates(settings),
-        extent,
-        density_rules(settings.surfels),
-        fit_checkpoint(method, settings, seed, looked_at),
+    rates = learning_rates(task.extent, settings) | identity_rates(settings)
+    checkpoint = fit_checkpoint(method, settings, seed, looked_at)
+    config = task.config(settings.iterations, rates, density_rules(settings.surfels), checkpoint)
+    objective = IdentityObjective(SurfelObjective(views, settings, seed), classes, settings)
+    return task.train(
+        with_identities(sparse_start(capture, settings, seed), settings, seed), config, objective
     )
-    objective = IdentityObjective(Objective(views, settings, seed), classes, settings)
-    start = with_identities(sparse_start(capture, settings, seed), settings, seed)
-    return train(initial_state(start, seed), plan, objective, progress).parameters
 
 
 def named_surfels(fitted: Parameters, settings: GroupingSettings) -> torch.Tensor:

@@ -19,14 +19,14 @@ from graycard.methods.removal._settings import GroupingSettings
 from graycard.methods.splat import (
     CENTRES,
     GEOMETRY,
-    Look,
+    LearningRateSchedule,
+    LossResult,
     Parameters,
-    Rate,
     rasterize_features,
     surfels_of,
     view_at,
 )
-from graycard.methods.surfels import Objective
+from graycard.methods.surfels import SurfelObjective
 
 IDENTITIES = "identities"
 """Parameter of the surfels, shape ``(N, D)``."""
@@ -62,10 +62,10 @@ def without_identities(parameters: Parameters) -> Parameters:
     return Parameters(surfels, shared)
 
 
-def identity_rates(settings: GroupingSettings) -> dict[str, Rate]:
+def identity_rates(settings: GroupingSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters."""
-    classifier = Rate(settings.classifier_rate)
-    return {IDENTITIES: Rate(settings.identity_rate), WEIGHTS: classifier, BIASES: classifier}
+    classifier = LearningRateSchedule(settings.classifier_rate)
+    return {IDENTITIES: LearningRateSchedule(settings.identity_rate), WEIGHTS: classifier, BIASES: classifier}
 
 
 def class_scores(values: Mapping[str, torch.Tensor], identities: torch.Tensor) -> torch.Tensor:
@@ -83,22 +83,22 @@ def object_probabilities(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
 class IdentityObjective:
     """The loss of colours, and that of identities beside it: neither has a part in what the other moves."""
 
-    colours: Objective
+    colours: SurfelObjective
     masks: Sequence[torch.Tensor]
     """Of the object, one a view, shape ``(H, W)``: classes, int64."""
     settings: GroupingSettings
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
-        look, seed, settings = self.colours(values, step), self.colours.seed, self.settings
+        result, seed, settings = self.colours(values, step), self.colours.seed, self.settings
         number = view_at(step, len(self.masks), seed)
-        loss = look.loss + mask_loss(values, self.colours.views[number].camera, self.masks[number])
+        loss = result.loss + mask_loss(values, self.colours.views[number].camera, self.masks[number])
         if step % settings.consistency_every == 0:
             places = values[CENTRES].detach().numpy()
             which, others = neighbours_of_some(places, settings, (seed, step))
             scores = class_scores(values, values[IDENTITIES])
             loss = loss + settings.consistency_weight * disagreement_of(scores[which], scores[others])
-        return replace(look, loss=loss)
+        return replace(result, loss=loss)
 
 
 def mask_loss(values: Mapping[str, torch.Tensor], camera: Camera, mask: torch.Tensor) -> torch.Tensor:

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Radiance-only removal, the baselines of GOR-IS; and nothing removed at all."""
 
-from pathlib import Path
-
 import numpy as np
 
-from graycard import Capture, Progress, srgb_encode
-from graycard.methods._contract import Priors
+from graycard import srgb_encode
 from graycard.methods.removal._behind import drawn_colours, views_behind
-from graycard.methods.removal._filled import Target, Wall, targets_of
-from graycard.methods.removal._scene import RemovalScene, load_scene
+from graycard.methods.removal._filled import BackgroundPoints, Target, targets_of
+from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
 from graycard.methods.removal._stages import (
     ASKS,
@@ -24,7 +21,7 @@ from graycard.methods.removal._stages import (
 )
 from graycard.methods.removal._target import target_surfels
 from graycard.methods.splat import Parameters, Surfels, joined_surfels, surfels_of, surfels_on_surface
-from graycard.methods.surfels import SurfelSettings, with_colours
+from graycard.methods.surfels import FitTask, SceneMethod, SurfelSettings, with_colours
 
 NEW_OPACITY = 0.5
 """Of surfels that are put where the object was."""
@@ -32,45 +29,29 @@ _FEWEST = 2
 """Points of which surfels are made."""
 
 
-class RemovalMethod:
+class RemovalMethod(SceneMethod[RemovalSettings, RemovalScene]):
     """Radiance-only surfels; those of the object are removed, and what was behind it is inpainted."""
 
     name = "removal"
     summary = "2D Gaussian surfels without the object; three inpainted views tell what was behind it"
-    needs = ()
     asks = ASKS
     staged = True
     settings_type: type[RemovalSettings] = RemovalSettings
+    scene_type = RemovalScene
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: RemovalSettings, seed: int, progress: Progress
-    ) -> RemovalScene:
-        """Fit surfels to the photographs, remove the object's, and fit the rest to inpainted views.
-
-        Raises:
-            MethodError: The capture names no object or its masks are not sound, there are too few sparse
-                points, photographs are black or not finite, the prior's answer is not sound, or the loss or
-                a gradient is not finite.
-        """
-        masks = checked_for_removal(capture, priors, settings, seed, FIRST, first_settings(settings))
-        before = first_stage(capture, settings, seed, progress)
+    def _fitted(self, task: FitTask[RemovalSettings]) -> RemovalScene:
+        """Fit surfels to the photographs, remove the object's, and fit the rest to inpainted views."""
+        capture, settings = task.capture, task.settings
+        masks = checked_for_removal(task, FIRST, first_settings(settings))
+        before = first_stage(task)
         cameras = [view.camera for view in capture.train]
         theirs = target_surfels(surfels_of(before.surfels), cameras, masks, settings.least_inside)
         left = before.take(~theirs)
         behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
-        targets, wall = targets_of(behind, priors, settings.references)
-        start = with_wall(left, int(theirs.sum()), wall, settings, seed)
+        targets, wall = targets_of(behind, task.priors, settings.references)
+        start = with_wall(left, int(theirs.sum()), wall, settings, task.seed)
         views = [shown(target, pixel_weights(target, settings.hole_weight), settings) for target in targets]
-        after = second_stage(start, views, settings, seed, progress)
-        return decomposition(self.name, capture, before, after)
-
-    def load(self, folder: Path) -> RemovalScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, self.name)
+        return decomposition(self.name, capture, before, second_stage(task, start, views))
 
 
 class PerViewMethod(RemovalMethod):
@@ -89,44 +70,31 @@ class OneReferenceMethod(RemovalMethod):
     settings_type = OneReferenceSettings
 
 
-class KeepMethod:
+class KeepMethod(SceneMethod[SurfelSettings, RemovalScene]):
     """Nothing is removed: what any removal has to beat."""
 
     name = "do-nothing"
     summary = "2D Gaussian surfels from which nothing is removed"
-    needs = ()
     staged = True
     settings_type = SurfelSettings
+    scene_type = RemovalScene
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: SurfelSettings, seed: int, progress: Progress
-    ) -> RemovalScene:
-        """Fit surfels to the photographs.
-
-        Raises:
-            MethodError: As of :meth:`RemovalMethod.fit`.
-        """
-        checked(capture, settings, seed, FIRST, first_settings(settings))
-        parameters = first_stage(capture, settings, seed, progress)
-        return decomposition(self.name, capture, parameters, parameters)
-
-    def load(self, folder: Path) -> RemovalScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, self.name)
+    def _fitted(self, task: FitTask[SurfelSettings]) -> RemovalScene:
+        checked(task, FIRST, first_settings(task.settings))
+        parameters = first_stage(task)
+        return decomposition(self.name, task.capture, parameters, parameters)
 
 
-def with_wall(left: Parameters, taken: int, wall: Wall, settings: RemovalSettings, seed: int) -> Parameters:
+def with_wall(
+    left: Parameters, taken: int, wall: BackgroundPoints, settings: RemovalSettings, seed: int
+) -> Parameters:
     """What is left, with new surfels on the wall behind the object."""
     discs = wall_surfels(len(left), taken, wall, np.asarray(srgb_encode(wall.colours)), settings, seed)
     return left if discs is None else joined_surfels(left, with_colours(discs, settings).surfels)
 
 
 def wall_surfels(
-    left: int, taken: int, wall: Wall, features: np.ndarray, settings: RemovalSettings, seed: int
+    left: int, taken: int, wall: BackgroundPoints, features: np.ndarray, settings: RemovalSettings, seed: int
 ) -> Surfels | None:
     """New surfels on the wall behind the object, as many as there may still be; None where that is none.
 

@@ -4,14 +4,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
 from graycard import Camera, Light, MethodError
 from graycard.methods._contract import Decomposition
-from graycard.methods._store import restore, store
 from graycard.methods.splat import Parameters, arrays_of, parameters_from
-from graycard.methods.surfels import SurfelScene, export_colours
+from graycard.methods.surfels import SavedScene, SceneContents, SurfelScene, export_colours
 
 _BEFORE, _AFTER = "before/", "after/"
 
@@ -54,36 +54,29 @@ class Emptied:
 
 
 @dataclass(frozen=True, eq=False)
-class RemovalScene(Emptied):
+class RemovalScene(Emptied, SavedScene):
     """Radiance-only surfels with the object, and without it."""
 
     before: SurfelScene
     after: SurfelScene
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and what is left as a PLY that viewers of Gaussian splats read.
-
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
+    def _contents(self) -> SceneContents:
         facts = {"exposure": self.before.exposure, "target": self.target}
         arrays = _named(self.before.parameters, _BEFORE) | _named(self.after.parameters, _AFTER)
-        store(folder, self.before.method, facts, arrays)
-        export_colours(folder, self.after.parameters)
+        return SceneContents(self.before.method, facts, arrays)
 
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        exposure = float(saved.facts["exposure"])
+        before, after = (
+            SurfelScene(parameters_from(_part(saved.arrays, part)), saved.method, exposure)
+            for part in (_BEFORE, _AFTER)
+        )
+        return cls(before, after, int(saved.facts["target"]))
 
-def load_scene(folder: Path, method: str) -> RemovalScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, method)
-    exposure = float(facts["exposure"])
-    before, after = (
-        SurfelScene(method, parameters_from(_part(arrays, part)), exposure) for part in (_BEFORE, _AFTER)
-    )
-    return RemovalScene(before, after, int(facts["target"]))
+    def _export(self, path: Path) -> None:
+        """Write the surfels that are left."""
+        export_colours(path, self.after.parameters)
 
 
 def _named(parameters: Parameters, part: str) -> dict[str, np.ndarray]:

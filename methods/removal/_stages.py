@@ -3,12 +3,13 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from typing import TypeVar
 
 import numpy as np
 import torch
 
-from graycard import Capture, Progress
-from graycard.methods._contract import Ask, Priors
+from graycard import Capture
+from graycard.methods._contract import Ask
 from graycard.methods.removal._filled import Target
 from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import StagedSettings
@@ -16,33 +17,34 @@ from graycard.methods.removal._target import check_masks, target_masks
 from graycard.methods.splat import (
     CENTRES,
     DensityRules,
+    LearningRateSchedule,
     Parameters,
-    Plan,
-    Rate,
-    initial_state,
+    TrainConfig,
     scene_extent,
-    train,
 )
 from graycard.methods.surfels import (
-    Objective,
-    Photograph,
+    EncodedPhotograph,
+    FitTask,
+    SurfelObjective,
     SurfelScene,
     SurfelSettings,
     check_checkpoint,
     check_photographs,
     check_places,
     density_rules,
-    encode,
     exposed_photograph,
     fit_surfels,
     learning_rates,
     sky_basis,
     sparse_start,
+    srgb_encode_tensor,
 )
 
 ASKS = (Ask("inpainting", ("radiance",)), Ask("mask", ("target",), optional=True))
 """The second only where ``object_masks`` says so."""
 
+SurfelSettingsT = TypeVar("SurfelSettingsT", bound=SurfelSettings)
+StagedSettingsT = TypeVar("StagedSettingsT", bound=StagedSettings)
 
 FIRST = "2dgs"
 """What the first stage of all radiance-only removals is: they share what it saves."""
@@ -53,90 +55,76 @@ def first_settings(settings: SurfelSettings) -> SurfelSettings:
     return SurfelSettings(**{part.name: getattr(settings, part.name) for part in fields(SurfelSettings)})
 
 
-def checked(
-    capture: Capture, settings: SurfelSettings, seed: int, method: str, first: SurfelSettings
-) -> list[np.ndarray]:
-    """The masks of the object of a capture that can be fitted.
+def checked(task: FitTask[SurfelSettingsT], method: str, first: SurfelSettings) -> list[np.ndarray]:
+    """Return the masks of the object of a capture that can be fitted.
 
     Args:
-        capture: The photographs.
-        settings: Of all stages.
-        seed: Of the fit.
+        task: The photographs, and the settings of all stages.
         method: Whose name a checkpoint of the first stage has.
         first: Settings that such a checkpoint depends on.
 
     Raises:
         MethodError: It cannot, or its masks are not sound.
     """
+    capture, settings = task.capture, task.settings
     masks = target_masks(capture, settings.grow if isinstance(settings, StagedSettings) else 0.0)
     check_places(capture)
     check_photographs(capture)
-    check_checkpoint(method, first, seed)
+    check_checkpoint(method, first, task.seed)
     return masks
 
 
 def checked_for_removal(
-    capture: Capture,
-    priors: Priors,
-    settings: StagedSettings,
-    seed: int,
-    method: str,
-    first: SurfelSettings,
+    task: FitTask[StagedSettingsT], method: str, first: SurfelSettings
 ) -> list[np.ndarray]:
     """As :func:`checked`, of a capture whose object can be removed; its masks as the settings want them.
 
     Raises:
         MethodError: It cannot, masks are not sound, or no prior fills in holes.
     """
-    granted = checked(capture, settings, seed, method, first)
+    granted, capture, priors = checked(task, method, first), task.capture, task.priors
     priors.require("inpainting")
-    if settings.object_masks == "capture":
+    if task.settings.object_masks == "capture":
         return granted
     masks = [priors.mask(exposed_photograph(capture, view), view, "target") for view in capture.train]
-    check_masks(capture, masks, settings.grow)
+    check_masks(capture, masks, task.settings.grow)
     return masks
 
 
-def first_stage(capture: Capture, settings: SurfelSettings, seed: int, progress: Progress) -> Parameters:
-    """Surfels of the whole scene, the object included, as ``2dgs`` fits them."""
-    own = first_settings(settings)
-    start, rules = sparse_start(capture, own, seed), density_rules(own.surfels)
-    return fit_surfels(FIRST, capture, own, seed, progress, start=start, rules=rules)
+def first_stage(task: FitTask[SurfelSettingsT]) -> Parameters:
+    """Fit surfels of the whole scene, the object included, as ``2dgs`` does."""
+    own = first_settings(task.settings)
+    start, rules = sparse_start(task.capture, own, task.seed), density_rules(own.surfels)
+    return fit_surfels(FIRST, task.with_settings(own), start=start, rules=rules)
 
 
 def second_stage(
+    task: FitTask[StagedSettingsT],
     start: Parameters,
-    views: Sequence[Photograph],
-    settings: StagedSettings,
-    seed: int,
-    progress: Progress,
+    views: Sequence[EncodedPhotograph],
     rules: DensityRules | None = None,
 ) -> Parameters:
     """Fit what is left to what views are to show.
 
     Args:
+        task: The settings of both stages, and the seed of the order of views and of densification.
         start: What is left, and what is new.
         views: See :func:`shown`.
-        settings: Of both stages.
-        seed: Of the order of views, and of densification.
-        progress: Called now and then.
         rules: When surfels come and go: they are then as fast as when a fit begins, for they have a way to
             go. None: none does, and they are as slow as in its end.
     """
-    extent = scene_extent([view.camera for view in views])
+    settings, extent = task.settings, scene_extent([view.camera for view in views])
     steps, done = settings.second_steps, settings.iterations
     rates = learning_rates(extent, settings)
     centres = rates[CENTRES]
-    rates[CENTRES] = Rate(centres.start if rules else centres.end or centres.start)
+    rates[CENTRES] = LearningRateSchedule(centres.start if rules else centres.end or centres.start)
     # as the last steps of a longer fit: all harmonics and weights count from the first step on
-    objective = Objective(list(views), replace(settings, iterations=done + steps), seed)
-    plan = Plan(steps, rates, extent, rules)
-    return train(
-        initial_state(start, seed), plan, lambda values, step: objective(values, done + step), progress
-    ).parameters
+    objective = SurfelObjective(list(views), replace(settings, iterations=done + steps), task.seed)
+    config = TrainConfig(steps, rates, extent, rules)
+    return task.train(start, config, lambda values, step: objective(values, done + step))
 
 
-def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photograph:
+def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> EncodedPhotograph:
     """The target of a view as a fit takes it, in place of the photograph that shows the object.
 
     Args:
@@ -145,13 +133,13 @@ def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Photo
         settings: Of the sky.
     """
     camera = target.behind.view.camera
-    picture = encode(torch.from_numpy(target.picture.astype(np.float32)))
+    picture = srgb_encode_tensor(torch.from_numpy(target.picture.astype(np.float32)))
     sky = sky_basis(camera, settings.sky_degree)
-    return Photograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
+    return EncodedPhotograph(camera, picture, sky, torch.from_numpy(weight.astype(np.float32)))
 
 
 def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:
     """The scene as a capture shows it, and without the object that it names."""
     assert capture.target is not None, "it was checked"
-    scenes = (SurfelScene(method, parameters, capture.exposure) for parameters in (before, after))
+    scenes = (SurfelScene(parameters, method, capture.exposure) for parameters in (before, after))
     return RemovalScene(*scenes, capture.target)

@@ -6,7 +6,7 @@ from graycard.methods.shading._cubemap import look_up as look_up
 from graycard.methods.shading._cubemap import solid_angles as solid_angles
 from graycard.methods.shading._cubemap import texel_directions as texel_directions
 from graycard.methods.shading._cubemap import to_latitudes as to_latitudes
-from graycard.methods.shading._given import Given as Given
+from graycard.methods.shading._given import GivenLights as GivenLights
 from graycard.methods.shading._given import given_from_store as given_from_store
 from graycard.methods.shading._given import given_lights as given_lights
 from graycard.methods.shading._known import KnownLamps as KnownLamps

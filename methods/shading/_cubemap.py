@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from graycard.methods._tensors import contiguous_array
+
 _FORWARD = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
 _RIGHT = np.array([(0, 0, 1), (0, 0, -1), (-1, 0, 0), (-1, 0, 0), (-1, 0, 0), (1, 0, 0)], dtype=np.float64)
 _DOWN = np.array([(0, -1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, -1, 0), (0, -1, 0)], dtype=np.float64)
@@ -120,7 +122,9 @@ class _Seen(torch.autograd.Function):
         to_directions = torch.empty_like(directions, memory_format=torch.contiguous_format)
         to_levels = torch.empty_like(levels, memory_format=torch.contiguous_format)
         outputs = (to_texels.numpy(), to_directions.numpy(), to_levels.numpy())
-        seen_backward(*_inputs(texels, directions, levels, ctx.sizes), _numbers(grad_outputs[0]), *outputs)
+        seen_backward(
+            *_inputs(texels, directions, levels, ctx.sizes), contiguous_array(grad_outputs[0]), *outputs
+        )
         return to_texels, to_directions, to_levels, None
 
 
@@ -128,13 +132,16 @@ def _inputs(
     texels: torch.Tensor, directions: torch.Tensor, levels: torch.Tensor, sizes: tuple[int, ...]
 ) -> _Inputs:
     """What both kernels take."""
-    toward = _numbers(directions)
+    toward = contiguous_array(directions)
     axes = np.stack([_RIGHT, _DOWN]).astype(toward.dtype)
-    return _numbers(texels), _all_bordered(sizes), np.array(sizes), toward, _numbers(levels), axes
-
-
-def _numbers(values: torch.Tensor) -> np.ndarray:
-    return np.ascontiguousarray(values.detach().numpy())
+    return (
+        contiguous_array(texels),
+        _all_bordered(sizes),
+        np.array(sizes),
+        toward,
+        contiguous_array(levels),
+        axes,
+    )
 
 
 def from_latitudes(image: np.ndarray, size: int, per_side: int = 4) -> torch.Tensor:

@@ -18,7 +18,7 @@ _LIGHTS, _SKY = "given", "given sky"
 
 
 @dataclass(frozen=True, eq=False)
-class Given:
+class GivenLights:
     """Lights in true units."""
 
     local: tuple[LocalLight, ...]
@@ -30,7 +30,7 @@ class Given:
         return {_LIGHTS: [light_to_json(light) for light in self.local]}, {_SKY: self.sky.numpy()}
 
 
-def given_lights(lights: Sequence[Light], own: EnvironmentLight, sky: torch.Tensor) -> Given:
+def given_lights(lights: Sequence[Light], own: EnvironmentLight, sky: torch.Tensor) -> GivenLights:
     """Lights by their places, and one sky of all surroundings.
 
     Args:
@@ -46,11 +46,11 @@ def given_lights(lights: Sequence[Light], own: EnvironmentLight, sky: torch.Tens
         if isinstance(light, EnvironmentLight):
             image = Path(light.image)
             total = total + (sky if light == own else from_latitudes(read_rgb(image), sky.shape[1]))
-    return Given(tuple(light for light in lights if not isinstance(light, EnvironmentLight)), total)
+    return GivenLights(tuple(light for light in lights if not isinstance(light, EnvironmentLight)), total)
 
 
-def given_from_store(facts: Mapping[str, Any], arrays: dict[str, np.ndarray]) -> Given | None:
-    """What :meth:`Given.to_store` gave, which is taken out of the arrays; None where nothing was saved.
+def given_from_store(facts: Mapping[str, Any], arrays: dict[str, np.ndarray]) -> GivenLights | None:
+    """What :meth:`GivenLights.to_store` gave, which is taken out of the arrays; None where nothing was saved.
 
     Raises:
         MethodError: It is damaged.
@@ -61,4 +61,4 @@ def given_from_store(facts: Mapping[str, Any], arrays: dict[str, np.ndarray]) ->
         raise MethodError(f"expected the array {_SKY!r} beside given lights, got none. Save it again")
     lights = (light_from_json(light, MethodError, "given lights") for light in facts[_LIGHTS])
     sky = torch.from_numpy(arrays.pop(_SKY).copy())
-    return Given(tuple(light for light in lights if not isinstance(light, EnvironmentLight)), sky)
+    return GivenLights(tuple(light for light in lights if not isinstance(light, EnvironmentLight)), sky)

@@ -40,10 +40,10 @@ from graycard.methods.splat.fit._densify import prune as prune
 from graycard.methods.splat.fit._densify import reset_opacity as reset_opacity
 from graycard.methods.splat.fit._initialise import rotations_to as rotations_to
 from graycard.methods.splat.fit._initialise import surfels_from_points as surfels_from_points
+from graycard.methods.splat.fit._optimise import AdamMoments as AdamMoments
 from graycard.methods.splat.fit._optimise import FitState as FitState
-from graycard.methods.splat.fit._optimise import Moments as Moments
-from graycard.methods.splat.fit._optimise import Rate as Rate
-from graycard.methods.splat.fit._optimise import Screen as Screen
+from graycard.methods.splat.fit._optimise import LearningRateSchedule as LearningRateSchedule
+from graycard.methods.splat.fit._optimise import ScreenStatistics as ScreenStatistics
 from graycard.methods.splat.fit._optimise import adam_step as adam_step
 from graycard.methods.splat.fit._optimise import initial_state as initial_state
 from graycard.methods.splat.fit._optimise import watch_screen as watch_screen
@@ -58,9 +58,9 @@ from graycard.methods.splat.fit._parameters import parameters_from as parameters
 from graycard.methods.splat.fit._parameters import parameters_of as parameters_of
 from graycard.methods.splat.fit._parameters import scene_extent as scene_extent
 from graycard.methods.splat.fit._parameters import surfels_of as surfels_of
-from graycard.methods.splat.fit._train import Look as Look
+from graycard.methods.splat.fit._train import LossResult as LossResult
 from graycard.methods.splat.fit._train import Objective as Objective
-from graycard.methods.splat.fit._train import Plan as Plan
+from graycard.methods.splat.fit._train import TrainConfig as TrainConfig
 from graycard.methods.splat.fit._train import train as train
 from graycard.methods.splat.fit._train import train_step as train_step
 from graycard.methods.splat.fit._views import image_radius as image_radius

@@ -4,6 +4,7 @@
 import numpy as np
 import torch
 
+from graycard.methods._tensors import contiguous_float_tensor
 from graycard.methods.splat._spread import spacing, spread_evenly
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat.fit._initialise import rotations_to
@@ -84,11 +85,11 @@ def surfels_on_surface(
     chosen = spread_evenly(apart, count, seed, sizes)
     scale = COVER * np.maximum(spacing(apart[chosen]), 1e-6)
     return Surfels(
-        _float32(points[chosen]),
-        _float32(rotations_to(normals[chosen])),
-        _float32(np.stack([scale, scale], axis=1)),
+        contiguous_float_tensor(points[chosen]),
+        contiguous_float_tensor(rotations_to(normals[chosen])),
+        contiguous_float_tensor(np.stack([scale, scale], axis=1)),
         torch.full((len(chosen),), opacity),
-        _float32(features[chosen]),
+        contiguous_float_tensor(features[chosen]),
     )
 
 
@@ -128,7 +129,3 @@ def _sample(
     corners = weights[:, :, None]
     points = (vertices[faces[face]] * corners).sum(axis=1)
     return points, across[face] / doubled[face, None], (features[faces[face]] * corners).sum(axis=1)
-
-
-def _float32(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))

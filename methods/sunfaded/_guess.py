@@ -10,15 +10,16 @@ import torch
 from graycard import Capture
 from graycard.methods._contract import Ask, Priors
 from graycard.methods._priors import PHOTOGRAPH
+from graycard.methods._tensors import float_tensor
 from graycard.methods.sunfaded._model import draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
-from graycard.methods.surfels import decode
+from graycard.methods.surfels import srgb_decode_tensor
 
 GEOMETRY_ASKS = tuple(Ask(kind, (PHOTOGRAPH, "base_color"), optional=True) for kind in ("depth", "normal"))
 
 
 @dataclass(frozen=True, eq=False)
-class Guess:
+class GeometryGuess:
     """Depth and normals of a view as a prior sees them; None where it says nothing."""
 
     depth: torch.Tensor | None = None
@@ -27,8 +28,8 @@ class Guess:
     """Shape ``(H, W, 3)``, float32: world, of unit length, zero where there is nothing."""
 
 
-def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> list[Guess]:
-    """What the prior says when it sees an image of each training view.
+def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> list[GeometryGuess]:
+    """Ask the prior about an image of each training view.
 
     Args:
         capture: The views.
@@ -40,9 +41,9 @@ def guesses(capture: Capture, priors: Priors, images: Sequence[np.ndarray]) -> l
     """
     found = []
     for view, image in zip(capture.train, images, strict=True):
-        depth = priors.depth(image, view) if "depth" in priors.kinds else None
-        normal = priors.normal(image, view) if "normal" in priors.kinds else None
-        found.append(Guess(_tensor(depth), _tensor(normal)))
+        depth = float_tensor(priors.depth(image, view)) if "depth" in priors.kinds else None
+        normal = float_tensor(priors.normal(image, view)) if "normal" in priors.kinds else None
+        found.append(GeometryGuess(depth, normal))
     return found
 
 
@@ -57,8 +58,4 @@ def drawn_albedos(
 ) -> list[np.ndarray]:
     """What a prior sees then: the albedo of the training views as it has been found, linear."""
     drawn = [draw(values, view.camera, settings).features[..., :3] for view in capture.train]
-    return [(image if settings.space == "linear" else decode(image)).numpy() for image in drawn]
-
-
-def _tensor(answer: np.ndarray | None) -> torch.Tensor | None:
-    return None if answer is None else torch.from_numpy(answer.astype(np.float32))
+    return [(image if settings.space == "linear" else srgb_decode_tensor(image)).numpy() for image in drawn]

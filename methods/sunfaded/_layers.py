@@ -15,7 +15,7 @@ from graycard.methods.sunfaded._light import POSITION, lamp_intensity
 from graycard.methods.sunfaded._model import picture_of
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings
 from graycard.methods.sunfaded._tiles import lens_of
-from graycard.methods.surfels import decode, depth_layer, normal_layer
+from graycard.methods.surfels import depth_layer, normal_layer, srgb_decode_tensor
 
 LAMP, STAYS = "lamp", "ambient"
 """Names of the two lights."""
@@ -116,4 +116,4 @@ def local_lights(lights: Sequence[Light]) -> tuple[LocalLight, ...] | None:
 
 def _linear(picture: torch.Tensor, space: Space) -> torch.Tensor:
     """Linear values of those in the space of the fit."""
-    return picture if space == "linear" else decode(picture)
+    return picture if space == "linear" else srgb_decode_tensor(picture)

@@ -3,107 +3,83 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import torch
 
-from graycard import Capture, Progress
-from graycard.methods._contract import Priors
-from graycard.methods.splat import Parameters, Plan, initial_state, scene_extent, train
+from graycard.methods.splat import Parameters, TrainConfig, initial_state, train
 from graycard.methods.sunfaded._guess import (
     GEOMETRY_ASKS,
-    Guess,
+    GeometryGuess,
     drawn_albedos,
     exposed_photographs,
     guesses,
 )
 from graycard.methods.sunfaded._layers import Lighting
 from graycard.methods.sunfaded._model import draw
-from graycard.methods.sunfaded._objective import Objective, Photograph, photographs
-from graycard.methods.sunfaded._scene import METHOD, SunFadedScene, load_scene
-from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates
+from graycard.methods.sunfaded._objective import DisplayedPhotograph, SunFadedObjective, photographs
+from graycard.methods.sunfaded._scene import METHOD, SunFadedScene
+from graycard.methods.sunfaded._schedule import ENDS, FitStage, density_rules, learning_rates
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._start import check_capture, start
-from graycard.methods.surfels import check_checkpoint, fit_checkpoint
+from graycard.methods.surfels import FitTask, SceneMethod, check_checkpoint, fit_checkpoint
 
 
-class SunFadedMethod:
+class SunFadedMethod(SceneMethod[SunFadedSettings, SunFadedScene]):
     """Surfels with an albedo under a light that stays and a lamp that moves with the camera."""
 
+    name = METHOD
     summary = "surfels with albedo, ambient light and a learnt lamp on the camera (SunFaded)"
-    needs = ()
     asks = GEOMETRY_ASKS
     settings_type = SunFadedSettings
+    scene_type = SunFadedScene
+    checks = (check_capture,)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: SunFadedSettings, seed: int, progress: Progress
-    ) -> SunFadedScene:
-        """Fit surfels and both lights to the training photographs.
-
-        Raises:
-            MethodError: The light is not on the camera, the photographs are black or not finite, there are
-                too few sparse points, an answer of the prior is not sound, or the fit has no way on.
-        """
-        check_capture(capture)
-        check_checkpoint(METHOD, settings, seed)
-        views = photographs(capture, settings)
-        parameters = _fitted(capture, priors, views, settings, seed, progress)
-        reach = _reach(parameters, views, settings)
-        return SunFadedScene(parameters, Lighting(settings, capture.exposure, reach))
-
-    def load(self, folder: Path) -> SunFadedScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder)
+    def _fitted(self, task: FitTask[SunFadedSettings]) -> SunFadedScene:
+        check_checkpoint(METHOD, task.settings, task.seed)
+        views = photographs(task.capture, task.settings)
+        parameters = _staged_fit(task, views)
+        reach = _reach(parameters, views, task.settings)
+        return SunFadedScene(parameters, Lighting(task.settings, task.capture.exposure, reach))
 
 
-def _fitted(
-    capture: Capture,
-    priors: Priors,
-    views: Sequence[Photograph],
-    settings: SunFadedSettings,
-    seed: int,
-    progress: Progress,
-) -> Parameters:
-    """All stages; before the fourth the prior is asked anew, with the albedo.
+def _staged_fit(task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotograph]) -> Parameters:
+    """Fit all stages; before the fourth the prior is asked anew, with the albedo.
 
     A fit that was cut off after that finds what the third stage left in a file of its own: so the prior is
     asked with the same images again.
     """
+    capture, priors, settings = task.capture, task.priors, task.settings
     asked = settings.geometry_prior != "none" and bool(priors.kinds & {"depth", "normal"})
-    lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [Guess()] * len(views)
-    state = initial_state(start(capture, views, settings, seed), seed)
-    plan = _plan(capture, views, lit, settings, seed)
-    objective = Objective(views, lit, settings, seed)
+    lit = guesses(capture, priors, exposed_photographs(capture)) if asked else [GeometryGuess()] * len(views)
+    state = initial_state(start(capture, views, settings, task.seed), task.seed)
+    config = _train_config(task, views, lit)
+    objective = SunFadedObjective(views, lit, settings, task.seed)
     if asked and settings.geometry_prior == "albedo":
-        until = max(1, round(ENDS[settings.schedule][Stage.JOINT] * settings.iterations))
-        first = replace(plan, until=until, checkpoint=plan.checkpoint and plan.checkpoint.beside("lit"))
-        state = train(state, first, objective, progress)
+        until = max(1, round(ENDS[settings.schedule][FitStage.JOINT] * settings.iterations))
+        first = replace(config, until=until, checkpoint=config.checkpoint and config.checkpoint.beside("lit"))
+        state = train(state, first, objective, task.progress)
         albedos = drawn_albedos(capture, state.parameters.all, settings)
         objective = replace(objective, guesses=guesses(capture, priors, albedos))
-    return train(state, plan, objective, progress).parameters
+    return train(state, config, objective, task.progress).parameters
 
 
-def _plan(
-    capture: Capture, views: Sequence[Photograph], lit: Sequence[Guess], settings: SunFadedSettings, seed: int
-) -> Plan:
-    extent = scene_extent([view.camera for view in capture.train])
+def _train_config(
+    task: FitTask[SunFadedSettings], views: Sequence[DisplayedPhotograph], lit: Sequence[GeometryGuess]
+) -> TrainConfig:
+    settings = task.settings
     fitted = [
         (view.camera, picture)
         for view, guess in zip(views, lit, strict=True)
         for picture in (view.shown, guess.depth, guess.normal)
         if picture is not None
     ]
-    checkpoint = fit_checkpoint(METHOD, settings, seed, fitted)
-    rates = learning_rates(extent, settings)
-    return Plan(settings.iterations, rates, extent, density_rules(settings), checkpoint)
+    checkpoint = fit_checkpoint(METHOD, settings, task.seed, fitted)
+    rates = learning_rates(task.extent, settings)
+    return task.config(settings.iterations, rates, density_rules(settings), checkpoint)
 
 
 @torch.no_grad()
-def _reach(parameters: Parameters, views: Sequence[Photograph], settings: SunFadedSettings) -> float:
+def _reach(parameters: Parameters, views: Sequence[DisplayedPhotograph], settings: SunFadedSettings) -> float:
     """The median over views of the depth in the middle of the picture, metres."""
     middles = []
     for view in views:

@@ -25,7 +25,7 @@ def albedo_of(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class LampPicture:
     """A view in the space of the fit; each of shape ``(H, W, 3)``."""
 
     albedo: torch.Tensor
@@ -69,7 +69,7 @@ def picture_of(
     camera: Camera,
     lens: torch.Tensor,
     settings: SunFadedSettings,
-) -> Picture:
+) -> LampPicture:
     """Light on what was drawn.
 
     Args:
@@ -84,7 +84,7 @@ def picture_of(
         lit = drawn.features[..., 3:]
     else:
         lit = albedo * lamp_light(drawn, values, camera, lens, settings)
-    return Picture(albedo, unlit_picture(drawn, values), lit)
+    return LampPicture(albedo, unlit_picture(drawn, values), lit)
 
 
 def lamp_light(

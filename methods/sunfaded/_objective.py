@@ -10,7 +10,7 @@ import torch
 from graycard import Camera, Capture
 from graycard.methods.splat import (
     CENTRES,
-    Look,
+    LossResult,
     Maps,
     depth_normal_map,
     depth_to_normals,
@@ -19,17 +19,17 @@ from graycard.methods.splat import (
     photometric_map,
     view_at,
 )
-from graycard.methods.sunfaded._guess import Guess
+from graycard.methods.sunfaded._guess import GeometryGuess
 from graycard.methods.sunfaded._model import albedo_of, draw, picture_of, unlit_picture
-from graycard.methods.sunfaded._schedule import Stage, adds_surfels, stage_at
+from graycard.methods.sunfaded._schedule import FitStage, adds_surfels, stage_at
 from graycard.methods.sunfaded._settings import Space, SunFadedSettings
 from graycard.methods.sunfaded._tiles import lens_of
 from graycard.methods.sunfaded._weight import unlit_weight
-from graycard.methods.surfels import encode
+from graycard.methods.surfels import srgb_encode_tensor
 
 
 @dataclass(frozen=True, eq=False)
-class Photograph:
+class DisplayedPhotograph:
     """A training view as a fit looks at it."""
 
     camera: Camera
@@ -41,49 +41,49 @@ class Photograph:
     """Shape ``(H, W, 3)``: of its pixels, see :func:`lens_of`."""
 
 
-def photographs(capture: Capture, settings: SunFadedSettings) -> list[Photograph]:
+def photographs(capture: Capture, settings: SunFadedSettings) -> list[DisplayedPhotograph]:
     """The training views, exposed, encoded and weighted."""
     found = []
     for view in capture.train:
         exposed = np.asarray(capture.photograph(view), np.float32) * np.float32(capture.exposure)
-        shown = encode(torch.from_numpy(exposed))
+        shown = srgb_encode_tensor(torch.from_numpy(exposed))
         linear = settings.space == "linear" and settings.weight == "log_minmax"
         picture = exposed if linear else shown.numpy()
         weight = torch.from_numpy(unlit_weight(picture, settings))[..., None]
-        found.append(Photograph(view.camera, shown, weight, lens_of(view.camera)))
+        found.append(DisplayedPhotograph(view.camera, shown, weight, lens_of(view.camera)))
     return found
 
 
 def displayed(picture: torch.Tensor, space: Space) -> torch.Tensor:
     """What a display shows of a picture in the space of the fit."""
-    return encode(picture) if space == "linear" else picture
+    return srgb_encode_tensor(picture) if space == "linear" else picture
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class SunFadedObjective:
     """The loss of one view a step, each view once in a round, in an order that the seed decides."""
 
-    views: Sequence[Photograph]
-    guesses: Sequence[Guess]
+    views: Sequence[DisplayedPhotograph]
+    guesses: Sequence[GeometryGuess]
     """One a view."""
     settings: SunFadedSettings
     seed: int
     _kept: dict[int, Maps] = field(default_factory=dict, init=False, repr=False)
     """What was drawn of surfels that stand still, by the number of the view."""
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         share = step / self.settings.iterations
         number = view_at(step, len(self.views), self.seed)
         stage = stage_at(share, self.settings.schedule)
-        if stage is Stage.LAMP:
-            return Look(self._lit_loss(values, self._still(values, number), number))
+        if stage is FitStage.LAMP:
+            return LossResult(self._lit_loss(values, self._still(values, number), number))
         view = self.views[number]
         offsets = None
         if adds_surfels(stage, self.settings.schedule):
             offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
         drawn = draw(values, view.camera, self.settings, offsets)
-        if stage is Stage.UNLIT and self.settings.ambient:
+        if stage is FitStage.UNLIT and self.settings.ambient:
             loss = self._unlit_loss(values, drawn, number)
         else:
             loss = self._lit_loss(values, drawn, number)
@@ -91,9 +91,9 @@ class Objective:
         loss = loss + self.settings.cover_weight * (1 - drawn.alpha).mean()
         loss = loss + self.settings.albedo_weight * albedo_of(values).var(dim=0, correction=0).mean()
         if offsets is None:
-            return Look(loss)
+            return LossResult(loss)
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, image_radius(values, view.camera), size)
+        return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _still(self, values: Mapping[str, torch.Tensor], number: int) -> Maps:
         """Surfels of the second stage: nothing of them moves, so each view is drawn once.
@@ -138,9 +138,9 @@ class Objective:
         return loss + settings.normal_weight / 2 * (1 - agreement).mean()
 
 
-def _asks_for_depth(stage: Stage, settings: SunFadedSettings) -> bool:
+def _asks_for_depth(stage: FitStage, settings: SunFadedSettings) -> bool:
     """In the first stage and the last ones; in the released code in the first alone."""
-    return stage is Stage.UNLIT or (settings.geometry_prior != "release" and stage >= Stage.OPACITY)
+    return stage is FitStage.UNLIT or (settings.geometry_prior != "release" and stage >= FitStage.OPACITY)
 
 
 def correlation(depth: torch.Tensor, guess: torch.Tensor, alpha: torch.Tensor) -> torch.Tensor:

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from graycard import Camera, Capture, Light, MethodError, Progress, View
+from graycard import Camera, Capture, Light, MethodError, Progress
 from graycard.methods._contract import Priors, check_layers
 from graycard.methods._store import restore, store
 from graycard.methods.splat import Maps, view_at
 from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._light import POSITION
 from graycard.methods.sunfaded._model import AMBIENT, picture_of
-from graycard.methods.sunfaded._objective import Photograph, displayed, photographs
+from graycard.methods.sunfaded._objective import DisplayedPhotograph, displayed, photographs
 from graycard.methods.sunfaded._scene import lighting_from_json, lighting_to_json
 from graycard.methods.sunfaded._settings import LightMap, Space, SunFadedSettings
 from graycard.methods.sunfaded._start import DARKEST, check_capture, first_lights
-from graycard.methods.surfels import encode
+from graycard.methods.surfels import srgb_encode_tensor
 
 METHOD = "sunfaded-oracle"
 RATE, PLACE_RATE, LAST = 5e-3, 2.5e-2, 0.005
@@ -133,7 +133,10 @@ class OracleSunFadedMethod:
         """
         check_capture(capture)
         whole = settings.whole()
-        surfaces = {view.camera.digest: _surfaces(priors, view) for view in capture.views}
+        surfaces = {
+            view.camera.digest: {name: priors.layer(view.name, name) for name in _BUFFER}
+            for view in capture.views
+        }
         views = photographs(capture, whole)
         drawn = [as_drawn(surfaces[view.camera.digest], settings.space) for view in views]
         values = fit_lights(drawn, views, whole, seed, progress)
@@ -156,7 +159,7 @@ class OracleSunFadedMethod:
 
 
 def fit_lights(
-    drawn: Sequence[Maps], views: Sequence[Photograph], settings: SunFadedSettings, seed: int,
+    drawn: Sequence[Maps], views: Sequence[DisplayedPhotograph], settings: SunFadedSettings, seed: int,
     progress: Progress,
 ) -> dict[str, torch.Tensor]:  # fmt: skip
     """Parameters of the lamp and of the light that stays, fitted as the second stage of ``sunfaded`` does.
@@ -203,12 +206,8 @@ def as_drawn(surfaces: Mapping[str, np.ndarray], space: Space) -> Maps:
     normal = torch.from_numpy(np.asarray(surfaces["normal"], np.float32))
     seen = torch.isfinite(depth)
     alpha, depth = seen.float(), torch.where(seen, depth, 0.0)
-    albedo = (albedo if space == "linear" else encode(albedo)) * alpha[..., None]
+    albedo = (albedo if space == "linear" else srgb_encode_tensor(albedo)) * alpha[..., None]
     return Maps(albedo, alpha, depth, depth, normal * alpha[..., None], torch.zeros_like(depth))
-
-
-def _surfaces(priors: Priors, view: View) -> dict[str, np.ndarray]:
-    return {name: priors.layer(view.name, name) for name in _BUFFER}
 
 
 def _ahead(depth: np.ndarray) -> float:

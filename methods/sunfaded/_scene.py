@@ -4,7 +4,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -13,23 +13,20 @@ from graycard import Camera, Light, MethodError
 from graycard.io import from_builtins as decode_json
 from graycard.io import to_builtins
 from graycard.lights import light_from_json, light_to_json
-from graycard.methods._contract import check_layers
-from graycard.methods._store import restore, store
-from graycard.methods.splat import Parameters, arrays_of, export_ply, parameters_from, surfels_of
+from graycard.methods.splat import arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._model import ALBEDO, albedo_of, draw
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._tiles import light_evaluations, tile_side
-from graycard.methods.surfels import encode as show
+from graycard.methods.surfels import LayeredScene, SceneContents, srgb_encode_tensor
 
 METHOD = "sunfaded"
 
 
 @dataclass(frozen=True, eq=False)
-class SunFadedScene:
+class SunFadedScene(LayeredScene):
     """Surfels with an albedo, and the two lights that shine on them."""
 
-    parameters: Parameters
     lighting: Lighting
 
     @property
@@ -37,17 +34,7 @@ class SunFadedScene:
         """Picture, albedo, geometry; see :attr:`Lighting.provides`."""
         return self.lighting.provides
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them; the lamp goes with it.
-
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        check_layers(layers, self.provides)
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
         values = self.parameters.all
         drawn = draw(values, camera, self.lighting.settings)
         return self.lighting.layers(layers, drawn, values, camera)
@@ -76,26 +63,17 @@ class SunFadedScene:
         found = light_evaluations(camera.width, camera.height, side, settings.light_map)
         return {"light evaluations": found}
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and the albedo as a PLY that viewers of Gaussian splats read.
+    def _contents(self) -> SceneContents:
+        return SceneContents(METHOD, lighting_to_json(self.lighting), arrays_of(self.parameters))
 
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
-        store(folder, METHOD, lighting_to_json(self.lighting), arrays_of(self.parameters))
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        return cls(parameters_from(saved.arrays), lighting_from_json(saved.facts))
+
+    def _export(self, path: Path) -> None:
         albedo = albedo_of(self.parameters.surfels)
-        albedo = show(albedo) if self.lighting.settings.space == "linear" else albedo
-        export_ply(Path(folder) / "surfels.ply", surfels_of(self.parameters.surfels), albedo)
-
-
-def load_scene(folder: Path) -> SunFadedScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, METHOD)
-    return SunFadedScene(parameters_from(arrays), lighting_from_json(facts))
+        albedo = srgb_encode_tensor(albedo) if self.lighting.settings.space == "linear" else albedo
+        export_ply(path, surfels_of(self.parameters.surfels), albedo)
 
 
 def lighting_to_json(lighting: Lighting) -> dict[str, Any]:

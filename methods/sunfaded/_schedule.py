@@ -4,13 +4,13 @@
 from collections.abc import Mapping
 from enum import IntEnum
 
-from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, DensityRules, Rate
+from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, DensityRules, LearningRateSchedule
 from graycard.methods.sunfaded._light import NETWORK, POSITION, UNITS_PER_METRE
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
 from graycard.methods.sunfaded._settings import Schedule, SunFadedSettings
 
 
-class Stage(IntEnum):
+class FitStage(IntEnum):
     """The stages of a fit, in their order."""
 
     UNLIT = 0
@@ -35,19 +35,19 @@ ENDS: Mapping[Schedule, tuple[float, ...]] = {
 the albedo."""
 
 
-def stage_at(share: float, schedule: Schedule) -> Stage:
+def stage_at(share: float, schedule: Schedule) -> FitStage:
     """The stage when a share of the budget, below 1, is spent."""
-    return next(stage for stage in Stage if share < ENDS[schedule][stage])
+    return next(stage for stage in FitStage if share < ENDS[schedule][stage])
 
 
-def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]:
+def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
     Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light the released
     code's. That of albedo, in logits, is half of that code's where albedo begins: what is smooth is left to
     the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
     """
-    unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in Stage)
+    unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in FitStage)
     released = settings.schedule == "release_40k"
     last = _every_other(settings) if released else (refined,)
     surfels = (unlit, joint, *last)
@@ -55,15 +55,15 @@ def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Rate]
     light = (*(() if settings.ambient else (unlit,)), lamp, joint, *(last if released else ()))
     ambient = (unlit, *((lamp,) if released else ()), joint, *last)
     rates = {
-        CENTRES: Rate(5e-4, 5e-5, surfels).times(extent),
-        LOG_SCALES: Rate(5e-3, windows=surfels),
-        ROTATIONS: Rate(1e-3, windows=surfels),
-        LOGITS: Rate(5e-2, windows=(unlit, joint, opacity, *last)),
-        ALBEDO: Rate(5e-3, windows=surfels),
-        POSITION: Rate(2.5e-3, windows=light).times(1 / UNITS_PER_METRE),
+        CENTRES: LearningRateSchedule(5e-4, 5e-5, surfels).times(extent),
+        LOG_SCALES: LearningRateSchedule(5e-3, windows=surfels),
+        ROTATIONS: LearningRateSchedule(1e-3, windows=surfels),
+        LOGITS: LearningRateSchedule(5e-2, windows=(unlit, joint, opacity, *last)),
+        ALBEDO: LearningRateSchedule(5e-3, windows=surfels),
+        POSITION: LearningRateSchedule(2.5e-3, windows=light).times(1 / UNITS_PER_METRE),
     }
-    rates |= {name: Rate(2.5e-3, windows=light) for name in NETWORK}
-    return rates | ({AMBIENT: Rate(2.5e-3, windows=ambient)} if settings.ambient else {})
+    rates |= {name: LearningRateSchedule(2.5e-3, windows=light) for name in NETWORK}
+    return rates | ({AMBIENT: LearningRateSchedule(2.5e-3, windows=ambient)} if settings.ambient else {})
 
 
 def density_rules(settings: SunFadedSettings) -> DensityRules:
@@ -73,17 +73,19 @@ def density_rules(settings: SunFadedSettings) -> DensityRules:
     nothing is looked at that would ask for more.
     """
     return DensityRules(
-        start=0.05, every=0.025, until=ENDS[settings.schedule][Stage.OPACITY], reset_every=1.0, gradient=1e-4,
-        limit=settings.surfels, pauses=(_window(Stage.LAMP, settings),),
+        start=0.05, every=0.025, until=ENDS[settings.schedule][FitStage.OPACITY], reset_every=1.0,
+        gradient=1e-4, limit=settings.surfels, pauses=(_window(FitStage.LAMP, settings),),
     )  # fmt: skip
 
 
-def adds_surfels(stage: Stage, schedule: Schedule) -> bool:
+def adds_surfels(stage: FitStage, schedule: Schedule) -> bool:
     """Whether what surfels look like on the screen is watched, to add some."""
-    return stage in (Stage.UNLIT, Stage.JOINT) or (stage is Stage.OPACITY and schedule == "release_40k")
+    return stage in (FitStage.UNLIT, FitStage.JOINT) or (
+        stage is FitStage.OPACITY and schedule == "release_40k"
+    )
 
 
-def _window(stage: Stage, settings: SunFadedSettings) -> tuple[float, float]:
+def _window(stage: FitStage, settings: SunFadedSettings) -> tuple[float, float]:
     ends = ENDS[settings.schedule]
     return (ends[stage - 1] if stage else 0.0), ends[stage]
 
@@ -91,5 +93,5 @@ def _window(stage: Stage, settings: SunFadedSettings) -> tuple[float, float]:
 def _every_other(settings: SunFadedSettings) -> tuple[tuple[float, float], ...]:
     """Every other step of the last stage, as the released code has it."""
     steps = settings.iterations
-    first = round(ENDS[settings.schedule][Stage.OPACITY] * steps)
+    first = round(ENDS[settings.schedule][FitStage.OPACITY] * steps)
     return tuple((step / steps, (step + 1) / steps) for step in range(first, steps, 2))

@@ -9,15 +9,15 @@ from graycard import Capture
 from graycard.methods.splat import Parameters, parameters_of
 from graycard.methods.sunfaded._light import lamp_parameters
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
-from graycard.methods.sunfaded._objective import Photograph
+from graycard.methods.sunfaded._objective import DisplayedPhotograph
 from graycard.methods.sunfaded._settings import SunFadedSettings
 from graycard.methods.sunfaded._weight import FAINT
 from graycard.methods.surfels import (
     check_lamp_on_camera,
     check_photographs,
     check_places,
-    decode,
     sparse_discs,
+    srgb_decode_tensor,
 )
 
 DARKEST = 0.02
@@ -36,7 +36,9 @@ def check_capture(capture: Capture) -> None:
     check_photographs(capture)
 
 
-def start(capture: Capture, views: Sequence[Photograph], settings: SunFadedSettings, seed: int) -> Parameters:
+def start(
+    capture: Capture, views: Sequence[DisplayedPhotograph], settings: SunFadedSettings, seed: int
+) -> Parameters:
     """Parameters before the first step.
 
     All surfels begin with one albedo, which no light has touched, and not with the colours of photographs:
@@ -57,11 +59,13 @@ def _first_albedo(colours: torch.Tensor, settings: SunFadedSettings) -> torch.Te
     """Of surfels with such colours, as displayed, shape ``(N, 3)``; in the space of the fit."""
     if settings.first_albedo > 0:
         return torch.full_like(colours, settings.first_albedo)
-    return (decode(colours) if settings.space == "linear" else colours).clamp(DARKEST, 1 - DARKEST)
+    return (srgb_decode_tensor(colours) if settings.space == "linear" else colours).clamp(
+        DARKEST, 1 - DARKEST
+    )
 
 
 def first_lights(
-    views: Sequence[Photograph], albedo: torch.Tensor, settings: SunFadedSettings, seed: int
+    views: Sequence[DisplayedPhotograph], albedo: torch.Tensor, settings: SunFadedSettings, seed: int
 ) -> dict[str, torch.Tensor]:
     """Both lights before the first step, for surfaces of a mean albedo.
 
@@ -77,7 +81,7 @@ def first_lights(
     Returns:
         Parameters by name.
     """
-    shown = [decode(view.shown) if settings.space == "linear" else view.shown for view in views]
+    shown = [srgb_decode_tensor(view.shown) if settings.space == "linear" else view.shown for view in views]
     weights = torch.stack([view.weight.mean() for view in views])
     dark = torch.stack([(v.weight * image).mean(dim=(0, 1)) for v, image in zip(views, shown, strict=True)])
     dark = dark.mean(dim=0) / weights.mean() if settings.ambient else torch.zeros(3)

@@ -11,7 +11,7 @@ import torch
 _KNEE = 0.0031308
 
 
-def encode(linear: torch.Tensor) -> torch.Tensor:
+def srgb_encode_tensor(linear: torch.Tensor) -> torch.Tensor:
     """Display-like values of linear ones, any shape, differentiable.
 
     Domain: all numbers, 1 is display white. Range: all numbers; nothing is clipped, the power goes on above
@@ -21,7 +21,7 @@ def encode(linear: torch.Tensor) -> torch.Tensor:
     return torch.where(linear <= _KNEE, 12.92 * linear, power)
 
 
-def decode(encoded: torch.Tensor) -> torch.Tensor:
-    """Linear values of encoded ones; the inverse of :func:`encode`."""
+def srgb_decode_tensor(encoded: torch.Tensor) -> torch.Tensor:
+    """Linear values of encoded ones; the inverse of :func:`srgb_encode_tensor`."""
     power = ((encoded.clamp(min=12.92 * _KNEE) + 0.055) / 1.055) ** 2.4
     return torch.where(encoded <= 12.92 * _KNEE, encoded / 12.92, power)

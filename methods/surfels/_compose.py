@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from graycard.methods._tensors import contiguous_array
 from graycard.methods.splat import FeatureMaps
 from graycard.methods.surfels._start import SKY
 
@@ -38,7 +39,7 @@ class _Over(torch.autograd.Function):
 
         ctx.save_for_backward(alpha, sky, weights)
         picture = torch.empty_like(features, memory_format=torch.contiguous_format)
-        over_sky(*_pixels(features, alpha, sky), _numbers(weights), picture.view(-1, 3).numpy())
+        over_sky(*_pixels(features, alpha, sky), contiguous_array(weights), picture.view(-1, 3).numpy())
         return picture
 
     @staticmethod
@@ -51,7 +52,7 @@ class _Over(torch.autograd.Function):
 
         alpha, sky, weights = ctx.saved_tensors
         to_alpha = torch.empty_like(alpha, memory_format=torch.contiguous_format)
-        inputs = *_pixels(grad_outputs[0], alpha, sky), _numbers(weights)
+        inputs = *_pixels(grad_outputs[0], alpha, sky), contiguous_array(weights)
         to_weights = from_over_sky(*inputs, to_alpha.view(-1).numpy())
         return grad_outputs[0], to_alpha, None, torch.from_numpy(to_weights).to(weights.dtype)
 
@@ -61,11 +62,7 @@ def _pixels(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One row a pixel."""
     return (
-        _numbers(colours).reshape(-1, 3),
-        _numbers(alpha).reshape(-1),
-        _numbers(sky).reshape(alpha.numel(), -1),
+        contiguous_array(colours).reshape(-1, 3),
+        contiguous_array(alpha).reshape(-1),
+        contiguous_array(sky).reshape(alpha.numel(), -1),
     )
-
-
-def _numbers(values: torch.Tensor) -> np.ndarray:
-    return np.ascontiguousarray(values.detach().numpy())

@@ -12,8 +12,8 @@ from scipy.ndimage import binary_erosion, median_filter, uniform_filter
 
 from graycard import Camera, Capture, MethodError, Points
 from graycard.methods.splat import Surfels, depth_to_normals, rotations_to
-from graycard.methods.surfels._colour import encode
-from graycard.methods.surfels._likeness import SweptView
+from graycard.methods.surfels._colour import srgb_encode_tensor
+from graycard.methods.surfels._ncc import SweptView
 from graycard.methods.surfels._planes import with_planes
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
 from graycard.methods.surfels._transfer import HIDES, depth_ratio
@@ -61,7 +61,8 @@ def surfels_between(
     if each < MANY or not all(len(depths) for _, depths in seen):
         return None
     shown = [
-        encode(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure))) for v in capture.train
+        srgb_encode_tensor(torch.from_numpy(capture.photograph(v) * np.float32(capture.exposure)))
+        for v in capture.train
     ]
     far = MARGIN * max(float(z.max()) for _, z in seen)
     views = [

@@ -1,116 +1,69 @@
 # SPDX-License-Identifier: Apache-2.0
 """``2dgs`` and ``2dgs-oracle``: 2D Gaussian Splatting (Huang et al. 2024) behind the contract."""
 
-import hashlib
-import json
-from collections.abc import Iterable
-from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
-import torch
-
-from graycard import Camera, Capture, Progress
-from graycard.io import to_builtins
-from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     CENTRES,
     GEOMETRY,
     LOG_SCALES,
     LOGITS,
     ROTATIONS,
-    Checkpoint,
     DensityRules,
+    LearningRateSchedule,
     Parameters,
-    Plan,
-    Rate,
-    check_saved,
-    initial_state,
-    scene_extent,
-    train,
 )
 from graycard.methods.surfels._checks import check_places
-from graycard.methods.surfels._objective import Objective, Tones, photographs
-from graycard.methods.surfels._scene import SurfelScene, load_scene
+from graycard.methods.surfels._fitting import FitTask, SceneMethod, check_checkpoint, fit_checkpoint
+from graycard.methods.surfels._objective import SurfelObjective, Tones, photographs
+from graycard.methods.surfels._scene import SurfelScene
 from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
 
-SAVES = 10
-"""How often a fit is saved on its way."""
+SurfelSettingsT = TypeVar("SurfelSettingsT", bound=SurfelSettings)
 
 
-class SurfelMethod:
+class SurfelMethod(SceneMethod[SurfelSettings, SurfelScene]):
     """Surfels that begin on the sparse points and are densified; nothing but photographs is looked at."""
 
+    name = "2dgs"
     summary = "2D Gaussian surfels with view-dependent colour, from photographs and sparse points"
-    needs = ()
     staged = True
     settings_type = SurfelSettings
+    scene_type = SurfelScene
+    checks = (check_places,)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: SurfelSettings, seed: int, progress: Progress
-    ) -> SurfelScene:
-        """Fit surfels to the training photographs.
-
-        Raises:
-            MethodError: There are too few sparse points, or the fit has no way on.
-        """
-        check_places(capture)
-        check_checkpoint("2dgs", settings, seed)
-        rules = density_rules(settings.surfels)
-        start = sparse_start(capture, settings, seed)
-        parameters = fit_surfels("2dgs", capture, settings, seed, progress, start=start, rules=rules)
-        return SurfelScene("2dgs", parameters, capture.exposure)
-
-    def load(self, folder: Path) -> SurfelScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, "2dgs")
+    def _fitted(self, task: FitTask[SurfelSettings]) -> SurfelScene:
+        check_checkpoint(self.name, task.settings, task.seed)
+        start = sparse_start(task.capture, task.settings, task.seed)
+        parameters = fit_surfels(self.name, task, start=start, rules=density_rules(task.settings.surfels))
+        return SurfelScene(parameters, self.name, task.capture.exposure)
 
 
-class OracleSurfelMethod:
+class OracleSurfelMethod(SceneMethod[OracleSurfelSettings, SurfelScene]):
     """Surfels that begin on the true surfaces; none comes or goes, and on request they stay where they are.
 
     It sees the truth of the training views, so it is a reference row: what ``2dgs`` would score if it began
     with perfect geometry (all free) or kept it (``frozen``).
     """
 
+    name = "2dgs-oracle"
     summary = "2D Gaussian surfels that begin on the true surfaces of the training views"
     needs = ("depth", "normal")
     settings_type = OracleSurfelSettings
+    scene_type = SurfelScene
+    checks = (check_places,)
 
-    def fit(
-        self, capture: Capture, priors: Priors, settings: OracleSurfelSettings, seed: int, progress: Progress
-    ) -> SurfelScene:
-        """Fit surfels to the training photographs.
-
-        Raises:
-            MethodError: Depth or normals were not handed in, or the fit has no way on.
-        """
-        check_places(capture)
-        check_checkpoint("2dgs-oracle", settings, seed)
-        start = oracle_start(capture, priors, settings, seed)
-        parameters = fit_surfels("2dgs-oracle", capture, settings, seed, progress, start=start)
-        return SurfelScene("2dgs-oracle", parameters, capture.exposure)
-
-    def load(self, folder: Path) -> SurfelScene:
-        """A saved decomposition.
-
-        Raises:
-            MethodError: It is missing, damaged, or of another method.
-        """
-        return load_scene(folder, "2dgs-oracle")
+    def _fitted(self, task: FitTask[OracleSurfelSettings]) -> SurfelScene:
+        check_checkpoint(self.name, task.settings, task.seed)
+        start = oracle_start(task.capture, task.priors, task.settings, task.seed)
+        parameters = fit_surfels(self.name, task, start=start)
+        return SurfelScene(parameters, self.name, task.capture.exposure)
 
 
 def fit_surfels(
     method: str,
-    capture: Capture,
-    settings: SurfelSettings,
-    seed: int,
-    progress: Progress,
+    task: FitTask[SurfelSettingsT],
     *,
     start: Parameters,
     rules: DensityRules | None = None,
@@ -120,10 +73,7 @@ def fit_surfels(
 
     Args:
         method: Its name.
-        capture: The photographs.
-        settings: Of the fit.
-        seed: Of the order of views, and of densification.
-        progress: Called now and then.
+        task: The photographs, the settings and the seed of the order of views and of densification.
         start: Before the first step.
         rules: When surfels come and go; None: never.
         tones: How photographs differ in colours; None: not at all.
@@ -131,14 +81,12 @@ def fit_surfels(
     Raises:
         MethodError: The fit has no way on, or its checkpoint is of another one.
     """
-    extent = scene_extent([view.camera for view in capture.train])
-    views = photographs(capture, settings)
-    rates = learning_rates(extent, settings) | dict(tones.rates if tones else {})
-    pictures = [(view.camera, view.encoded) for view in views]
-    checkpoint = fit_checkpoint(method, settings, seed, pictures)
-    plan = Plan(settings.iterations, rates, extent, rules, checkpoint)
-    state = train(initial_state(start, seed), plan, Objective(views, settings, seed, tones), progress)
-    return state.parameters
+    settings, seed = task.settings, task.seed
+    views = photographs(task.capture, settings)
+    rates = learning_rates(task.extent, settings) | dict(tones.rates if tones else {})
+    checkpoint = fit_checkpoint(method, settings, seed, [(view.camera, view.encoded) for view in views])
+    config = task.config(settings.iterations, rates, rules, checkpoint)
+    return task.train(start, config, SurfelObjective(views, settings, seed, tones))
 
 
 def density_rules(limit: int) -> DensityRules:
@@ -146,66 +94,24 @@ def density_rules(limit: int) -> DensityRules:
     return DensityRules(start=0.1, every=0.05, reset_every=1.0, limit=limit)
 
 
-def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, Rate]:
+def geometry_rates(extent: float) -> dict[str, LearningRateSchedule]:
+    """Return the learning rates of geometry by name, for a scene of an extent in metres."""
+    return {
+        CENTRES: LearningRateSchedule(5e-4, 5e-6).times(extent),
+        LOG_SCALES: LearningRateSchedule(5e-3),
+        ROTATIONS: LearningRateSchedule(1e-3),
+        LOGITS: LearningRateSchedule(5e-2),
+    }
+
+
+def learning_rates(extent: float, settings: SurfelSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres."""
     rates = {
-        CENTRES: Rate(5e-4, 5e-6).times(extent),
-        LOG_SCALES: Rate(5e-3),
-        ROTATIONS: Rate(1e-3),
-        LOGITS: Rate(5e-2),
-        COEFFICIENTS: Rate(5e-3),
-        DETAIL: Rate(2.5e-4),
-        SKY: Rate(1e-2),
+        **geometry_rates(extent),
+        COEFFICIENTS: LearningRateSchedule(5e-3),
+        DETAIL: LearningRateSchedule(2.5e-4),
+        SKY: LearningRateSchedule(1e-2),
     }
     if isinstance(settings, OracleSurfelSettings) and settings.frozen:
         rates = {name: rate for name, rate in rates.items() if name not in GEOMETRY}
     return rates
-
-
-def fit_checkpoint(
-    method: str,
-    settings: Any,
-    seed: int,
-    views: Iterable[tuple[Camera, torch.Tensor]],
-) -> Checkpoint | None:
-    """Where a fit is saved; None if its settings name neither a file nor a folder.
-
-    Args:
-        method: Its name.
-        settings: With ``checkpoint`` and ``iterations``.
-        seed: Of the fit.
-        views: Cameras and pictures that are fitted: a checkpoint of others is refused.
-    """
-    if not settings.checkpoint:
-        return None
-    digest = hashlib.sha256()
-    for camera, picture in views:
-        digest.update(camera.digest.encode() + picture.numpy().tobytes())
-    every = max(1, settings.iterations // SAVES)
-    identity = f"{_chosen(method, settings, seed)} {digest.hexdigest()}"
-    return Checkpoint(Path(settings.checkpoint), every, identity, _is_folder(settings))
-
-
-def check_checkpoint(method: str, settings: Any, seed: int) -> None:
-    """Refuse the file of another fit before anything is asked of a prior or looked for in photographs.
-
-    Args:
-        method: Its name, as for :func:`fit_checkpoint`.
-        settings: With ``checkpoint``.
-        seed: Of the fit.
-
-    Raises:
-        MethodError: The file is damaged, or is of another method, other settings or another seed.
-    """
-    if settings.checkpoint and not _is_folder(settings):
-        check_saved(Path(settings.checkpoint), _chosen(method, settings, seed))
-
-
-def _chosen(method: str, settings: Any, seed: int) -> str:
-    """A hash of what a fit depends on besides what it looks at."""
-    chosen = to_builtins(replace(settings, checkpoint=""))
-    return hashlib.sha256(json.dumps([method, seed, chosen]).encode()).hexdigest()
-
-
-def _is_folder(settings: Any) -> bool:
-    return settings.checkpoint.endswith("/")

@@ -10,9 +10,9 @@ import torch
 from graycard import Camera, Capture, View
 from graycard.methods.splat import (
     CENTRES,
-    Look,
+    LearningRateSchedule,
+    LossResult,
     Maps,
-    Rate,
     depth_normal_map,
     harmonics_basis,
     image_radius,
@@ -23,7 +23,7 @@ from graycard.methods.splat import (
     surfels_of,
     view_at,
 )
-from graycard.methods.surfels._colour import encode
+from graycard.methods.surfels._colour import srgb_encode_tensor
 from graycard.methods.surfels._compose import composed
 from graycard.methods.surfels._settings import SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL
@@ -42,12 +42,12 @@ class Tones:
     """How photographs differ in the colours of the same surfels."""
 
     shown: Tone
-    rates: Mapping[str, Rate]
+    rates: Mapping[str, LearningRateSchedule]
     """Learning rates of its parameters by name."""
 
 
 @dataclass(frozen=True, eq=False)
-class Photograph:
+class EncodedPhotograph:
     """A training view as a fit looks at it."""
 
     camera: Camera
@@ -59,12 +59,16 @@ class Photograph:
     """Shape ``(H, W)``: how much each pixel counts; None: all alike."""
 
 
-def photographs(capture: Capture, settings: SurfelSettings) -> list[Photograph]:
+def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:
     """The training views, exposed and encoded."""
     found = []
     for view in capture.train:
         linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
-        found.append(Photograph(view.camera, encode(linear), sky_basis(view.camera, settings.sky_degree)))
+        found.append(
+            EncodedPhotograph(
+                view.camera, srgb_encode_tensor(linear), sky_basis(view.camera, settings.sky_degree)
+            )
+        )
     return found
 
 
@@ -85,16 +89,16 @@ def colours(values: Mapping[str, torch.Tensor], eye: np.ndarray, degree: int) ->
 
 
 @dataclass(frozen=True, eq=False)
-class Objective:
+class SurfelObjective:
     """The loss of one view a step, each view once in a round, in an order that the seed decides."""
 
-    views: list[Photograph]
+    views: list[EncodedPhotograph]
     settings: SurfelSettings
     seed: int
     tones: Tones | None = None
     """None: surfels have the same colours in all photographs."""
 
-    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> Look:
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view = self.views[number]
@@ -117,7 +121,7 @@ class Objective:
         loss = difference.mean() + extra
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
         size = view.camera.width, view.camera.height
-        return Look(loss, offsets, image_radius(values, view.camera), size)
+        return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
     def _weights(self, share: float) -> tuple[float, float]:
         """Of normals and of distortion."""

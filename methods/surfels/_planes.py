@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit, prange
 
 from graycard import Camera
-from graycard.methods.surfels._likeness import SweptView, mean_likeness
+from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import Ease, semi_global
 from graycard.methods.surfels._sweep import SweptDepth, partners_of
 from graycard.methods.surfels._transfer import HIDES, depth_ratio
@@ -171,8 +171,8 @@ def _on_planes(
     depths = np.stack([found.depth, *(plane_depth(view.camera, plane) for plane in planes)])
     valid = np.isfinite(depths) & (depths < BEYOND * view.far)
     depths = np.where(valid, depths, view.far)
-    likeness = mean_likeness(view, partners, 1 / depths, WINDOW)
-    cost = np.where(valid, 1 - np.maximum(likeness, FAINT), 2.0)
+    ncc = mean_ncc(view, partners, 1 / depths, WINDOW)
+    cost = np.where(valid, 1 - np.maximum(ncc, FAINT), 2.0)
     cost[0] += np.where(found.sure, 0, SURFACE)
     others = [(v.camera, np.where(s.sure, s.depth, np.nan)) for v, s in zip(views, swept, strict=True)]
     del others[number]

@@ -4,13 +4,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import torch
 
 from graycard import Camera, Light
-from graycard.methods._contract import check_layers
-from graycard.methods._store import restore, store
 from graycard.methods.splat import (
     Maps,
     Parameters,
@@ -21,8 +20,9 @@ from graycard.methods.splat import (
     rasterize,
     surfels_of,
 )
-from graycard.methods.surfels._colour import decode
+from graycard.methods.surfels._colour import srgb_decode_tensor
 from graycard.methods.surfels._compose import composed
+from graycard.methods.surfels._layered_scene import LayeredScene, SceneContents
 from graycard.methods.surfels._objective import colours, sky_basis
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY
 
@@ -33,12 +33,11 @@ SEEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class SurfelScene:
+class SurfelScene(LayeredScene):
     """Surfels with the harmonics of their colours, and a sky behind them."""
 
     method: str
     """Name of the method that made it."""
-    parameters: Parameters
     exposure: float
     """Factor from radiance to the range of the colours, 1/(W/m²/sr)."""
 
@@ -47,43 +46,23 @@ class SurfelScene:
         """Radiance, normal and depth."""
         return LAYERS
 
-    @torch.no_grad()
-    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
-        """Layers as any camera sees them.
-
-        Where surfels cover less than half of a pixel its depth is +inf; where there is none at all, its
-        normal faces the camera.
-
-        Raises:
-            MethodError: A layer is not provided.
-        """
-        check_layers(layers, self.provides)
+    def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
         values = self.parameters.all
-        images = coloured_layers(values, all_colours(values, camera), camera, self.exposure)
-        return {name: images[name] for name in layers}
+        return coloured_layers(values, all_colours(values, camera), camera, self.exposure)
 
     def lights(self) -> tuple[Light, ...] | None:
         """None: it looks for none."""
         return None
 
-    def save(self, folder: Path) -> None:
-        """Write as safetensors and JSON, and as a PLY that viewers of Gaussian splats read.
+    def _contents(self) -> SceneContents:
+        return SceneContents(self.method, {"exposure": self.exposure}, arrays_of(self.parameters))
 
-        Raises:
-            OutputError: The folder cannot be written to, or the disk is full.
-        """
-        store(folder, self.method, {"exposure": self.exposure}, arrays_of(self.parameters))
-        export_colours(folder, self.parameters)
+    @classmethod
+    def _restored(cls, saved: SceneContents, folder: Path) -> Self:
+        return cls(parameters_from(saved.arrays), saved.method, float(saved.facts["exposure"]))
 
-
-def load_scene(folder: Path, method: str) -> SurfelScene:
-    """A scene that was saved.
-
-    Raises:
-        MethodError: It is missing, damaged, or of another method.
-    """
-    facts, arrays = restore(folder, method)
-    return SurfelScene(method, parameters_from(arrays), float(facts["exposure"]))
+    def _export(self, path: Path) -> None:
+        export_colours(path, self.parameters)
 
 
 def all_colours(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
@@ -94,7 +73,7 @@ def all_colours(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Ten
 def coloured_layers(
     values: Mapping[str, torch.Tensor], seen: torch.Tensor, camera: Camera, exposure: float
 ) -> dict[str, np.ndarray]:
-    """Radiance, normal and depth of surfels over their sky; see :meth:`SurfelScene.render`.
+    """Radiance, normal and depth of surfels over their sky; see :meth:`LayeredScene.render`.
 
     Args:
         values: Parameters by name, the sky's among them.
@@ -105,20 +84,20 @@ def coloured_layers(
     drawn = rasterize(surfels_of(values, seen), camera)
     sky = sky_basis(camera, _degree(len(values[SKY])))
     return {
-        "radiance": (decode(composed(drawn, sky, values)).clamp(min=0) / exposure).numpy(),
+        "radiance": (srgb_decode_tensor(composed(drawn, sky, values)).clamp(min=0) / exposure).numpy(),
         "normal": normal_layer(drawn, camera),
         "depth": depth_layer(drawn),
     }
 
 
-def export_colours(folder: Path, parameters: Parameters) -> None:
+def export_colours(path: Path, parameters: Parameters) -> None:
     """Write surfels with their harmonics as a PLY that viewers of Gaussian splats read.
 
     Raises:
-        OutputError: The folder cannot be written to, or the disk is full.
+        OutputError: The file cannot be written, or the disk is full.
     """
     coefficients = torch.cat([parameters.surfels[COEFFICIENTS], parameters.surfels[DETAIL]], dim=1)
-    export_harmonics_ply(Path(folder) / "surfels.ply", surfels_of(parameters.surfels), coefficients)
+    export_harmonics_ply(path, surfels_of(parameters.surfels), coefficients)
 
 
 def _degree(count: int) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard import Camera
-from graycard.methods.surfels._likeness import SweptView, mean_likeness
+from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._transfer import depth_ratio
 
@@ -82,8 +82,8 @@ def _swept(view: SweptView, partners: Sequence[SweptView]) -> np.ndarray:
     if not partners:
         return np.full(view.grey.shape, np.nan)
     inverse = np.linspace(1 / view.far, 1 / view.near, PLANES)
-    likeness = mean_likeness(view, partners, inverse[:, None, None], WINDOW)
-    cost = semi_global(1 - np.moveaxis(likeness, 0, -1), STEP, JUMP)
+    ncc = mean_ncc(view, partners, inverse[:, None, None], WINDOW)
+    cost = semi_global(1 - np.moveaxis(ncc, 0, -1), STEP, JUMP)
     return 1 / _lowest(cost, inverse)
 
 

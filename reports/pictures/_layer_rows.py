@@ -18,7 +18,7 @@ from graycard.reports.pictures._error_images import (
     shared_scale,
 )
 from graycard.reports.pictures._pictures import (
-    Picture,
+    PagePicture,
     display_picture,
     linear_picture,
     mapped_picture,
@@ -40,7 +40,7 @@ _UNITS = {"base_color": "reflectance, 1 is white", "normal": "X, Y, Z as R, G, B
 class Tile:
     """A place for a picture, or the words that stand there instead."""
 
-    picture: Picture | None = None
+    picture: PagePicture | None = None
     missing: str = ""
     """``not provided`` or ``failed``."""
     note: str = ""
@@ -190,7 +190,7 @@ def _noise_ratio(layer: JudgedLayer, view: View, method: MethodEvidence, title: 
     return Tile(mapped_picture(small, 0, NOISE_HIGH, "error", alt), note=within)
 
 
-def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> Picture:
+def _show(layer: JudgedLayer, values: np.ndarray, alt: str) -> PagePicture:
     small = shrink(values.astype(np.float64), MAX_SIDE)
     if layer.name == "normal":
         return display_picture((small + 1) / 2, alt)

@@ -29,7 +29,7 @@ MAP_LEVELS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class PagePicture:
     """One picture of a page."""
 
     source: str
@@ -62,21 +62,21 @@ def shrink(image: np.ndarray, max_side: int) -> np.ndarray:
     return cut.reshape(height, rows, width, columns, *image.shape[2:]).mean(axis=(1, 3))
 
 
-def display_picture(values: np.ndarray, alt: str) -> Picture:
+def display_picture(values: np.ndarray, alt: str) -> PagePicture:
     """A picture of display values in [0, 1], shape ``(H, W, 3)``; what lies outside is clipped."""
     pixels = np.rint(255 * np.clip(values, 0, 1)).astype(np.uint8)
     return _picture(_few_colours(Image.fromarray(pixels)), alt)
 
 
-def linear_picture(values: np.ndarray, alt: str) -> Picture:
+def linear_picture(values: np.ndarray, alt: str) -> PagePicture:
     """A picture of linear light, shape ``(H, W, 3)``, where 1 is display white; it can be re-exposed."""
     still = Image.fromarray(np.rint(255 * srgb_encode(values)).astype(np.uint8))
     shown = _picture(_few_colours(still), alt)
     halves = Image.fromarray(split_codes(linear_codes(values)))
-    return Picture(shown.source, shown.width, shown.height, alt, _data_uri(halves))
+    return PagePicture(shown.source, shown.width, shown.height, alt, _data_uri(halves))
 
 
-def mapped_picture(values: np.ndarray, low: float, high: float, name: ColourMap, alt: str) -> Picture:
+def mapped_picture(values: np.ndarray, low: float, high: float, name: ColourMap, alt: str) -> PagePicture:
     """A picture of numbers through a colour map, shape ``(H, W)``; transparent where NaN."""
     index = to_index(values, low, high)
     shown = np.rint(index * ((MAP_LEVELS - 1) / (STEPS - 1))).astype(np.uint8)
@@ -120,8 +120,8 @@ def _few_colours(image: Image.Image) -> Image.Image:
     return image.quantize(128, dither=Image.Dither.NONE)
 
 
-def _picture(image: Image.Image, alt: str, transparency: int | None = None) -> Picture:
-    return Picture(_data_uri(image, transparency), image.width, image.height, alt)
+def _picture(image: Image.Image, alt: str, transparency: int | None = None) -> PagePicture:
+    return PagePicture(_data_uri(image, transparency), image.width, image.height, alt)
 
 
 def _data_uri(image: Image.Image, transparency: int | None = None) -> str:

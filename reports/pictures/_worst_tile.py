@@ -12,7 +12,7 @@ from graycard.reports._explanations import Explanation, explain, scene_propertie
 from graycard.reports._format import format_number
 from graycard.reports.pictures._error_images import error_image, error_unit, shared_scale
 from graycard.reports.pictures._layer_rows import title_of
-from graycard.reports.pictures._pictures import Picture, display_picture, mapped_picture, shrink
+from graycard.reports.pictures._pictures import PagePicture, display_picture, mapped_picture, shrink
 
 TILED_LAYERS = ("base_color", "radiance", "counterfactual.radiance", "normal")
 LEAST_SIDE = 8
@@ -49,10 +49,10 @@ class WorstTile:
     how_wrong: str
     reason: str
     """What the error follows, or that nothing explains it."""
-    truth: Picture
-    prediction: Picture
-    error: Picture
-    explanation: Picture | None
+    truth: PagePicture
+    prediction: PagePicture
+    error: PagePicture
+    explanation: PagePicture | None
     frame: tuple[float, float, float]
     """Left, top and side of the tile in the pictures, as shares of their width."""
 
@@ -177,7 +177,7 @@ def _reason(cause: Explanation | None) -> str:
     return f"{way} with: {cause.name} (rank correlation {cause.correlation:+.2f})".replace("-", "−")
 
 
-def _enlarge(name: str, values: np.ndarray, scene: SceneEvidence, alt: str) -> Picture:
+def _enlarge(name: str, values: np.ndarray, scene: SceneEvidence, alt: str) -> PagePicture:
     small = shrink(values.astype(np.float64), MAX_REGION)
     if name == "normal":
         return display_picture((small + 1) / 2, alt)
@@ -185,11 +185,11 @@ def _enlarge(name: str, values: np.ndarray, scene: SceneEvidence, alt: str) -> P
     return display_picture(srgb_encode(small * exposure), alt)
 
 
-def _map(values: np.ndarray, low: float, high: float, alt: str) -> Picture:
+def _map(values: np.ndarray, low: float, high: float, alt: str) -> PagePicture:
     return mapped_picture(shrink(values, MAX_REGION), low, high, "error", alt)
 
 
-def _range_map(values: np.ndarray, alt: str) -> Picture:
+def _range_map(values: np.ndarray, alt: str) -> PagePicture:
     finite = values[np.isfinite(values)]
     return mapped_picture(shrink(values, MAX_REGION), float(finite.min()), float(finite.max()), "depth", alt)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a plan from above cannot show: how high its lights and cameras are."""
+"""The heights of lights and cameras, which a plan from above cannot show."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,24 +9,12 @@ import numpy as np
 from graycard import Light, View
 from graycard.reports._format import format_number
 from graycard.reports.plan._light_pairs import local_lights, places_of
+from graycard.reports.plan._marks import MARGIN, LightMark, round_length
 
-MARGIN = 18.0
 COLUMN = 20.0
 """Width that an owner's marks have."""
 LEFT = 40.0
 """Width of the numbers."""
-
-
-@dataclass(frozen=True, slots=True)
-class HeightMark:
-    """A light at its height."""
-
-    x: float
-    y: float
-    shape: int
-    label: str
-    outside: bool
-    """Whether it is beyond the scale and drawn at its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +25,7 @@ class Heights:
     height: float
     ticks: tuple[tuple[float, str], ...]
     cameras: tuple[float, ...]
-    marks: tuple[HeightMark, ...]
+    marks: tuple[LightMark, ...]
 
 
 def lay_out_heights(
@@ -90,16 +78,14 @@ class _Scale:
         return round(MARGIN + (self.high - z) / span * (self.height - 2 * MARGIN), 1)
 
 
-def _mark(owner: str, shape: int, x: float, light: str, z: float, scale: _Scale) -> HeightMark:
+def _mark(owner: str, shape: int, x: float, light: str, z: float, scale: _Scale) -> LightMark:
     place = scale.place(z)
     kept = min(max(place, MARGIN / 2), scale.height - MARGIN / 2)
-    return HeightMark(x, kept, shape, f"{owner}: {light}, {format_number(z)} m high", kept != place)
+    return LightMark(x, kept, shape, f"{owner}: {light}, {format_number(z)} m high", kept != place)
 
 
 def _round_steps(low: float, high: float) -> list[float]:
-    """Three to seven round numbers between two others."""
-    rough = max(high - low, 1e-6) / 4
-    power = 10.0 ** np.floor(np.log10(rough))
-    step = max(s * power for s in (1, 2, 5) if s * power <= rough * (1 + 1e-9))
+    """Return three to seven round numbers between two others."""
+    step = round_length(max(high - low, 1e-6) / 4)
     first = np.ceil(low / step - 1e-9)
     return [round(float(step * (first + i)), 6) for i in range(int((high - first * step) / step + 1e-9) + 1)]

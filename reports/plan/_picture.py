@@ -3,7 +3,7 @@
 
 from PIL import Image, ImageDraw, ImageFont
 
-from graycard.reports.plan._plan import CameraMark, LightMark, Plan
+from graycard.reports.plan._plan import LightMark, Plan
 
 FINE = 2
 """Drawn this many times larger and then reduced: Pillow draws without smoothing."""
@@ -21,7 +21,7 @@ def plan_picture(plan: Plan) -> Image.Image:
     for points in plan.outlines:
         draw.polygon(_corners(points), outline=EDGE, width=2 * FINE)
     for camera in plan.cameras:
-        draw.polygon(_corners(camera.points), fill=_colour(camera), outline=INK)
+        draw.polygon(_corners(camera.points), fill=TRAIN if camera.split == "train" else TEST, outline=INK)
     for light in plan.lights:
         _disc(draw, light.x, light.y, 5.0, LAMP)
     for light in {_name(light): light for light in plan.lights}.values():
@@ -52,10 +52,6 @@ def _metre_bar(draw: ImageDraw.ImageDraw, plan: Plan) -> None:
 
 def _name(light: LightMark) -> str:
     return light.label.partition(": ")[2]
-
-
-def _colour(camera: CameraMark) -> tuple[int, int, int]:
-    return TRAIN if camera.split == "train" else TEST
 
 
 def _corners(points: str) -> list[tuple[float, float]]:

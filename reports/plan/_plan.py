@@ -12,10 +12,10 @@ from graycard.reports._evidence import MethodEvidence, SceneEvidence
 from graycard.reports._format import format_number, format_vector
 from graycard.reports.plan._heights import Heights, lay_out_heights
 from graycard.reports.plan._light_pairs import Pairing, local_lights, pair_lights, places_of
+from graycard.reports.plan._marks import MARGIN, LightMark, round_length
 
 SIZE = 420.0
 """Longer side of the plan in SVG units."""
-MARGIN = 18.0
 DOTS_PER_VIEW = 400
 SHAPES = 6
 """Number of marker shapes, in the style sheet and templates; more methods take the same ones again."""
@@ -23,19 +23,6 @@ SHAPES = 6
 
 Owner = tuple[str, int, Sequence[Light]]
 """Whose lights: a name, the shape of its marks, the lights."""
-
-
-@dataclass(frozen=True, slots=True)
-class LightMark:
-    """A light in the plan."""
-
-    x: float
-    y: float
-    shape: int
-    """0 for the truth, then 1 to :data:`SHAPES` for the methods in turn."""
-    label: str
-    outside: bool
-    """Whether it lies beyond the plan and is drawn at its border."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +122,7 @@ def lay_out(
     outlines = [o for light in first if isinstance(light, RectangleLight) for o in _corners(light, test)]
     edges = [corner for outline in outlines for corner in outline]
     frame = _fit_frame(np.concatenate([dots, np.array(eyes + true + edges)]))
-    metres = _round_length(0.25 * (frame.width - 2 * MARGIN) / frame.scale)
+    metres = round_length(0.25 * (frame.width - 2 * MARGIN) / frame.scale)
     pairings = {owner[0]: pair_lights(owner[2], first, test) for owner in owners[1:]}
     return Plan(
         width=frame.width,
@@ -254,8 +241,3 @@ def _corners(light: RectangleLight, test: Sequence[Camera]) -> list[list[np.ndar
 
 def _points(points: Iterable[Sequence[float] | np.ndarray]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
-
-
-def _round_length(length: float) -> float:
-    power = 10.0 ** np.floor(np.log10(length))
-    return float(max(step * power for step in (1, 2, 5) if step * power <= length * (1 + 1e-9)))

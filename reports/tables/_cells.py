@@ -9,6 +9,7 @@ from typing import Literal
 
 from graycard.records import JobResult, Score
 from graycard.reports._format import format_name, format_value
+from graycard.reports._scores import find_score
 from graycard.reports.tables._intervals import IntervalPlot
 
 CellStatus = Literal["scored", "failed", "not provided", "not run"]
@@ -46,14 +47,14 @@ class Cell:
 
 
 def read_metric(result: JobResult, metric: str) -> Reading:
-    """What a job says about a metric; a failed job failed in each."""
+    """Read the score of a job by a metric; a failed job failed in each."""
     scene = result.job.scene
     if result.sheet is None:
         return Reading(scene, "failed", reason=result.reason or "expected scores of this job, got none")
-    for score in result.sheet.scores:
-        if score.metric == metric:
-            return _reading_of(scene, score)
-    return Reading(scene, "not provided", reason="this scene has no such score")
+    score = find_score(result, metric)
+    if score is None:
+        return Reading(scene, "not provided", reason="this scene has no such score")
+    return _reading_of(scene, score)
 
 
 def pool(readings: Sequence[Reading], unit: str, detailed: bool = False) -> Cell:

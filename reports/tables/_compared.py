@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 from graycard.records import Comparison, MethodStanding, MetricComparison, MetricRecord, RunRecord
 from graycard.reports.tables._cells import Cell, mean_over_scenes, read_metric
 from graycard.reports.tables._intervals import Axis, axis_of_standings, interval_plot
-from graycard.reports.tables._verdicts import Verdict, judge, judge_without_intervals, standing_note
+from graycard.reports.tables._verdicts import LeaderVerdict, judge, judge_without_intervals, standing_note
 
 
 @dataclass(frozen=True, slots=True)
 class Compared:
     """The methods of a track by each metric."""
 
-    verdicts: Mapping[str, Verdict]
+    verdicts: Mapping[str, LeaderVerdict]
     """By metric."""
     standings: Mapping[tuple[str, str], MethodStanding]
     """By metric and method."""
@@ -41,7 +41,7 @@ def compare_track(
 
     A run that an older graycard made has no comparison: then there are means, and no intervals.
     """
-    verdicts: dict[str, Verdict] = {}
+    verdicts: dict[str, LeaderVerdict] = {}
     standings: dict[tuple[str, str], MethodStanding] = {}
     axes: dict[str, Axis | None] = {}
     variants = record.variants_on(track)

@@ -8,7 +8,7 @@ from graycard.records import MetricRecord
 from graycard.reports._format import format_name
 from graycard.reports._tracks import words_of
 from graycard.reports.tables._help import MetricHead, metric_head
-from graycard.reports.tables._verdicts import Verdict
+from graycard.reports.tables._verdicts import LeaderVerdict
 
 _PARTS = {"counterfactual": "Removal", "normal": "Geometry (normals)", "depth": "Geometry (depth)"}
 
@@ -20,7 +20,7 @@ class SummaryCell:
     track: str
     anchor: str
     """Where its leaderboard stands."""
-    verdict: Verdict | None
+    verdict: LeaderVerdict | None
     """None where the track has no such part."""
 
 
@@ -40,7 +40,7 @@ def part_of(group: str) -> str:
 
 def summary_rows(
     metrics: Sequence[MetricRecord],
-    verdicts: Mapping[tuple[str, str], Verdict],
+    verdicts: Mapping[tuple[str, str], LeaderVerdict],
     tracks: Sequence[tuple[str, str]],
     left_out: Collection[tuple[str, str]] = (),
 ) -> tuple[tuple[SummaryRow, ...], str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from graycard.records import JobResult, MetricRecord, RunRecord
 from graycard.reports._format import format_value
 from graycard.reports._priors import PriorBadge, prior_badges
+from graycard.reports._scores import find_score
 from graycard.reports.tables._cells import Cell, breakdown_text, is_better, pool, read_metric
 from graycard.reports.tables._compared import Compared
 from graycard.reports.tables._help import MetricHead, explain_rules, metric_head
@@ -198,7 +199,7 @@ def warnings(results: Sequence[JobResult]) -> tuple[Trouble, ...]:
 
 def _cell(results: Sequence[JobResult], method: str, metric: MetricRecord, detailed: bool = False) -> Cell:
     """One method by one metric over the scenes that have it; a scene that it was not run on is missing."""
-    scenes = {r.job.scene for r in results if r.sheet and any(s.metric == metric.id for s in r.sheet.scores)}
+    scenes = {r.job.scene for r in results if find_score(r, metric.id)}
     here = [r for r in results if r.job.scene in scenes] or list(results)
     own = [r for r in here if r.job.method == method]
     cell = pool([read_metric(r, metric.id) for r in own], metric.unit, detailed)
@@ -223,8 +224,9 @@ def _is_silent(results: Sequence[JobResult], methods: Sequence[MethodHead], metr
 
     A job that failed as a whole says nothing of single metrics.
     """
-    sheets = [r.sheet for r in results if r.sheet and r.job.method in {h.name for h in methods}]
-    return {s.status for sheet in sheets for s in sheet.scores if s.metric == metric.id} == {"not provided"}
+    names = {head.name for head in methods}
+    scores = [find_score(r, metric.id) for r in results if r.job.method in names]
+    return {score.status for score in scores if score} == {"not provided"}
 
 
 def _provides(cell: Cell) -> bool:
@@ -288,10 +290,10 @@ def _rank(own: float, mean_places: Iterable[float]) -> int:
 
 def _values_by_view(results: Sequence[JobResult], method: str, metric: str) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {}
-    for result in results:
-        for score in result.sheet.scores if result.sheet and result.job.method == method else ():
-            for view, value in score.per_view.items() if score.metric == metric else ():
-                found.setdefault(view, []).append(value)
+    scores = [find_score(result, metric) for result in results if result.job.method == method]
+    for score in scores:
+        for view, value in score.per_view.items() if score else ():
+            found.setdefault(view, []).append(value)
     return found
 
 

@@ -13,7 +13,7 @@ Kind = Literal["clear", "tied", "too few", "alone", "open", "nobody"]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class LeaderVerdict:
     """The best competing method by one metric on one track."""
 
     kind: Kind
@@ -35,7 +35,7 @@ def judge(
     found: MetricComparison,
     comparison: Comparison,
     variants: Collection[str] = (),
-) -> Verdict:
+) -> LeaderVerdict:
     """The verdict on one metric of one track.
 
     Only methods that compete and have a score of every scene can lead; variants neither lead nor are rivals.
@@ -53,23 +53,23 @@ def judge(
     first, n = order[0], count(order[0].scenes, "scene")
     value = format_value(_mean(first), metric.unit)
     if len(order) == 1:
-        return Verdict("alone", _alone(methods), first.method, value, evidence=n)
+        return LeaderVerdict("alone", _alone(methods), first.method, value, evidence=n)
     pair = _pair(found, first.method, order[1].method)
     lead = _lead(metric, first, order[1], pair)
     few = pair is not None and pair.verdict == "too few scenes"
     if pair is None or few:
         words = f"too few scenes to tell: {comparison.least_scenes} needed"
-        return Verdict("too few", words, first.method, value, lead, n)
+        return LeaderVerdict("too few", words, first.method, value, lead, n)
     tied = tuple(m.method for m in order[1:] if _ties(found, first.method, m.method))
     evidence = _evidence(pair, first.scenes)
     if tied:
-        return Verdict("tied", f"tied with {_list(tied)}", first.method, value, lead, evidence, tied)
-    return Verdict("clear", "clear lead", first.method, value, lead, evidence)
+        return LeaderVerdict("tied", f"tied with {_list(tied)}", first.method, value, lead, evidence, tied)
+    return LeaderVerdict("clear", "clear lead", first.method, value, lead, evidence)
 
 
 def judge_without_intervals(
     metric: MetricRecord, methods: Sequence[MethodStanding], variants: Collection[str] = ()
-) -> Verdict:
+) -> LeaderVerdict:
     """The same for a run without a comparison: who is best is known, not whether that is significant."""
     methods = [m for m in methods if m.method not in variants]
     order = _in_order(metric, methods)
@@ -78,12 +78,12 @@ def judge_without_intervals(
     first, value = order[0], format_value(_mean(order[0]), metric.unit)
     n = count(first.scenes, "scene")
     if len(order) == 1:
-        return Verdict("alone", _alone(methods), first.method, value, evidence=n)
+        return LeaderVerdict("alone", _alone(methods), first.method, value, evidence=n)
     lead = _ahead(metric, _mean(first), _mean(order[1]), order[1].method)
-    return Verdict("open", "significance not computed", first.method, value, lead, n)
+    return LeaderVerdict("open", "significance not computed", first.method, value, lead, n)
 
 
-def standing_note(standing: MethodStanding, verdict: Verdict) -> str:
+def standing_note(standing: MethodStanding, verdict: LeaderVerdict) -> str:
     """What a leaderboard says below the number of a method."""
     if standing.method == verdict.leader:
         more = f", {verdict.evidence}" if verdict.evidence else ""
@@ -91,9 +91,9 @@ def standing_note(standing: MethodStanding, verdict: Verdict) -> str:
     return f"tied with {verdict.leader}" if standing.method in verdict.tied else ""
 
 
-def _nobody(methods: Sequence[MethodStanding]) -> Verdict:
+def _nobody(methods: Sequence[MethodStanding]) -> LeaderVerdict:
     some = any(m.competes and m.mean is not None for m in methods)
-    return Verdict("nobody", "no method has every scene" if some else "no method provides it")
+    return LeaderVerdict("nobody", "no method has every scene" if some else "no method provides it")
 
 
 def _alone(methods: Sequence[MethodStanding]) -> str:

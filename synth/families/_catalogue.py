@@ -142,11 +142,8 @@ def describe(spec: SceneSpec) -> str:
     """
     title = family_of(spec).title
     changed = ", ".join(
-        f"{name.replace('_', ' ')} {_said(value)}" for name, value in sorted(spec.knobs.items())
+        f"{name.replace('_', ' ')} {value if isinstance(value, str) else format(value, 'g')}"
+        for name, value in sorted(spec.knobs.items())
     )
     tail = f"; {changed}" if changed else ""
     return f"{title[0].upper()}{title[1:]} (seed {spec.seed}{tail})"
-
-
-def _said(value: Any) -> str:
-    return value if isinstance(value, str) else f"{value:g}"

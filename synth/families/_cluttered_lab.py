@@ -17,7 +17,7 @@ from graycard.synth.families._flash_room import FlashRoom, Room, color_chart, wa
 from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _furniture as furniture
 from graycard.synth.families.props import _interior as interior
-from graycard.synth.families.props import _stock as stock
+from graycard.synth.families.props import _small_goods as small_goods
 from graycard.synth.families.props import _textures as textures
 
 _ROOM = Room(6.6, 4.4, 3.1)
@@ -111,8 +111,8 @@ class ClutteredLab(FlashRoom):
         self, rng: np.random.Generator, where: str, at: Vector, room: Vector, turn: float = 0.0
     ) -> Iterator[Thing]:
         """One object, where the place is taken; of an empty place the same random numbers are drawn."""
-        taken, kind = rng.random() < self.clutter, str(rng.choice(stock.APPARATUS))
-        shape, color = stock.good(rng, kind, at, room, turn + rng.uniform(-0.15, 0.15))
+        taken, kind = rng.random() < self.clutter, str(rng.choice(small_goods.APPARATUS))
+        shape, color = small_goods.good(rng, kind, at, room, turn + rng.uniform(-0.15, 0.15))
         made = self.thing(rng, f"{kind} at {where}", shape, color)
         if taken:
             yield made
@@ -159,7 +159,7 @@ class ClutteredLab(FlashRoom):
         for number, (dx, dy) in enumerate(((-0.4, -0.05), (0.0, 0.06), (0.4, -0.04)), start=1):
             taken, kind = rng.random() < self.clutter, str(rng.choice(("carton", "toolbox", "tray", "coil")))
             spot, turn = (at[0] + dx, at[1] + dy, 0.3), float(rng.uniform(-0.15, 0.15))
-            shape, color = stock.good(rng, kind, spot, (0.36, 0.42, 0.42), turn)
+            shape, color = small_goods.good(rng, kind, spot, (0.36, 0.42, 0.42), turn)
             made = self.thing(rng, f"{kind} on island shelf {number}", shape, color)
             if taken:
                 yield made
@@ -181,7 +181,7 @@ class ClutteredLab(FlashRoom):
             (rng.uniform(2.5, 2.6), -side * 1.6, 0), rng.uniform(0, 1)
         )
         yield self.thing(rng, "bin", tray, Texture(interior.sheet_metal(rng, (0.15, 0.16, 0.18)), (3, 3)))
-        shape, color = stock.good(
+        shape, color = small_goods.good(
             rng, "carton", (5.3, -side * 1.75, 0), (0.55, 0.5, 0.5), rng.uniform(-0.3, 0.3)
         )
         yield self.thing(rng, "carton on floor", shape, color)

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from graycard import Camera, look_at
 from graycard.synth._mesh import Mesh, blob, merge
 from graycard.synth._scene import (
     Ball,
@@ -21,13 +20,14 @@ from graycard.synth._scene import (
 from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import chart_patches, scaled
 from graycard.synth._stream import stream
-from graycard.synth.families._flash_room import FlashRoom, Room, color_chart
+from graycard.synth.families._flash_room import FlashRoom, Gait, Room, color_chart, walk
 from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _textures as textures
 
 LENGTH, WIDTH, HEIGHT = 7.0, 2.6, 3.4
 
 _ROOM = Room(LENGTH, WIDTH, HEIGHT)
+_GAIT = Gait(sway=0.38, bob=0.12, glance=0.55, glances=8.0, recentre=0.6)
 
 _PAINTS = ("moderate red", "blue sky", "foliage", "orange", "purplish blue", "yellow green", "light skin")
 _SHELF_HEIGHTS = (0.28, 0.82, 1.34)
@@ -56,7 +56,8 @@ class Corridor(FlashRoom):
             *self._crates(seed),
             *self._floor_objects(seed),
         )
-        return self.lit(things, _ROOM, _cameras(seed, settings), settings.test_views)
+        cameras = walk(stream(seed, "path"), settings, (0.45, 0.0, 1.4), 2.0, _GAIT)
+        return self.lit(things, _ROOM, cameras, settings.test_views)
 
     def _shelves(self, seed: int) -> Iterator[Thing]:
         rng = stream(seed, "shelves")
@@ -159,15 +160,3 @@ def _surface(kind: str, rng: np.random.Generator, color: tuple[float, float, flo
             return Texture(textures.stone(rng, [(0.18, 0.17, 0.16), (0.34, 0.32, 0.29), (0.5, 0.48, 0.44)]))
         case _:
             return Texture(textures.plaster(rng, color))
-
-
-def _cameras(seed: int, settings: RenderSettings) -> list[Camera]:
-    """A walk down the corridor that sways and looks from side to side."""
-    rng = stream(seed, "path")
-    sway, glance, nod = rng.uniform(0, 2 * np.pi, size=3)
-    cameras = []
-    for t in np.linspace(0, 1, settings.views):
-        at = np.array([0.45 + 2.0 * t, 0.38 * np.sin(5 * t + sway), 1.4 + 0.12 * np.sin(4 * t + nod)])
-        ahead = np.array([2.6, 0.55 * np.sin(8 * t + glance) - 0.6 * at[1], -0.74])
-        cameras.append(Camera.from_fov(settings.width, settings.height, 62.0, look_at(at, at + ahead)))
-    return cameras

@@ -143,19 +143,41 @@ def color_chart(board: Quad) -> Thing:
     return Thing("color chart", board, Matte(pixels))
 
 
-def walk(rng: np.random.Generator, settings: RenderSettings, start: Vector, steps: float) -> list[Camera]:
-    """Cameras of 62 degrees on a walk along +x that sways and looks from side to side.
+@dataclass(frozen=True, slots=True)
+class Gait:
+    """The movement of a walking camera beside its way forward."""
+
+    sway: float = 0.3
+    """Amplitude to either side, metres."""
+    bob: float = 0.1
+    """Amplitude up and down, metres."""
+    glance: float = 0.6
+    """Amplitude of the view's direction to either side; ahead is 2.6."""
+    glances: float = 7.0
+    """Angular frequency of that, radians a walk."""
+    recentre: float = 0.5
+    """Turn back to the middle of the room, for each metre beside it."""
+
+
+def walk(
+    rng: np.random.Generator, settings: RenderSettings, start: Vector, steps: float, gait: Gait | None = None
+) -> list[Camera]:
+    """Return cameras of 62 degrees on a walk along +x that sways and looks from side to side.
 
     Args:
         rng: Of the path.
         settings: Size and number of the views.
         start: Where the walk begins, metres.
         steps: How long it is, metres.
+        gait: How the camera moves beside its way; None: as by default.
     """
+    gait = gait or Gait()
     sway, glance, nod = rng.uniform(0, 2 * np.pi, size=3)
     cameras = []
     for t in np.linspace(0, 1, settings.views):
-        at = start + np.array([steps * t, 0.3 * np.sin(5 * t + sway), 0.1 * np.sin(4 * t + nod)])
-        ahead = np.array([2.6, 0.6 * np.sin(7 * t + glance) - 0.5 * at[1], -0.74])
+        beside = gait.sway * np.sin(5 * t + sway), gait.bob * np.sin(4 * t + nod)
+        at = start + np.array([steps * t, *beside])
+        aside = gait.glance * np.sin(gait.glances * t + glance) - gait.recentre * at[1]
+        ahead = np.array([2.6, aside, -0.74])
         cameras.append(Camera.from_fov(settings.width, settings.height, 62.0, look_at(at, at + ahead)))
     return cameras

@@ -15,7 +15,7 @@ from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import blackbody, illuminant, paint, scaled
 from graycard.synth._stream import stream
 from graycard.synth.families._family import interleaved
-from graycard.synth.families._many_lights import ManyLights, Stand, lit
+from graycard.synth.families._many_lights import ManyLights, Spots, Stand, lit
 from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _textures as textures
 
@@ -34,13 +34,16 @@ STANDS = (
 )
 """Under the ceiling that is not there, each aimed at a work of art."""
 
-_SPOTS = {
-    "urn": (-1.2, 0.75),
-    "torso": (0.0, 1.1),
-    "orb": (1.25, 0.7),
-    "bench": (0.45, -0.15),
-    "ring": (-0.55, 0.1),
-}
+_SPOTS = Spots(
+    {
+        "urn": (-1.2, 0.75),
+        "torso": (0.0, 1.1),
+        "orb": (1.25, 0.7),
+        "bench": (0.45, -0.15),
+        "ring": (-0.55, 0.1),
+    },
+    0.1,
+)
 """Where things stand on the floor before the seed moves them a little, metres."""
 
 
@@ -69,11 +72,6 @@ class Gallery(ManyLights):
         )
         views = interleaved(_cameras(seed, settings), settings.test_views)
         return lit(things, lamps, views, _surroundings(seed, self.daylight))
-
-
-def _spot_of(name: str, seed: int) -> tuple[float, float]:
-    x, y = stream(seed, f"spot of {name}").uniform(-0.1, 0.1, size=2)
-    return float(_SPOTS[name][0] + x), float(_SPOTS[name][1] + y)
 
 
 def _room(seed: int) -> Iterator[Thing]:
@@ -135,7 +133,7 @@ def _plinth(seed: int, name: str, width: float, height: float) -> Thing:
     """A block of veined stone."""
     rng = stream(seed, f"plinth of {name}")
     stone = textures.stone(rng, [(0.34, 0.33, 0.31), (0.52, 0.50, 0.47), (0.60, 0.58, 0.55)])
-    block = props.crate(width, width, height).moved((*_spot_of(name, seed), 0), rng.uniform(-0.2, 0.2))
+    block = props.crate(width, width, height).moved((*_SPOTS.at(name, seed), 0), rng.uniform(-0.2, 0.2))
     return Thing(f"plinth of {name}", block, Matte(Texture(stone, (1.2, 1.2))))
 
 
@@ -144,7 +142,7 @@ def _urn(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     yield _plinth(seed, "urn", 0.46, 0.7)
     ground = (paint("dark skin"), (0.10, 0.08, 0.07), paint("blue sky"))[rng.integers(3)]
     glaze = textures.bands(rng, ground, [(0.55, 0.24, 0.10), (0.62, 0.57, 0.46), (0.55, 0.24, 0.10)])
-    urn = props.vase(rng, 0.62, 0.42).moved((*_spot_of("urn", seed), 0.7))
+    urn = props.vase(rng, 0.62, 0.42).moved((*_SPOTS.at("urn", seed), 0.7))
     yield Thing("urn", urn, knobs.surface(seed, "urn", Texture(glaze, (2, 1)), 0.3))
 
 
@@ -153,14 +151,14 @@ def _torso(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     rng = stream(seed, "torso")
     yield _plinth(seed, "torso", 0.56, 0.5)
     marble = textures.stone(rng, [(0.45, 0.43, 0.42), (0.64, 0.62, 0.60), (0.70, 0.68, 0.66)])
-    torso = blob(0.34, rng, 0.26, 80).moved((*_spot_of("torso", seed), 0.82), rng.uniform(0, 6))
+    torso = blob(0.34, rng, 0.26, 80).moved((*_SPOTS.at("torso", seed), 0.82), rng.uniform(0, 6))
     yield Thing("torso", torso, knobs.surface(seed, "torso", Texture(marble, (2, 1)), 0.4))
 
 
 def _orb(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     """A ball of metal in a ring of the same."""
     yield _plinth(seed, "orb", 0.46, 0.6)
-    x, y = _spot_of("orb", seed)
+    x, y = _SPOTS.at("orb", seed)
     copper, brass = (0.64, 0.36, 0.24), (0.60, 0.44, 0.20)
     metal = knobs.metal((copper, brass)[stream(seed, "orb").integers(2)])
     yield Thing("socket", torus(0.14, 0.04).moved((x, y, 0.64)), metal)
@@ -170,7 +168,7 @@ def _orb(knobs: ManyLights, seed: int) -> Iterator[Thing]:
 def _on_the_floor(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     """A bench with a pile of catalogues, and a ring of glazed clay."""
     rng = stream(seed, "bench")
-    x, y = _spot_of("bench", seed)
+    x, y = _SPOTS.at("bench", seed)
     wood = Texture(textures.wood(rng, (0.36, 0.22, 0.12)), (1.4, 1.4))
     seat = props.shelf(0.95, 0.38, (0.40,), 0.05)
     yield Thing("bench", seat.moved((x, y, 0), 0.2), knobs.surface(seed, "bench", wood, 0.35))
@@ -179,7 +177,7 @@ def _on_the_floor(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     pile = props.books(rng, 3, 0.28).moved((x + 0.1, y, 0.40), 0.5)
     yield Thing("catalogues", pile, knobs.surface(seed, "catalogues", cloth, 0.4))
     glaze = textures.stone(rng, [(0.04, 0.16, 0.20), (0.07, 0.30, 0.33), (0.22, 0.45, 0.42)])
-    ring = torus(0.2, 0.08).moved((*_spot_of("ring", seed), 0.08))
+    ring = torus(0.2, 0.08).moved((*_SPOTS.at("ring", seed), 0.08))
     yield Thing("ring", ring, knobs.surface(seed, "ring", Texture(glaze, (2, 1)), 0.3))
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the rooms of the multilight track share: their knobs, and up to eight local lights made from them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle
 
@@ -50,6 +50,21 @@ class Stand:
     position: Vector
     aim: Vector
     kelvin: float
+
+
+@dataclass(frozen=True, slots=True)
+class Spots:
+    """Places on the floor, which a seed moves a little."""
+
+    places: Mapping[str, tuple[float, float]]
+    """x and y by name before they are moved, metres."""
+    reach: float
+    """How far a seed moves them along each axis, metres."""
+
+    def at(self, name: str, seed: int) -> tuple[float, float]:
+        """Return x and y of a place for a seed, metres."""
+        x, y = stream(seed, f"spot of {name}").uniform(-self.reach, self.reach, size=2)
+        return float(self.places[name][0] + x), float(self.places[name][1] + y)
 
 
 @dataclass(frozen=True, slots=True)

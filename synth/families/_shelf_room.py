@@ -16,7 +16,7 @@ from graycard.synth.families._flash_room import FlashRoom, Room, color_chart, wa
 from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _furniture as furniture
 from graycard.synth.families.props import _interior as interior
-from graycard.synth.families.props import _stock as stock
+from graycard.synth.families.props import _small_goods as small_goods
 from graycard.synth.families.props import _textures as textures
 
 _ROOM = Room(7.0, 4.2, 3.2)
@@ -57,13 +57,13 @@ class ShelfRoom(FlashRoom):
         pitch = (rack.length - 0.1) / count
         for level, z in enumerate(rack.heights):
             for place in range(count):
-                taken, kind = rng.random() < self.clutter, str(rng.choice(stock.STORED))
+                taken, kind = rng.random() < self.clutter, str(rng.choice(small_goods.STORED))
                 local = ((place + 0.5) * pitch - (rack.length - 0.1) / 2, rng.uniform(-0.03, 0.03), 0.0)
                 x, y, _ = (turn_about_z(rack.turn) @ local).tolist()
                 at = (rack.at[0] + x, rack.at[1] + y, z)
                 room = (0.86 * pitch, 0.72 * rack.depth, rack.gap - 0.07)
                 turn = rack.turn + rng.uniform(-0.08, 0.08)
-                shape, color = stock.good(rng, kind, at, room, turn)
+                shape, color = small_goods.good(rng, kind, at, room, turn)
                 made = self.thing(rng, f"{kind} on {rack.name}.{level + 1}.{place + 1}", shape, color)
                 if taken:
                     yield made
@@ -77,7 +77,7 @@ class ShelfRoom(FlashRoom):
         for number, along in enumerate((-0.44, -0.02, 0.4)):
             kind = str(rng.choice(("toolbox", "carton", "coil", "jar", "tray", "books")))
             at = (float(x + along), float(y + rng.uniform(-0.06, 0.06)), 0.78)
-            shape, color = stock.good(rng, kind, at, (0.34, 0.34, 0.32), rng.uniform(-0.2, 0.2))
+            shape, color = small_goods.good(rng, kind, at, (0.34, 0.34, 0.32), rng.uniform(-0.2, 0.2))
             yield self.thing(rng, f"{kind} {number + 1} on table", shape, color)
         wall = "left" if side > 0 else "right"
         board = Texture(interior.pegboard(rng, (0.40, 0.28, 0.17)), (2, 1.2))

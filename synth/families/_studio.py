@@ -15,7 +15,7 @@ from graycard.synth._spec import RenderSettings
 from graycard.synth._spectra import CHART_COLUMNS, blackbody, chart_patches, illuminant, paint, scaled
 from graycard.synth._stream import stream
 from graycard.synth.families._family import interleaved
-from graycard.synth.families._many_lights import ManyLights, Stand, lit
+from graycard.synth.families._many_lights import ManyLights, Spots, Stand, lit
 from graycard.synth.families.props import _everyday as props
 from graycard.synth.families.props import _textures as textures
 
@@ -64,31 +64,29 @@ class Studio(ManyLights):
 
 
 def _metal_ball(knobs: ManyLights, seed: int) -> Thing:
-    x, y = _spot_of("metal ball", seed)
+    x, y = _SPOTS.at("metal ball", seed)
     return Thing("metal ball", Ball((x, y, 0.24), 0.24), knobs.metal())
 
 
-_SPOTS = {
-    "vase": (-0.95, -0.75),
-    "sculpture": (-0.2, -1.1),
-    "drum": (0.55, -0.75),
-    "metal ball": (-0.95, 0.15),
-    "bowl": (0.15, 0.0),
-    "carton": (-1.3, 0.85),
-    "ring": (-0.4, 0.5),
-}
+_SPOTS = Spots(
+    {
+        "vase": (-0.95, -0.75),
+        "sculpture": (-0.2, -1.1),
+        "drum": (0.55, -0.75),
+        "metal ball": (-0.95, 0.15),
+        "bowl": (0.15, 0.0),
+        "carton": (-1.3, 0.85),
+        "ring": (-0.4, 0.5),
+    },
+    0.08,
+)
 """Where things stand on the floor before the seed moves them a little, metres."""
-
-
-def _spot_of(name: str, seed: int) -> tuple[float, float]:
-    x, y = stream(seed, f"spot of {name}").uniform(-0.08, 0.08, size=2)
-    return float(_SPOTS[name][0] + x), float(_SPOTS[name][1] + y)
 
 
 def _vase(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     """A glazed vase on a plinth of oak."""
     rng = stream(seed, "vase")
-    x, y = _spot_of("vase", seed)
+    x, y = _SPOTS.at("vase", seed)
     oak = Texture(textures.wood(rng, (0.44, 0.30, 0.18)))
     yield Thing("plinth", props.crate(0.5, 0.5, 0.62).moved((x, y, 0), 0.1), Matte(oak))
     ground = (paint("blue sky"), paint("foliage"), paint("dark skin"))[rng.integers(3)]
@@ -102,23 +100,23 @@ def _round_things(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     """A marble sculpture, a steel drum, a clay bowl and a ring of rubber."""
     rng = stream(seed, "round things")
     marble = textures.stone(rng, [(0.42, 0.40, 0.38), (0.60, 0.58, 0.55), (0.66, 0.64, 0.60)])
-    sculpture = blob(0.3, rng, 0.2).moved((*_spot_of("sculpture", seed), 0.28))
+    sculpture = blob(0.3, rng, 0.2).moved((*_SPOTS.at("sculpture", seed), 0.28))
     yield Thing("sculpture", sculpture, knobs.surface(seed, "sculpture", Texture(marble, (2, 1)), 0.4))
     enamel = textures.plaster(rng, scaled(paint("foliage"), 1.6), 0.1)
-    drum = props.barrel(0.62, 0.22).moved((*_spot_of("drum", seed), 0))
+    drum = props.barrel(0.62, 0.22).moved((*_SPOTS.at("drum", seed), 0))
     yield Thing("drum", drum, knobs.surface(seed, "drum", Texture(enamel), 0.45))
     clay = textures.plaster(rng, (0.45, 0.20, 0.12), 0.15)
-    bowl = props.bowl(0.26).moved((*_spot_of("bowl", seed), 0))
+    bowl = props.bowl(0.26).moved((*_SPOTS.at("bowl", seed), 0))
     yield Thing("bowl", bowl, knobs.surface(seed, "bowl", Texture(clay), 0.35))
     rubber = textures.plaster(rng, paint("moderate red"))
-    ring = torus(0.17, 0.07).moved((*_spot_of("ring", seed), 0.07))
+    ring = torus(0.17, 0.07).moved((*_SPOTS.at("ring", seed), 0.07))
     yield Thing("ring", ring, knobs.surface(seed, "ring", Texture(rubber), 0.5))
 
 
 def _carton(knobs: ManyLights, seed: int) -> Iterator[Thing]:
     """A pile of books on a carton."""
     rng = stream(seed, "carton")
-    x, y = _spot_of("carton", seed)
+    x, y = _SPOTS.at("carton", seed)
     board = Texture(textures.cardboard(rng, (0.42, 0.30, 0.18)), (2.4, 2.4))
     yield Thing("carton", props.crate(0.4, 0.32, 0.3).moved((x, y, 0), 0.5), Matte(board))
     covers = [paint(name) for name in ("blue sky", "orange", "light skin", "purple")]

@@ -7,5 +7,5 @@ Importing this package does not import Mitsuba; :func:`verify_dataset` does when
 from graycard.synth.verify._check import Check as Check
 from graycard.synth.verify._check import Status as Status
 from graycard.synth.verify._check import worst as worst
-from graycard.synth.verify._run import Verdict as Verdict
+from graycard.synth.verify._run import VerifyVerdict as VerifyVerdict
 from graycard.synth.verify._run import verify_dataset as verify_dataset

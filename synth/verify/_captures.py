@@ -8,13 +8,13 @@ import numpy as np
 from graycard import Sensor
 from graycard.colour import srgb_slope
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 
 _SIGMAS = 6.0
 """Of the mean of a photograph's noise: a false alarm in a thousand million views."""
 
 
-def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_capture(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """The photograph and the mask of a training view."""
     if picture.view.split != "train":
         return
@@ -35,7 +35,9 @@ def check_capture(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield picture.at.judge("mask of the target", wrong, 0, "pixels", told)
 
 
-def _check_sensor(picture: Picture, level: np.ndarray, found: np.ndarray, sensor: Sensor) -> Iterator[Check]:
+def _check_sensor(
+    picture: TruePicture, level: np.ndarray, found: np.ndarray, sensor: Sensor
+) -> Iterator[Check]:
     """A photograph differs from the radiance as much as the noise and the bits of its camera say.
 
     Args:

@@ -120,3 +120,15 @@ def _check_pattern(name: str, pair: Pair, views: int) -> Check:
         f"{part[0].stop}, columns {part[1].start} to {part[1].stop} show something else"
     )
     return pair.at.judge(f"{name}: pattern", z, bound_of(views * len(parts)), "σ", told)
+
+
+def largest_relative(off: np.ndarray, of: np.ndarray, where: np.ndarray | slice = slice(None)) -> float:
+    """Return the largest difference, relative to the value there and a little of the mean.
+
+    Args:
+        off: Differences, of any sign.
+        of: The values, in the shape of the differences.
+        where: Which pixels count.
+    """
+    relative = np.abs(off) / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)
+    return float(relative[where].max(initial=0))

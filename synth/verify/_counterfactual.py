@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from graycard.layers import with_sums
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._values import EFFECTS, EMPTIED_LOBES, EMPTIED_SURFACE
 
 _MASKS = ("effect.footprint", "effect.shadow", "effect.mirror")
@@ -25,7 +25,7 @@ _UNMARKED = 0.6
 """Of the pixels that differ clearly in radiance: up to a third of a dozen differ in no part for certain."""
 
 
-def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_counterfactual(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Both pictures are made from the same random numbers; they differ where the target is seen, of course,
     and are equal where it has no effect.
     """
@@ -41,7 +41,7 @@ def check_counterfactual(subject: Subject, picture: Picture) -> Iterator[Check]:
     yield from _check_masks(subject, picture)
 
 
-def _check_removed(subject: Subject, picture: Picture) -> Check:
+def _check_removed(subject: Subject, picture: TruePicture) -> Check:
     seen = picture.layers["object_id"] == (subject.truth.target or -1)
     if not seen.any():
         return picture.at.skip("target removed", "the target is not seen")
@@ -50,12 +50,12 @@ def _check_removed(subject: Subject, picture: Picture) -> Check:
     return picture.at.judge("target removed", float(same[seen].mean()), 0.01, "of its pixels", told)
 
 
-def _noise(picture: Picture, name: str) -> np.ndarray:
+def _noise(picture: TruePicture, name: str) -> np.ndarray:
     a, b = (picture.layers[f"{name}.half_{end}"].astype(float) for end in "ab")
     return a - b
 
 
-def _check_masks(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_masks(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Where ``effect.untouched`` is 1 both pictures are equal to the bit, and no effect is marked there."""
     if not picture.has("effect.untouched"):
         return
@@ -73,7 +73,7 @@ def _check_masks(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield from _check_lobes(picture)
 
 
-def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_footprint(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """The footprint is where the centre of a pixel sees the target, and the pixels at its outline."""
     footprint = picture.layers["effect.footprint"] > 0
     centre = picture.layers["object_id"] == (subject.truth.target or -1)
@@ -86,7 +86,7 @@ def _check_footprint(subject: Subject, picture: Picture) -> Iterator[Check]:
     yield picture.at.judge("footprint at the target", float(beyond), _FEW, "of its pixels", told)
 
 
-def _check_marked(picture: Picture) -> Iterator[Check]:
+def _check_marked(picture: TruePicture) -> Iterator[Check]:
     """What is equal in both pictures is marked as untouched, and what differs clearly as an effect."""
     footprint = picture.layers["effect.footprint"] > 0
     ends = ("", ".var", ".half_a", ".half_b")
@@ -105,7 +105,7 @@ def _check_marked(picture: Picture) -> Iterator[Check]:
     yield picture.at.judge("effects marked", share, _UNMARKED, "of the changed pixels", told)
 
 
-def _check_lobes(picture: Picture) -> Iterator[Check]:
+def _check_lobes(picture: TruePicture) -> Iterator[Check]:
     """Either lobe without the target is light of it; specular light differs in mirror images."""
     present = with_sums(picture.layers).get("specular")
     if present is None or not picture.has(*EMPTIED_LOBES):
@@ -134,7 +134,7 @@ def _check_lobes(picture: Picture) -> Iterator[Check]:
     yield picture.at.judge("specular light of mirror images", same, _FEW, "of their pixels", told)
 
 
-def _check_surfaces(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_surfaces(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """What is seen without the target is what is seen with it, but where the target is."""
     if not picture.has(*EMPTIED_SURFACE):
         return
@@ -152,7 +152,7 @@ def _check_surfaces(subject: Subject, picture: Picture) -> Iterator[Check]:
     )
 
 
-def _differs_clearly(picture: Picture) -> np.ndarray:
+def _differs_clearly(picture: TruePicture) -> np.ndarray:
     """Where the pictures differ by a tenth and by eight times the noise of their difference, ``(H, W)``."""
     change, one, other = (
         picture.layers[f"radiance{e}"].astype(float) - picture.layers[f"counterfactual.radiance{e}"]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 
 from graycard.synth.verify._check import At, Check
-from graycard.synth.verify._subject import Picture
+from graycard.synth.verify._subject import TruePicture
 
 _RELATIVE = 1e-4
 """Of a distance: float32 positions of a scene some metres wide are known to a tenth of that."""
@@ -16,7 +16,7 @@ _SMOOTH = np.cos(np.radians(8.0))
 """Cosine between neighbouring normals up to which a surface is smooth enough for finite differences."""
 
 
-def check_geometry(picture: Picture) -> Iterator[Check]:
+def check_geometry(picture: TruePicture) -> Iterator[Check]:
     """Position, depth, distance and normal of one view."""
     if not picture.seen.any():
         yield picture.at.skip("position on the ray", "no object is seen")
@@ -27,7 +27,7 @@ def check_geometry(picture: Picture) -> Iterator[Check]:
     yield _check_slopes(picture)
 
 
-def _check_along_rays(picture: Picture) -> Iterator[Check]:
+def _check_along_rays(picture: TruePicture) -> Iterator[Check]:
     """Position = camera + distance x ray, depth = distance x cos: three layers, one geometry."""
     layers, camera, seen = picture.layers, picture.camera, picture.seen
     distance, depth = layers["distance"][seen].astype(float), layers["depth"][seen].astype(float)
@@ -60,7 +60,7 @@ def _looks_like_depth(quotient: np.ndarray, cosine: np.ndarray) -> str:
     return "depth = distance x cos, of the same surface"
 
 
-def _check_pixel_centres(picture: Picture) -> Check:
+def _check_pixel_centres(picture: TruePicture) -> Check:
     """Each position projects to the centre of its pixel, (j + 0.5, i + 0.5)."""
     at, _ = picture.camera.project(picture.layers["position"][picture.seen].astype(float))
     rows, columns = np.nonzero(picture.seen)
@@ -70,7 +70,7 @@ def _check_pixel_centres(picture: Picture) -> Check:
     return picture.at.judge("position at the pixel centre", float(np.abs(off).max()), 0.02, "px", told)
 
 
-def _check_normals(picture: Picture) -> Iterator[Check]:
+def _check_normals(picture: TruePicture) -> Iterator[Check]:
     normal = picture.layers["normal"][picture.seen].astype(float)
     length = np.linalg.norm(normal, axis=-1)
     told = "normals are of unit length; looks like an average over several surfaces, or a scaled range"
@@ -80,7 +80,7 @@ def _check_normals(picture: Picture) -> Iterator[Check]:
     yield picture.at.judge("normal faces the camera", away, 0.0, "of the pixels", told)
 
 
-def _check_slopes(picture: Picture) -> Check:
+def _check_slopes(picture: TruePicture) -> Check:
     """The normal of a smooth surface is the cross product of the differences of its positions."""
     smooth = _smooth_interior(picture)
     if smooth.sum() < 30:
@@ -97,7 +97,7 @@ def _check_slopes(picture: Picture) -> Check:
     return picture.at.judge("normal across the surface", off, 0.02, "of the smooth pixels", told)
 
 
-def _smooth_interior(picture: Picture) -> np.ndarray:
+def _smooth_interior(picture: TruePicture) -> np.ndarray:
     """Pixels whose neighbours show the same object with nearly the same normal and no jump in depth."""
     ids, normal = picture.layers["object_id"].astype(np.int64), picture.layers["normal"]
     depth = np.where(picture.seen, picture.layers["depth"], 0)
@@ -116,7 +116,7 @@ def _curvature(values: np.ndarray, axis: int) -> np.ndarray:
     return ndimage.correlate1d(values, [1.0, -2.0, 1.0], axis=axis)
 
 
-def check_between(a: Picture, b: Picture, at: At) -> Iterator[Check]:
+def check_between(a: TruePicture, b: TruePicture, at: At) -> Iterator[Check]:
     """What one view sees is where another view can see it: nothing hangs in front of what that one sees.
 
     Each point of ``a`` is projected into ``b``. If it is nearer than all that ``b`` sees around that pixel,
@@ -139,7 +139,7 @@ def check_between(a: Picture, b: Picture, at: At) -> Iterator[Check]:
 
 
 def _check_same_object(
-    a: Picture, b: Picture, at: At, inside: np.ndarray, place: tuple[np.ndarray, np.ndarray]
+    a: TruePicture, b: TruePicture, at: At, inside: np.ndarray, place: tuple[np.ndarray, np.ndarray]
 ) -> Check:
     apart = np.linalg.norm(b.layers["position"][place] - a.layers["position"][a.seen][inside], axis=-1)
     footprint = b.layers["distance"][place] / b.camera.K[0, 0]

@@ -8,7 +8,7 @@ import numpy as np
 from graycard import EnvironmentLight, GaussianLight, Light, PointLight, SpotLight, luminance
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._closed_forms import sky_towards, unblocked_irradiance
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 
 _POINTS, _SKY_POINTS = 1024, 400
 """About how many pixels of a view integrals over lights are computed at: a sky has thousands of pixels."""
@@ -30,7 +30,7 @@ _SKY = 0.05
 mirrored sky has 0.11 and more."""
 
 
-def check_irradiance(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_irradiance(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Each light's direct irradiance is what its formula gives times its visibility; all of them add up."""
     if not subject.is_separated:
         for name in ("irradiances add up", "direct light of the formula"):
@@ -42,7 +42,7 @@ def check_irradiance(subject: Subject, picture: Picture) -> Iterator[Check]:
         yield from _check_formula(subject, picture, light)
 
 
-def _check_sums(subject: Subject, picture: Picture) -> Iterator[Check]:
+def _check_sums(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     layers, names = picture.layers, [light.name for light in subject.lights]
     total = np.sum([layers[f"irradiance.{name}"].astype(float) for name in names], axis=0)
     wanted = np.pi * layers["shading"].astype(float)
@@ -74,7 +74,7 @@ def _relative(found: np.ndarray, wanted: np.ndarray) -> float:
     return float((np.abs(found - wanted) / scale).max())
 
 
-def _check_shadow(picture: Picture, light: Light) -> Check:
+def _check_shadow(picture: TruePicture, light: Light) -> Check:
     """A light is visible exactly where it gives direct light."""
     visible = picture.layers[f"visibility.{light.name}"] > 0
     lit = picture.layers[f"direct.irradiance.{light.name}"].max(axis=-1) > 0
@@ -86,7 +86,7 @@ def _check_shadow(picture: Picture, light: Light) -> Check:
     return picture.at.judge("visible where lit", wrong, 1e-3, "of the pixels", told)
 
 
-def _check_formula(subject: Subject, picture: Picture, light: Light) -> Iterator[Check]:
+def _check_formula(subject: Subject, picture: TruePicture, light: Light) -> Iterator[Check]:
     """Direct irradiance = visibility x formula, and nothing where the formula gives nothing."""
     name = "direct light of the formula"
     rows, columns = _sample(picture, _SKY_POINTS if isinstance(light, EnvironmentLight) else _POINTS)
@@ -106,7 +106,7 @@ def _check_formula(subject: Subject, picture: Picture, light: Light) -> Iterator
         yield from _judge_color(picture, light, found, sent, visible)
 
 
-def _sample(picture: Picture, points: int) -> tuple[np.ndarray, np.ndarray]:
+def _sample(picture: TruePicture, points: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of pixels that show something, evenly over the picture."""
     rows, columns = np.nonzero(picture.seen)
     step = max(len(rows) // points, 1)
@@ -114,7 +114,7 @@ def _sample(picture: Picture, points: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _judge_formula(
-    picture: Picture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
+    picture: TruePicture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
     """Visibility is a share of luminance, so luminance is what is compared."""
     got, wanted = luminance(found), visible * luminance(sent)
@@ -137,7 +137,7 @@ def _judge_formula(
 
 
 def _judge_color(
-    picture: Picture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
+    picture: TruePicture, light: Light, found: np.ndarray, sent: np.ndarray, visible: np.ndarray
 ) -> Iterator[Check]:
     """Where nothing is in the way, the channels have the proportions that lights.json says."""
     free = visible > 0.999
@@ -149,7 +149,7 @@ def _judge_color(
     yield picture.at.judge("colour of direct light", float(np.abs(tint - 1).max()), 0.01, "relative", told)
 
 
-def check_background(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_background(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Where no object is seen, the radiance is that of the environment in the ray's direction."""
     name = "background is the environment"
     far = ~picture.seen

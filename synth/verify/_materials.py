@@ -6,13 +6,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 
 _EXACT = 2e-6
 """Rounding of a product of two float32 in [0, 1]."""
 
 
-def check_objects(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_objects(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Each id that is seen is one of truth.json; the surfaces of lights are black and shine."""
     ids = picture.layers["object_id"]
     named = {thing.id for thing in subject.truth.objects}
@@ -22,7 +22,7 @@ def check_objects(subject: Subject, picture: Picture) -> Iterator[Check]:
     yield _check_emitters(subject, picture)
 
 
-def _check_emitters(subject: Subject, picture: Picture) -> Check:
+def _check_emitters(subject: Subject, picture: TruePicture) -> Check:
     """What is flagged as an emitter reflects nothing, and emits wherever all of the pixel shows it."""
     emits = np.isin(picture.layers["object_id"], list(subject.truth.emitter_ids()))
     if not emits.any():
@@ -32,7 +32,7 @@ def _check_emitters(subject: Subject, picture: Picture) -> Check:
     return picture.at.judge("emitters flagged", float(wrong.sum()), 0, "pixels", told)
 
 
-def check_materials(picture: Picture) -> Iterator[Check]:
+def check_materials(picture: TruePicture) -> Iterator[Check]:
     """Relations between base colour, metallic, diffuse reflectance, f0, roughness and alpha."""
     at = picture.at
     layers = {name: values.astype(float) for name, values in picture.layers.items() if name in _PARAMETERS}

@@ -11,7 +11,8 @@ from graycard.lights import light_to_json
 from graycard.synth._sky import recorded
 from graycard.synth.edits._light_edits import Edit, light_edits
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Rebuilt, Subject
+from graycard.synth.verify._comparison import largest_relative
+from graycard.synth.verify._subject import Rebuilt, Subject, TruePicture
 from graycard.synth.verify._values import ESTIMATES, PARTS
 
 _LIGHTS_OF = "lights of the edits"
@@ -53,7 +54,7 @@ def _is_the_sky(found: np.ndarray, sky: np.ndarray | None) -> bool:
     return bool(np.abs(found - wanted).max() <= 1e-5 * wanted.max())
 
 
-def check_relit(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterator[Check]:
+def check_relit(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
     """Light adds up: with a light switched off or recoloured, only the parts of that light change.
 
     The surface of a light shines itself, so the law is for the pixels in which none is seen.
@@ -72,12 +73,14 @@ def check_relit(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterato
 
 
 def _check_one(
-    subject: Subject, picture: Picture, edit: Edit, relit: Mapping[str, np.ndarray]
+    subject: Subject, picture: TruePicture, edit: Edit, relit: Mapping[str, np.ndarray]
 ) -> Iterator[Check]:
     name, found = edit.record.name, relit["radiance"].astype(float)
     half = (relit["radiance.half_a"].astype(float) + relit["radiance.half_b"]) / 2
     told = f"the halves of {name} average to it; looks like halves of another edit"
-    yield picture.at.judge("relit halves average", _largest(half - found, found), 1e-5, "relative", told)
+    yield picture.at.judge(
+        "relit halves average", largest_relative(half - found, found), 1e-5, "relative", told
+    )
     if edit.factors is None or not subject.is_separated:
         return
     if not picture.has(*(f"{part}.{light}" for part in PARTS for light in edit.factors)):
@@ -88,15 +91,9 @@ def _check_one(
         part = np.sum([picture.layers[f"{part}.{light}"] for part in PARTS], axis=0, dtype=float)
         wanted = wanted + (np.array(factor) - 1) * part
     dark = picture.layers["emitted"].max(axis=-1) == 0
-    off = _largest(found - wanted, picture.layers["radiance"], dark)
+    off = largest_relative(found - wanted, picture.layers["radiance"], dark)
     told = (
         f"{name} differs from the view by the parts of the light that is changed; looks like the picture of "
         "another edit, or of other light"
     )
     yield picture.at.judge("relit by its parts", off, 1e-4, "relative", told)
-
-
-def _largest(off: np.ndarray, of: np.ndarray, where: np.ndarray | slice = slice(None)) -> float:
-    """The largest difference, relative to the value there and a little of the mean."""
-    relative = np.abs(off) / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)
-    return float(relative[where].max(initial=0))

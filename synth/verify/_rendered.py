@@ -8,7 +8,11 @@ from scipy import ndimage
 
 from graycard import Camera, EnvironmentLight, luminance
 from graycard.synth.edits._light_edits import Edit
-from graycard.synth.verify._again import (
+from graycard.synth.verify._check import At, Check
+from graycard.synth.verify._closed_forms import unblocked_irradiance
+from graycard.synth.verify._comparison import Pair, compare
+from graycard.synth.verify._relit import edits_of
+from graycard.synth.verify._second_rendering import (
     albedo_again,
     effects_again,
     emptied_again,
@@ -16,11 +20,7 @@ from graycard.synth.verify._again import (
     radiance_again,
     surfaces_again,
 )
-from graycard.synth.verify._check import At, Check
-from graycard.synth.verify._closed_forms import unblocked_irradiance
-from graycard.synth.verify._comparison import Pair, compare
-from graycard.synth.verify._relit import edits_of
-from graycard.synth.verify._subject import Picture, Rebuilt, Subject
+from graycard.synth.verify._subject import Rebuilt, Subject, TruePicture
 from graycard.synth.verify._values import ESTIMATES, PARTS
 
 _POINTS = 4096
@@ -61,7 +61,7 @@ Again = tuple[dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 def check_rendered(
-    subject: Subject, rebuilt: Rebuilt, pictures: Sequence[Picture], points: int = _POINTS
+    subject: Subject, rebuilt: Rebuilt, pictures: Sequence[TruePicture], points: int = _POINTS
 ) -> Iterator[Check]:
     """Pictures, counterfactuals, lights and surfaces of some views against another rendering of them."""
     radiances = [_pair(p, "radiance", radiance_again(rebuilt, p.number, _PICTURE)) for p in pictures]
@@ -78,14 +78,14 @@ def check_rendered(
         yield from check_surfaces(subject, rebuilt, picture, points)
 
 
-def _pair(picture: Picture, name: str, again: dict[str, np.ndarray]) -> Pair:
+def _pair(picture: TruePicture, name: str, again: dict[str, np.ndarray]) -> Pair:
     """A stored picture and the same one rendered again, with their halves."""
     ends = ("half_a", "half_b")
     halves = [picture.layers[f"{name}.{end}"] for end in ends] + [again[f"radiance.{end}"] for end in ends]
     return Pair(picture.at, picture.layers[name], again["radiance"], tuple(halves))
 
 
-def _check_effects(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterator[Check]:
+def _check_effects(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
     """Masks of the target's effects against those from other light paths: alike but for their rims."""
     if not subject.is_separated:
         yield picture.at.skip("effects again", "a scene of scalar_rgb holds no effects")
@@ -101,7 +101,7 @@ def _check_effects(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iter
         )
 
 
-def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: Picture) -> Iterator[Check]:
+def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
     """Superposition: the parts of each light are what a picture shows in which that light alone is on.
 
     One picture serves for three lights: one is on in red, one in green, one in blue. The environment stays
@@ -128,7 +128,7 @@ def _channel(number: int) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _parts(picture: Picture, strengths: dict[str, tuple[float, float, float]]) -> np.ndarray:
+def _parts(picture: TruePicture, strengths: dict[str, tuple[float, float, float]]) -> np.ndarray:
     """Sum of the parts of all lights, each times its strength in each channel."""
     return np.sum(
         [picture.layers[f"{part}.{name}"] * np.array(s) for name, s in strengths.items() for part in PARTS],
@@ -146,7 +146,7 @@ def _check_relit(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
     view, pairs = subject.truth.views[number], []
     for k, edit in enumerate(edits, start=1):
         at = At(subject.at.scene, f"{view.name} {edit.record.name}")
-        relit = Picture(at, number, view, subject.truth.relit(edit.record.name, view))
+        relit = TruePicture(at, number, view, subject.truth.relit(edit.record.name, view))
         if relit.has(*ESTIMATES):  # else it failed for that before
             again = radiance_again(rebuilt, number, _RELIT + 10 * k, edit.scene)
             pairs.append(_pair(relit, "radiance", again))
@@ -159,7 +159,7 @@ def _is_a_sum(subject: Subject, edit: Edit) -> bool:
     return subject.is_separated and edit.factors is not None
 
 
-def _check_albedo(subject: Subject, rebuilt: Rebuilt, pictures: Sequence[Picture]) -> Iterator[Check]:
+def _check_albedo(subject: Subject, rebuilt: Rebuilt, pictures: Sequence[TruePicture]) -> Iterator[Check]:
     """The light that surfaces return, from other directions of the light, and its largest deviation."""
     if not subject.is_separated:
         yield subject.at.skip("albedo again: level", "a scene of scalar_rgb holds no albedo")
@@ -173,7 +173,7 @@ def _check_albedo(subject: Subject, rebuilt: Rebuilt, pictures: Sequence[Picture
 
 
 def check_surfaces(
-    subject: Subject, rebuilt: Rebuilt, picture: Picture, points: int = _POINTS
+    subject: Subject, rebuilt: Rebuilt, picture: TruePicture, points: int = _POINTS
 ) -> Iterator[Check]:
     """Objects, positions, normals, colours and shadows where rays are cast once more."""
     step = max(int(np.ceil(picture.seen.size / points)), 1)
@@ -196,7 +196,7 @@ def check_surfaces(
 
 
 def _check_shadows(
-    rebuilt: Rebuilt, camera: Camera, picture: Picture, again: Again, bound: float
+    rebuilt: Rebuilt, camera: Camera, picture: TruePicture, again: Again, bound: float
 ) -> Iterator[Check]:
     """A light without extent is visible where a ray reaches it and it shines, and only there."""
     stored, found = again

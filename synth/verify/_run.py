@@ -22,7 +22,7 @@ from graycard.synth.verify._materials import check_materials, check_objects
 from graycard.synth.verify._relit import check_edits, check_relit
 from graycard.synth.verify._specified import SPECIFIED, check_specified
 from graycard.synth.verify._statistics import FALSE_ALARM
-from graycard.synth.verify._subject import Picture, Rebuilt, Subject, open_subject, rebuild
+from graycard.synth.verify._subject import Rebuilt, Subject, TruePicture, open_subject, rebuild
 from graycard.synth.verify._summaries import Summary
 from graycard.synth.verify._transport import check_halves, check_parts
 from graycard.synth.verify._values import check_values
@@ -32,7 +32,7 @@ RENDERED = "rendered again"
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class VerifyVerdict:
     """What the verification of a dataset found."""
 
     checks: tuple[Check, ...]
@@ -48,7 +48,7 @@ class Verdict:
 
 def verify_dataset(
     dataset: Path, views: int = 3, render: bool = True, progress: Progress = silent
-) -> Verdict:
+) -> VerifyVerdict:
     """Check every scene of a dataset: its files, its geometry, its light, and a second rendering of it.
 
     A scene that is damaged, cut off or malformed fails the check ``files`` and the others go on.
@@ -75,7 +75,7 @@ def verify_dataset(
     for number, folder in enumerate(folders):
         progress(number / len(folders), f"{folder.parent.name}/{folder.name}")
         checks += verify_scene(folder, views if render else 0)
-    return Verdict(tuple(checks), len(folders))
+    return VerifyVerdict(tuple(checks), len(folders))
 
 
 def _scene_folders(dataset: Path) -> list[Path]:
@@ -137,7 +137,7 @@ def _summary(subject: Subject, rebuilt: Rebuilt | str) -> Summary:
     return Summary(subject, settings.capture)
 
 
-def _check_picture(subject: Subject, rebuilt: Rebuilt | str, picture: Picture) -> Iterator[Check]:
+def _check_picture(subject: Subject, rebuilt: Rebuilt | str, picture: TruePicture) -> Iterator[Check]:
     yield from check_geometry(picture)
     yield from check_objects(subject, picture)
     yield from check_materials(picture)

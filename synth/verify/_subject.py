@@ -32,7 +32,7 @@ Layers = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
-class Picture:
+class TruePicture:
     """The true layers of one view."""
 
     at: At
@@ -87,15 +87,15 @@ class Subject:
         """Whether the renderer was one that tells the parts of the light apart."""
         return self.manifest.generator.get("variant") == LLVM_RGB
 
-    def pictures(self) -> Iterator[Picture]:
+    def pictures(self) -> Iterator[TruePicture]:
         """The views one after another, so that one at a time is in memory."""
         for number in range(len(self.truth.views)):
             yield self.picture(number)
 
-    def picture(self, number: int) -> Picture:
+    def picture(self, number: int) -> TruePicture:
         """The true layers of a view."""
         view = self.truth.views[number]
-        return Picture(At(self.at.scene, view.name), number, view, self.truth.layers(view))
+        return TruePicture(At(self.at.scene, view.name), number, view, self.truth.layers(view))
 
 
 def open_subject(folder: Path) -> Subject:

@@ -9,7 +9,7 @@ from graycard import Points
 from graycard.colour import display_variance
 from graycard.synth._spec import CaptureSettings
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 
 _NOISES = 3.0
 """Of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian noise."""
@@ -31,7 +31,7 @@ class Summary:
         self._points = subject.capture.points()
         self._near = np.zeros(len(self._points), bool)
 
-    def add(self, picture: Picture) -> None:
+    def add(self, picture: TruePicture) -> None:
         """Take a view into account whose layers are whole."""
         exposure = self._subject.truth.exposure
         noise = display_variance(picture.layers["radiance"], picture.layers["radiance.var"], exposure)
@@ -84,7 +84,7 @@ class Summary:
         yield at.judge("sparse points on surfaces", share, bound, "of the points", told)
 
 
-def _on_surface(points: Points, picture: Picture, noise: float) -> np.ndarray:
+def _on_surface(points: Points, picture: TruePicture, noise: float) -> np.ndarray:
     """Whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
     near = np.zeros(len(points), bool)
     here = points.view == picture.number

@@ -7,8 +7,9 @@ import numpy as np
 
 from graycard.synth._spec import SUB_BUFFERS
 from graycard.synth.verify._check import Check
+from graycard.synth.verify._comparison import largest_relative
 from graycard.synth.verify._statistics import bound_of, z_of_shares
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._values import PARTS
 
 _DIFFUSE = 0.01
@@ -28,21 +29,21 @@ _OUTLINE = 0.05
 seen reflects nothing there."""
 
 
-def check_halves(picture: Picture, views: int) -> Iterator[Check]:
+def check_halves(picture: TruePicture, views: int) -> Iterator[Check]:
     """The halves average to the picture, differ, and differ as much as the variance of the mean says."""
     for name in ("radiance", "counterfactual.radiance"):
         if picture.has(name, f"{name}.half_a", f"{name}.half_b", f"{name}.var"):
             mean, var, a, b = (
                 picture.layers[f"{name}{end}"].astype(float) for end in ("", ".var", ".half_a", ".half_b")
             )
-            off = _largest(np.abs((a + b) / 2 - mean), mean)
+            off = largest_relative((a + b) / 2 - mean, mean)
             told = f"the halves of {name} average to it; looks like halves of another picture"
             yield picture.at.judge("halves average", off, 1e-5, "relative", told)
             var = np.where(var > (_ROUNDING * mean) ** 2, var, 0)
             yield _check_variance(picture, name, a - b, var, 2 * views)
 
 
-def _check_variance(picture: Picture, name: str, apart: np.ndarray, var: np.ndarray, tests: int) -> Check:
+def _check_variance(picture: TruePicture, name: str, apart: np.ndarray, var: np.ndarray, tests: int) -> Check:
     """Of n images the two halves take 1 / (n - 1) of the spread, on average, whatever its distribution.
 
     Any way to part the images into halves is as likely; n - 1 of them are orthogonal contrasts that share the
@@ -69,7 +70,7 @@ def _variance_told(factor: float) -> str:
 
 
 def check_parts(
-    subject: Subject, picture: Picture, lambertian: frozenset[int] = frozenset()
+    subject: Subject, picture: TruePicture, lambertian: frozenset[int] = frozenset()
 ) -> Iterator[Check]:
     """Emitted + all parts = radiance, and the diffuse parts are what irradiance implies.
 
@@ -87,18 +88,13 @@ def check_parts(
     total = layers["emitted"].astype(float)
     for part in PARTS:
         total = total + np.sum([layers[f"{part}.{name}"] for name in lights], axis=0)
-    off = _largest(np.abs(total - layers["radiance"]), layers["radiance"])
+    off = largest_relative(total - layers["radiance"], layers["radiance"])
     told = "emitted and the parts of all lights add up to radiance; looks like a light or lobe left out"
     yield picture.at.judge("parts add up", off, 1e-4, "relative", told)
     yield from _check_matte(subject, picture, lambertian)
 
 
-def _largest(off: np.ndarray, of: np.ndarray) -> float:
-    """The largest difference, relative to the value there and a little of the mean."""
-    return float((off / (np.abs(of) + 1e-2 * float(np.abs(of).mean()) + 1e-30)).max())
-
-
-def _check_matte(subject: Subject, picture: Picture, lambertian: frozenset[int]) -> Iterator[Check]:
+def _check_matte(subject: Subject, picture: TruePicture, lambertian: frozenset[int]) -> Iterator[Check]:
     """Where a pixel shows one matte surface, L = albedo x shading, in sum and for each light."""
     layers = picture.layers
     matte = (layers["roughness"] == 1) & (layers["f0"].max(axis=-1) == 0) & (layers["base_color"].max(-1) > 0)
@@ -117,7 +113,7 @@ def _check_matte(subject: Subject, picture: Picture, lambertian: frozenset[int])
     yield from _check_diffuse(subject, picture, pure)
 
 
-def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iterator[Check]:
+def _check_diffuse(subject: Subject, picture: TruePicture, pure: np.ndarray) -> Iterator[Check]:
     """The diffuse light of all lights together, then what is direct and what is bounced of each light."""
     layers, lights = picture.layers, [light.name for light in subject.lights]
     reflectance = layers["diffuse_reflectance"][pure].astype(float)
@@ -144,7 +140,7 @@ def _check_diffuse(subject: Subject, picture: Picture, pure: np.ndarray) -> Iter
 
 
 def _judge_sums(
-    picture: Picture, name: str, found: np.ndarray, implied: np.ndarray, of: np.ndarray, told: str
+    picture: TruePicture, name: str, found: np.ndarray, implied: np.ndarray, of: np.ndarray, told: str
 ) -> Check:
     """Means over pixels against values at their centres, in sum, each ``(N, 3)``.
 

@@ -8,7 +8,7 @@ import numpy as np
 from graycard import find_layer
 from graycard.layers import LOBES, find_fault
 from graycard.synth.verify._check import Check
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 
 ESTIMATES = ("radiance", "radiance.var", "radiance.half_a", "radiance.half_b")
 SURFACE = (
@@ -59,7 +59,7 @@ def expected_layers(subject: Subject) -> set[str]:
     return names
 
 
-def check_values(subject: Subject, picture: Picture) -> Iterator[Check]:
+def check_values(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Presence, finiteness, range and precision of the layers of a view."""
     at, layers = picture.at, picture.layers
     missing = sorted(expected_layers(subject) - layers.keys())
@@ -98,7 +98,7 @@ def _range(name: str) -> tuple[float, float]:
     return 0.0, np.inf
 
 
-def _precision(picture: Picture) -> Check:
+def _precision(picture: TruePicture) -> Check:
     """The layer with the largest share of values that survive a way through half precision."""
     shares = {
         name: _half_share(values)

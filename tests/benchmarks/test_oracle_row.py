@@ -21,7 +21,7 @@ from graycard.dataset import manifest_of, write_index
 from graycard.io import silent, write_layers, write_manifest, write_rgb
 from graycard.lights import write_lights
 from graycard.methods import Changes
-from graycard.methods._truth import Oracle, TruthMethod
+from graycard.methods._truth import TrueDecomposition, TruthMethod
 from graycard.methods.priors import PriorSpec
 
 Layers = dict[str, np.ndarray]
@@ -137,7 +137,7 @@ def test_what_is_not_known_is_not_written(
 ) -> None:
     capture = open_capture(scene / "capture")
     whole = TruthMethod().load(fitted[2])
-    ignorant = Oracle(whole.known, whole.target)
+    ignorant = TrueDecomposition(whole.known, whole.target)
     changes = Changes({"without-lamp": EDITED_LIGHTS[0]}, open_truth(scene / "truth").composition())
     methods.write_predictions(ignorant, capture, "truth", tmp_path / "p", silent, changes)
     sheet = ge.score_predictions(tmp_path / "p", scene)

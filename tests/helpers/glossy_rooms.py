@@ -14,9 +14,9 @@ from graycard.dataset import write_index
 from graycard.io import Manifest, write_layers, write_manifest, write_rgb
 from graycard.methods.goris import GlossyScene
 from graycard.methods.goris._scene import LAYERS
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import CENTRES, SH_DC
-from graycard.methods.surfels import COEFFICIENTS, decode
+from graycard.methods.surfels import COEFFICIENTS, srgb_decode_tensor
 from graycard.points import write_points
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -39,7 +39,7 @@ def write_room(world: GlossyWorld, folder: Path) -> Capture:
     views = tuple(View(f"train_{n:03d}", "train", camera) for n, camera in enumerate(world.cameras))
     for view, shot in zip(views, shots_of_world(world), strict=True):
         encoded = shot.photograph.encoded
-        write_rgb(folder / f"photographs/{view.name}.exr", decode(encoded).clamp(min=0).numpy())
+        write_rgb(folder / f"photographs/{view.name}.exr", srgb_decode_tensor(encoded).clamp(min=0).numpy())
         ids = 3 * (shot.target.numpy() > 0.5).astype(np.uint32)
         write_layers(folder / f"masks/target/{view.name}.exr", {"object_id": ids})
     write_index(folder, Capture("tabletop", "room", views, 1.0, light_on_camera=False, target=3))
@@ -66,7 +66,7 @@ def surfel_colours(world: GlossyWorld) -> np.ndarray:
 class Told:
     """Answers with what the world's own pictures say of glossy surfaces or of normals."""
 
-    shots: Mapping[str, Shot]
+    shots: Mapping[str, TrainingView]
 
     def answer(self, question: methods.Question) -> np.ndarray:
         shot = self.shots[question.view.name]

@@ -18,13 +18,13 @@ from graycard.methods.goris._model import (
     ROUGHNESS,
     SURROUNDINGS,
     Buffers,
-    Picture,
+    GlossyPicture,
     drawn_buffers,
     picture_of,
 )
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import SH_DC, Parameters, parameters_of, surfels_from_points
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, SKY, Photograph, sky_basis
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SKY, EncodedPhotograph, sky_basis
 
 EXTENT = 1.5
 SETTINGS = GorisSettings(iterations=40, surfels=2000, sky_size=4, filter="none", normal_weight=0.0)
@@ -99,23 +99,25 @@ def _parameters(discs, part: np.ndarray) -> Parameters:
 
 def seen(
     values: dict[str, torch.Tensor], camera: Camera, settings: GorisSettings = SETTINGS
-) -> tuple[Buffers, Picture]:
+) -> tuple[Buffers, GlossyPicture]:
     """What a camera sees."""
     buffers = drawn_buffers(values, camera, sky_basis(camera, 0), settings)
     return buffers, picture_of(values, buffers, settings, EXTENT)
 
 
-def shots_of_world(world: GlossyWorld, settings: GorisSettings = SETTINGS) -> list[Shot]:
+def shots_of_world(world: GlossyWorld, settings: GorisSettings = SETTINGS) -> list[TrainingView]:
     """Photographs of it, with all that priors could say."""
     return [_shot(world, camera, settings) for camera in world.cameras]
 
 
 @torch.no_grad()
-def _shot(world: GlossyWorld, camera: Camera, settings: GorisSettings) -> Shot:
+def _shot(world: GlossyWorld, camera: Camera, settings: GorisSettings) -> TrainingView:
     buffers, picture = seen(world.parameters.all, camera, settings)
-    photograph = Photograph(camera, picture.encoded, sky_basis(camera, 0))
+    photograph = EncodedPhotograph(camera, picture.encoded, sky_basis(camera, 0))
     glossy, target = ((mask > 0.5).float() for mask in (buffers.glossy, buffers.label))
-    return Shot(photograph, glossy, True, target, buffers.normal * (buffers.drawn.alpha > 0.5)[..., None])
+    return TrainingView(
+        photograph, glossy, True, target, buffers.normal * (buffers.drawn.alpha > 0.5)[..., None]
+    )
 
 
 def with_settings(**changes: object) -> GorisSettings:

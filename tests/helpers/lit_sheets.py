@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, PointLight, look_at
-from graycard.methods.gsid._guess import Guess
+from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._model import (
     BASE_COLOR,
     METALLIC,
@@ -20,7 +20,7 @@ from graycard.methods.gsid._model import (
     pixels_of,
     shadows_of,
 )
-from graycard.methods.gsid._objective import Shot
+from graycard.methods.gsid._objective import DeferredView
 from graycard.methods.shading import (
     Lamps,
     lamp_visibility,
@@ -29,7 +29,7 @@ from graycard.methods.shading import (
     surroundings_of,
 )
 from graycard.methods.splat import Surfels, parameters_of, surfels_from_points, surfels_of
-from graycard.methods.surfels import encode
+from graycard.methods.surfels import srgb_encode_tensor
 
 LAMPS = (
     PointLight("a", (0.7, 0.3, 1.1), (1.5, 1.2, 0.9)),
@@ -50,7 +50,7 @@ class World:
 
     surface: dict[str, torch.Tensor]
     normals: torch.Tensor
-    shots: list[Shot]
+    shots: list[DeferredView]
     lamps: Lamps
 
     @property
@@ -82,7 +82,7 @@ def lit_sheets() -> World:
     return World(surface, normals, photographed(surface, cameras, lamps), lamps)
 
 
-def photographed(surface: dict[str, torch.Tensor], cameras: list[Camera], lamps: Lamps) -> list[Shot]:
+def photographed(surface: dict[str, torch.Tensor], cameras: list[Camera], lamps: Lamps) -> list[DeferredView]:
     surfels, sky = surfels_of(surface), surroundings_of(torch.full((6, 4, 4, 3), 0.05))
     reached = lamp_visibility(surfels, surfels.centres, lamps.positions, EXTENT)
     shots = []
@@ -91,9 +91,9 @@ def photographed(surface: dict[str, torch.Tensor], cameras: list[Camera], lamps:
         pixels = pixels_of(surface, ground)
         shadows = shadows_of(surfels, camera, reached, ground)
         linear = picture_of(pixels, lamps, sky, Reach(shadows), "traced", EXTENT).whole
-        known = Guess(
+        known = MaterialGuess(
             ground.normal,
             *(getattr(pixels.material, name) for name in ("base_color", "roughness", "metallic")),
         )
-        shots.append(Shot(linear, encode(linear), ground, known))
+        shots.append(DeferredView(linear, srgb_encode_tensor(linear), ground, known))
     return shots

@@ -129,7 +129,7 @@ def test_the_oracle_begins_on_the_surface_and_stays_if_frozen(scene: Path):
 
 
 def fitted_depth(scene: Path, parameters: splat.Parameters, camera: Camera) -> np.ndarray:
-    return SurfelScene("2dgs-oracle", parameters, 1.0).render(camera, ["depth"])["depth"]
+    return SurfelScene(parameters, "2dgs-oracle", 1.0).render(camera, ["depth"])["depth"]
 
 
 def test_equal_seeds_give_equal_bits_and_a_save_renders_the_same(scene: Path, tmp_path: Path):

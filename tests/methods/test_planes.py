@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from graycard import Camera, look_at
-from graycard.methods.surfels._likeness import SweptView, mean_likeness
+from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._planes import large_planes, plane_depth, with_planes
 from graycard.methods.surfels._sweep import SweptDepth
@@ -99,7 +99,7 @@ def test_where_no_plane_is_all_stays_as_it_was():
 def test_a_view_is_most_like_its_partner_at_its_true_depth(window: int):
     (view, depth), (partner, _) = room(0.0), room(0.2)
     inverse = np.stack([1 / depth, 1 / (depth + 0.2)])
-    right, wrong = mean_likeness(view, [partner], inverse, window)
+    right, wrong = mean_ncc(view, [partner], inverse, window)
     seen = right != 0
     assert np.median(right[seen]) > 0.9
     assert np.median(wrong[seen]) < 0.75

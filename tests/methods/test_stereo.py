@@ -9,7 +9,7 @@ import torch
 
 from graycard import Camera, MethodError, look_at
 from graycard.methods.surfels._fill import dense_depths
-from graycard.methods.surfels._likeness import SweptView
+from graycard.methods.surfels._ncc import SweptView
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
 from graycard.methods.surfels._triangles import filled_depth
 

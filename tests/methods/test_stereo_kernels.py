@@ -9,7 +9,7 @@ from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from torch.nn.functional import avg_pool2d, grid_sample
 
 from graycard import Camera, look_at
-from graycard.methods.surfels._likeness import NOISE, SweptView, mean_likeness
+from graycard.methods.surfels._ncc import NOISE, SweptView, mean_ncc
 from graycard.methods.surfels._paths import semi_global
 from graycard.methods.surfels._planes import with_planes
 from graycard.methods.surfels._sweep import SweptDepth, sweep_depths
@@ -67,7 +67,7 @@ def test_likeness_is_the_mean_correlation_of_the_better_half(window: int, count:
     for inverse in (planes, slanted):
         each = torch.stack([correlation(view, one, inverse, window) for one in partners])
         expected = each.topk((count + 1) // 2, dim=0).values.mean(dim=0)
-        found = mean_likeness(view, partners, inverse, window)
+        found = mean_ncc(view, partners, inverse, window)
         assert found.dtype == np.float32
         np.testing.assert_allclose(found, expected, atol=1e-3)
 
@@ -78,7 +78,7 @@ def test_what_a_partner_does_not_see_is_not_like_it():
     pose = view.camera.camera_to_world.copy()
     pose[:3, 3] += 0.5 * view.camera.forward
     ahead = SweptView(Camera(WIDTH, HEIGHT, view.camera.K, pose), view.grey, 0.8, 2.5)
-    behind, before = mean_likeness(view, [ahead], np.array([1 / 0.4, 1 / 1.5])[:, None, None], 5)
+    behind, before = mean_ncc(view, [ahead], np.array([1 / 0.4, 1 / 1.5])[:, None, None], 5)
     assert not behind.any()
     assert (before == 0)[0].all()  # the first row of the view is not in the image of the nearer one
     assert (before != 0)[HEIGHT // 2, 5:-5].all()

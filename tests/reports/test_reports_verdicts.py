@@ -27,7 +27,7 @@ from graycard.reports.tables._compared import compare_track
 from graycard.reports.tables._help import explain_rules, metric_head
 from graycard.reports.tables._intervals import PAD, axis_of, axis_of_standings, interval_plot
 from graycard.reports.tables._summary import part_of, summary_rows
-from graycard.reports.tables._verdicts import Verdict, judge, judge_without_intervals
+from graycard.reports.tables._verdicts import LeaderVerdict, judge, judge_without_intervals
 
 UP = MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
 DOWN = MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
@@ -48,14 +48,14 @@ def pair(first: str, second: str, verdict: Any, **more: Any) -> PairDifference:
     return PairDifference(first, second, verdict=verdict, **given)
 
 
-def compared(metric: MetricRecord, methods: list[MethodStanding], *pairs: PairDifference) -> Verdict:
+def compared(metric: MetricRecord, methods: list[MethodStanding], *pairs: PairDifference) -> LeaderVerdict:
     found = MetricComparison("dark", metric.id, tuple(methods), pairs)
     return judge(metric, found, Comparison("s", 1, 0.95, 6, {"dB": 1.0}, "the rule", (found,)))
 
 
 def test_clear_lead_names_the_larger_of_both_p_values() -> None:
     found = compared(UP, [stands("b", 20.0, 2), stands("a", 21.0)], pair("a", "b", "better"))
-    assert found == Verdict(
+    assert found == LeaderVerdict(
         "clear",
         "clear lead",
         "a",
@@ -198,7 +198,7 @@ def test_cells_say_who_is_tied_with_whom() -> None:
 
 
 def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
-    verdict = Verdict("alone", "no rival", "a", "1")
+    verdict = LeaderVerdict("alone", "no rival", "a", "1")
     found = {("dark", "a.side"): verdict, ("dark", "a.up"): verdict, ("table", "n.down"): verdict}
     rows, _ = summary_rows([SIDE, UP, DOWN], found, [("dark", "t1"), ("table", "t2")])
     assert [(r.part, r.metric.id) for r in rows] == [("Albedo", "a.up"), ("Geometry (normals)", "n.down")]
@@ -213,7 +213,10 @@ def test_summary_has_a_row_for_each_part_by_its_headline_metric() -> None:
 def test_summary_has_rows_of_what_a_track_asks_and_none_that_nobody_provides() -> None:
     mirror = replace(SIDE, id="counterfactual.residual.mirror.specular", group="counterfactual")
     removal = replace(UP, id="counterfactual.psnr", group="counterfactual")
-    lead, nobody = Verdict("alone", "no rival", "a", "1"), Verdict("nobody", "no method provides it")
+    lead, nobody = (
+        LeaderVerdict("alone", "no rival", "a", "1"),
+        LeaderVerdict("nobody", "no method provides it"),
+    )
     found = {("tabletop", m.id): lead for m in (UP, removal, mirror)} | {("tabletop", DOWN.id): nobody}
     tracks = [("tabletop", "t1"), ("dark", "t2")]
     left_out = {("tabletop", DOWN.id)}

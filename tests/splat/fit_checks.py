@@ -28,12 +28,12 @@ RULES = splat.DensityRules(
     largest=0.3,
 )
 RATES = {
-    splat.CENTRES: splat.Rate(1e-2, 1e-3),
-    splat.LOG_SCALES: splat.Rate(5e-3),
-    splat.ROTATIONS: splat.Rate(1e-3),
-    splat.LOGITS: splat.Rate(5e-2, windows=((0.0, 0.5), (0.7, 1.0))),
-    "colour": splat.Rate(1e-2),
-    "gain": splat.Rate(1e-2),
+    splat.CENTRES: splat.LearningRateSchedule(1e-2, 1e-3),
+    splat.LOG_SCALES: splat.LearningRateSchedule(5e-3),
+    splat.ROTATIONS: splat.LearningRateSchedule(1e-3),
+    splat.LOGITS: splat.LearningRateSchedule(5e-2, windows=((0.0, 0.5), (0.7, 1.0))),
+    "colour": splat.LearningRateSchedule(1e-2),
+    "gain": splat.LearningRateSchedule(1e-2),
 }
 
 
@@ -47,7 +47,7 @@ def start() -> splat.FitState:
     return splat.initial_state(splat.parameters_of(surfels, {"colour": colour}, {"gain": torch.ones(1)}), 3)
 
 
-def objective(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+def objective(values: Mapping[str, torch.Tensor], step: int) -> splat.LossResult:
     """Far from a chessboard, from one of three sides."""
     turn = 0.7 * (step % 3)
     eye = 3 * np.array([np.sin(turn), -np.cos(turn), 0.3])
@@ -58,13 +58,13 @@ def objective(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
     surfels = splat.surfels_of(values, values["colour"])
     drawn = splat.rasterize_features(surfels, camera, offsets=offsets)
     loss = (values["gain"] * drawn.features - target).abs().mean()
-    return splat.Look(loss, offsets, torch.zeros(len(offsets)), (24, 20))
+    return splat.LossResult(loss, offsets, torch.zeros(len(offsets)), (24, 20))
 
 
-def plan(checkpoint: Path | None) -> splat.Plan:
+def plan(checkpoint: Path | None) -> splat.TrainConfig:
     """The whole fit."""
     saved = None if checkpoint is None else splat.Checkpoint(checkpoint, EVERY, "fit_checks")
-    return splat.Plan(STEPS, RATES, 1.0, RULES, saved)
+    return splat.TrainConfig(STEPS, RATES, 1.0, RULES, saved)
 
 
 def main(out: str, checkpoint: str, stop: str) -> None:

@@ -28,10 +28,10 @@ def state_of(sizes: list[float], gradients: list[float], opacity: float = 0.5) -
     )
     state = splat.initial_state(parameters, seed=0)
     moments = {
-        name: splat.Moments(m.first + 1, m.second + 2, m.steps + 5) for name, m in state.moments.items()
+        name: splat.AdamMoments(m.first + 1, m.second + 2, m.steps + 5) for name, m in state.moments.items()
     }
     views = torch.full((count,), 4.0)
-    screen = splat.Screen(torch.tensor(gradients) * views, views, torch.zeros(count))
+    screen = splat.ScreenStatistics(torch.tensor(gradients) * views, views, torch.zeros(count))
     return replace(state, moments=moments, screen=screen)
 
 

@@ -37,9 +37,11 @@ def some_parameters(count: int = 5) -> splat.Parameters:
     return splat.parameters_of(surfels, {"albedo": torch.full((count, 3), 0.5)}, {"light": torch.ones(2, 2)})
 
 
-def far_from_zero(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+def far_from_zero(values: Mapping[str, torch.Tensor], step: int) -> splat.LossResult:
     """A sum that every parameter is in, each step with another weight."""
-    return splat.Look(sum(((v * (step + 1)).sin().sum() for v in values.values()), start=torch.zeros(())))
+    return splat.LossResult(
+        sum(((v * (step + 1)).sin().sum() for v in values.values()), start=torch.zeros(()))
+    )
 
 
 def test_surfels_come_back_from_their_parameters():
@@ -76,12 +78,12 @@ def test_the_extent_is_that_of_the_cameras():
 
 
 def test_rates_decay_exponentially_within_their_windows():
-    rate = splat.Rate(1e-2, 1e-4, ((0.0, 0.25), (0.5, 1.0)))
+    rate = splat.LearningRateSchedule(1e-2, 1e-4, ((0.0, 0.25), (0.5, 1.0)))
     assert rate.at(0) == pytest.approx(1e-2)
     assert rate.at(0.5) == pytest.approx(1e-3)
     assert rate.at(0.25) == rate.at(0.49) == rate.at(1.0) == 0
     assert rate.times(10).at(0.5) == pytest.approx(1e-2)
-    assert splat.Rate(0.3).at(0.9) == 0.3
+    assert splat.LearningRateSchedule(0.3).at(0.9) == 0.3
 
 
 @pytest.mark.parametrize(
@@ -95,17 +97,17 @@ def test_rates_decay_exponentially_within_their_windows():
 )
 def test_rates_without_sense(values, message: str):
     with pytest.raises(ValueError, match=message):
-        splat.Rate(*values)
+        splat.LearningRateSchedule(*values)
 
 
 def test_steps_are_those_of_the_plain_adam():
     """Against ``torch.optim.Adam``, each parameter with its own decaying rate, one of them not moving."""
     rates = {
-        splat.CENTRES: splat.Rate(1e-2, 1e-3),
-        "albedo": splat.Rate(5e-2),
-        "light": splat.Rate(3e-2, None, ((0.0, 0.5),)),
+        splat.CENTRES: splat.LearningRateSchedule(1e-2, 1e-3),
+        "albedo": splat.LearningRateSchedule(5e-2),
+        "light": splat.LearningRateSchedule(3e-2, None, ((0.0, 0.5),)),
     }
-    plan, state = splat.Plan(6, rates, 1.0), splat.initial_state(some_parameters(), 0)
+    plan, state = splat.TrainConfig(6, rates, 1.0), splat.initial_state(some_parameters(), 0)
     plain = {
         name: values.clone().requires_grad_(name in rates) for name, values in some_parameters().all.items()
     }
@@ -130,7 +132,7 @@ def test_the_layout_of_memory_does_not_count():
     """Harmonics are joined for drawing: the gradients of their parts are slices of that of the whole."""
     random = torch.Generator().manual_seed(0)
     whole, gradient = (torch.randn(5, 4, 3, generator=random) for _ in range(2))
-    rate = {"detail": splat.Rate(1e-2)}
+    rate = {"detail": splat.LearningRateSchedule(1e-2)}
     for part, slope in ((whole[:, 1:], gradient[:, 1:]), (whole.mT, gradient.mT)):
         moved = []
         for values, towards in ((part.clone(), slope), (part, slope.contiguous())):
@@ -143,8 +145,8 @@ def test_the_layout_of_memory_does_not_count():
 
 
 def test_survivors_of_pruning_move_as_if_nothing_had_happened():
-    rates = {"albedo": splat.Rate(5e-2), splat.CENTRES: splat.Rate(1e-2)}
-    plan = splat.Plan(4, rates, 1.0)
+    rates = {"albedo": splat.LearningRateSchedule(5e-2), splat.CENTRES: splat.LearningRateSchedule(1e-2)}
+    plan = splat.TrainConfig(4, rates, 1.0)
     kept = torch.tensor([True, False, True, True, False])
     whole = splat.initial_state(some_parameters(), 0)
     part = splat.initial_state(some_parameters().take(kept), 0)
@@ -170,27 +172,29 @@ def test_the_screen_remembers_per_half_an_image():
 
 
 def nan_at(name: str, at: int):
-    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.LossResult:
         loss = far_from_zero(values, step).loss
         poison = values[name].flatten()[4] - values[name].flatten()[4].detach()
-        return splat.Look(loss + (poison.sqrt() if step == at else 0))  # the root's slope at 0 is infinite
+        return splat.LossResult(
+            loss + (poison.sqrt() if step == at else 0)
+        )  # the root's slope at 0 is infinite
 
     return look
 
 
 @pytest.mark.parametrize("name", ["albedo", splat.CENTRES])
 def test_a_gradient_that_is_not_finite_is_named(name: str):
-    plan = splat.Plan(9, {name: splat.Rate(1e-3)}, 1.0)
+    plan = splat.TrainConfig(9, {name: splat.LearningRateSchedule(1e-3)}, 1.0)
     message = f"expected finite gradients, got one of '{name}' that is not at step 3 \\(row 1\\)"
     with pytest.raises(MethodError, match=message):
         splat.train(splat.initial_state(some_parameters(), 0), plan, nan_at(name, 3), silent)
 
 
 def test_a_loss_that_is_not_finite_is_named():
-    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
-        return splat.Look(values["albedo"].sum() / (0.0 if step == 2 else 1.0))
+    def look(values: Mapping[str, torch.Tensor], step: int) -> splat.LossResult:
+        return splat.LossResult(values["albedo"].sum() / (0.0 if step == 2 else 1.0))
 
-    plan = splat.Plan(9, {"albedo": splat.Rate(1e-3)}, 1.0)
+    plan = splat.TrainConfig(9, {"albedo": splat.LearningRateSchedule(1e-3)}, 1.0)
     with pytest.raises(MethodError, match="expected a finite loss, got inf at step 2"):
         splat.train(splat.initial_state(some_parameters(), 0), plan, look, silent)
 
@@ -217,7 +221,7 @@ def test_large_gradients_are_no_fault():
     """Their sum overflows, they do not."""
     large = {"albedo": torch.full((5, 3), 1e38)}
     state = splat.initial_state(some_parameters(), 0)
-    assert splat.adam_step(state, large, {"albedo": splat.Rate(1e-3)}, 0.0).step == 1
+    assert splat.adam_step(state, large, {"albedo": splat.LearningRateSchedule(1e-3)}, 0.0).step == 1
 
 
 def run(out: Path, checkpoint: Path | None, stop: int = -1) -> subprocess.Popen[str]:
@@ -255,7 +259,7 @@ def test_a_fit_without_end_is_not_begun_anew(tmp_path: Path):
     plan = fit_checks.plan(tmp_path / "saved")
     first = splat.train(fit_checks.start(), plan, fit_checks.objective, silent)
 
-    def refuse(values: Mapping[str, torch.Tensor], step: int) -> splat.Look:
+    def refuse(values: Mapping[str, torch.Tensor], step: int) -> splat.LossResult:
         raise AssertionError("this step is done")
 
     again = splat.train(fit_checks.start(), plan, refuse, silent)
@@ -266,10 +270,10 @@ def test_a_fit_without_end_is_not_begun_anew(tmp_path: Path):
 def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
     """Between two savings, and to the same bits."""
     checkpoint = splat.Checkpoint(tmp_path / "saved", 1000, "")
-    whole = splat.Plan(6, {"albedo": splat.Rate(5e-2, 1e-2)}, 1.0)
+    whole = splat.TrainConfig(6, {"albedo": splat.LearningRateSchedule(5e-2, 1e-2)}, 1.0)
     plan = replace(whole, checkpoint=checkpoint)
 
-    def fit(plan: splat.Plan) -> splat.FitState:
+    def fit(plan: splat.TrainConfig) -> splat.FitState:
         return splat.train(splat.initial_state(some_parameters(), 0), plan, far_from_zero, silent)
 
     assert fit(replace(plan, until=4)).step == 4
@@ -283,7 +287,7 @@ def test_a_fit_that_stops_early_is_saved_there_and_goes_on(tmp_path: Path):
 def test_fits_that_depend_on_the_same_share_a_folder(tmp_path: Path):
     """A step of one is not done by another, and its time counts; who depends on other things begins anew."""
     mine = splat.Checkpoint(tmp_path / "stages", 1000, "mine", shared=True)
-    plan = splat.Plan(6, {"albedo": splat.Rate(5e-2, 1e-2)}, 1.0, checkpoint=mine)
+    plan = splat.TrainConfig(6, {"albedo": splat.LearningRateSchedule(5e-2, 1e-2)}, 1.0, checkpoint=mine)
     steps: list[float] = []
 
     def fit(checkpoint: splat.Checkpoint) -> splat.FitState:
@@ -318,7 +322,7 @@ def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():
     rules = splat.DensityRules(
         start=0.0, until=1.0, every=0.1, reset_every=0.2, largest=None, largest_on_screen=0.3
     )
-    plan = splat.Plan(10, {"albedo": splat.Rate(1e-3)}, 1.0, rules)
+    plan = splat.TrainConfig(10, {"albedo": splat.LearningRateSchedule(1e-3)}, 1.0, rules)
     state = splat.initial_state(some_parameters(), 0)
     radius = torch.tensor([0.1, 0.4, 0.2, 0.1, 0.5])
     state = replace(state, step=4, screen=replace(state.screen, radius=radius))
@@ -354,6 +358,6 @@ def test_another_fit_and_a_damaged_file_are_refused(tmp_path: Path):
 
 def test_plans_without_sense(tmp_path: Path):
     with pytest.raises(ValueError, match="1 or more steps"):
-        splat.Plan(0, {}, 1.0)
+        splat.TrainConfig(0, {}, 1.0)
     with pytest.raises(ValueError, match="checkpoint every 1 or more"):
         splat.Checkpoint(tmp_path, 0, "")

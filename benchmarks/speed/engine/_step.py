@@ -9,10 +9,10 @@ import torch
 from graycard.benchmarks.speed._machine import Patience, time_calls
 from graycard.benchmarks.speed.engine._records import StepCost
 from graycard.benchmarks.speed.engine._scenes import Workload, engine_camera, engine_surfels
-from graycard.methods.splat import FitState, Plan, adam_step, initial_state, surfels_of, train_step
+from graycard.methods.splat import FitState, TrainConfig, adam_step, initial_state, surfels_of, train_step
 from graycard.methods.surfels import (
-    Objective,
-    Photograph,
+    EncodedPhotograph,
+    SurfelObjective,
     SurfelSettings,
     colours,
     learning_rates,
@@ -51,18 +51,20 @@ def _cost(workload: Workload, losses: str, settings: SurfelSettings, patience: P
     return StepCost(workload.name, losses, whole, stages)
 
 
-def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, Plan, Objective]:
+def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, TrainConfig, SurfelObjective]:
     """A fit shortly before its end, when every loss and every harmonic counts."""
     camera = engine_camera(workload)
     target = torch.rand(workload.size, workload.size, 3, generator=torch.Generator().manual_seed(0))
-    view = Photograph(camera, target, sky_basis(camera, settings.sky_degree))
+    view = EncodedPhotograph(camera, target, sky_basis(camera, settings.sky_degree))
     state = initial_state(with_colours(engine_surfels(workload), settings), 0)
     still = {name: rate.times(STILL) for name, rate in learning_rates(1.0, settings).items()}
-    plan = Plan(settings.iterations, still, 1.0)
-    return replace(state, step=settings.iterations - 1), plan, Objective([view], settings, 0)
+    plan = TrainConfig(settings.iterations, still, 1.0)
+    return replace(state, step=settings.iterations - 1), plan, SurfelObjective([view], settings, 0)
 
 
-def _stages(state: FitState, plan: Plan, objective: Objective) -> Iterator[tuple[str, Callable[[], object]]]:
+def _stages(
+    state: FitState, plan: TrainConfig, objective: SurfelObjective
+) -> Iterator[tuple[str, Callable[[], object]]]:
     camera, degree = objective.views[0].camera, objective.settings.degree
     values = {name: p.clone().requires_grad_() for name, p in state.parameters.all.items()}
 

@@ -14,7 +14,7 @@ from safetensors.torch import save
 
 from graycard import MethodError, OutputError
 from graycard.io import write_bytes
-from graycard.methods.splat.fit._optimise import FitState, Moments, Screen
+from graycard.methods.splat.fit._optimise import AdamMoments, FitState, ScreenStatistics
 from graycard.methods.splat.fit._parameters import Parameters
 
 FORMAT = {"format": "graycard-fit", "version": "1"}
@@ -200,8 +200,8 @@ def _flat(state: FitState) -> dict[str, torch.Tensor]:
     found = {f"surfels/{name}": values for name, values in parameters.surfels.items()}
     found |= {f"shared/{name}": values for name, values in parameters.shared.items()}
     for name, moments in state.moments.items():
-        found |= {f"{part.name}/{name}": getattr(moments, part.name) for part in fields(Moments)}
-    found |= {f"screen/{part.name}": getattr(state.screen, part.name) for part in fields(Screen)}
+        found |= {f"{part.name}/{name}": getattr(moments, part.name) for part in fields(AdamMoments)}
+    found |= {f"screen/{part.name}": getattr(state.screen, part.name) for part in fields(ScreenStatistics)}
     return found | {"random/state": state.random}
 
 
@@ -211,8 +211,8 @@ def _unflat(step: int, tensors: Mapping[str, torch.Tensor]) -> FitState:
         part, _, name = key.partition("/")
         parts.setdefault(part, {})[name] = values
     moments = {
-        name: Moments(first, parts["second"][name], parts["steps"][name])
+        name: AdamMoments(first, parts["second"][name], parts["steps"][name])
         for name, first in parts["first"].items()
     }
     parameters = Parameters(parts["surfels"], parts.get("shared", {}))
-    return FitState(step, parameters, moments, Screen(**parts["screen"]), parts["random"]["state"])
+    return FitState(step, parameters, moments, ScreenStatistics(**parts["screen"]), parts["random"]["state"])

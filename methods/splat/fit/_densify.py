@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 
 from graycard.methods.splat._geometry import rotation_matrices
-from graycard.methods.splat.fit._optimise import FitState, Moments, nothing_seen
+from graycard.methods.splat.fit._optimise import AdamMoments, FitState, nothing_seen
 from graycard.methods.splat.fit._parameters import CENTRES, LOG_SCALES, LOGITS, ROTATIONS
 
 
@@ -138,7 +138,7 @@ def reset_opacity(state: FitState, rules: DensityRules) -> FitState:
     bound = torch.logit(torch.tensor(rules.reset_opacity)).to(surfels[LOGITS].dtype)
     surfels[LOGITS] = torch.minimum(surfels[LOGITS], bound)
     old = state.moments[LOGITS]
-    forgotten = Moments(torch.zeros_like(old.first), torch.zeros_like(old.second), old.steps.clone())
+    forgotten = AdamMoments(torch.zeros_like(old.first), torch.zeros_like(old.second), old.steps.clone())
     parameters = replace(state.parameters, surfels=surfels)
     return replace(state, parameters=parameters, moments={**state.moments, LOGITS: forgotten})
 
@@ -162,7 +162,7 @@ def _rearranged(state: FitState, order: torch.Tensor, fresh: torch.Tensor) -> Fi
         old = state.moments[name]
         first, second = old.first[order], old.second[order]
         first[fresh], second[fresh] = 0, 0
-        moments[name] = Moments(first, second, old.steps.clone())
+        moments[name] = AdamMoments(first, second, old.steps.clone())
     parameters = state.parameters.take(order)
     return replace(state, parameters=parameters, moments=moments, screen=nothing_seen(parameters))
 

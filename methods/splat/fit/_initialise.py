@@ -4,6 +4,7 @@
 import numpy as np
 import torch
 
+from graycard.methods._tensors import contiguous_float_tensor
 from graycard.methods.splat._spread import spacing
 from graycard.methods.splat._surfels import Surfels
 
@@ -39,11 +40,11 @@ def surfels_from_points(
         raise ValueError("expected finite points, got NaN or infinity")
     scale = np.maximum(spacing(points), smallest_scale)
     return Surfels(
-        centres=_float32(points),
-        rotations=_float32(rotations_to(normals)),
-        scales=_float32(np.stack([scale, scale], axis=1)),
+        centres=contiguous_float_tensor(points),
+        rotations=contiguous_float_tensor(rotations_to(normals)),
+        scales=contiguous_float_tensor(np.stack([scale, scale], axis=1)),
         opacities=torch.full((len(points),), opacity),
-        features=_float32(features),
+        features=contiguous_float_tensor(features),
     )
 
 
@@ -66,7 +67,3 @@ def rotations_to(normals: np.ndarray) -> np.ndarray:
     halfway = np.stack([1 + z, -y, x, np.zeros_like(z)], axis=1)
     halfway[z < -1 + 1e-12] = (0, 1, 0, 0)
     return halfway / np.linalg.norm(halfway, axis=1, keepdims=True)
-
-
-def _float32(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(values, dtype=np.float32))

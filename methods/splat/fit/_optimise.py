@@ -15,7 +15,7 @@ EPSILON = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
-class Rate:
+class LearningRateSchedule:
     """A learning rate over a fit: from ``start`` to ``end`` exponentially, and zero outside its windows.
 
     Raises:
@@ -41,13 +41,13 @@ class Rate:
         end = self.start if self.end is None else self.end
         return self.start * (end / self.start) ** share
 
-    def times(self, factor: float) -> "Rate":
+    def times(self, factor: float) -> "LearningRateSchedule":
         """The rate of a parameter in another unit."""
         return replace(self, start=self.start * factor, end=None if self.end is None else self.end * factor)
 
 
 @dataclass(frozen=True, eq=False)
-class Moments:
+class AdamMoments:
     """What Adam remembers of one parameter."""
 
     first: torch.Tensor
@@ -59,8 +59,8 @@ class Moments:
 
 
 @dataclass(frozen=True, eq=False)
-class Screen:
-    """What was seen of each surfel since the last densification; each of shape ``(N,)``."""
+class ScreenStatistics:
+    """Statistics of each surfel on the screen since the last densification, each of shape ``(N,)``."""
 
     gradient: torch.Tensor
     """Sum over views of the length of the loss's gradient in normalised device coordinates."""
@@ -77,9 +77,9 @@ class FitState:
     step: int
     """Steps that are done."""
     parameters: Parameters
-    moments: Mapping[str, Moments]
+    moments: Mapping[str, AdamMoments]
     """By the names of the parameters, surfels' and shared."""
-    screen: Screen
+    screen: ScreenStatistics
     random: torch.Tensor
     """State of a ``torch.Generator``."""
 
@@ -92,20 +92,25 @@ def initial_state(parameters: Parameters, seed: int) -> FitState:
     return FitState(0, parameters, moments, nothing_seen(parameters), random)
 
 
-def nothing_seen(parameters: Parameters) -> Screen:
+def nothing_seen(parameters: Parameters) -> ScreenStatistics:
     """Statistics before the first view."""
     zeros = torch.zeros(len(parameters))
-    return Screen(zeros, zeros.clone(), zeros.clone())
+    return ScreenStatistics(zeros, zeros.clone(), zeros.clone())
 
 
-def leaves(state: FitState, rates: Mapping[str, Rate], share: float) -> dict[str, torch.Tensor]:
+def leaves(
+    state: FitState, rates: Mapping[str, LearningRateSchedule], share: float
+) -> dict[str, torch.Tensor]:
     """All parameters by name for one step; those with a rate above zero require gradients."""
     moving = {name for name, rate in rates.items() if rate.at(share) > 0}
     return {name: p.detach().requires_grad_(name in moving) for name, p in state.parameters.all.items()}
 
 
 def adam_step(
-    state: FitState, gradients: Mapping[str, torch.Tensor], rates: Mapping[str, Rate], share: float
+    state: FitState,
+    gradients: Mapping[str, torch.Tensor],
+    rates: Mapping[str, LearningRateSchedule],
+    share: float,
 ) -> FitState:
     """Move the parameters that have a gradient (Kingma and Ba 2015), and count the step.
 
@@ -146,8 +151,8 @@ def check_loss(loss: torch.Tensor, step: int) -> None:
 
 
 def watch_screen(
-    screen: Screen, to_offsets: torch.Tensor, radius: torch.Tensor, size: tuple[int, int]
-) -> Screen:
+    screen: ScreenStatistics, to_offsets: torch.Tensor, radius: torch.Tensor, size: tuple[int, int]
+) -> ScreenStatistics:
     """Add what one view says about the surfels.
 
     Args:
@@ -160,7 +165,7 @@ def watch_screen(
     """
     lengths = (to_offsets * torch.tensor([size[0] / 2, size[1] / 2])).norm(dim=1)
     seen = lengths > 0
-    return Screen(
+    return ScreenStatistics(
         screen.gradient + lengths,
         screen.views + seen,
         torch.maximum(screen.radius, torch.where(seen, radius, 0.0)),
@@ -172,8 +177,8 @@ def _dense(values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     return {name: v.clone(memory_format=torch.contiguous_format) for name, v in values.items()}
 
 
-def _no_moments(values: torch.Tensor) -> Moments:
-    return Moments(torch.zeros_like(values), torch.zeros_like(values), torch.zeros(()))
+def _no_moments(values: torch.Tensor) -> AdamMoments:
+    return AdamMoments(torch.zeros_like(values), torch.zeros_like(values), torch.zeros(()))
 
 
 def _check_finite(gradient: torch.Tensor, name: str, step: int) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The loop of a fit: look, move, now and then add and take away surfels; resume where it was cut off."""
+"""Training loop: evaluate the loss, take an Adam step, densify and prune; resume from a checkpoint."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ from graycard.methods.splat.fit._checkpoint import NOTHING_SPENT, Checkpoint, Sp
 from graycard.methods.splat.fit._densify import DensityRules, densify, prune, reset_opacity
 from graycard.methods.splat.fit._optimise import (
     FitState,
-    Rate,
+    LearningRateSchedule,
     adam_step,
     check_loss,
     leaves,
@@ -23,8 +23,8 @@ from graycard.methods.splat.fit._optimise import (
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What one step has looked at."""
+class LossResult:
+    """The loss of one step, and the statistics that densification needs."""
 
     loss: torch.Tensor
     """The scalar to lower, differentiable in the parameters."""
@@ -37,21 +37,21 @@ class Look:
     """Width and height of the image, pixels."""
 
 
-Objective = Callable[[Mapping[str, torch.Tensor], int], Look]
+Objective = Callable[[Mapping[str, torch.Tensor], int], LossResult]
 """From the parameters by name and the number of the step to what is to be lowered: a function of nothing
 else, or a fit that was cut off would go on differently."""
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
-    """How a fit goes on.
+class TrainConfig:
+    """The budget, learning rates and densification of a fit.
 
     Raises:
         ValueError: There is no step.
     """
 
     steps: int
-    rates: Mapping[str, Rate]
+    rates: Mapping[str, LearningRateSchedule]
     """By the names of parameters; those without a rate stay as they are."""
     extent: float
     """Of the scene, metres."""
@@ -71,15 +71,15 @@ class Plan:
             raise ValueError(f"expected 1 or more steps, got {self.steps}")
 
 
-def train(state: FitState, plan: Plan, objective: Objective, progress: Progress) -> FitState:
+def train(state: FitState, config: TrainConfig, objective: Objective, progress: Progress) -> FitState:
     """Run a fit to its end, from a state or from what was saved of it.
 
-    Equal states, plans and objectives end with equal bits on one machine, however often the fit was cut
-    off and resumed.
+    Equal states, configurations and objectives end with equal bits on one machine, however often the fit
+    was cut off and resumed.
 
     Args:
         state: Before the first step; used up.
-        plan: Rates, rules and the budget.
+        config: Rates, rules and the budget.
         objective: What is to be lowered.
         progress: Called now and then.
 
@@ -87,58 +87,58 @@ def train(state: FitState, plan: Plan, objective: Objective, progress: Progress)
         MethodError: A loss or a gradient is not finite, or the checkpoint is damaged or of another fit.
         OutputError: The checkpoint cannot be written.
     """
-    saved = None if plan.checkpoint is None else load_saved(plan.checkpoint)
+    saved = None if config.checkpoint is None else load_saved(config.checkpoint)
     state, before = (state, NOTHING_SPENT) if saved is None else saved
     add_resumed(before.seconds, before.peak_mib)
     began = time.perf_counter()
-    while state.step < plan.last:
-        progress(state.step / plan.steps, f"fitting {len(state.parameters)} surfels")
-        state = train_step(state, plan, objective)
-        ends = state.step == plan.last
-        if plan.checkpoint is not None and (ends or state.step % plan.checkpoint.every == 0):
+    while state.step < config.last:
+        progress(state.step / config.steps, f"fitting {len(state.parameters)} surfels")
+        state = train_step(state, config, objective)
+        ends = state.step == config.last
+        if config.checkpoint is not None and (ends or state.step % config.checkpoint.every == 0):
             seconds = before.seconds + time.perf_counter() - began
-            save_state(plan.checkpoint, state, Spent(seconds, max(before.peak_mib, peak_memory_mib())))
+            save_state(config.checkpoint, state, Spent(seconds, max(before.peak_mib, peak_memory_mib())))
     return state
 
 
-def train_step(state: FitState, plan: Plan, objective: Objective) -> FitState:
+def train_step(state: FitState, config: TrainConfig, objective: Objective) -> FitState:
     """One step, and what densification is due after it; ``state`` is used up.
 
     Raises:
         MethodError: The loss or a gradient is not finite.
     """
-    share = state.step / plan.steps
-    values = leaves(state, plan.rates, share)
-    look = objective(values, state.step)
-    check_loss(look.loss, state.step)
-    gradients = _gradients(look, values)
-    if look.offsets is not None and look.radius is not None:
-        screen = watch_screen(state.screen, gradients.pop(_OFFSETS), look.radius, look.size)
+    share = state.step / config.steps
+    values = leaves(state, config.rates, share)
+    result = objective(values, state.step)
+    check_loss(result.loss, state.step)
+    gradients = _gradients(result, values)
+    if result.offsets is not None and result.radius is not None:
+        screen = watch_screen(state.screen, gradients.pop(_OFFSETS), result.radius, result.size)
         state = replace(state, screen=screen)
-    return _densified(adam_step(state, gradients, plan.rates, share), plan)
+    return _densified(adam_step(state, gradients, config.rates, share), config)
 
 
 _OFFSETS = "offsets on the image"
 
 
-def _gradients(look: Look, values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+def _gradients(result: LossResult, values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     """Gradients of the loss by name; a parameter that moves but was not used has one of zero."""
     asked = {name: v for name, v in values.items() if v.requires_grad}
-    if look.offsets is not None:
-        asked[_OFFSETS] = look.offsets
+    if result.offsets is not None:
+        asked[_OFFSETS] = result.offsets
     inputs = list(asked.values())
     if not inputs:  # a step in which nothing moves, as a schedule may have
         return {}
-    found = torch.autograd.grad(look.loss, inputs, allow_unused=True, materialize_grads=True)
+    found = torch.autograd.grad(result.loss, inputs, allow_unused=True, materialize_grads=True)
     return dict(zip(asked, found, strict=True))
 
 
-def _densified(state: FitState, plan: Plan) -> FitState:
-    if plan.rules is None:
+def _densified(state: FitState, config: TrainConfig) -> FitState:
+    if config.rules is None:
         return state
-    rules, step, budget = plan.rules, state.step, plan.steps
+    rules, step, budget = config.rules, state.step, config.steps
     if rules.densifies(step, budget):
         # Pruning comes first: it looks at what was seen on the screen, which densifying forgets.
-        state = prune(state, rules, plan.extent, rules.was_reset(step, budget))
-        state = densify(state, rules, plan.extent)
+        state = prune(state, rules, config.extent, rules.was_reset(step, budget))
+        state = densify(state, rules, config.extent)
     return reset_opacity(state, rules) if rules.resets(step, budget) else state

@@ -19,7 +19,7 @@ from graycard.exchange._transfer import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
 if TYPE_CHECKING:
-    from graycard.synth.verify import Verdict
+    from graycard.synth.verify import VerifyVerdict
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def _refuse_predictions(folder: Path) -> None:
         )
 
 
-def _verdict_table(verdict: Verdict) -> Table:
+def _verdict_table(verdict: VerifyVerdict) -> Table:
     """Return the worst of each check of each scene."""
     from graycard.synth.verify import worst
 

@@ -21,7 +21,7 @@ LOOSE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class PosedPhotograph:
     """One photograph of another program's files, with its camera."""
 
     name: str

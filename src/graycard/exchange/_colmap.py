@@ -12,7 +12,7 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
-from graycard.exchange._cameras import Shot, make_camera, view_name, write_photographs
+from graycard.exchange._cameras import PosedPhotograph, make_camera, view_name, write_photographs
 from graycard.exchange._colmap_points import PointLines, parse_points, point_lines
 from graycard.io._files import write_bytes
 from graycard.points import Points
@@ -56,7 +56,7 @@ def find_model(folder: Path) -> Path | None:
     return None
 
 
-def read_colmap(folder: Path, model: Path) -> list[Shot]:
+def read_colmap(folder: Path, model: Path) -> list[PosedPhotograph]:
     """The shots of a COLMAP model, those of ``held_out/`` too; the images are not yet looked at.
 
     Raises:
@@ -121,7 +121,7 @@ def _write_lines(path: Path, lines: Sequence[str]) -> None:
     write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
-def _read_model(folder: Path, model: Path, held_out: bool) -> list[Shot]:
+def _read_model(folder: Path, model: Path, held_out: bool) -> list[PosedPhotograph]:
     cameras = _read_cameras(model / _CAMERAS)
     shots = []
     for fields, _, where in _image_lines(model / _IMAGES):
@@ -133,7 +133,9 @@ def _read_model(folder: Path, model: Path, held_out: bool) -> list[Shot]:
         mask = folder / "masks" / f"{name}.png"
         camera = make_camera(*cameras[camera_id], pose, where)
         image = folder / "images" / name
-        shots.append(Shot(view_name(name), camera, image, mask if mask.is_file() else None, held_out))
+        shots.append(
+            PosedPhotograph(view_name(name), camera, image, mask if mask.is_file() else None, held_out)
+        )
     return shots
 
 

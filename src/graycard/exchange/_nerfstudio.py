@@ -9,7 +9,7 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
-from graycard.exchange._cameras import Shot, image_name, make_camera, view_name, write_photographs
+from graycard.exchange._cameras import PosedPhotograph, image_name, make_camera, view_name, write_photographs
 from graycard.io._json import read_json, write_json
 from graycard.points import Points, read_points, without_tracks, write_points
 
@@ -49,7 +49,7 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
     write_json(folder / INDEX, index)
 
 
-def read_nerfstudio(folder: Path) -> list[Shot]:
+def read_nerfstudio(folder: Path) -> list[PosedPhotograph]:
     """The shots of a folder with ``transforms.json``; the images are not yet looked at.
 
     Raises:
@@ -93,13 +93,15 @@ def _frame(view: View, masked: bool) -> dict[str, Any]:
     }
 
 
-def _shot(frame: dict[str, Any], index: dict[str, Any], held_out: set[str], folder: Path, where: str) -> Shot:
+def _shot(
+    frame: dict[str, Any], index: dict[str, Any], held_out: set[str], folder: Path, where: str
+) -> PosedPhotograph:
     image, mask = frame.get("file_path"), frame.get("mask_path")
     if not isinstance(image, str) or not isinstance(mask, str | None):
         raise DatasetError(
             f"expected file_path (and mask_path) as text in {where}, got {image!r} and {mask!r}"
         )
-    return Shot(
+    return PosedPhotograph(
         view_name(image),
         _camera({**index, **frame}, where),
         folder / image,

@@ -12,7 +12,7 @@ import numpy as np
 from graycard._capture import POINTS, Capture, View
 from graycard._errors import DatasetError, UnknownNameError
 from graycard.dataset import IMPORTER, TRACKS, open_capture, write_index
-from graycard.exchange._cameras import Shot, check_names
+from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._colmap import find_model, read_colmap, read_colmap_points, write_colmap
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
 from graycard.exchange._photographs import check_mask, check_photograph, read_mask, read_photograph
@@ -123,7 +123,7 @@ def import_capture(
     return out.parent
 
 
-def _read(source: Path) -> tuple[ExchangeFormat, list[Shot]]:
+def _read(source: Path) -> tuple[ExchangeFormat, list[PosedPhotograph]]:
     """The shots of a folder, by name."""
     if (source / INDEX).is_file():
         kind, shots = "nerfstudio", read_nerfstudio(source)
@@ -138,7 +138,7 @@ def _read(source: Path) -> tuple[ExchangeFormat, list[Shot]]:
     return kind, sorted(shots, key=lambda shot: shot.name)
 
 
-def _read_points(source: Path, kept: Sequence[Shot]) -> Points | None:
+def _read_points(source: Path, kept: Sequence[PosedPhotograph]) -> Points | None:
     """The sparse points of a folder; None if it has none."""
     if (source / INDEX).is_file():
         return read_nerfstudio_points(source)
@@ -147,7 +147,7 @@ def _read_points(source: Path, kept: Sequence[Shot]) -> Points | None:
     return None if model is None else read_colmap_points(model, numbers)
 
 
-def _split(shots: Sequence[Shot], every: int) -> list[Shot]:
+def _split(shots: Sequence[PosedPhotograph], every: int) -> list[PosedPhotograph]:
     """The shots, every n-th of them held out.
 
     Raises:
@@ -161,16 +161,16 @@ def _split(shots: Sequence[Shot], every: int) -> list[Shot]:
     return split
 
 
-def _hold_out(shot: Shot) -> Shot:
+def _hold_out(shot: PosedPhotograph) -> PosedPhotograph:
     return replace(shot, held_out=True)
 
 
-def _kept_of(shot: Shot, track: str) -> Shot:
+def _kept_of(shot: PosedPhotograph, track: str) -> PosedPhotograph:
     """A shot without its mask, unless the track has an object to be removed."""
     return shot if track == "tabletop" else replace(shot, mask=None)
 
 
-def _check_files(shots: Sequence[Shot]) -> bool:
+def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
     """Check what is to be read, before anything is written.
 
     Returns:
@@ -196,7 +196,7 @@ def _check_files(shots: Sequence[Shot]) -> bool:
     return not bare
 
 
-def _check_masks(train: Sequence[Shot]) -> None:
+def _check_masks(train: Sequence[PosedPhotograph]) -> None:
     """Refuse masks that no method could remove an object by.
 
     Raises:
@@ -221,7 +221,9 @@ def _check_masks(train: Sequence[Shot]) -> None:
         )
 
 
-def _write_photographs(shots: Sequence[Shot], folder: Path, masked: bool, progress: Progress) -> float:
+def _write_photographs(
+    shots: Sequence[PosedPhotograph], folder: Path, masked: bool, progress: Progress
+) -> float:
     """Write linear photographs and masks; returns the exposure, by which their 99th percentile becomes 1."""
     levels = []
     train = [shot for shot in shots if not shot.held_out]

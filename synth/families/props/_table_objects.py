@@ -110,7 +110,9 @@ def _flask(rng: np.random.Generator) -> Piece:
 def _sculpture(rng: np.random.Generator) -> Piece:
     ochres = textures.stone(rng, [(0.10, 0.05, 0.03), (0.38, 0.20, 0.08), (0.60, 0.45, 0.25)])
     rock = blob(0.09, rng, 0.15)
-    tall = replace(rock, vertices=rock.vertices * [1, 1, 1.5], normals=_unit(rock.normals / [1, 1, 1.5]))
+    normals = rock.normals / [1, 1, 1.5]
+    normals = normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+    tall = replace(rock, vertices=rock.vertices * [1, 1, 1.5], normals=normals)
     return Piece("sculpture", _grounded(tall), Texture(ochres, (2, 1)))
 
 
@@ -181,7 +183,3 @@ def _shade(rng: np.random.Generator) -> tuple[float, float, float]:
 def _grounded(shape: Mesh) -> Mesh:
     """A shape lifted so that its lowest point lies 1 mm below z = 0: a point would not carry it."""
     return shape.moved((0, 0, -0.001 - float(shape.vertices[:, 2].min())))
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -18,7 +18,7 @@ from graycard.methods.appearance._nearest import eyes_of
 from graycard.methods.appearance._tone import EMBEDDINGS, tone_rates, toned
 from graycard.methods.splat import LOGITS, initial_state
 from graycard.methods.splat.fit._optimise import leaves
-from graycard.methods.surfels import Objective, Tones, learning_rates
+from graycard.methods.surfels import SurfelObjective, Tones, learning_rates
 from graycard.methods.surfels._objective import photographs
 from sparse_points import with_points
 
@@ -117,7 +117,7 @@ def test_each_number_gets_a_gradient_in_the_first_step_of_full_degree(scene: Pat
     capture, chosen = with_points(scene), settings(normal_start=0.0, distortion_start=0.0)
     state = initial_state(start(capture, chosen, 0), 0)
     moving = leaves(state, learning_rates(2.0, chosen) | tone_rates(chosen), 0.0)
-    objective = Objective(photographs(capture, chosen), chosen, 0, Tones(toned, tone_rates(chosen)))
+    objective = SurfelObjective(photographs(capture, chosen), chosen, 0, Tones(toned, tone_rates(chosen)))
     look = objective(moving, 10)  # the second degree of the harmonics begins at a thirtieth
     asked = {name: values for name, values in moving.items() if values.requires_grad}
     assert asked.keys() == state.parameters.all.keys()

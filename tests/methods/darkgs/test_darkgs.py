@@ -25,7 +25,7 @@ from graycard.layers import find_fault
 from graycard.methods.darkgs import DarkGsScene, DarkGsSettings
 from graycard.methods.darkgs._method import learning_rates, start
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT
-from graycard.methods.darkgs._objective import Objective, photographs
+from graycard.methods.darkgs._objective import DarkGsObjective, photographs
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import LOGITS, Parameters, initial_state
 from graycard.methods.splat.fit._optimise import leaves
@@ -138,7 +138,7 @@ def test_each_number_gets_a_gradient_in_the_first_step(scene: Path):
     views = photographs(capture)
     state = initial_state(start(capture, chosen, 0), 0)
     moving = leaves(state, learning_rates(2.0), 0.0)
-    look = Objective(views, oracle(scene).light(), capture.exposure, chosen, 0)(moving, 0)
+    look = DarkGsObjective(views, oracle(scene).light(), capture.exposure, chosen, 0)(moving, 0)
     asked = {name: values for name, values in moving.items() if values.requires_grad}
     assert asked.keys() == state.parameters.all.keys()
     found = torch.autograd.grad(look.loss, list(asked.values()))
@@ -151,10 +151,10 @@ def test_each_number_gets_a_gradient_in_the_first_step(scene: Path):
 
 def test_the_lamp_is_on_its_way_and_then_stays(scene: Path):
     capture, lamp = with_points(scene), oracle(scene).light()
-    objective = Objective(photographs(capture), lamp, 1.0, settings(iterations=90), 0)
+    objective = DarkGsObjective(photographs(capture), lamp, 1.0, settings(iterations=90), 0)
     ways = [objective._lamp_at(step / 90).position[0] / lamp.position[0] for step in (0, 15, 30, 60, 89)]
     assert ways == pytest.approx([0, 0.5, 1, 1, 1])
-    at_once = Objective(photographs(capture), lamp, 1.0, settings(warm_up=0.0), 0)
+    at_once = DarkGsObjective(photographs(capture), lamp, 1.0, settings(warm_up=0.0), 0)
     assert at_once._lamp_at(0.0).position == pytest.approx(lamp.position)
 
 

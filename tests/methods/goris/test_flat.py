@@ -13,7 +13,7 @@ from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
 from graycard import Camera, look_at
 from graycard.methods.goris import GorisSettings, _flat
 from graycard.methods.goris._flat import _Outline, agreement, flat_surface
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import CENTRES
 from graycard.methods.surfels import plane_depth, sparse_start
 from sparse_points import with_points
@@ -35,7 +35,7 @@ def from_above(world: GlossyWorld) -> GlossyWorld:
     return replace(world, cameras=[Camera.from_fov(88, 72, 45, eye) for eye in eyes])
 
 
-def leaning(shots: list[Shot], degrees: float) -> list[Shot]:
+def leaning(shots: list[TrainingView], degrees: float) -> list[TrainingView]:
     """With normals that lean by so much, each another way."""
     random, changed = torch.Generator().manual_seed(1000), []
     for shot in shots:

@@ -42,19 +42,19 @@ from graycard.methods.goris._model import (
 from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._remove import (
     RemovalObjective,
-    _aim,
     _effects,
+    _removal_target,
     next_to_object,
     with_painted_wall,
     without_object,
 )
 from graycard.methods.goris._scene import LAYERS, _scattered
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.priors import PriorSpec
-from graycard.methods.removal import Target, Wall
+from graycard.methods.removal import BackgroundPoints, Target
 from graycard.methods.removal._behind import Behind
-from graycard.methods.splat import CENTRES, SH_DC, Rate
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, decode, plane_depth
+from graycard.methods.splat import CENTRES, SH_DC, LearningRateSchedule
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, SurfelScene, plane_depth, srgb_decode_tensor
 
 
 @pytest.fixture(scope="module")
@@ -212,7 +212,7 @@ def test_new_surfels_are_as_they_were_painted(world: GlossyWorld):
         "normal": np.tile([0.0, 0.0, 1.0], (60, 1)),
     }
     up = np.tile([0.0, 0.0, 1.0], (60, 1))
-    wall = Wall(points, up, np.full((60, 3), 0.3), np.ones(60), layers)
+    wall = BackgroundPoints(points, up, np.full((60, 3), 0.3), np.ones(60), layers)
     before = len(world.parameters)
     found = with_painted_wall(world.parameters, 60, wall, SETTINGS, 0).surfels
     assert len(found[REGION]) == before + 60
@@ -221,11 +221,14 @@ def test_new_surfels_are_as_they_were_painted(world: GlossyWorld):
     torch.testing.assert_close(new[ROUGHNESS], torch.full((60, 1), 0.4))
     torch.testing.assert_close(new[REGION], torch.full((60, 1), 0.05))
     torch.testing.assert_close(
-        decode(1.5 * new[DIFFUSE]), torch.tensor([0.2, 0.1, 0.05]).expand(60, 3), atol=1e-4, rtol=1e-3
+        srgb_decode_tensor(1.5 * new[DIFFUSE]),
+        torch.tensor([0.2, 0.1, 0.05]).expand(60, 3),
+        atol=1e-4,
+        rtol=1e-3,
     )
     coloured = with_painted_wall(world.parameters, 60, replace(wall, layers={}), SETTINGS, 0).surfels
     assert (coloured[REGION][before:].sigmoid() > 0.99).all(), "painted in colours: rough"
-    nothing = Wall(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    nothing = BackgroundPoints(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     assert with_painted_wall(world.parameters, 0, nothing, SETTINGS, 0) is world.parameters
 
 
@@ -250,7 +253,7 @@ def test_holes_are_held_to_colours_where_they_are_rough_and_to_materials_elsewhe
     shots = shots_of_world(world)[:1]
     for glossy, moves, stays in ((1.0, "f0", "encoded"), (0.0, "encoded", "f0")):
         target = target_of(world, glossy)
-        aim = _aim(target)
+        aim = _removal_target(target)
         assert float(aim.glossy.sum()) == glossy * 160
         assert float(aim.rough.sum()) == (1 - glossy) * 160
         assert float(aim.kept.sum()) == 36 * 44 - 160
@@ -272,7 +275,7 @@ def test_holes_are_held_to_colours_where_they_are_rough_and_to_materials_elsewhe
 def test_photographs_count_where_they_are_believed(world: GlossyWorld):
     """Brighter surfels cost more there, and nothing where photographs are in doubt."""
     shots = shots_of_world(world)[:1]
-    aim = replace(_aim(target_of(world, 1.0)), glossy=torch.zeros(36, 44), kept=torch.ones(36, 44))
+    aim = replace(_removal_target(target_of(world, 1.0)), glossy=torch.zeros(36, 44), kept=torch.ones(36, 44))
     objective = RemovalObjective(shots, [aim], SETTINGS, EXTENT, 0)
     at_truth = float(objective(world.parameters.all, 0).loss.detach())
     brighter = world.changed(**{DIFFUSE: world.parameters.all[DIFFUSE] + 0.5})
@@ -285,7 +288,7 @@ def test_photographs_count_where_they_are_believed(world: GlossyWorld):
 def test_the_object_in_a_photograph_says_nothing_to_what_is_beside_it(world: GlossyWorld):
     """SSIM looks at windows: the photograph in doubt must not be in any."""
     shots, target = shots_of_world(world)[:1], target_of(world, 1.0)
-    aim, doubt = _aim(target), torch.from_numpy(target.behind.doubt)[..., None]
+    aim, doubt = _removal_target(target), torch.from_numpy(target.behind.doubt)[..., None]
     view = shots[0].photograph
     other = replace(view, encoded=torch.where(doubt, 1 - view.encoded, view.encoded))
     values = {**world.parameters.all, DIFFUSE: world.parameters.all[DIFFUSE].clone().requires_grad_()}
@@ -308,7 +311,7 @@ def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
     """The whole way as it is judged, with a plane above the floor and no mirror in the left of pictures."""
     plane, left = np.array([0.0, 0.0, 1.0, -0.2]), np.arange(36 * 44).reshape(36, 44) % 44 < 22
 
-    def found(shots: list[Shot], points: np.ndarray) -> FlatSurface:
+    def found(shots: list[TrainingView], points: np.ndarray) -> FlatSurface:
         depths = [np.where(left, np.nan, plane_depth(one.photograph.camera, plane)) for one in shots]
         return FlatSurface([~left & (one.glossy.numpy() > 0.5) for one in shots], depths)
 
@@ -334,7 +337,7 @@ def test_what_is_switched_off_is_not_looked_for(
 ):
     """Flat surfaces, and what photographs allow light to begin with."""
     asked: list[str] = []
-    looks = "flat_surface" if name == "flat_start" else "first_light"
+    looks = "flat_surface" if name == "flat_start" else "initial_light"
     monkeypatch.setattr(module, looks, lambda *_: asked.append(name))
     settings = GorisSettings(iterations=8, surfels=600, sky_size=2)
     for switch in (True, False):
@@ -473,7 +476,7 @@ def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
     """Fresnel terms as slowly as ones that photographs told, whatever they began with."""
     asked: list[bool] = []
 
-    def rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, Rate]:
+    def rates(extent: float, settings: GorisSettings, found: bool) -> dict[str, LearningRateSchedule]:
         asked.append(found)
         return light_rates(extent, settings, found)
 
@@ -514,7 +517,7 @@ def test_a_distilled_scene_looks_like_it_and_traces_nothing(world: GlossyWorld, 
     assert set(found.surfels) >= {"centres", "coefficients", "detail"}
     assert REGION not in found.surfels
     scene = GlossyScene(world.parameters, settings, 1.0, EXTENT)
-    colours, rough = SurfelScene("goris", found, 1.0), SurfelScene("goris", world.parameters, 1.0)
+    colours, rough = SurfelScene(found, "goris", 1.0), SurfelScene(world.parameters, "goris", 1.0)
     camera = world.cameras[2]
     true, got, before = (s.render(camera, ["radiance"])["radiance"] for s in (scene, colours, rough))
     assert np.abs(got - true).mean() < 0.5 * np.abs(before - true).mean()

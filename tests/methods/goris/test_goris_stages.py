@@ -13,7 +13,7 @@ from glossy_sheets import GlossyWorld, glossy_world, shots_of_world
 from graycard import Capture, MethodError, open_capture
 from graycard.io import silent
 from graycard.methods.goris import GorisMethod
-from graycard.methods.goris._shots import looked_at
+from graycard.methods.goris._training_views import looked_at
 from graycard.methods.priors import PriorSpec
 from graycard.methods.surfels import fit_checkpoint
 

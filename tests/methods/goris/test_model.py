@@ -45,9 +45,9 @@ from graycard.methods.goris._objective import (
     surface_unevenness,
 )
 from graycard.methods.goris._settings import Filter
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
-from graycard.methods.surfels import COEFFICIENTS, DETAIL, decode, encode, sky_basis
+from graycard.methods.surfels import COEFFICIENTS, DETAIL, sky_basis, srgb_decode_tensor, srgb_encode_tensor
 
 NEAR = 0.02 * EXTENT
 
@@ -114,7 +114,7 @@ def test_what_a_mirrored_ray_meets_is_seen_in_its_direction(world: GlossyWorld):
     plain = reflected_radiance(values, buffers, with_settings(traced_degree=0), EXTENT)
     opaque = turned.passed[:, 0] < 1e-3
     assert opaque.sum() > 20
-    rises = (encode(turned.radiance) - encode(plain.radiance))[opaque, 0]
+    rises = (srgb_encode_tensor(turned.radiance) - srgb_encode_tensor(plain.radiance))[opaque, 0]
     expected = -0.4886025 * 0.2 * turned.directions[opaque, 0]
     torch.testing.assert_close(rises, expected, atol=2e-3, rtol=0.02)
 
@@ -124,8 +124,8 @@ def test_pixels_are_mixed_of_what_is_rough_and_what_is_glossy(world: GlossyWorld
     camera = world.cameras[2]
     buffers, picture = seen(world.parameters.all, camera)
     share = buffers.glossy[..., None]
-    by_hand = (1 - share) * decode(buffers.rough) + share * (buffers.diffuse + picture.reflected)
-    torch.testing.assert_close(decode(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
+    by_hand = (1 - share) * srgb_decode_tensor(buffers.rough) + share * (buffers.diffuse + picture.reflected)
+    torch.testing.assert_close(srgb_decode_tensor(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
     floor = share[..., 0] > 0.9
     assert 200 < floor.sum() < 36 * 44
     assert (picture.reflected[floor] > 1e-3).all()
@@ -136,7 +136,7 @@ def test_pixels_are_mixed_of_what_is_rough_and_what_is_glossy(world: GlossyWorld
     )
     covered = shiny.drawn.alpha > 0.99
     torch.testing.assert_close(
-        decode(picture.encoded)[covered],
+        srgb_decode_tensor(picture.encoded)[covered],
         (shiny.diffuse + picture.reflected)[covered],
         atol=0.02,
         rtol=0.02,
@@ -146,11 +146,14 @@ def test_pixels_are_mixed_of_what_is_rough_and_what_is_glossy(world: GlossyWorld
 def test_the_papers_composite_adds_reflections_to_a_diffuse_term(world: GlossyWorld):
     camera, settings = world.cameras[2], with_settings(composite="paper")
     buffers, picture = seen(world.parameters.all, camera, settings)
-    by_hand = decode(buffers.rough) + buffers.glossy[..., None] * picture.reflected
-    torch.testing.assert_close(decode(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
+    by_hand = srgb_decode_tensor(buffers.rough) + buffers.glossy[..., None] * picture.reflected
+    torch.testing.assert_close(srgb_decode_tensor(picture.encoded), by_hand, atol=1e-5, rtol=1e-4)
     floor, all_of_it = buffers.glossy > 0.98, buffers.drawn.alpha > 0.99
     torch.testing.assert_close(
-        decode(buffers.rough)[floor & all_of_it], buffers.diffuse[floor & all_of_it], atol=0.02, rtol=0.05
+        srgb_decode_tensor(buffers.rough)[floor & all_of_it],
+        buffers.diffuse[floor & all_of_it],
+        atol=0.02,
+        rtol=0.05,
     )
 
 
@@ -417,7 +420,7 @@ def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWor
         assert gradient.any(), name
 
 
-def told_wrong_normals(world: GlossyWorld) -> list[Shot]:
+def told_wrong_normals(world: GlossyWorld) -> list[TrainingView]:
     """Shots whose normals have their axes exchanged."""
     return [
         replace(shot, normal=None if shot.normal is None else shot.normal.flip(-1))

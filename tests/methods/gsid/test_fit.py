@@ -20,7 +20,7 @@ from graycard.methods.gsid._candidates import (
     find_lights,
 )
 from graycard.methods.gsid._draw import draw, reach_in_view
-from graycard.methods.gsid._fit import Stage, _samples, _trained, learning_rates, reach_in
+from graycard.methods.gsid._fit import LightStage, _samples, _trained, learning_rates, reach_in
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
     DARK,
@@ -33,18 +33,18 @@ from graycard.methods.gsid._lights import (
 )
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, Reach, picture_of, pixels_of
-from graycard.methods.gsid._objective import Objective, few
+from graycard.methods.gsid._objective import GsidObjective, few
 from graycard.methods.shading import lamp_visibility, surroundings_of, unevenness
-from graycard.methods.splat import Parameters, Plan, initial_state, train_step
-from graycard.methods.surfels import encode
+from graycard.methods.splat import Parameters, TrainConfig, initial_state, train_step
+from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
 
 QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5, aggregate_every=0.5)
 TRUE = np.array([light.position for light in LAMPS])
 
 
-def stage_of(world: World, settings: GsidSettings = QUICK) -> Stage:
-    return Stage(world.surfels, world.shots, settings, EXTENT, 0)
+def stage_of(world: World, settings: GsidSettings = QUICK) -> LightStage:
+    return LightStage(world.surfels, world.shots, settings, EXTENT, 0)
 
 
 def state_of(world: World, positions: np.ndarray, intensity: float = 0.5):
@@ -131,9 +131,11 @@ def test_materials_begin_as_the_prior_says(world: World):
 
 
 def test_without_a_prior_they_begin_neutral(world: World):
-    from graycard.methods.gsid._guess import Guess
+    from graycard.methods.gsid._guess import MaterialGuess
 
-    found = first_materials(world.surfels, world.normals, [replace(s, guess=Guess()) for s in world.shots])
+    found = first_materials(
+        world.surfels, world.normals, [replace(s, guess=MaterialGuess()) for s in world.shots]
+    )
     torch.testing.assert_close(found[BASE_COLOR].sigmoid(), torch.full_like(found[BASE_COLOR], 0.4))
     torch.testing.assert_close(found[METALLIC].sigmoid(), torch.full_like(found[METALLIC], 0.1))
 
@@ -143,7 +145,7 @@ def test_everything_that_moves_has_a_gradient(world: World, visibility):
     settings = replace(QUICK, visibility=visibility)
     stage, state = stage_of(world, settings), state_of(world, TRUE)
     rates = learning_rates(EXTENT, settings)
-    objective = Objective(world.shots, reach_in(stage, state.parameters), settings, EXTENT, 0)
+    objective = GsidObjective(world.shots, reach_in(stage, state.parameters), settings, EXTENT, 0)
     values = {n: v.detach().requires_grad_(n in rates) for n, v in state.parameters.all.items()}
     values[SHADOW] = (values[SHADOW] + 0.3).detach().requires_grad_(SHADOW in rates)
     moving = [values[name] for name in rates]
@@ -192,8 +194,8 @@ def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
     assert (moved.parameters.shared[AMPLITUDES][changed] > DARK + 5).all()
     state = train_step(
         moved,
-        Plan(5, learning_rates(EXTENT, QUICK), EXTENT),
-        Objective(world.shots, reach_in(stage, moved.parameters), QUICK, EXTENT, 0),
+        TrainConfig(5, learning_rates(EXTENT, QUICK), EXTENT),
+        GsidObjective(world.shots, reach_in(stage, moved.parameters), QUICK, EXTENT, 0),
     )
     assert state.parameters.shared[POSITIONS].isfinite().all()
 
@@ -283,7 +285,7 @@ def test_shaded_surfels_look_like_shaded_pixels(world: World):
             )
             for settings in (stage.settings, forward)
         ]  # fmt: skip
-        error = (encode(drawn[0].whole) - encode(drawn[1].whole)).square().mean()
+        error = (srgb_encode_tensor(drawn[0].whole) - srgb_encode_tensor(drawn[1].whole)).square().mean()
         assert -10 * np.log10(float(error)) > 30
         torch.testing.assert_close(drawn[0].whole, shot.linear)
 

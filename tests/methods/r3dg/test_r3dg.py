@@ -25,7 +25,7 @@ from graycard.methods.r3dg._light import (
     returned,
 )
 from graycard.methods.r3dg._method import first_surfaces
-from graycard.methods.r3dg._objective import Objective, shot_of
+from graycard.methods.r3dg._objective import R3dgObjective, forward_view
 from graycard.methods.shading import (
     Material,
     lit_by_surroundings,
@@ -161,11 +161,11 @@ def test_every_parameter_gets_a_slope_in_the_first_step(scene: Path, fitted: R3d
     values = {**fitted.parameters.all, **first_surfaces(len(fitted.parameters))}
     capture = open_capture(scene / "capture", check=False)
     shots = [
-        shot_of(view.camera, torch.rand(view.camera.height, view.camera.width, 3), values)
+        forward_view(view.camera, torch.rand(view.camera.height, view.camera.width, 3), values)
         for view in capture.train
     ]
     free = {name: values[name].clone().requires_grad_() for name in (BASE_COLOR, ROUGHNESS, OWN, SKY)}
-    look = Objective(shots, fitted.directions, QUICK, 0, 0)(values | free, 0)
+    look = R3dgObjective(shots, fitted.directions, QUICK, 0, 0)(values | free, 0)
     for name, slope in zip(free, torch.autograd.grad(look.loss, list(free.values())), strict=True):
         assert slope.isfinite().all(), name
         assert float(slope.abs().max()) > 0, name

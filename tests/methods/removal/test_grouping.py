@@ -43,7 +43,7 @@ from graycard.methods.splat import (
     surfels_of,
     view_at,
 )
-from graycard.methods.surfels import Objective, photographs, sparse_start
+from graycard.methods.surfels import FitTask, SurfelObjective, photographs, sparse_start
 from sparse_points import with_points
 
 QUICK = GroupingSettings(iterations=60, surfels=400, fill=0.0, identity_rate=0.1, classifier_rate=0.05)
@@ -294,7 +294,7 @@ def test_a_step_lowers_colours_masks_and_now_and_then_disagreement(scene: Path):
     settings, seed = replace(QUICK, consistency_weight=3.0, samples=50), 2
     values = with_identities(sparse_start(capture, settings, seed), settings, seed).all
     masks = [torch.from_numpy(mask).long() for mask in target_masks(capture)]
-    colours = Objective(photographs(capture, settings), settings, seed)
+    colours = SurfelObjective(photographs(capture, settings), settings, seed)
     objective = IdentityObjective(colours, masks, settings)
     scores = values[IDENTITIES] @ values[WEIGHTS].T + values[BIASES]
     for step, compared in ((4, False), (5, True), (6, False)):
@@ -312,7 +312,7 @@ def test_a_step_lowers_colours_masks_and_now_and_then_disagreement(scene: Path):
 def test_identities_find_nearly_the_surfels_that_exact_shares_find(scene: Path):
     capture = open_capture(scene / "capture", check=False)
     masks, cameras = target_masks(capture), [view.camera for view in capture.train]
-    surfels = identified(capture, masks, QUICK, 0, silent, "grouping")
+    surfels = identified(FitTask(capture, methods.Priors(), QUICK, 0, silent), masks, "grouping")
     learnt_ones = named_surfels(surfels, QUICK)
     exact = target_surfels(surfels_of(surfels.surfels), cameras, masks, 0.3)
     both, either = int((learnt_ones & exact).sum()), int((learnt_ones | exact).sum())

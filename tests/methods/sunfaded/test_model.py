@@ -11,7 +11,7 @@ from graycard import Camera, look_at
 from graycard.methods.splat import Parameters, parameters_of, surfels_on_surface
 from graycard.methods.sunfaded import SunFadedSettings, _model, _tiles
 from graycard.methods.sunfaded._light import BANDS, POSITION, lamp_intensity, lamp_parameters
-from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, Picture, albedo_of, draw, picture_of
+from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, LampPicture, albedo_of, draw, picture_of
 from graycard.methods.sunfaded._tiles import lens_of
 
 CAMERA = Camera.from_fov(24, 20, 50, look_at(np.array([0.2, -2.0, 1.0]), np.array([0.0, 0.0, 0.2])))
@@ -36,7 +36,7 @@ def smooth(values: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     return found
 
 
-def shown(values: dict[str, torch.Tensor], settings: SunFadedSettings) -> Picture:
+def shown(values: dict[str, torch.Tensor], settings: SunFadedSettings) -> LampPicture:
     drawn = draw(values, CAMERA, settings)
     return picture_of(drawn, values, CAMERA, lens_of(CAMERA), settings)
 

@@ -17,11 +17,11 @@ from graycard.methods.splat import Maps
 from graycard.methods.sunfaded import OracleSunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._light import POSITION, lamp_parameters
 from graycard.methods.sunfaded._model import AMBIENT, picture_of
-from graycard.methods.sunfaded._objective import Photograph
+from graycard.methods.sunfaded._objective import DisplayedPhotograph
 from graycard.methods.sunfaded._oracle import as_drawn, fit_lights
 from graycard.methods.sunfaded._tiles import lens_of
 from graycard.methods.sunfaded._weight import unlit_weight
-from graycard.methods.surfels import encode
+from graycard.methods.surfels import srgb_encode_tensor
 
 ROOM = np.array([2.0, 1.5, 1.2])
 """Half sides of a box, metres."""
@@ -70,23 +70,23 @@ def seen_by(cameras: list[Camera]) -> Room:
     return Room(cameras, [seen_from(camera) for camera in cameras])
 
 
-def photographed(room: Room, light: Callable[[int], torch.Tensor]) -> list[Photograph]:
+def photographed(room: Room, light: Callable[[int], torch.Tensor]) -> list[DisplayedPhotograph]:
     """Pictures of the room, exposed to below white and encoded; ``light`` by the number of the view."""
     taken = []
     for n, (camera, drawn) in enumerate(zip(room.cameras, room.drawn, strict=True)):
-        shown = encode(drawn.features * light(n))
+        shown = srgb_encode_tensor(drawn.features * light(n))
         assert shown.max() < 1
         weight = unlit_weight((drawn.features * light(n)).numpy(), SunFadedSettings())
-        taken.append(Photograph(camera, shown, torch.from_numpy(weight)[..., None], lens_of(camera)))
+        taken.append(DisplayedPhotograph(camera, shown, torch.from_numpy(weight)[..., None], lens_of(camera)))
     return taken
 
 
-def quality(room: Room, views: list[Photograph], values: dict, settings: SunFadedSettings) -> float:
+def quality(room: Room, views: list[DisplayedPhotograph], values: dict, settings: SunFadedSettings) -> float:
     """PSNR of the views as displayed, dB."""
     errors = []
     for drawn, view in zip(room.drawn, views, strict=True):
         picture = picture_of(drawn, values, view.camera, view.lens, settings).whole
-        errors.append(float(((encode(picture) - view.shown) ** 2).mean()))
+        errors.append(float(((srgb_encode_tensor(picture) - view.shown) ** 2).mean()))
     return -10 * np.log10(np.mean(errors))
 
 

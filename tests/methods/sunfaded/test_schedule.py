@@ -7,7 +7,7 @@ from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS
 from graycard.methods.sunfaded import SunFadedSettings
 from graycard.methods.sunfaded._light import NETWORK, POSITION
 from graycard.methods.sunfaded._model import ALBEDO, AMBIENT
-from graycard.methods.sunfaded._schedule import ENDS, Stage, density_rules, learning_rates, stage_at
+from graycard.methods.sunfaded._schedule import ENDS, FitStage, density_rules, learning_rates, stage_at
 from graycard.methods.sunfaded._settings import Schedule
 
 SURFELS = {CENTRES, LOG_SCALES, ROTATIONS, LOGITS, ALBEDO}
@@ -22,14 +22,14 @@ def moving(share: float, **settings: object) -> set[str]:
 @pytest.mark.parametrize(
     ("share", "stage", "names"),
     [
-        (0.1, Stage.UNLIT, SURFELS | {AMBIENT}),
-        (0.3, Stage.LAMP, LAMP),
-        (0.6, Stage.JOINT, SURFELS | LAMP | {AMBIENT}),
-        (0.8, Stage.OPACITY, {LOGITS}),
-        (0.9, Stage.REFINED, SURFELS | {AMBIENT}),
+        (0.1, FitStage.UNLIT, SURFELS | {AMBIENT}),
+        (0.3, FitStage.LAMP, LAMP),
+        (0.6, FitStage.JOINT, SURFELS | LAMP | {AMBIENT}),
+        (0.8, FitStage.OPACITY, {LOGITS}),
+        (0.9, FitStage.REFINED, SURFELS | {AMBIENT}),
     ],
 )
-def test_the_paper_moves_what_it_says(share: float, stage: Stage, names: set[str]):
+def test_the_paper_moves_what_it_says(share: float, stage: FitStage, names: set[str]):
     assert stage_at(share, "paper") is stage
     assert moving(share, schedule="paper") == names
 
@@ -39,7 +39,7 @@ def test_stages_follow_each_other_to_the_end(schedule: Schedule):
     ends = ENDS[schedule]
     assert sorted(ends) == list(ends)
     assert ends[-1] == 1
-    assert [stage_at(end - 1e-6, schedule) for end in ends] == list(Stage)
+    assert [stage_at(end - 1e-6, schedule) for end in ends] == list(FitStage)
 
 
 def test_the_released_code_moves_the_ambient_light_with_the_lamp():
@@ -75,8 +75,8 @@ def test_surfels_stand_still_while_the_lamp_is_found(schedule: Schedule, steps: 
     rules = density_rules(SunFadedSettings(iterations=steps, schedule=schedule))
     for done in range(1, steps):
         if (
-            stage_at(done / steps, schedule) is Stage.LAMP
-            and stage_at((done - 1) / steps, schedule) is Stage.LAMP
+            stage_at(done / steps, schedule) is FitStage.LAMP
+            and stage_at((done - 1) / steps, schedule) is FitStage.LAMP
         ):
             assert not rules.densifies(done, steps)
     assert any(rules.densifies(done, steps) for done in range(1, steps))

@@ -17,14 +17,14 @@ from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat import initial_state
 from graycard.methods.splat.fit._optimise import leaves
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
-from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, Guess, guesses
+from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, GeometryGuess, guesses
 from graycard.methods.sunfaded._light import NETWORK, POSITION, lamp_intensity
 from graycard.methods.sunfaded._model import AMBIENT, albedo_of
-from graycard.methods.sunfaded._objective import Objective, correlation, photographs
-from graycard.methods.sunfaded._schedule import ENDS, Stage, learning_rates
+from graycard.methods.sunfaded._objective import SunFadedObjective, correlation, photographs
+from graycard.methods.sunfaded._schedule import ENDS, FitStage, learning_rates
 from graycard.methods.sunfaded._start import start
 from graycard.methods.sunfaded._weight import unlit_weight
-from graycard.methods.surfels import decode
+from graycard.methods.surfels import srgb_decode_tensor
 from sparse_points import with_points
 
 QUICK = {"iterations": 80, "surfels": 400, "fill": 0.0}
@@ -122,10 +122,10 @@ READINGS = (
 """Ways to fit: the default first."""
 
 
-@pytest.mark.parametrize("stage", Stage)
+@pytest.mark.parametrize("stage", FitStage)
 @pytest.mark.parametrize("reading", READINGS, ids=str)
 def test_each_number_gets_a_gradient_when_its_stage_begins(
-    scene: Path, stage: Stage, reading: dict[str, object]
+    scene: Path, stage: FitStage, reading: dict[str, object]
 ):
     capture, chosen = with_points(scene), settings(**reading)
     views = photographs(capture, chosen)
@@ -134,7 +134,7 @@ def test_each_number_gets_a_gradient_when_its_stage_begins(
     state = initial_state(start(capture, views, chosen, 0), 0)
     share = ENDS[chosen.schedule][stage - 1] if stage else 0.0
     moving = leaves(state, learning_rates(2.0, chosen), share)
-    look = Objective(views, told, chosen, 0)(moving, round(share * chosen.iterations))
+    look = SunFadedObjective(views, told, chosen, 0)(moving, round(share * chosen.iterations))
     asked = {name: values for name, values in moving.items() if values.requires_grad}
     found = torch.autograd.grad(look.loss, list(asked.values()))
     for name, gradient in zip(asked, found, strict=True):
@@ -204,12 +204,12 @@ def test_depth_is_asked_for_in_the_first_stage_and_the_last_ones(scene: Path, pr
     capture, chosen = with_points(scene), settings(geometry_prior=prior, geometry_start=1.0)
     views = photographs(capture, chosen)
     told = guesses(capture, oracle(scene), [capture.photograph(view) for view in capture.train])
-    nothing = [Guess()] * len(views)
+    nothing = [GeometryGuess()] * len(views)
     values = dict(start(capture, views, chosen, 0).all)
-    for stage, counts in zip(Stage, (True, False, False, last, last), strict=True):
+    for stage, counts in zip(FitStage, (True, False, False, last, last), strict=True):
         step = round(ENDS["short"][stage - 1] * chosen.iterations) if stage else 0
         with_depth, without = (
-            float(Objective(views, g, chosen, 0)(values, step).loss.detach()) for g in (told, nothing)
+            float(SunFadedObjective(views, g, chosen, 0)(values, step).loss.detach()) for g in (told, nothing)
         )
         assert (with_depth != without) is counts, stage
 
@@ -220,11 +220,11 @@ def test_surfels_are_watched_where_they_are_added(scene: Path, schedule: str):
     capture, chosen = with_points(scene), settings(schedule=schedule)
     views = photographs(capture, chosen)
     values = dict(start(capture, views, chosen, 0).all)
-    objective = Objective(views, [Guess()] * len(views), chosen, 0)
-    for stage in Stage:
+    objective = SunFadedObjective(views, [GeometryGuess()] * len(views), chosen, 0)
+    for stage in FitStage:
         step = round(ENDS[chosen.schedule][stage - 1] * chosen.iterations) if stage else 0
-        watched = stage in (Stage.UNLIT, Stage.JOINT) or (
-            stage is Stage.OPACITY and schedule == "release_40k"
+        watched = stage in (FitStage.UNLIT, FitStage.JOINT) or (
+            stage is FitStage.OPACITY and schedule == "release_40k"
         )
         assert (objective(values, step).offsets is not None) is watched, stage
 
@@ -334,7 +334,7 @@ def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(sce
     begun = start(capture, views, chosen, 0)
     albedo = albedo_of(begun.surfels)
     torch.testing.assert_close(albedo, torch.full_like(albedo, 0.4))
-    shown = torch.stack([decode(view.shown) for view in views])
+    shown = torch.stack([srgb_decode_tensor(view.shown) for view in views])
     weight = torch.stack([view.weight for view in views])
     dark = (weight * shown).sum(dim=(0, 1, 2)) / weight.sum()
     torch.testing.assert_close(0.4 * begun.shared[AMBIENT], dark, rtol=1e-4, atol=1e-6)
@@ -346,15 +346,15 @@ def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(sce
     assert albedo_of(coloured).std(dim=0).min() > 0.02
 
 
-@pytest.mark.parametrize("stage", [Stage.UNLIT, Stage.JOINT, Stage.REFINED])
-def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage: Stage):
+@pytest.mark.parametrize("stage", [FitStage.UNLIT, FitStage.JOINT, FitStage.REFINED])
+def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage: FitStage):
     capture, plain = with_points(scene), settings()
     views = photographs(capture, plain)
     values = dict(start(capture, views, settings(first_albedo=0.0), 0).all)
     told = guesses(capture, methods.Priors(), [capture.photograph(view) for view in capture.train])
     step = round(ENDS["short"][stage - 1] * plain.iterations) if stage else 0
     free, weighed = (
-        float(Objective(views, told, settings(albedo_weight=weight), 0)(values, step).loss.detach())
+        float(SunFadedObjective(views, told, settings(albedo_weight=weight), 0)(values, step).loss.detach())
         for weight in (0.0, 2.0)
     )
     variance = float(albedo_of(values).double().var(dim=0, correction=0).mean())

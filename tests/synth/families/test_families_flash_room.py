@@ -14,7 +14,7 @@ from graycard.synth._mesh import Mesh
 from graycard.synth.families._flash_room import FlashRoom, Room
 from graycard.synth.families.props import _furniture as furniture
 from graycard.synth.families.props import _interior as interior
-from graycard.synth.families.props import _stock as stock
+from graycard.synth.families.props import _small_goods as small_goods
 
 SETTINGS = RenderSettings(24, 24, 6, 2, 16)
 DARK = {name: family for name, family in all_families().items() if issubclass(family, FlashRoom)}
@@ -211,13 +211,13 @@ def test_walls_face_inwards_and_pictures_hang_upright(wall: str) -> None:
     )
 
 
-@pytest.mark.parametrize("kind", sorted({*stock.STORED, *stock.APPARATUS}))
+@pytest.mark.parametrize("kind", sorted({*small_goods.STORED, *small_goods.APPARATUS}))
 @pytest.mark.parametrize("room", [(0.34, 0.32, 0.34), (0.16, 0.2, 0.32), (0.3, 0.28, 0.4)])
 def test_goods_stand_where_they_are_put_and_fit_their_place(
     kind: str, room: tuple[float, float, float]
 ) -> None:
     for seed in range(3):
-        shape, color = stock.good(np.random.default_rng(seed), kind, (1.0, 2.0, 0.5), room)
+        shape, color = small_goods.good(np.random.default_rng(seed), kind, (1.0, 2.0, 0.5), room)
         low, high = bounds(Thing(kind, shape, Matte(color)))
         assert low[2] == pytest.approx(0.5, abs=2e-3)
         assert (high - low <= np.array(room) * (1.08, 1.15, 1.3) + 0.02).all(), high - low
@@ -225,7 +225,7 @@ def test_goods_stand_where_they_are_put_and_fit_their_place(
 
 def test_unknown_goods_are_refused() -> None:
     with pytest.raises(ValueError, match="expected one of .*carton.*got 'anvil'"):
-        stock.good(np.random.default_rng(0), "anvil", (0, 0, 0), (0.3, 0.3, 0.3))
+        small_goods.good(np.random.default_rng(0), "anvil", (0, 0, 0), (0.3, 0.3, 0.3))
 
 
 @pytest.mark.parametrize(

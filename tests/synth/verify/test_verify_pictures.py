@@ -32,7 +32,7 @@ from graycard.synth.verify._counterfactual import check_counterfactual
 from graycard.synth.verify._geometry import check_between, check_geometry
 from graycard.synth.verify._irradiance import check_background, check_irradiance
 from graycard.synth.verify._materials import check_objects
-from graycard.synth.verify._subject import Picture, Subject
+from graycard.synth.verify._subject import Subject, TruePicture
 from graycard.synth.verify._summaries import Summary
 from graycard.synth.verify._transport import check_halves, check_parts
 
@@ -56,7 +56,7 @@ def make_subject(lights: tuple[Light, ...] = (), sky: np.ndarray | None = None) 
     return Subject(At("tabletop/made-0000"), Path("nowhere"), capture, truth, manifest, lights, sky)
 
 
-def floor(**changed: Any) -> Picture:
+def floor(**changed: Any) -> TruePicture:
     """A plane z = 0 of albedo 0.5."""
     rays, camera = CAMERA.rays(), CAMERA
     distance = -camera.position[2] / rays[..., 2]
@@ -69,12 +69,12 @@ def floor(**changed: Any) -> Picture:
         "object_id": ones.astype(np.uint32),
         "base_color": 0.5 * np.ones((SIDE, SIDE, 3)),
     }
-    return Picture(
+    return TruePicture(
         At("tabletop/made-0000", "train_000"), 0, View("train_000", "train", camera), layers | changed
     )
 
 
-def nothing() -> Picture:
+def nothing() -> TruePicture:
     dark = np.zeros((SIDE, SIDE))
     return floor(object_id=dark.astype(np.uint32), depth=dark + np.inf, distance=dark + np.inf)
 
@@ -114,7 +114,7 @@ def test_the_surface_of_a_light_is_black():
     assert status(check_objects(make_subject(), floor(object_id=ids)))["emitters flagged"] == "failed"
 
 
-def emptied(rng: np.random.Generator, **masks: np.ndarray) -> Picture:
+def emptied(rng: np.random.Generator, **masks: np.ndarray) -> TruePicture:
     """The upper half is untouched; the target is seen in a corner below."""
     ids = np.ones((SIDE, SIDE), np.uint32)
     ids[-4:, -4:] = 3
@@ -164,12 +164,14 @@ def test_the_background_is_the_environment(turn: int, verdict: str):
     seen = nothing()
     camera = Camera.from_fov(SIDE, SIDE, 50, above)
     radiance = sky_towards(sky, camera.rays().reshape(-1, 3)).reshape(SIDE, SIDE, 3)
-    picture = Picture(seen.at, 0, View("train_000", "train", camera), {**seen.layers, "radiance": radiance})
+    picture = TruePicture(
+        seen.at, 0, View("train_000", "train", camera), {**seen.layers, "radiance": radiance}
+    )
     found = check_background(make_subject(sky=np.roll(sky, turn, axis=1)), picture)
     assert status(found) == {"background is the environment": verdict}
 
 
-def lit(light: PointLight, **changed: np.ndarray) -> Picture:
+def lit(light: PointLight, **changed: np.ndarray) -> TruePicture:
     to_light = np.array(light.position) - floor().layers["position"]
     square = (to_light**2).sum(-1)
     cosine = to_light[..., 2] / np.sqrt(square)

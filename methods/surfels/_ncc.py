@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How alike photographs are where a surface would be seen by both, if it were at some depth."""
+"""Normalised cross-correlation (NCC) of photographs, warped as surfaces at some depth would have it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from graycard.methods.surfels._transfer import transfer, transferred
 NOISE = 2e-4
 """Variance, in encoded units, below which a window has no structure."""
 LEAST = -2.0
-"""Less alike than anything is."""
+"""Below every correlation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +29,8 @@ class SweptView:
     far: float
 
 
-def mean_likeness(
-    view: SweptView, partners: Sequence[SweptView], inverse: np.ndarray, window: int
-) -> np.ndarray:
-    """How much the better half of the partners look like a view, if its surfaces are at some depths.
+def mean_ncc(view: SweptView, partners: Sequence[SweptView], inverse: np.ndarray, window: int) -> np.ndarray:
+    """Return the mean NCC of a view and the better half of its partners, for hypotheses of depth.
 
     Args:
         view: The view.
@@ -58,7 +56,7 @@ def _grey(view: SweptView) -> np.ndarray:
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def _rank(mine, theirs, pair, inverse, half, best):
-    """Put the likeness of a partner in its place among the best.
+    """Put the correlation of a partner in its place among the best.
 
     Args:
         mine: ``(H, W)``, float32: the view.
@@ -66,7 +64,7 @@ def _rank(mine, theirs, pair, inverse, half, best):
         pair: homography and epipole, see ``transfer``.
         inverse: ``(K, H, W)``, 1/m.
         half: pixels from the middle of a window to its rim.
-        best: ``(K, B, H, W)``, float32: likenesses in falling order, to be updated.
+        best: ``(K, B, H, W)``, float32: correlations in falling order, to be updated.
     """
     height, width = mine.shape
     own = np.empty((3, height, width), np.float32)

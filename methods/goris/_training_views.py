@@ -10,7 +10,7 @@ import torch
 from graycard import Camera, Capture, MethodError
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.surfels import Photograph, exposed_photograph, photographs
+from graycard.methods.surfels import EncodedPhotograph, exposed_photograph, photographs
 
 LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
 """Layers that are inpainted where a surface is glossy, besides radiance."""
@@ -22,10 +22,10 @@ ASKS = (
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class TrainingView:
     """A training view; H x W pixels, float32."""
 
-    photograph: Photograph
+    photograph: EncodedPhotograph
     glossy: torch.Tensor
     """Shape ``(H, W)``: 1 where a prior says that a surface is glossy, or anywhere if none is asked; 0 on the
     object. It is removed anyway, and reflected rays do not meet glossy surfels, see ``traced``."""
@@ -37,9 +37,9 @@ class Shot:
     """Shape ``(H, W, 3)``, world, unit, or zero where a prior knows nothing; None without one."""
 
 
-def shots_of(
+def training_views(
     capture: Capture, priors: Priors, masks: Sequence[np.ndarray], settings: GorisSettings
-) -> list[Shot]:
+) -> list[TrainingView]:
     """The training views, exposed and encoded.
 
     Args:
@@ -58,29 +58,30 @@ def shots_of(
     ]
 
 
-def looked_at(shots: Sequence[Shot]) -> list[tuple[Camera, torch.Tensor]]:
+def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]]:
     """All that a first stage depends on in its views: a checkpoint of others is refused."""
     return [
         (shot.photograph.camera, picture)
         for shot in shots
-        for picture in (shot.photograph.encoded, shot.glossy, shot.target, _asked(shot), shot.normal)
+        for picture in (
+            shot.photograph.encoded,
+            shot.glossy,
+            shot.target,
+            torch.tensor([shot.told, shot.normal is not None]),  # "all is glossy" is more than not to ask
+            shot.normal,
+        )
         if picture is not None
     ]
-
-
-def _asked(shot: Shot) -> torch.Tensor:
-    """What priors were asked: to be told that all is glossy is more than not to ask."""
-    return torch.tensor([shot.told, shot.normal is not None])
 
 
 def _shot(
     capture: Capture,
     priors: Priors,
     number: int,
-    photograph: Photograph,
+    photograph: EncodedPhotograph,
     mask: np.ndarray,
     settings: GorisSettings,
-) -> Shot:
+) -> TrainingView:
     view = capture.train[number]
     image = exposed_photograph(capture, view)
     told, normal = settings.region_weight > 0 and "mask" in priors.kinds, None
@@ -97,4 +98,4 @@ def _shot(
     if settings.normal_prior_weight > 0 and "normal" in priors.kinds:
         normal = torch.from_numpy(priors.normal(image, view).astype(np.float32))
     glossy, target = (torch.from_numpy(one.astype(np.float32)) for one in (glossy, mask))
-    return Shot(photograph, glossy, told, target, normal)
+    return TrainingView(photograph, glossy, told, target, normal)

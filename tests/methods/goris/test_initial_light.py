@@ -9,16 +9,7 @@ import torch
 
 from glossy_sheets import EXTENT, FLOOR, SETTINGS, GlossyWorld, glossy_world, shots_of_world
 from graycard.io import silent
-from graycard.methods.goris import _first
-from graycard.methods.goris._first import (
-    CANDIDATES,
-    SLACK,
-    Sightings,
-    first_light,
-    found_f0,
-    likeliest,
-    sightings,
-)
+from graycard.methods.goris import _initial_light
 from graycard.methods.goris._fit import (
     FIRST_FRESNEL,
     FOUND_FRESNEL_RATE,
@@ -28,9 +19,18 @@ from graycard.methods.goris._fit import (
     light_rates,
     with_light,
 )
+from graycard.methods.goris._initial_light import (
+    CANDIDATES,
+    SLACK,
+    Observations,
+    found_f0,
+    initial_light,
+    likeliest,
+    observations,
+)
 from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, FRESNEL, REGION
 from graycard.methods.goris._objective import LightObjective
-from graycard.methods.surfels import decode
+from graycard.methods.surfels import srgb_decode_tensor
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def world() -> GlossyWorld:
 def test_sightings_are_what_photographs_show_of_glossy_surfels(world: GlossyWorld):
     """Each is on the floor, in a pixel of its own colour, and reflects upwards."""
     shots = shots_of_world(world)
-    found = sightings(world.parameters.all, shots, SETTINGS, EXTENT)
+    found = observations(world.parameters.all, shots, SETTINGS, EXTENT)
     assert len(found.surfel) > 500
     assert (world.part[found.surfel] == FLOOR).all()
     assert (found.direction[:, 2] > 0).mean() > 0.99
@@ -64,12 +64,12 @@ def test_a_floor_reflects_about_as_much_as_it_did(world: GlossyWorld, f0: float)
     mirrored, most of it even."""
     known = reflecting(world, f0)
     unknown = {**known.parameters.all, FRESNEL: torch.zeros_like(known.parameters.all[FRESNEL])}
-    found = first_light(unknown, shots_of_world(known), SETTINGS, EXTENT)
+    found = initial_light(unknown, shots_of_world(known), SETTINGS, EXTENT)
     assert found is not None
     place = CANDIDATES.index(f0)
     assert CANDIDATES[max(place - 1, 0)] <= found.f0 <= CANDIDATES[place + 1]
     assert float(found.surroundings.min()) > 0
-    true = decode(BRIGHTEST * known.parameters.all[DIFFUSE].sigmoid())[found.surfels]
+    true = srgb_decode_tensor(BRIGHTEST * known.parameters.all[DIFFUSE].sigmoid())[found.surfels]
     assert float((found.diffuse - true).abs().mean()) < 0.85 * float(true.mean())
     start = as_photographs_allow(known.parameters, found)
     glossy = torch.from_numpy(world.part == FLOOR)
@@ -79,7 +79,7 @@ def test_a_floor_reflects_about_as_much_as_it_did(world: GlossyWorld, f0: float)
     torch.testing.assert_close(start.surfels[FRESNEL][~glossy], known.parameters.surfels[FRESNEL][~glossy])
 
 
-def noisy(found: Sightings, noise: float, seed: int) -> Sightings:
+def noisy(found: Observations, noise: float, seed: int) -> Observations:
     """With a standard deviation of a share of the mean."""
     drawn = np.random.default_rng(seed).normal(size=found.colour.shape)
     return replace(found, colour=found.colour + noise * found.colour.mean() * drawn)
@@ -90,14 +90,14 @@ def noisy(found: Sightings, noise: float, seed: int) -> Sightings:
 def test_noise_makes_no_metal_of_what_is_none(world: GlossyWorld, f0: float, noise: float, seed: int):
     """Errors of all candidates draw level; where noise is nearly all, nothing is said."""
     known = reflecting(world, f0)
-    found = sightings(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
+    found = observations(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
     told = found_f0(noisy(found, noise, seed))
     assert told is None if noise >= 1 else told is not None and told < 0.3
 
 
 def test_a_metal_is_one_in_noise_too(world: GlossyWorld):
     known = reflecting(world, 0.8)
-    found = sightings(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
+    found = observations(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
     told = found_f0(noisy(found, 0.3, 1000))
     assert told is not None
     assert told > 0.6
@@ -108,19 +108,19 @@ def test_half_open_rays_do_not_tell_how_much_is_reflected(
 ):
     """At edges, where what was traced is most often wrong, here ten times as bright as it is."""
     known = reflecting(world, 0.5)
-    true = sightings(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
+    true = observations(known.parameters.all, shots_of_world(known), SETTINGS, EXTENT)
     half = np.abs(true.passed - 0.5) < 0.45
     assert 0.005 < half.mean() < 0.3
     wrong = replace(true, radiance=np.where(half[:, None], 10 * true.radiance + 0.5, true.radiance))
     assert found_f0(wrong) == found_f0(true.take(~half))
     assert abs((found_f0(wrong) or 0) - 0.5) < 0.15
-    monkeypatch.setattr(_first, "_CLEAR", 0.5)
+    monkeypatch.setattr(_initial_light, "_CLEAR", 0.5)
     assert abs((found_f0(wrong) or 0) - 0.5) > 0.15
 
 
 def test_few_sightings_tell_nothing(world: GlossyWorld):
     """Surroundings of 216 texels explain a hundred of them whatever F0 is; one alone has no difference."""
-    found = sightings(world.parameters.all, shots_of_world(world), SETTINGS, EXTENT)
+    found = observations(world.parameters.all, shots_of_world(world), SETTINGS, EXTENT)
     assert found_f0(found) is not None
     few = found.take(np.isin(found.surfel, np.unique(found.surfel)[:30]))
     assert 30 < len(few.surfel) < 216
@@ -152,7 +152,7 @@ def replace_surfels(world: GlossyWorld, parts: dict[str, torch.Tensor]):
 
 def test_where_no_glossy_surfel_is_seen_nothing_is_said(world: GlossyWorld):
     shots = [replace(shot, glossy=torch.zeros_like(shot.glossy)) for shot in shots_of_world(world)]
-    assert first_light(world.parameters.all, shots, SETTINGS, EXTENT) is None
+    assert initial_light(world.parameters.all, shots, SETTINGS, EXTENT) is None
     assert as_photographs_allow(world.parameters, None) is world.parameters
 
 
@@ -160,7 +160,7 @@ def test_where_mirrored_rays_meet_nothing_nothing_is_said(world: GlossyWorld):
     """A floor under the sky alone: what it reflects is a function of direction, whatever its F0."""
     floor = world.parameters.take(torch.from_numpy(world.part == FLOOR))
     alone = GlossyWorld(floor, world.part[world.part == FLOOR], world.cameras)
-    assert first_light(floor.all, shots_of_world(alone), SETTINGS, EXTENT) is None
+    assert initial_light(floor.all, shots_of_world(alone), SETTINGS, EXTENT) is None
 
 
 def test_what_was_found_moves_less_than_what_was_guessed(world: GlossyWorld):
@@ -169,7 +169,7 @@ def test_what_was_found_moves_less_than_what_was_guessed(world: GlossyWorld):
     assert rates == [FOUND_FRESNEL_RATE, FRESNEL_RATE]
     shots, settings = shots_of_world(world), replace(SETTINGS, iterations=12, radiance_share=0.5)
     start = with_light(world.parameters, shots, settings, 0)
-    glossy, found = start.surfels[REGION][:, 0] < 0, first_light(start.all, shots, settings, EXTENT)
+    glossy, found = start.surfels[REGION][:, 0] < 0, initial_light(start.all, shots, settings, EXTENT)
     assert found is not None
 
     def moved(first: bool, begun: float) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from scipy.optimize import nnls
 
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._model import (
     REGION,
     Reflection,
@@ -21,11 +22,11 @@ from graycard.methods.goris._model import (
     reflected_radiance,
 )
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._shots import Shot
+from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.removal import NEAR, points_in_picture
 from graycard.methods.shading import look_up, texel_directions
 from graycard.methods.splat import CENTRES
-from graycard.methods.surfels import decode
+from graycard.methods.surfels import srgb_decode_tensor
 
 CANDIDATES = (0.04, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 """F0 that are tried, the same for all glossy surfaces and channels; glass, wood and stone have 0.04 and more,
@@ -54,7 +55,7 @@ _DOUBT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Observations:
     """Observations of glossy surfels in photographs, M in all."""
 
     surfel: np.ndarray
@@ -70,13 +71,13 @@ class Sightings:
     grazing: np.ndarray
     """Shape ``(M,)``: (1 - cosine)^5, see :func:`graycard.methods.goris._model.fresnel`."""
 
-    def take(self, which: np.ndarray) -> "Sightings":
+    def take(self, which: np.ndarray) -> "Observations":
         """Some of them, by a mask of shape ``(M,)``."""
-        return Sightings(*(getattr(self, part.name)[which] for part in fields(self)))
+        return Observations(*(getattr(self, part.name)[which] for part in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
-class FirstLight:
+class InitialLight:
     """Initial values of light transport."""
 
     f0: float
@@ -89,9 +90,9 @@ class FirstLight:
     """Diffuse radiance of each of them, shape ``(S, 3)``, linear, exposed, 0 or more."""
 
 
-def first_light(
-    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
-) -> FirstLight | None:
+def initial_light(
+    values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
+) -> InitialLight | None:
     """Estimate initial values from the photographs.
 
     None where glossy surfels are seen by too few views to determine the environment, where next to nothing
@@ -103,7 +104,7 @@ def first_light(
         settings: Of the method.
         extent: Of the scene, metres.
     """
-    found = sightings(values, shots, settings, extent)
+    found = observations(values, shots, settings, extent)
     f0 = found_f0(found)
     if f0 is None:
         return None
@@ -113,19 +114,19 @@ def first_light(
     left = found.colour - _fresnel(f0, found)[:, None] * light
     seen, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
     diffuse = np.stack([np.bincount(surfel, c) for c in left.T], axis=1)
-    cubemap = _float(sky.reshape(6, _SIZE, _SIZE, 3))
-    toward = _float(texel_directions(settings.sky_size))
+    cubemap = float_tensor(sky.reshape(6, _SIZE, _SIZE, 3))
+    toward = float_tensor(texel_directions(settings.sky_size))
     least = 0.05 * float(found.colour.mean())
-    return FirstLight(
+    return InitialLight(
         f0,
         look_up(cubemap, toward).clamp(min=least),
         torch.from_numpy(seen),
-        _float(diffuse / count[:, None]).clamp(min=0),
+        float_tensor(diffuse / count[:, None]).clamp(min=0),
     )
 
 
-def found_f0(found: Sightings) -> float | None:
-    """The F0 of glossy surfels; None where sightings do not determine it, see :func:`first_light`."""
+def found_f0(found: Observations) -> float | None:
+    """The F0 of glossy surfels; None where sightings do not determine it, see :func:`initial_light`."""
     clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
     _, number, count = np.unique(clear.surfel, return_inverse=True, return_counts=True)
     clear = clear.take(count[number] > 1)
@@ -158,13 +159,13 @@ def likeliest(errors: Sequence[float], matte: float) -> float | None:
     return float(np.exp(np.log(candidates[best]).mean()))
 
 
-def _basis(found: Sightings) -> np.ndarray:
+def _basis(found: Observations) -> np.ndarray:
     """Weight of each texel of the environment map in each direction, ``(M, T)``."""
     texels = torch.eye(6 * _SIZE**2).reshape(6, _SIZE, _SIZE, -1)
-    return look_up(texels, _float(found.direction)).numpy()
+    return look_up(texels, float_tensor(found.direction)).numpy()
 
 
-def _fitted(found: Sightings, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
+def _fitted(found: Observations, basis: np.ndarray, f0: float) -> tuple[float, np.ndarray]:
     """The residual, see :func:`_error`, and the non-negative environment ``(T, 3)``."""
     strength = _fresnel(f0, found)
     seen_through = _between_views((strength * found.passed)[:, None] * basis, found.surfel)
@@ -182,7 +183,7 @@ def _error(left: np.ndarray) -> float:
     return float(np.sqrt((left**2).mean()))
 
 
-def _fresnel(f0: float, found: Sightings) -> np.ndarray:
+def _fresnel(f0: float, found: Observations) -> np.ndarray:
     return f0 + (1 - f0) * found.grazing
 
 
@@ -194,9 +195,9 @@ def _between_views(values: np.ndarray, surfel: np.ndarray) -> np.ndarray:
 
 
 @torch.no_grad()
-def sightings(
-    values: Mapping[str, torch.Tensor], shots: Sequence[Shot], settings: GorisSettings, extent: float
-) -> Sightings:
+def observations(
+    values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
+) -> Observations:
     """Observations of the centres of glossy surfels in photographs, where they are not occluded."""
     (glossy,) = (values[REGION][:, 0] < 0).nonzero(as_tuple=True)
     parts = []
@@ -210,10 +211,10 @@ def sightings(
         place = np.full(depth.size, -1)
         place[reflection.rows.numpy()] = np.arange(len(reflection.rows))
         kept = place[rows] >= 0
-        normal, linear = buffers.normal.reshape(-1, 3), decode(view.encoded).reshape(-1, 3)
+        normal, linear = buffers.normal.reshape(-1, 3), srgb_decode_tensor(view.encoded).reshape(-1, 3)
         rays, rows = torch.from_numpy(place[rows[kept]]), torch.from_numpy(rows[kept])
         parts.append(_sighted(glossy.numpy()[which[kept]], linear[rows], normal[rows], _at(reflection, rays)))
-    return Sightings(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    return Observations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _at(reflection: Reflection, rays: torch.Tensor) -> Reflection:
@@ -229,13 +230,9 @@ def _sighted(
     return surfel, *(part.double().numpy() for part in parts)
 
 
-def _seen_at(places: np.ndarray, shot: Shot, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _seen_at(places: np.ndarray, shot: TrainingView, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the places that a view sees, and the numbers of their pixels, row by row."""
     camera = shot.photograph.camera
     numbers, rows, columns, z = points_in_picture(camera, places)
     seen = np.abs(z / depth[rows, columns] - 1) <= NEAR
     return numbers[seen], (rows * camera.width + columns)[seen]
-
-
-def _float(values: np.ndarray) -> torch.Tensor:
-    return torch.from_numpy(np.asarray(values, np.float32))
