@@ -40,10 +40,10 @@ from graycard.edits import Composition as Composition
 from graycard.edits import Donor as Donor
 from graycard.edits import EditKind as EditKind
 from graycard.edits import LightEdit as LightEdit
-from graycard.io._progress import Progress as Progress
-from graycard.layers._layer import Layer as Layer
-from graycard.layers._layer import all_layers as all_layers
-from graycard.layers._layer import find_layer as find_layer
+from graycard.io import Progress as Progress
+from graycard.layers import Layer as Layer
+from graycard.layers import all_layers as all_layers
+from graycard.layers import find_layer as find_layer
 from graycard.lights import EnvironmentLight as EnvironmentLight
 from graycard.lights import GaussianLight as GaussianLight
 from graycard.lights import Light as Light

@@ -10,8 +10,7 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._sensor import Sensor
-from graycard.io._decode import IN_MEMORY
-from graycard.io._exr import read_layers, read_rgb
+from graycard.io import IN_MEMORY, read_layers, read_rgb
 from graycard.points import Points, no_points, read_points
 
 POINTS = "points.ply"

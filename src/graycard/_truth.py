@@ -9,9 +9,7 @@ import numpy as np
 from graycard._capture import View, file_of, find_view
 from graycard._errors import DatasetError
 from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
-from graycard.io._decode import IN_MEMORY
-from graycard.io._exr import read_layers, read_rgb
-from graycard.io._json import from_builtins, read_json
+from graycard.io import IN_MEMORY, from_builtins, read_json, read_layers, read_rgb
 from graycard.lights import EnvironmentLight, Light, read_lights
 
 

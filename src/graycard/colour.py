@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from graycard.io._memory import blocks
+from graycard.io import blocks
 
 _KNEE = 0.0031308
 

@@ -14,8 +14,7 @@ from typing import Any
 from graycard._capture import Capture, file_of
 from graycard._errors import DatasetError
 from graycard._truth import Truth
-from graycard.io._json import from_builtins, read_json, write_json
-from graycard.io._manifest import MANIFEST, Manifest, check_files, read_manifest
+from graycard.io import MANIFEST, Manifest, check_files, from_builtins, read_json, read_manifest, write_json
 
 TRACKS = ("dark", "tabletop", "multilight")
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from graycard._camera import Camera
 from graycard._errors import DatasetError, GraycardError, UnknownNameError
-from graycard.io._json import from_builtins, read_json, to_builtins, write_json
+from graycard.io import from_builtins, read_json, to_builtins, write_json
 
 Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]

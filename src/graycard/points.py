@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard._errors import DatasetError
-from graycard.io._files import write_bytes
+from graycard.io import write_bytes
 
 _VERTEX = np.dtype([(n, "<f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")])
 _TRACKED = np.dtype([*_VERTEX.descr, ("views", "<u2")])

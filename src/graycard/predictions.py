@@ -19,10 +19,20 @@ import numpy as np
 
 from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard.edits import COMPOSITION, RELIGHTING, composed_file, relit_file
-from graycard.io._decode import IN_MEMORY
-from graycard.io._exr import read_layers, read_rgb, write_layers, write_rgb
-from graycard.io._files import sha256, sha256_of_files, writable_folder
-from graycard.io._json import check_version, from_builtins, read_json, write_json
+from graycard.io import (
+    IN_MEMORY,
+    check_version,
+    from_builtins,
+    read_json,
+    read_layers,
+    read_rgb,
+    sha256,
+    sha256_of_files,
+    writable_folder,
+    write_json,
+    write_layers,
+    write_rgb,
+)
 from graycard.lights import EnvironmentLight, Light, read_lights, write_lights
 
 INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"

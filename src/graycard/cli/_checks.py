@@ -13,15 +13,16 @@ from rich.table import Table
 
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.io._json import write_json
-from graycard.records._comparison import (
+from graycard.io import write_json
+from graycard.records import (
     COMPARISON,
     Comparison,
     MethodStanding,
     MetricComparison,
+    MetricRecord,
     PairDifference,
+    read_run,
 )
-from graycard.records._run import MetricRecord, read_run
 
 SHOWN = 5
 """Lines of a rule that evidence is missing, of what may be hundreds alike."""

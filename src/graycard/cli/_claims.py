@@ -13,9 +13,8 @@ from rich.table import Table
 
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.io._json import write_json
-from graycard.records._ledger import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean
-from graycard.records._run import read_run
+from graycard.io import write_json
+from graycard.records import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_run
 
 
 @dataclass(frozen=True)

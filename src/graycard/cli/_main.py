@@ -15,7 +15,7 @@ from graycard._errors import GraycardError, MethodError
 from graycard.cli._overview import overview
 from graycard.cli._table import HELP, find_verb
 from graycard.cli._terminal import OK, Terminal
-from graycard.io._memory import keep_freed_memory
+from graycard.io import keep_freed_memory
 
 ERROR = 2
 CUT_OFF = 141

@@ -11,7 +11,7 @@ import tyro
 
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
-from graycard.records._run import RunRecord, read_run
+from graycard.records import RunRecord, read_run
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class FitCommand:
         """Fit, then render every view."""
         from graycard.benchmarks import FitSpec, fit_scene, load_for
         from graycard.dataset import check_scene
-        from graycard.io._json import to_builtins
+        from graycard.io import to_builtins
         from graycard.methods import asks_of
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 

@@ -15,7 +15,7 @@ from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
 from graycard.dataset import TRACKS, is_scene
-from graycard.exchange._transfer import ExchangeFormat
+from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
 if TYPE_CHECKING:
@@ -245,7 +245,7 @@ class ExportCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the capture."""
-        from graycard.exchange._transfer import export_capture
+        from graycard.exchange import export_capture
 
         capture = export_capture(self.scene, self.format, self.out)
         terminal.out.print(
@@ -274,7 +274,7 @@ class ImportCommand:
         """Read, check, then write."""
         from graycard import __version__
         from graycard.dataset import open_capture
-        from graycard.exchange._transfer import import_capture
+        from graycard.exchange import import_capture
 
         with terminal.progress() as progress:
             made = import_capture(

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from graycard.cli._options import Json
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
-from graycard.records._run import Score, ScoreSheet
+from graycard.records import Score, ScoreSheet
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import tyro
 from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.io._files import write_bytes
+from graycard.io import write_bytes
 
 Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"], ...]
 

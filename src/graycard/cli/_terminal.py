@@ -14,8 +14,7 @@ from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 
-from graycard.io._json import write_json
-from graycard.io._progress import Progress
+from graycard.io import Progress, write_json
 
 OK, FAILED = 0, 1
 WIDE = 1000

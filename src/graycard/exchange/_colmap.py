@@ -14,7 +14,7 @@ from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._cameras import PosedPhotograph, make_camera, view_name, write_photographs
 from graycard.exchange._colmap_points import PointLines, parse_points, point_lines
-from graycard.io._files import write_bytes
+from graycard.io import write_bytes
 from graycard.points import Points
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "")

@@ -10,7 +10,7 @@ from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._cameras import PosedPhotograph, image_name, make_camera, view_name, write_photographs
-from graycard.io._json import read_json, write_json
+from graycard.io import read_json, write_json
 from graycard.points import Points, read_points, without_tracks, write_points
 
 INDEX = "transforms.json"

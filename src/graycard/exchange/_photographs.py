@@ -9,8 +9,7 @@ from PIL import Image, UnidentifiedImageError
 
 from graycard._errors import DatasetError
 from graycard.colour import srgb_decode, srgb_encode
-from graycard.io._exr import read_rgb
-from graycard.io._files import atomic_path
+from graycard.io import atomic_path, read_rgb
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg")
 SUFFIXES = (*MASK_SUFFIXES, ".exr")

@@ -16,10 +16,16 @@ from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._colmap import find_model, read_colmap, read_colmap_points, write_colmap
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
 from graycard.exchange._photographs import check_mask, check_photograph, read_mask, read_photograph
-from graycard.io._exr import write_layers, write_rgb
-from graycard.io._files import atomic_folder
-from graycard.io._manifest import FORMAT_VERSION, Manifest, write_manifest
-from graycard.io._progress import Progress, silent
+from graycard.io import (
+    FORMAT_VERSION,
+    Manifest,
+    Progress,
+    atomic_folder,
+    silent,
+    write_layers,
+    write_manifest,
+    write_rgb,
+)
 from graycard.points import Points, write_points
 
 ExchangeFormat = Literal["nerfstudio", "colmap"]

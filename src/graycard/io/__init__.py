@@ -3,6 +3,7 @@
 
 from graycard.io._code import code_hash as code_hash
 from graycard.io._code import reached_code as reached_code
+from graycard.io._decode import IN_MEMORY as IN_MEMORY
 from graycard.io._exr import read_layers as read_layers
 from graycard.io._exr import read_rgb as read_rgb
 from graycard.io._exr import write_layers as write_layers
@@ -23,6 +24,7 @@ from graycard.io._json import to_builtins as to_builtins
 from graycard.io._json import write_json as write_json
 from graycard.io._lock import file_lock as file_lock
 from graycard.io._manifest import FORMAT_VERSION as FORMAT_VERSION
+from graycard.io._manifest import MANIFEST as MANIFEST
 from graycard.io._manifest import Manifest as Manifest
 from graycard.io._manifest import check_files as check_files
 from graycard.io._manifest import damaged_files as damaged_files

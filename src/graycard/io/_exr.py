@@ -12,7 +12,7 @@ import OpenEXR
 
 from graycard._errors import DatasetError, GraycardError, OutputError, UnknownNameError
 from graycard.io._files import atomic_path, free_mib
-from graycard.layers._layer import Layer, find_layer
+from graycard.layers import Layer, find_layer
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """Chromaticities of the primaries and of the white point D65 (ITU-R BT.709-6)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard._errors import OlderRecordError, RecordError
-from graycard.io._json import read_json
+from graycard.io import read_json
 from graycard.records._run import read_record
 
 COMPARISON = "comparison.json"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
-from graycard.io._json import check_version, from_builtins, read_json
+from graycard.io import check_version, from_builtins, read_json
 
 RECORD_VERSION = 2
 
