@@ -21,7 +21,7 @@ from graycard import (
     open_capture,
     open_truth,
 )
-from graycard.benchmarks._fit import handed_priors
+from graycard.benchmarks._privileged import priors_for
 from graycard.methods import Ask
 from graycard.methods.priors import Override, PriorSpec, check_priors, make_priors, truth_of, weights_of
 from graycard.methods.priors._light import LightErrors, calibrated, corrupt_light
@@ -148,7 +148,7 @@ def test_without_a_calibration_or_with_one_of_the_room_it_says_so():
 def test_a_run_hands_the_calibration_alone(scene: Path):
     """A method that asks for the lamp gets it, and neither the lights nor any layer."""
     capture = open_capture(scene / "capture", check=False)
-    found = handed_priors(methods.load_method("darkgs"), PriorSpec("oracle", 2), capture, scene)
+    found = priors_for(methods.load_method("darkgs"), PriorSpec("oracle", 2), capture, scene)
     assert found.kinds == {"light"}
     assert (found.lights, dict(found.layers)) == (None, {})
     (true,) = open_truth(scene / "truth", check=False).lights()
