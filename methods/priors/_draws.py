@@ -9,7 +9,6 @@ answers about one view differ by what the images show; not on the order in which
 import hashlib
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 
 DARKEST = 1e-4
 """Radiance, of the image's brightest, below which nothing is told apart."""
@@ -46,6 +45,8 @@ def smooth_field(
     Returns:
         Shape ``(H, W, channels)``.
     """
+    from scipy.ndimage import gaussian_filter  # SciPy takes long to import
+
     noise = draws.standard_normal((*size, channels))
     smooth = gaussian_filter(noise, length * size[1], axes=(0, 1), mode="wrap")
     smooth -= smooth.mean(axis=(0, 1))
@@ -60,6 +61,8 @@ def blurred(image: np.ndarray, length: float, known: np.ndarray) -> np.ndarray:
         length: Standard deviation, a share of the width.
         known: shape ``(H, W)``, bool.
     """
+    from scipy.ndimage import gaussian_filter  # SciPy takes long to import
+
     sigma = length * image.shape[1]
     if sigma == 0 or not known.any():
         return image
@@ -100,6 +103,8 @@ def relief(light: np.ndarray, fine: float, coarse: float) -> np.ndarray:
     Returns:
         Shape ``(H, W)``, natural log.
     """
+    from scipy.ndimage import gaussian_filter  # SciPy takes long to import
+
     log, width = light.mean(axis=-1), light.shape[1]
     narrow, wide = (gaussian_filter(log, s * width, mode="nearest") for s in (fine, coarse))
     return narrow - wide

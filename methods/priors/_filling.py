@@ -4,7 +4,6 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from graycard import MethodError
 
@@ -54,6 +53,7 @@ def _telea(image: np.ndarray, hole: np.ndarray) -> np.ndarray:
     if image.ndim > hole.ndim:
         return np.stack([_telea(channel, hole) for channel in np.moveaxis(image, -1, 0)], axis=-1)
     from cv2 import INPAINT_TELEA, inpaint
+    from scipy.ndimage import distance_transform_edt
 
     radius = max(round(RADIUS * image.shape[1]), 1)
     rim = image[~hole & (distance_transform_edt(~hole) <= radius)]

@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import map_coordinates
 
 from graycard.methods.priors._draws import blurred, draws_of, gains, smooth_field
 
@@ -52,6 +51,8 @@ def corrupt_filling(
     Returns:
         The shape of ``without``, float64.
     """
+    from scipy.ndimage import map_coordinates  # SciPy takes long to import
+
     draws = draws_of(seed, "inpainting", view)
     height, width = without.shape[:2]
     factors = gains(draws, errors.gain)

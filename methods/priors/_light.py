@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from graycard import Light, MethodError, PointLight, SpotLight
 from graycard.methods._priors import Lamp
@@ -72,6 +71,8 @@ def corrupt_light(lamp: Lamp, errors: LightErrors, seed: int) -> Lamp:
         errors: How wrong.
         seed: Of the draws, which are the same for each severity: errors grow in place.
     """
+    from scipy.spatial.transform import Rotation  # SciPy takes long to import
+
     draws = draws_of(seed, "light", "")
     aside, turn = draws.standard_normal(3) / np.sqrt(3), draws.standard_normal(3) / np.sqrt(3)
     widening = float(np.exp(errors.width * draws.standard_normal()))

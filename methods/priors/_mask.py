@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from graycard.methods.priors._draws import draws_of, smooth_field
 
@@ -45,6 +44,8 @@ def corrupt_mask(mask: np.ndarray, of: str, errors: MaskErrors, seed: int, view:
         seed: Of the draws.
         view: Name of the view.
     """
+    from scipy.ndimage import distance_transform_edt  # SciPy takes long to import
+
     draws = draws_of(seed, f"mask/{of}", view)
     luck, spread = draws.random(), draws.standard_normal()
     border = smooth_field(draws, mask.shape, length=TREMBLE)[..., 0]

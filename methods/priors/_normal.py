@@ -4,7 +4,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from graycard import Camera
 from graycard.methods.priors._draws import blurred, draws_of, relief, smooth_field
@@ -59,6 +58,8 @@ def corrupt_normal(
     Returns:
         Shape ``(H, W, 3)``, world, unit length, float64.
     """
+    from scipy.spatial.transform import Rotation  # SciPy takes long to import
+
     draws = draws_of(seed, "normal", view)
     waves = smooth_field(draws, normal.shape[:2], 3)
     turn = Rotation.from_rotvec(np.radians(errors.turn) * draws.standard_normal(3) / np.sqrt(3)).as_matrix()

@@ -246,7 +246,7 @@ def test_a_bench_does_not_import_methods_of_others(scene: Path, tmp_path: Path):
     assert type(stranger.summary) is str, "an object of the module would bring the module with it"
     assert stranger.settings == {"reflectance": 0.5}
     assert [ask.kind for ask in stranger.asks] == ["depth"]
-    assert stranger.fingerprint == fingerprint("stranger:Method")
+    assert stranger.fingerprint == fingerprint("stranger:Method", with_priors=True)
 
 
 def test_what_a_worker_says_is_text(scene: Path, tmp_path: Path):
