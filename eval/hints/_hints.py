@@ -15,7 +15,7 @@ import numpy as np
 from graycard import Camera, PredictionError, Predictions, Truth, angles, srgb_decode, srgb_encode
 from graycard.eval.hints._lights import light_hints
 from graycard.eval.hints._pictures import Looks, look, picture_hints
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.records import Score
 
@@ -167,7 +167,7 @@ class Hints:
     errors: dict[Suspicion, list[tuple[float, float]]] = field(default_factory=dict)
     looks: list[Looks] = field(default_factory=list)
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Try every inverse on a view; what is not fit to be scored is passed over."""
         self.looks += [look(predicted, true, scene.exposure)]
         for layer in dict.fromkeys(s.layer for s in SUSPICIONS):

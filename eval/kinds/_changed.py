@@ -12,7 +12,7 @@ from graycard.eval.kinds._metric import Metric, Rule, Scorer
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display, same
 from graycard.eval.scoring._ceiling import noise_as_displayed
-from graycard.eval.scoring._findings import Finding, Scene, first_of, mean, pooled
+from graycard.eval.scoring._findings import Finding, SceneFacts, first_of, mean, pooled
 from graycard.eval.scoring._gauge import apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.layers import find_fault
@@ -25,7 +25,7 @@ Read = Callable[[], dict[str, np.ndarray] | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class ChangedPicture:
     """A held-out view of the changed scene, as it is and as it was predicted."""
 
     change: str
@@ -54,7 +54,7 @@ class Changes(NamedTuple):
     """Judged pixels of each test view, ``(H, W)``, bool."""
 
 
-Pictures = Callable[[Changes], Iterator[Picture]]
+Pictures = Callable[[Changes], Iterator[ChangedPicture]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,11 @@ class ChangedRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[ChangedRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls,
+        metrics: "Sequence[Metric[ChangedRule]]",
+        predictions: Predictions,
+        truth: Truth,
+        scene: SceneFacts,
     ) -> "ChangedScorer":
         """Begin to score; see :class:`Rule`."""
         return ChangedScorer(metrics, predictions, truth, scene)
@@ -88,10 +92,10 @@ class ChangedScorer(Scorer):
     metrics: Sequence[ChangedMetric]
     predictions: Predictions
     truth: Truth
-    scene: Scene
+    scene: SceneFacts
     masks: dict[str, np.ndarray] = field(default_factory=dict)
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Keep the mask of a view."""
         self.masks[true.view.name] = true.mask(LAYER)
 
@@ -101,7 +105,7 @@ class ChangedScorer(Scorer):
         sources = dict.fromkeys(m.rule.pictures for m in self.metrics)
         return [score for pictures in sources for score in self._scores(pictures, pictures(changes))]
 
-    def _scores(self, source: Pictures, pictures: Iterator[Picture]) -> list[Score]:
+    def _scores(self, source: Pictures, pictures: Iterator[ChangedPicture]) -> list[Score]:
         table = [m for m in self.metrics if m.rule.pictures == source]
         found: dict[str, dict[str, Finding]] = {}
         kinds: dict[str, EditKind | None] = {}
@@ -112,7 +116,9 @@ class ChangedScorer(Scorer):
         return [_pool(m, found[m.id], kinds, self.scene) for m in table if m.id in found]
 
 
-def judge_picture(table: Sequence[ChangedMetric], picture: Picture, scene: Scene) -> dict[str, Finding]:
+def judge_picture(
+    table: Sequence[ChangedMetric], picture: ChangedPicture, scene: SceneFacts
+) -> dict[str, Finding]:
     """Judge one picture by every metric of its kind of change; a fault is found, not raised.
 
     Args:
@@ -142,7 +148,7 @@ _ABSENT = ""
 
 
 def _judge(
-    rule: ChangedRule, picture: Picture, images: tuple[np.ndarray, np.ndarray], noise: float | None
+    rule: ChangedRule, picture: ChangedPicture, images: tuple[np.ndarray, np.ndarray], noise: float | None
 ) -> Finding:
     parts = {}
     if rule.finish is psnr:
@@ -150,7 +156,7 @@ def _judge(
     return Finding(rule.measure(*images, picture.mask), noise=noise, parts=parts)
 
 
-def _predicted(picture: Picture, scene: Scene, gauge: str | None) -> np.ndarray | None:
+def _predicted(picture: ChangedPicture, scene: SceneFacts, gauge: str | None) -> np.ndarray | None:
     """Return the predicted picture, in the gauge of the truth where it has one; None where there is none.
 
     Raises:
@@ -180,7 +186,7 @@ def _pool(
     metric: ChangedMetric,
     findings: Mapping[str, Finding],
     kinds: Mapping[str, EditKind | None],
-    scene: Scene,
+    scene: SceneFacts,
 ) -> Score:
     status, reason = _status(findings, kinds)
     finish, gauge = metric.rule.finish, scene.fitted(metric.gauge)

@@ -15,7 +15,7 @@ from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import Space, same
 from graycard.eval.measures._ssim import interior, ssim
 from graycard.eval.scoring._comparison import LayerComparison
-from graycard.eval.scoring._findings import Finding, Scene, mean, pooled, status_of
+from graycard.eval.scoring._findings import Finding, SceneFacts, mean, pooled, status_of
 from graycard.eval.scoring._gauge import Factors, apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView, with_darkness
 from graycard.layers import lights_of
@@ -48,7 +48,7 @@ class ImageRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[ImageRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls, metrics: "Sequence[Metric[ImageRule]]", predictions: Predictions, truth: Truth, scene: SceneFacts
     ) -> "ImageScorer":
         """Begin to score; see :class:`Rule`."""
         unknown = sorted(set(predictions.view_names()) - {v.name for v in truth.views})
@@ -68,7 +68,7 @@ class ImageScorer(Scorer):
     """Findings of image metrics, gathered while the views pass by."""
 
     metrics: Sequence[ImageMetric]
-    scene: Scene
+    scene: SceneFacts
     unknown: Sequence[str]
     """Names of predicted views that the scene does not have."""
     table: list[ImageMetric] | None = None
@@ -80,7 +80,7 @@ class ImageScorer(Scorer):
     surplus: set[str] = field(default_factory=set)
     """Names of layers of predicted lights that stand for no true one."""
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Judge a test view; see :class:`Scorer`."""
         if self.table is None:
             self.table = _applicable(self.metrics, true)
@@ -100,13 +100,11 @@ class ImageScorer(Scorer):
         Raises:
             DatasetError: No test view sees anything that is judged.
         """
-        seen = [m for m, found in self.findings.items() if found or is_in_every_view(m)]
-        return [self._score(metric, [m for m in seen if m.id == metric.id]) for metric in self._generic(seen)]
-
-    def _generic(self, seen: Sequence[ImageMetric]) -> list[ImageMetric]:
-        """Return the metrics of which something was seen, with ``<light>`` as they are registered."""
-        found = {m.id for m in seen}
-        return [m for m in self.metrics if m.id in found]
+        seen: dict[str, list[ImageMetric]] = {}
+        for metric, found in self.findings.items():
+            if found or is_in_every_view(metric):
+                seen.setdefault(metric.id, []).append(metric)
+        return [self._score(metric, seen[metric.id]) for metric in self.metrics if metric.id in seen]
 
     def _score(self, metric: ImageMetric, metrics: Sequence[ImageMetric]) -> Score:
         """Return one score of a metric, over the layers of all lights where there is one for each."""
@@ -150,7 +148,7 @@ def is_in_every_view(metric: Metric[Rule]) -> bool:
 
 
 def judge(
-    metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: Scene, comparisons: Comparisons
+    metric: ImageMetric, predicted: PredictedView, true: TrueView, scene: SceneFacts, comparisons: Comparisons
 ) -> Finding:
     """Judge one view by one metric; a fault of the prediction is found, not raised.
 

@@ -11,7 +11,7 @@ from graycard.eval._protocol import PROTOCOL
 from graycard.eval.kinds._metric import Metric, Rule, Scorer
 from graycard.eval.lights._errors import LightMatch, match_lights
 from graycard.eval.lights._read import INDEX, local, predicted_lights
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._gauge import Factors
 from graycard.records import MetricRecord, Score, Status
 
@@ -59,7 +59,7 @@ class LightRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[LightRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls, metrics: "Sequence[Metric[LightRule]]", predictions: Predictions, truth: Truth, scene: SceneFacts
     ) -> "LightScorer":
         """Begin to score; see :class:`Rule`."""
         return LightScorer(metrics, predictions, truth, scene.gauges[GAUGE])

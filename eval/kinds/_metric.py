@@ -9,7 +9,7 @@ from typing import Any, Generic, TypeVar
 from graycard import Predictions, Truth
 from graycard.eval.kinds._references import Reference
 from graycard.eval.scoring._ceiling import Ceiling
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.records import Invariance, MetricRecord, Score
 
@@ -27,7 +27,7 @@ def always() -> bool:
 class Scorer(ABC):
     """Scores all metrics of one kind on one scene: it sees each test view once, then gives the scores."""
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:  # noqa: B027
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:  # noqa: B027
         """Look at a test view; a fault of the prediction is kept for its score, not raised.
 
         Raises:
@@ -49,7 +49,7 @@ class Rule(ABC):
     @classmethod
     @abstractmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[Any]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls, metrics: "Sequence[Metric[Any]]", predictions: Predictions, truth: Truth, scene: SceneFacts
     ) -> Scorer:
         """Begin to score the metrics of this kind.
 

@@ -10,7 +10,7 @@ import numpy as np
 from graycard import PredictionError, Predictions, Truth
 from graycard.eval.kinds._metric import Metric, Rule, Scorer
 from graycard.eval.measures._spaces import same
-from graycard.eval.scoring._findings import Finding, Measurement, Scene, pooled, status_of
+from graycard.eval.scoring._findings import Finding, Measurement, SceneFacts, pooled, status_of
 from graycard.eval.scoring._gauge import apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.records import Score
@@ -39,7 +39,7 @@ class ViewRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[ViewRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls, metrics: "Sequence[Metric[ViewRule]]", predictions: Predictions, truth: Truth, scene: SceneFacts
     ) -> "ViewScorer":
         """Begin to score; see :class:`Rule`."""
         return ViewScorer(metrics, scene)
@@ -54,13 +54,13 @@ class ViewScorer(Scorer):
     """Findings of several metrics, gathered while the views pass by."""
 
     metrics: Sequence[Metric[ViewRule]]
-    scene: Scene
+    scene: SceneFacts
     findings: dict[str, dict[str, Finding]] = field(default_factory=dict)
     """By metric and view."""
     provided: set[str] = field(default_factory=set)
     unreadable: list[str] = field(default_factory=list)
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Judge a test view; see :class:`Scorer`."""
         self.provided |= predicted.layers.keys()
         self.unreadable += [predicted.fault] if predicted.fault else []
@@ -89,7 +89,7 @@ class ViewScorer(Scorer):
 
 
 def judge_view(
-    metric: Metric[ViewRule], predicted: PredictedView, true: TrueView, scene: Scene
+    metric: Metric[ViewRule], predicted: PredictedView, true: TrueView, scene: SceneFacts
 ) -> Finding | None:
     """Judge one view by one metric; None where the truth has nothing to judge by.
 

@@ -16,7 +16,7 @@ from graycard.eval.lights._spheres import SPHERES, exposure_for, render_spheres
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display
 from graycard.eval.scoring._ceiling import EXACT_LIGHTS
-from graycard.eval.scoring._findings import Measurement, Scene
+from graycard.eval.scoring._findings import Measurement, SceneFacts
 from graycard.records import MetricRecord, Score
 
 Spheres = Mapping[str, np.ndarray]
@@ -35,7 +35,7 @@ class EnvironmentRule(Rule):
         metrics: "Sequence[Metric[EnvironmentRule]]",
         predictions: Predictions,
         truth: Truth,
-        scene: Scene,
+        scene: SceneFacts,
     ) -> "EnvironmentScorer":
         """Begin to score; see :class:`Rule`."""
         return EnvironmentScorer(metrics, predictions, truth)

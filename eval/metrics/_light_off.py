@@ -20,7 +20,7 @@ from graycard.eval.kinds._references import PSNR
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display, same
 from graycard.eval.scoring._ceiling import NO_VARIANCE
-from graycard.eval.scoring._findings import Finding, Scene, mean, pooled, status_of
+from graycard.eval.scoring._findings import Finding, SceneFacts, mean, pooled, status_of
 from graycard.eval.scoring._readings import PredictedView, TrueView, with_darkness
 from graycard.records import Score
 
@@ -54,7 +54,11 @@ class LightsOffRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[LightsOffRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls,
+        metrics: "Sequence[Metric[LightsOffRule]]",
+        predictions: Predictions,
+        truth: Truth,
+        scene: SceneFacts,
     ) -> "LightsOffScorer":
         """Begin to score; see :class:`Rule`."""
         lights = [light.name for light in truth.lights() if not isinstance(light, EnvironmentLight)]
@@ -73,7 +77,7 @@ class LightsOffScorer(Scorer):
     provided: bool = False
     unreadable: list[str] = field(default_factory=list)
 
-    def observe(self, predicted: PredictedView, true: TrueView, scene: Scene) -> None:
+    def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Judge a test view; see :class:`Scorer`."""
         layers = [f"{PART}.{light}" for light in self.lights if f"{PART}.{light}" in true.layers]
         mask = true.mask("shading")
@@ -96,7 +100,7 @@ class LightsOffScorer(Scorer):
         except PredictionError as cause:
             self.found[true.view.name] = str(cause)
 
-    def _has_shares(self, predicted: PredictedView, scene: Scene) -> bool:
+    def _has_shares(self, predicted: PredictedView, scene: SceneFacts) -> bool:
         """Tell whether a view has the share of a true light, or of any where the lights are listed."""
         shares = {name.removeprefix(f"{PART}.") for name in predicted.layers if name.startswith(f"{PART}.")}
         names = scene.light_names

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from graycard import EditKind
-from graycard.eval.kinds._changed import LAYER, ChangedMetric, ChangedRule, Changes, Picture
+from graycard.eval.kinds._changed import LAYER, ChangedMetric, ChangedPicture, ChangedRule, Changes
 from graycard.eval.kinds._records import CHANNEL, decibels, share
 from graycard.eval.kinds._references import PSNR, RELIT, SSIM
 from graycard.eval.measures._pixelwise import square_errors
@@ -30,12 +30,12 @@ def square_error(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> f
     return float(square_errors(predicted, true, mask).mean())
 
 
-def relit_pictures(changes: Changes) -> Iterator[Picture]:
+def relit_pictures(changes: Changes) -> Iterator[ChangedPicture]:
     """Yield each test view under each change of the lights."""
     predictions, truth, masks = changes
     for edit in truth.edits:
         for view in (v for v in truth.views if v.split == "test" and masks[v.name].any()):
-            yield Picture(
+            yield ChangedPicture(
                 edit.name,
                 edit.kind,
                 view,
@@ -45,7 +45,7 @@ def relit_pictures(changes: Changes) -> Iterator[Picture]:
             )
 
 
-def composed_pictures(changes: Changes) -> Iterator[Picture]:
+def composed_pictures(changes: Changes) -> Iterator[ChangedPicture]:
     """Yield each test view with the object put in; none in a scene without a composition."""
     predictions, truth, _ = changes
     composition = truth.composition()
@@ -54,7 +54,7 @@ def composed_pictures(changes: Changes) -> Iterator[Picture]:
     for view in (v for v in truth.views if v.split == "test"):
         true = truth.composed(view)
         put_in = true["object_id"] == composition.object_id
-        yield Picture(
+        yield ChangedPicture(
             composition.donor.object,
             None,
             view,

@@ -13,7 +13,7 @@ from graycard.eval.kinds._records import decibels
 from graycard.eval.kinds._references import PSNR
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.scoring._ceiling import FITTED_TO
-from graycard.eval.scoring._findings import Finding, Scene, pooled, status_of
+from graycard.eval.scoring._findings import Finding, SceneFacts, pooled, status_of
 from graycard.eval.scoring._training import PICTURE, Training
 from graycard.records import Score
 
@@ -24,7 +24,11 @@ class TrainingRule(Rule):
 
     @classmethod
     def scorer(
-        cls, metrics: "Sequence[Metric[TrainingRule]]", predictions: Predictions, truth: Truth, scene: Scene
+        cls,
+        metrics: "Sequence[Metric[TrainingRule]]",
+        predictions: Predictions,
+        truth: Truth,
+        scene: SceneFacts,
     ) -> "TrainingScorer":
         """Begin to score; see :class:`Rule`."""
         return TrainingScorer(metrics, scene.training)

@@ -44,7 +44,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Scene:
+class SceneFacts:
     """Facts that all test views of a scene and a prediction share."""
 
     exposure: float

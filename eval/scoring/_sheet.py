@@ -12,7 +12,7 @@ from graycard.eval.kinds._metric import Metric, Scorer
 from graycard.eval.lights._read import true_names
 from graycard.eval.metrics._registry import gauge_names, registry
 from graycard.eval.protocols import AlbedoProtocol, find_protocols, score_protocols
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._gauge import Factors
 from graycard.eval.scoring._readings import WITH_LIGHTS, read_prediction, read_truth
 from graycard.eval.scoring._training import fit_gauges, survey_training
@@ -98,7 +98,7 @@ def scores_of(predictions: Predictions, truth: Truth) -> tuple[Score, ...]:
     """
     names = true_names(predictions, truth)
     training = survey_training(predictions, truth, names)
-    scene = Scene(truth.exposure, training, fit_gauges(training), names)
+    scene = SceneFacts(truth.exposure, training, fit_gauges(training), names)
     metrics = [metric for metric in registry() if metric.available()]
     scorers, hints = _scorers(metrics, predictions, truth, scene), Hints()
     for view in (v for v in truth.views if v.split == "test"):
@@ -111,7 +111,7 @@ def scores_of(predictions: Predictions, truth: Truth) -> tuple[Score, ...]:
 
 
 def _scorers(
-    metrics: list[Metric[Any]], predictions: Predictions, truth: Truth, scene: Scene
+    metrics: list[Metric[Any]], predictions: Predictions, truth: Truth, scene: SceneFacts
 ) -> list[Scorer]:
     """Return a scorer for each kind of metric, in the order of the first metric of each."""
     kinds = dict.fromkeys(type(metric.rule) for metric in metrics)

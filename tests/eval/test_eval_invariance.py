@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import graycard.eval as ge
 from graycard import Camera, Light, PredictionError, SphereLight, SpotLight, View, look_at
-from graycard.eval.kinds._changed import ChangedMetric, ChangedRule, Picture, judge_picture
+from graycard.eval.kinds._changed import ChangedMetric, ChangedPicture, ChangedRule, judge_picture
 from graycard.eval.kinds._images import ImageMetric, ImageRule, judge
 from graycard.eval.kinds._lights import LightRule, score_lights
 from graycard.eval.kinds._metric import Metric
@@ -23,7 +23,7 @@ from graycard.eval.metrics._light_off import LightsOffRule, LightsOffScorer
 from graycard.eval.metrics._removal import EFFECTS
 from graycard.eval.metrics._training_view import TrainingRule, TrainingScorer
 from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.eval.scoring._training import REFLECTANCES, Fit, Training, fit_gauges
 from graycard.layers import LOBES, PARTS
@@ -112,9 +112,9 @@ def multiplied(factors: np.ndarray) -> dict[str, np.ndarray]:
     return {name: acted_on(name, values, factors) for name, values in PREDICTED.items()}
 
 
-def scene_of(layers: dict[str, np.ndarray]) -> Scene:
+def scene_of(layers: dict[str, np.ndarray]) -> SceneFacts:
     training = gauges_of(layers)
-    return Scene(1.2, training, fit_gauges(training))
+    return SceneFacts(1.2, training, fit_gauges(training))
 
 
 def view_score(metric: Metric[ViewRule], factors: np.ndarray) -> float | None:
@@ -131,7 +131,7 @@ def changed_score(metric: ChangedMetric, factors: np.ndarray) -> float | None:
     layers = multiplied(factors)
     mask, changed = np.ones(SHAPE[:2], bool), {"radiance": layers["counterfactual.radiance"]}
     truth = {"radiance": TRUE["counterfactual.radiance"]}
-    picture = Picture("e", metric.rule.kind, VIEW, truth, lambda: changed, mask)
+    picture = ChangedPicture("e", metric.rule.kind, VIEW, truth, lambda: changed, mask)
     return judge_picture([metric], picture, scene_of(layers))[metric.id].value
 
 

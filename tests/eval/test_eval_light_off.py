@@ -10,7 +10,7 @@ from skimage.metrics import peak_signal_noise_ratio
 import graycard.eval as ge
 from graycard import Camera, View, look_at, srgb_encode
 from graycard.eval.metrics._light_off import LightsOffScorer
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.eval.scoring._training import Training
 from graycard.records import Score
@@ -38,7 +38,7 @@ def judged(
     truth = TrueView(VIEW, layers_of(true) | {"object_id": ids}, frozenset())
     metrics = [metric for metric in ge.registry() if metric.record.group == "light_off"]
     observer = LightsOffScorer(metrics, ("left", "right"))
-    scene = Scene(EXPOSURE, Training(frozenset(), (), {}), light_names=names)
+    scene = SceneFacts(EXPOSURE, Training(frozenset(), (), {}), light_names=names)
     observer.observe(PredictedView(VIEW, predicted), truth, scene)
     return {score.metric: score for score in observer.scores()}
 

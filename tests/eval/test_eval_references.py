@@ -20,9 +20,9 @@ import graycard.eval as ge
 import layer_references
 import statistics_references
 from graycard import Camera, PointLight, View, look_at, srgb_encode
-from graycard.eval.kinds._changed import Picture, judge_picture
+from graycard.eval.kinds._changed import ChangedPicture, judge_picture
 from graycard.eval.measures._colour_difference import REC709_TO_XYZ
-from graycard.eval.scoring._findings import Scene
+from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import TrueView
 from graycard.eval.scoring._training import Fit, Training, fit_gauges
 from layer_references import Pair, colour_science
@@ -148,8 +148,8 @@ def relit() -> Pair:
     fit = Fit((ge.moments(PREDICTED, TRUE, EVERYWHERE),))
     training = Training(frozenset({"base_color"}), (), {"base_color": fit})
     light, dark = PREDICTED[::-1], TRUE[::-1]
-    picture = Picture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
-    scene = Scene(0.8, training, fit_gauges(training))
+    picture = ChangedPicture("e", "off", VIEW, {"radiance": dark}, lambda: {"radiance": light}, EVERYWHERE)
+    scene = SceneFacts(0.8, training, fit_gauges(training))
     found = judge_picture([ge.find_metric("relighting.psnr")], picture, scene)["relighting.psnr"].value
     shown = srgb_encode(dark * 0.8), srgb_encode(light * factors * 0.8)
     return ge.psnr(found or 0), float(peak_signal_noise_ratio(*shown, data_range=1))
