@@ -19,6 +19,7 @@ bench: .venv/installed
 	$(BIN)/graycard bench $(SUITE) --out runs/$(SUITE)
 
 test: .venv/installed-test
+	$(BIN)/python -m graycard.methods.splat.warm
 	$(BIN)/python -m pytest -n auto --cov --cov-report=term-missing:skip-covered --durations=25
 
 check: lint test

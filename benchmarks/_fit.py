@@ -23,6 +23,7 @@ from graycard.methods import (
     LIGHTS,
     RELIGHTING,
     Changes,
+    Compiled,
     Counting,
     Decomposition,
     Guest,
@@ -114,6 +115,7 @@ def fit_scene(
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
+        _compile_kernels(method, progress)
         start = time.perf_counter()
         with resumed_time() as resumed:
             decomposition = _fitted(spec, guard, capture, priors, progress)
@@ -134,6 +136,14 @@ def fit_scene(
             if save is not None:
                 decomposition.save(save)
         return Fitted(cost, _access(guard, capture, priors, donor))
+
+
+def _compile_kernels(method: Method, progress: Progress) -> None:
+    """Compile what the method's part of the engine lacks, lest its first steps wait, and be timed, for it."""
+    if isinstance(method, Compiled):
+        from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+        warm_kernels(method.kernels, progress)
 
 
 def _fitted(

@@ -10,7 +10,7 @@ from graycard.methods.appearance._nearest import eyes_of
 from graycard.methods.appearance._scene import METHOD, AppearanceScene, load_scene
 from graycard.methods.appearance._settings import AppearanceSettings
 from graycard.methods.appearance._tone import CODE, codes_of, tone_parameters, tone_rates, toned
-from graycard.methods.splat import CENTRES, Parameters
+from graycard.methods.splat import CENTRES, SURFEL_KERNELS, Parameters
 from graycard.methods.surfels import (
     Tones,
     check_checkpoint,
@@ -31,6 +31,7 @@ class AppearanceMethod:
 
     summary = "2D Gaussian surfels whose colours each photograph may change (as WildGaussians)"
     needs = ()
+    kernels = SURFEL_KERNELS
     settings_type = AppearanceSettings
 
     def fit(

@@ -46,6 +46,7 @@ class DarkGsMethod:
 
     summary = "surfels with albedo, each shaded under a calibrated lamp on the camera (as DarkGS)"
     needs = ()
+    kernels = ("maps 3",)
     asks = (Ask("light"),)
     settings_type = DarkGsSettings
 

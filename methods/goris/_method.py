@@ -22,6 +22,7 @@ class GorisMethod:
 
     summary = "surfels whose glossy ones reflect traced light; the object is removed with its reflection"
     needs: tuple[str, ...] = ()
+    kernels = ("maps 3", "maps 8", "photometric", "harmonics", "trace")
     asks = ASKS
     staged = True
     settings_type = GorisSettings

@@ -19,6 +19,7 @@ class GsidMethod:
 
     summary = "surfels with materials under local lamps of spherical Gaussians and an environment (GS-ID)"
     needs: tuple[str, ...] = ()
+    kernels = ("maps 3", "features 8", "photometric", "harmonics", "trace")
     asks: tuple[Ask, ...] = ASKS
     settings_type: type[GsidSettings] = GsidSettings
     name = GSID

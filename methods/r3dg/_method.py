@@ -45,6 +45,7 @@ class R3dgMethod:
 
     summary = "surfels shaded one by one, each with incident light of its own (Relightable 3D Gaussians)"
     needs = ()
+    kernels = ("maps 3", "features 16", "photometric", "trace")
     settings_type = R3dgSettings
 
     def fit(

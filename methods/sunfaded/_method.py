@@ -32,6 +32,7 @@ class SunFadedMethod:
 
     summary = "surfels with albedo, ambient light and a learnt lamp on the camera (SunFaded)"
     needs = ()
+    kernels = ("maps 3", "maps 8", "photometric", "depth normal")
     asks = GEOMETRY_ASKS
     settings_type = SunFadedSettings
 

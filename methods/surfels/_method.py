@@ -19,6 +19,7 @@ from graycard.methods.splat import (
     LOG_SCALES,
     LOGITS,
     ROTATIONS,
+    SURFEL_KERNELS,
     Checkpoint,
     DensityRules,
     Parameters,
@@ -44,6 +45,7 @@ class SurfelMethod:
 
     summary = "2D Gaussian surfels with view-dependent colour, from photographs and sparse points"
     needs = ()
+    kernels = SURFEL_KERNELS
     staged = True
     settings_type = SurfelSettings
 
@@ -80,6 +82,7 @@ class OracleSurfelMethod:
 
     summary = "2D Gaussian surfels that begin on the true surfaces of the training views"
     needs = ("depth", "normal")
+    kernels = SURFEL_KERNELS
     settings_type = OracleSurfelSettings
 
     def fit(

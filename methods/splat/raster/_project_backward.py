@@ -5,7 +5,7 @@ The derivatives are those of ``_project_forward``, by hand; ``to_x`` is the deri
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.raster._backward import FIRST_CHANNEL, LANES, PLAIN
 from graycard.methods.splat.raster._channels_backward import first_normal
@@ -25,6 +25,7 @@ from graycard.methods.splat.raster._project_frame import (
     unit_quaternion,
 )
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 TO_LOG, TO_LOW = 9, 10
 """Columns of a slot after the linear forms."""
@@ -32,7 +33,7 @@ TO_HEIGHT, TO_CENTRE_Z = len(PLAIN), len(PLAIN) + 1
 ZERO = (0.0, 0.0, 0.0)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_slots(slots, first, past, width, at, total):
     """Sum one vector of each of a surfel's slots, in their order."""
     running = simd.broadcast(0.0)
@@ -41,7 +42,7 @@ def sum_slots(slots, first, past, width, at, total):
     simd.store(total, 0, running)
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def form_gradient(total, column, factor, to_rays, anchor):
     """From the gradient of a linear form on pixels to that on rays."""
     x, y = factor * np.float64(total[column]), factor * np.float64(total[column + 1])
@@ -49,7 +50,7 @@ def form_gradient(total, column, factor, to_rays, anchor):
     return turned(to_rays, (x + constant * anchor[0], y + constant * anchor[1], constant))
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def axis_gradient(to_form, axis, away, height, centre, scale):
     """Of one numerator, ``(height * axis - (axis . centre) * away) * HALF_ROOT / scale``.
 
@@ -64,7 +65,7 @@ def axis_gradient(to_form, axis, away, height, centre, scale):
     return to_axis, scaled(-factor * along, to_form), to_height, scaled(to_along, axis), to_scale
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def column_gradient(sign, column, K, to_middle, to_norm):
     """Of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``, see ``rim``."""
     x, y, _z = turned(K, column)
@@ -77,7 +78,7 @@ def column_gradient(sign, column, K, to_middle, to_norm):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def box_gradient(to_box, box, boxed, K, u, v, centre):
     """Of the columns u, v and centre, from that of the box's centre."""
     over = 1 / (boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2])
@@ -90,7 +91,7 @@ def box_gradient(to_box, box, boxed, K, u, v, centre):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     """From the gradients of the disc's axes in the world to that of the quaternion before it was scaled."""
     w, x, y, z = quaternion
@@ -111,7 +112,7 @@ def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def unproject_one(
     surfel, centres, rotations, scales, opacities, moved, camera, size, row, total, heights, to_normal,
     to_centres, to_rotations, to_scales, to_opacities, to_offsets,
@@ -163,7 +164,7 @@ def unproject_one(
         to_offsets[surfel, axis] = to_box[axis] + by_forms
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
     x, y, z = 0.0, 0.0, 0.0
@@ -183,15 +184,17 @@ def unpack_channels(surfel, slots, first, past, stride, channels, total, to_feat
     return x, y, z
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def unproject(
-    centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height, rows, slots,
+@njit(error_model="numpy", **UNWRAPPED)
+def unproject_part(
+    part, parts, centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height, rows, slots,
     to_geometry, to_channels, stride, heights, to_centres, to_rotations, to_scales, to_opacities,
     to_features, to_offsets,
 ):  # fmt: skip
     """Gradients of the surfels; the first arguments are those of ``project``.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         centres: as there.
         rotations: as there.
         scales: as there.
@@ -216,7 +219,8 @@ def unproject(
         to_offsets: ``(N, 2)``.
     """
     channels, size = to_features.shape[1], (np.float64(width), np.float64(height))
-    for surfel in prange(len(centres)):
+    begin, end = share(part, parts, len(centres))
+    for surfel in range(begin, end):
         first, past = slots[surfel], slots[surfel + 1]
         if first == past:
             to_centres[surfel], to_rotations[surfel], to_scales[surfel] = 0, 0, 0
@@ -237,3 +241,9 @@ def unproject(
             surfel, centres, rotations, scales, opacities, moved, (pose, K, to_rays), size, rows[surfel],
             total, heights, to_normal, to_centres, to_rotations, to_scales, to_opacities, to_offsets,
         )  # fmt: skip
+
+
+@njit(cache=True)
+def unproject(*given):
+    """Find the gradients of all surfels; the arguments are those of ``unproject_part`` after its parts."""
+    run(task(unproject_part, given))

@@ -9,7 +9,6 @@ from typing import Any, cast
 
 import numpy as np
 import psutil
-from numba import get_num_threads
 
 from graycard import MethodError
 from graycard.methods.splat.raster._backward import HEIGHTS, backward
@@ -117,7 +116,7 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
     )
     cast(Any, forward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
-        get_num_threads(), result.image, result.transmittance, result.masks, result.drawn, result.visits,
+        result.image, result.transmittance, result.masks, result.drawn, result.visits,
         None if result.shape is None else _arrays(result.shape),
     )  # fmt: skip
     return result
@@ -155,7 +154,7 @@ def draw_backward(
     narrow = None if stride else scene.templates[0]
     cast(Any, backward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
-        *_channels(scene, projected), get_num_threads(), narrow, narrow or HEIGHTS, drawn.image,
+        *_channels(scene, projected), narrow, narrow or HEIGHTS, drawn.image,
         drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1),
         _flat(result.channels), stride,
     )  # fmt: skip

@@ -9,10 +9,11 @@ each sum has one order.
 from math import log
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, task
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._forward import (
     CAPACITY,
@@ -35,7 +36,7 @@ INNER = 3
 LN_2 = np.float32(log(2))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_lanes(vectors, target, at):
     """The lane sums of the sixteen vectors of an array, written to another."""
     load = simd.load
@@ -46,7 +47,7 @@ def sum_lanes(vectors, target, at):
     simd.store(target, at, simd.lane_sums(first + second + third + fourth))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments):
     """Bring a packet's gradients into vectors: of the channels, of the sums of w and w t, of what passes.
 
@@ -66,7 +67,7 @@ def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradien
             to_moments[2 * LANES + lane] = to_transmittance[ray]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
     """Derivative of the loss by each weight."""
     places, distance = hits.places, hits.distance
@@ -80,7 +81,7 @@ def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
         simd.store(pull, row * LANES, total)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", **UNWRAPPED)
 def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
     """Derivative by each alpha, along each ray from its end: what it adds, less what it takes from behind."""
     places, _, _, alpha, before, sequence, counts = hits
@@ -96,7 +97,7 @@ def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
                 behind += before[at] * alpha[at] * pull[at]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     """From the gradients of alpha and of the sum of w t to pulls on the record, for sixteen hits.
 
@@ -126,13 +127,13 @@ def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     return t, point, to_u, to_v, to_n, to_log
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def moved(record, to_u, to_v, to_n, k):
     """One coordinate of the gradient by the origin."""
     return simd.fma(to_u, record[0][k], simd.fma(to_v, record[1][k], to_n * record[2][k]))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays):
     """Add what a packet's discs receive to their sums, but for the outer channels; and the rays' own."""
     places, _, _, alphas, before, _, _ = hits
@@ -163,7 +164,7 @@ def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride,
     simd.store(to_rays, 5 * LANES, dz)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
     """Add what a packet's discs receive by the channels beyond the inner ones."""
     places, masks, _, alpha, before, _, _ = hits
@@ -184,7 +185,7 @@ def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
                 simd.store(sums, target, simd.load(sums, target) + simd.load(vectors, 0))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_rays(members, to_rays, to_origins, to_directions):
     for lane in range(LANES):
         if members[lane] >= 0:
@@ -193,7 +194,7 @@ def write_rays(members, to_rays, to_origins, to_directions):
                 to_directions[members[lane], k] = to_rays[(3 + k) * LANES + lane]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def backward_strip(
     first, past, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
     to_depth, stride, sums, to_origins, to_directions,
@@ -227,14 +228,16 @@ def backward_strip(
         write_rays(members, to_rays, to_origins, to_directions)
 
 
-@njit(parallel=True, cache=True)
-def backward(
-    tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance, to_depth, stride,
-    sums, to_origins, to_directions,
+@njit(**UNWRAPPED)
+def backward_part(
+    part, parts, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
+    to_depth, stride, sums, to_origins, to_directions,
 ):  # fmt: skip
-    """Gradients of all rays; the first arguments are those of ``forward``.
+    """Gradients of all rays; the first arguments are those of ``forward_part``.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         tree: as above.
         origins: as above.
         directions: as above.
@@ -242,7 +245,7 @@ def backward(
         width: as above.
         near: as above.
         features: as above.
-        kept: what ``forward`` wrote.
+        kept: what ``forward_part`` wrote.
         to_out: float32 ``(R, C)``, gradients of the features, then those
         to_transmittance: of the transmittance, ``(R,)``, and
         to_depth: of the depth, ``(R,)``.
@@ -252,12 +255,20 @@ def backward(
         to_origins: float32 ``(R, 3)``, to be written, as is
         to_directions: of that shape.
     """
-    packets, parts = packets_of(origins.shape[0], width), sums.shape[0]
+    packets = packets_of(origins.shape[0], width)
     strips = (packets + STRIP - 1) // STRIP
-    for part in prange(parts):
-        for strip in range(part, strips, parts):
-            first = strip * STRIP
-            backward_strip(
-                first, min(first + STRIP, packets), tree, origins, directions, far, width, near, features,
-                kept, to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
-            )  # fmt: skip
+    for strip in range(part, strips, parts):
+        first = strip * STRIP
+        backward_strip(
+            first, min(first + STRIP, packets), tree, origins, directions, far, width, near, features,
+            kept, to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
+        )  # fmt: skip
+
+
+@njit(cache=True)
+def backward(parts, *given):
+    """Find the gradients of all rays in as many parts as ``sums`` has, whatever the number of threads.
+
+    The rest is given as to ``backward_part``.
+    """
+    run_in(task(backward_part, given), parts)

@@ -9,10 +9,11 @@ neighbours lies side by side, number by number, so that one vector operation ser
 from math import log, log2, sqrt
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MIN
 from graycard.methods.splat.raster._coefficients import LOG2_E
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 from graycard.methods.splat.simd._vector import LANES
 
 RECORD = 13
@@ -32,7 +33,7 @@ AXIS_BITS, DIGIT_BITS = 10, 10
 DIGITS = 1 << DIGIT_BITS
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def rotation(q, row):
     """Columns of the rotation matrix of a quaternion ``(w, x, y, z)`` of any length, one after the other."""
     over = 1.0 / sqrt(q[row, 0] ** 2 + q[row, 1] ** 2 + q[row, 2] ** 2 + q[row, 3] ** 2)
@@ -44,7 +45,7 @@ def rotation(q, row):
     )
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def spread_bits(x):
     """Put two zeros between neighbouring bits of a ten-bit number."""
     x = (x | (x << 16)) & 0x030000FF
@@ -53,7 +54,7 @@ def spread_bits(x):
     return (x | (x << 2)) & 0x09249249
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def curve_key(x, y, z):
     """Place of a cell of the grid on a Hilbert curve, which never jumps (Skilling 2004, axes to transpose).
 
@@ -74,11 +75,13 @@ def curve_key(x, y, z):
     return spread_bits(x ^ turned) << 2 | spread_bits(y ^ turned) << 1 | spread_bits(z ^ turned)
 
 
-@njit(parallel=True, cache=True)
-def prepare(centres, rotations, scales, opacities, low, steps, rows, keys):
+@njit(**UNWRAPPED)
+def prepare_part(part, parts, centres, rotations, scales, opacities, low, steps, rows, keys):
     """Numbers of the surfels, and their keys on the curve.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         centres: float64 ``(N, 3)``.
         rotations: float64 ``(N, 4)``.
         scales: float64 ``(N, 2)``.
@@ -88,7 +91,8 @@ def prepare(centres, rotations, scales, opacities, low, steps, rows, keys):
         rows: float32 ``(N, COLUMNS)``, to be written.
         keys: uint32 ``(N,)``, to be written.
     """
-    for n in prange(centres.shape[0]):
+    start, stop = share(part, parts, centres.shape[0])
+    for n in range(start, stop):
         x, y, normal = rotation(rotations, n)
         seen = opacities[n] >= ALPHA_MIN
         rows[n, LOG_OPACITY] = log2(opacities[n]) if seen else -FAR_AWAY
@@ -110,6 +114,12 @@ def prepare(centres, rotations, scales, opacities, low, steps, rows, keys):
 
 
 @njit(cache=True)
+def prepare(*given):
+    """Prepare all surfels; the arguments are those of ``prepare_part`` after its parts."""
+    run(task(prepare_part, given))
+
+
+@njit(cache=True)
 def sort_keys(keys):
     """Indices of keys of ``3 * AXIS_BITS`` bits in ascending order, equals as they came (radix sort)."""
     order, other = np.arange(keys.size, dtype=np.int32), np.empty(keys.size, np.int32)
@@ -127,17 +137,20 @@ def sort_keys(keys):
     return order
 
 
-@njit(parallel=True, cache=True)
-def fill_leaves(rows, order, records, boxes):
+@njit(**UNWRAPPED)
+def fill_leaves_part(part, parts, rows, order, records, boxes):
     """Bring the numbers of the surfels into the order of the curve.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         rows: as ``prepare`` wrote them.
         order: int32 ``(16 leaves,)``, the surfel in each place, -1 where there is none.
         records: float32, flat, ``RECORD`` vectors a leaf, to be written.
         boxes: float32, flat, ``BOX`` vectors a leaf first, to be written.
     """
-    for leaf in prange(order.size // LANES):
+    start, stop = share(part, parts, order.size // LANES)
+    for leaf in range(start, stop):
         for lane in range(LANES):
             surfel = order[leaf * LANES + lane]
             for k in range(RECORD):
@@ -147,6 +160,12 @@ def fill_leaves(rows, order, records, boxes):
                 empty = FAR_AWAY if k < 3 else -FAR_AWAY
                 value = rows[surfel, RECORD + k] if surfel >= 0 else empty
                 boxes[(leaf * BOX + k) * LANES + lane] = value
+
+
+@njit(cache=True)
+def fill_leaves(*given):
+    """Fill all leaves; the arguments are those of ``fill_leaves_part`` after its parts."""
+    run(task(fill_leaves_part, given))
 
 
 @njit(cache=True)
@@ -171,12 +190,16 @@ def fill_level(boxes, children, below, above):
             boxes[at + k * LANES] = value
 
 
-@njit(parallel=True, cache=True)
-def gather_gradients(rotations, scales, opacities, order, sums, stride, to_centres, to_rotations, to_scales,
-                     to_opacities):  # fmt: skip
+@njit(**UNWRAPPED)
+def gather_gradients_part(
+    part, parts, rotations, scales, opacities, order, sums, stride,
+    to_centres, to_rotations, to_scales, to_opacities,
+):  # fmt: skip
     """From gradients of the records to those of the surfels.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         rotations: float64 ``(N, 4)``.
         scales: float64 ``(N, 2)``.
         opacities: float64 ``(N,)``.
@@ -190,7 +213,8 @@ def gather_gradients(rotations, scales, opacities, order, sums, stride, to_centr
         to_scales: ``(N, 2)``.
         to_opacities: ``(N,)``.
     """
-    for leaf in prange(order.size // LANES):
+    start, stop = share(part, parts, order.size // LANES)
+    for leaf in range(start, stop):
         total = np.empty(RECORD)
         for place in range(leaf * LANES, (leaf + 1) * LANES):
             n = order[place]
@@ -202,6 +226,12 @@ def gather_gradients(rotations, scales, opacities, order, sums, stride, to_centr
 
 
 @njit(cache=True)
+def gather_gradients(*given):
+    """Find the gradients of surfels; arguments are those of ``gather_gradients_part`` after its parts."""
+    run(task(gather_gradients_part, given))
+
+
+@njit(**UNWRAPPED)
 def add_parts(sums, at, total):
     """Sum the numbers of one place over the parts, in their order."""
     total[:] = 0
@@ -210,7 +240,7 @@ def add_parts(sums, at, total):
             total[k] += sums[part, at + k]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def surfel_gradient(
     rotations, scales, opacities, n, total, to_centres, to_rotations, to_scales, to_opacities
 ):
@@ -231,7 +261,7 @@ def surfel_gradient(
     turn_gradient(rotations, n, over, total, to_rotations)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def turn_gradient(rotations, n, over, total, to_rotations):
     """Of a quaternion, from the pulls on the columns of its matrix; tangent to the sphere of rotations."""
     q = rotations[n]
@@ -254,14 +284,21 @@ def turn_gradient(rotations, n, over, total, to_rotations):
     to[2], to[3] = (to[2] - radial * y) / norm, (to[3] - radial * z) / norm
 
 
-@njit(parallel=True, cache=True)
-def gather_features(order, sums, stride, first, to_features):
+@njit(**UNWRAPPED)
+def gather_features_part(part, parts, order, sums, stride, first, to_features):
     """Gradients of the features from the parts: ``first`` is the float of a place where they begin."""
-    for place in prange(order.size):
+    start, stop = share(part, parts, order.size)
+    for place in range(start, stop):
         n = order[place]
         if n >= 0:
             for channel in range(to_features.shape[1]):
                 total = 0.0
-                for part in range(sums.shape[0]):
-                    total += sums[part, place * stride + first + channel]
+                for copy in range(sums.shape[0]):
+                    total += sums[copy, place * stride + first + channel]
                 to_features[n, channel] = total
+
+
+@njit(cache=True)
+def gather_features(*given):
+    """Find the gradients of features; arguments are those of ``gather_features_part`` after its parts."""
+    run(task(gather_features_part, given))

@@ -107,7 +107,7 @@ class _Trace(torch.autograd.Function):
         sums = np.zeros((_parts(tree.order.size * stride), tree.order.size * stride), np.float32)
         to_rays = [np.empty_like(ctx.scene[1]), np.empty_like(ctx.scene[2])]
         to_outputs = (_float32(values) for values in grad_outputs)
-        backward(*[*ctx.scene, *to_outputs, stride, sums, *to_rays])
+        backward(*[len(sums), *ctx.scene, *to_outputs, stride, sums, *to_rays])
         to_geometry = [np.empty_like(values) for values in geometry]
         gather_gradients(*[*geometry[1:], tree.order, sums, stride, *to_geometry])
         to_features = np.empty(ctx.shape, np.float32)

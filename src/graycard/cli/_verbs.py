@@ -25,9 +25,13 @@ class Doctor:
 
     json: Json = None
     """Also write the findings to this file."""
+    warm: bool = False
+    """Also compile the kernels of the surfel engine, which the first fit would else do."""
 
     def run(self, screen: Screen, rest: list[str]) -> int:
         """Look around."""
+        if self.warm:
+            _warm(screen)
         from graycard.benchmarks import findings
 
         found = findings(Path.cwd())
@@ -39,6 +43,15 @@ class Doctor:
         advised = sum(bool(item.advice) for item in found)
         screen.out.print(f"doctor: {len(found)} things looked at, {advised} could be better")
         return OK
+
+
+def _warm(screen: Screen) -> None:
+    """Compile all kernels that the cache lacks, and say how many jobs that were."""
+    from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+    with screen.progress() as progress:
+        compiled = warm_kernels(progress=progress)
+    screen.out.print(f"kernels: {len(compiled)} jobs compiled" if compiled else "kernels: nothing to compile")
 
 
 COMMANDS: dict[str, type[Any]] = {
