@@ -55,24 +55,19 @@ def sign(values):
 
 
 @njit(**UNWRAPPED)
-def ssim_backward_part(
-    part, parts, image, target, height, length, channels, terms, saved, upstream, to_image
-):
+def ssim_backward_part(part, parts, pictures, terms, saved, upstream, to_image):
     """Gradient of the image; the first arguments are those of ``ssim_forward``.
 
     Args:
         part: which of the
         parts: that work at a time.
-        image: as above.
-        target: as above.
-        height: as above.
-        length: as above.
-        channels: as above.
+        pictures: as above.
         terms: as above.
         saved: what ``ssim_forward`` wrote.
         upstream: float32, flat, gradients of its values.
         to_image: float32, flat, to be written.
     """
+    image, target, height, length, channels = pictures
     stride = length + 2 * REACH * channels
     start, stop = share(part, parts, (height + BAND - 1) // BAND)
     for band in range(start, stop):

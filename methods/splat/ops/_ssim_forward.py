@@ -134,21 +134,18 @@ def dissimilarity(statistics, saved, at, length, keep):
 
 
 @njit(**UNWRAPPED)
-def ssim_forward_part(part, parts, image, target, height, length, channels, terms, values, saved):
+def ssim_forward_part(part, parts, pictures, terms, values, saved):
     """``base + absolute * |x - y| + dissimilar * (1 - SSIM)`` at every pixel and channel.
 
     Args:
         part: which of the
         parts: that work at a time.
-        image: float32, flat, ``height`` rows of ``length`` floats, at least ``LANES`` of them.
-        target: the same.
-        height: rows.
-        length: columns times channels.
-        channels: their number.
+        pictures: a ``_losses._Pictures``.
         terms: float32 ``(3,)``: base, absolute, dissimilar.
         values: float32, flat, to be written.
         saved: float32, flat, ``SAVED`` lines a row, to be written; empty if no gradient is wanted.
     """
+    image, target, height, length, channels = pictures
     stride = length + 2 * REACH * channels
     start, stop = share(part, parts, (height + BAND - 1) // BAND)
     for band in range(start, stop):

@@ -100,10 +100,11 @@ def write_row(row, axes, centre, scales, logarithm, anchor, moved, to_rays):
 
 
 @njit(error_model="numpy", **INLINED)
-def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size, row, normals):
+def project_one(surfel, centre, discs, opacity, moved, view, row, normals):
     """Write the row and the world normal of a surfel in front of the camera; return its pixel bounds."""
-    pose, K, to_rays = camera
-    world = disc_axes(unit_quaternion(rotations, surfel)[0])
+    pose, K, to_rays, width, height = view
+    size, scales = (width, height), discs.scales
+    world = disc_axes(unit_quaternion(discs.rotations, surfel)[0])
     u, v, normal = turned(pose, world[0]), turned(pose, world[1]), turned(pose, world[2])
     sign = away_from(centre, normal)
     sizes = np.float64(scales[surfel, 0]), np.float64(scales[surfel, 1])
@@ -120,43 +121,31 @@ def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size,
 
 
 @njit(error_model="numpy", **UNWRAPPED)
-def project_part(
-    part, parts, centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height,
-    rows, bounds, depths, normals,
-):  # fmt: skip
+def project_part(part, parts, discs, view, rows, bounds, depths, normals):
     """Prepare all surfels for the pixels.
 
     Args:
         part: which of the
         parts: that work at a time.
-        centres: ``(N, 3)``, world.
-        rotations: ``(N, 4)``, quaternions.
-        scales: ``(N, 2)``.
-        opacities: ``(N,)``.
-        offsets: ``(N, 2)``, pixels.
-        pose: ``(4, 4)``, world to camera.
-        K: ``(3, 3)``.
-        to_rays: ``(3, 3)``, its inverse.
-        width: of the image, pixels.
-        height: of the image, pixels.
+        discs: N of them, a ``Discs``.
+        view: a ``View``.
         rows: float32 ``(N, COLUMNS)``, to be written where the bounds are not empty.
         bounds: int32 ``(N, 4)``, to be written: columns from, to, rows from, to; ends excluded; all zero
             for surfels that touch no pixel.
         depths: float64 ``(N,)``, to be written: of the centres.
         normals: float32 ``(N, 3)``, to be written as the rows are: in the world, facing the camera.
     """
-    begin, end = share(part, parts, len(centres))
+    begin, end = share(part, parts, len(discs.centres))
     for surfel in range(begin, end):
-        centre = centre_seen(centres, surfel, pose)
+        centre = centre_seen(discs.centres, surfel, view.pose)
         depths[surfel] = centre[2]
-        opacity = np.float64(opacities[surfel])
+        opacity = np.float64(discs.opacities[surfel])
         left, right, top, bottom = 0, 0, 0, 0
         if centre[2] > NEAR and opacity >= ALPHA_MIN:
-            moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
+            moved = np.float64(discs.offsets[surfel, 0]), np.float64(discs.offsets[surfel, 1])
             left, right, top, bottom = project_one(
-                surfel, centre, rotations, scales, opacity, moved, (pose, K, to_rays),
-                (np.float64(width), np.float64(height)), rows[surfel], normals,
-            )  # fmt: skip
+                surfel, centre, discs, opacity, moved, view, rows[surfel], normals
+            )
         if left >= right or top >= bottom:
             left, right, top, bottom = 0, 0, 0, 0
         bounds[surfel, 0], bounds[surfel, 1] = left, right

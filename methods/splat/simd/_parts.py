@@ -26,9 +26,9 @@ from numba.core.errors import TypingError
 
 from graycard.methods.splat.simd._vector import _instruction
 
-UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+UNWRAPPED: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 """Options of functions that only kernels call: Python gets no way in, which costs as long as the function."""
-INLINED = {"forceinline": True, **UNWRAPPED}
+INLINED: dict[str, Any] = {"forceinline": True, **UNWRAPPED}
 """The same, of those that become part of their callers."""
 
 _WORD, _POINTER = ir.IntType(64), ir.IntType(8).as_pointer()

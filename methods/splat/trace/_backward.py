@@ -48,11 +48,12 @@ def sum_lanes(vectors, target, at):
 
 
 @njit(**UNWRAPPED)
-def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments):
+def read_gradients(members, moments, to_found, gradients, to_moments):
     """Bring a packet's gradients into vectors: of the channels, of the sums of w and w t, of what passes.
 
     Depth is the second of those sums by the first.
     """
+    to_out, to_transmittance, to_depth = to_found
     gradients[:] = 0
     to_moments[:] = 0
     for lane in range(LANES):
@@ -195,12 +196,9 @@ def write_rays(members, to_rays, to_origins, to_directions):
 
 
 @njit(**UNWRAPPED)
-def backward_strip(
-    first, past, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
-    to_depth, stride, sums, to_origins, to_directions,
-):  # fmt: skip
+def backward_strip(first, past, tree, asked, features, kept, to_found, stride, sums, to_asked):
     """Gradients of the packets from ``first`` to before ``past``."""
-    channels, hits = to_out.shape[1], new_hits(CAPACITY)
+    channels, hits = to_found.features.shape[1], new_hits(CAPACITY)
     rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     search = new_search(tree.levels[1])
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
@@ -209,59 +207,49 @@ def backward_strip(
     vectors = np.zeros(LANES * LANES, np.float32)
     pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
     for packet in range(first, past):
-        rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, far, members, rays)
+        rays_of(packet, asked.origins.shape[0], asked.width, members)
+        read_rays(asked.origins, asked.directions, asked.far, members, rays)
         if kept.rows[packet] >= 0:
-            rows = recall(tree, rays, near, kept, packet, hits)
+            rows = recall(tree, rays, asked.near, kept, packet, hits)
             put_in_order(hits, rows, tree.order)
         else:
-            rows, hits = gather_all(tree, rays, near, search, hits)
+            rows, hits = gather_all(tree, rays, asked.near, search, hits)
         if hits.alpha.size > pull.size:
             pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
         weigh(hits, rows, rays, passing)
         sum_moments(hits, rows, moments)
-        read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments)
+        read_gradients(members, moments, to_found, gradients, to_moments)
         pulls(hits, rows, tree.order, features, channels, gradients, to_moments, pull)
         walk_back(hits, rows, passing, to_moments, pull, to_alpha)
         add_rows(hits, rows, tree.records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays)
         add_channels(hits, rows, channels, gradients, stride, sums, vectors)
-        write_rays(members, to_rays, to_origins, to_directions)
+        write_rays(members, to_rays, to_asked[0], to_asked[1])
 
 
 @njit(**UNWRAPPED)
-def backward_part(
-    part, parts, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
-    to_depth, stride, sums, to_origins, to_directions,
-):  # fmt: skip
+def backward_part(part, parts, tree, asked, features, kept, to_found, stride, sums, to_asked):
     """Gradients of all rays; the first arguments are those of ``forward_part``.
 
     Args:
         part: which of the
         parts: that work at a time.
         tree: as above.
-        origins: as above.
-        directions: as above.
-        far: as above.
-        width: as above.
-        near: as above.
+        asked: as above.
         features: as above.
         kept: what ``forward_part`` wrote.
-        to_out: float32 ``(R, C)``, gradients of the features, then those
-        to_transmittance: of the transmittance, ``(R,)``, and
-        to_depth: of the depth, ``(R,)``.
+        to_found: a ``Found``, the gradients of what was found.
         stride: floats that a place of the tree has in ``sums``: one vector, and one for each sixteen channels
             or part thereof beyond ``INNER``.
         sums: float32 ``(parts, places * stride)``, zero, to be added to.
-        to_origins: float32 ``(R, 3)``, to be written, as is
-        to_directions: of that shape.
+        to_asked: float32 ``(R, 3)``, two of them, to be written: of origins and directions.
     """
-    packets = packets_of(origins.shape[0], width)
+    packets = packets_of(asked.origins.shape[0], asked.width)
     strips = (packets + STRIP - 1) // STRIP
     for strip in range(part, strips, parts):
         first = strip * STRIP
         backward_strip(
-            first, min(first + STRIP, packets), tree, origins, directions, far, width, near, features,
-            kept, to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
+            first, min(first + STRIP, packets), tree, asked, features, kept, to_found, stride, sums[part],
+            to_asked,
         )  # fmt: skip
 
 

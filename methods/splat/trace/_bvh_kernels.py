@@ -76,21 +76,19 @@ def curve_key(x, y, z):
 
 
 @njit(**UNWRAPPED)
-def prepare_part(part, parts, centres, rotations, scales, opacities, low, steps, rows, keys):
+def prepare_part(part, parts, geometry, low, steps, rows, keys):
     """Numbers of the surfels, and their keys on the curve.
 
     Args:
         part: which of the
         parts: that work at a time.
-        centres: float64 ``(N, 3)``.
-        rotations: float64 ``(N, 4)``.
-        scales: float64 ``(N, 2)``.
-        opacities: float64 ``(N,)``.
+        geometry: a ``Geometry``.
         low: float64 ``(3,)``, the least centre.
         steps: float64 ``(3,)``, steps of the curve per metre.
         rows: float32 ``(N, COLUMNS)``, to be written.
         keys: uint32 ``(N,)``, to be written.
     """
+    centres, rotations, scales, opacities = geometry
     start, stop = share(part, parts, centres.shape[0])
     for n in range(start, stop):
         x, y, normal = rotation(rotations, n)
@@ -191,27 +189,19 @@ def fill_level(boxes, children, below, above):
 
 
 @njit(**UNWRAPPED)
-def gather_gradients_part(
-    part, parts, rotations, scales, opacities, order, sums, stride,
-    to_centres, to_rotations, to_scales, to_opacities,
-):  # fmt: skip
+def gather_gradients_part(part, parts, geometry, order, sums, stride, to):
     """From gradients of the records to those of the surfels.
 
     Args:
         part: which of the
         parts: that work at a time.
-        rotations: float64 ``(N, 4)``.
-        scales: float64 ``(N, 2)``.
-        opacities: float64 ``(N,)``.
+        geometry: as above.
         order: as above.
         sums: float32 ``(parts, places * stride)``; the first ``RECORD`` of each place: for each of U, V, N
             the sum of its pull times the point (three) and of the pull itself, place 3, 7, 11; then of log2
             of the opacity.
         stride: floats a place.
-        to_centres: float64 ``(N, 3)``, to be written, as the others.
-        to_rotations: ``(N, 4)``.
-        to_scales: ``(N, 2)``.
-        to_opacities: ``(N,)``.
+        to: a ``Geometry``, to be written.
     """
     start, stop = share(part, parts, order.size // LANES)
     for leaf in range(start, stop):
@@ -220,9 +210,7 @@ def gather_gradients_part(
             n = order[place]
             if n >= 0:
                 add_parts(sums, place * stride, total)
-                surfel_gradient(
-                    rotations, scales, opacities, n, total, to_centres, to_rotations, to_scales, to_opacities
-                )
+                surfel_gradient(geometry, n, total, to)
 
 
 @njit(cache=True)
@@ -241,24 +229,23 @@ def add_parts(sums, at, total):
 
 
 @njit(**UNWRAPPED)
-def surfel_gradient(
-    rotations, scales, opacities, n, total, to_centres, to_rotations, to_scales, to_opacities
-):
+def surfel_gradient(geometry, n, total, to):
     """The chain rule through ``prepare`` for one surfel."""
+    _, rotations, scales, opacities = geometry
     axes = rotation(rotations, n)
     over = (UNIT / scales[n, 0], UNIT / scales[n, 1], 1.0)
     for a in range(2):
         along = 0.0
         for k in range(3):
             along += total[4 * a + k] * axes[a][k]
-        to_scales[n, a] = -along * over[a] / scales[n, a]
+        to.scales[n, a] = -along * over[a] / scales[n, a]
     for k in range(3):
         moved = 0.0
         for a in range(3):
             moved += total[4 * a + 3] * over[a] * axes[a][k]
-        to_centres[n, k] = -moved
-    to_opacities[n] = total[12] * LOG2_E / opacities[n] if opacities[n] > 0 else 0.0
-    turn_gradient(rotations, n, over, total, to_rotations)
+        to.centres[n, k] = -moved
+    to.opacities[n] = total[12] * LOG2_E / opacities[n] if opacities[n] > 0 else 0.0
+    turn_gradient(rotations, n, over, total, to.rotations)
 
 
 @njit(**UNWRAPPED)

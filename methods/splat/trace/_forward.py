@@ -125,71 +125,47 @@ def write_features(hits, rows, order, features, members, out, vector):
 
 
 @njit(**UNWRAPPED)
-def forward_strip(
-    first, past, tree, origins, directions, far, width, near, features, kept, out, transmittance, depth
-):
+def forward_strip(first, past, tree, asked, features, kept, found):
     """Trace the packets from ``first`` to before ``past``."""
     search, hits = new_search(tree.levels[1]), new_hits(CAPACITY)
     rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
     vector = np.empty(LANES, np.float32)
     for packet in range(first, past):
-        rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, far, members, rays)
-        rows, hits = gather_all(tree, rays, near, search, hits)
+        rays_of(packet, asked.origins.shape[0], asked.width, members)
+        read_rays(asked.origins, asked.directions, asked.far, members, rays)
+        rows, hits = gather_all(tree, rays, asked.near, search, hits)
         keep(hits, rows, kept, packet)
         weigh(hits, rows, rays, passing)
-        write_features(hits, rows, tree.order, features, members, out, vector)
+        write_features(hits, rows, tree.order, features, members, found.features, vector)
         sum_moments(hits, rows, moments)
         for lane in range(LANES):
             if members[lane] >= 0:
-                transmittance[members[lane]] = passing[lane]
+                found.transmittance[members[lane]] = passing[lane]
                 weight, way = moments[lane], moments[LANES + lane]
-                depth[members[lane]] = way / weight if weight > 0 else np.float32(0)
+                found.depth[members[lane]] = way / weight if weight > 0 else np.float32(0)
 
 
 @njit(**UNWRAPPED)
-def forward_part(
-    part, parts, tree, origins, directions, far, width, near, features, kept, out, transmittance, depth
-):
+def forward_part(part, parts, tree, asked, features, kept, found):
     """Trace all rays.
 
     Args:
         part: which of the
         parts: that work at a time.
         tree: a ``Tree``.
-        origins: float32 ``(R, 3)``.
-        directions: float32 ``(R, 3)``.
-        far: float32 ``(R,)``: the last distance that counts; may be infinite.
-        width: rays in a row of the image that they are, zero where they are none.
-        near: float32.
-        features: float32, flat, as many channels a surfel as ``out`` has.
-        kept: a ``Kept``, to be written, as all that follows.
-        out: float32 ``(R, C)``.
-        transmittance: ``(R,)``.
-        depth: ``(R,)``.
+        asked: an ``Asked``.
+        features: float32, flat, as many channels a surfel as ``found`` has.
+        kept: a ``Kept``, to be written, as is
+        found: a ``Found``.
     """
-    packets = packets_of(origins.shape[0], width)
+    packets = packets_of(asked.origins.shape[0], asked.width)
     strips = (packets + STRIP - 1) // STRIP
     start, stop = share(part, parts, strips)
     for strip in range(start, stop):
         first = strip * STRIP
         past = min(first + STRIP, packets)
-        forward_strip(
-            first,
-            past,
-            tree,
-            origins,
-            directions,
-            far,
-            width,
-            near,
-            features,
-            kept,
-            out,
-            transmittance,
-            depth,
-        )
+        forward_strip(first, past, tree, asked, features, kept, found)
 
 
 @njit(cache=True)

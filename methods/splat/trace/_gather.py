@@ -72,6 +72,31 @@ class Kept(NamedTuple):
     """int32 ``(packets,)``: how many there are, -1 where they are more than the depth."""
 
 
+class Asked(NamedTuple):
+    """The rays that are to be traced, and from where to where."""
+
+    origins: np.ndarray
+    """float32 ``(R, 3)``."""
+    directions: np.ndarray
+    """float32 ``(R, 3)``."""
+    far: np.ndarray
+    """float32 ``(R,)``: the last distance that counts; may be infinite."""
+    width: int
+    """Rays in a row of the image that they are, zero where they are none."""
+    near: np.float32
+    """The first distance that counts."""
+
+
+class Found(NamedTuple):
+    """What rays bring back, or its gradients: all float32."""
+
+    features: np.ndarray
+    """Shape ``(R, C)``."""
+    transmittance: np.ndarray
+    """Shape ``(R,)``, as the next."""
+    depth: np.ndarray
+
+
 class Search(NamedTuple):
     """Memory of the descent through the tree."""
 
