@@ -16,7 +16,7 @@ of a part and the number of parts, and its entry hands its address to the loop::
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
@@ -37,7 +37,7 @@ _CODE = ir.FunctionType(_WORD, [_WORD, _WORD, _POINTER])
 
 
 @_instruction
-def task(typing: Any, kernel: types.Type, given: types.Type) -> Any:
+def task(typing: Any, kernel: Any, given: Any) -> Any:
     """Return the addresses of code that runs a part of a kernel, and of the arguments that it reads.
 
     The arguments are ``given``, a tuple, after the number of the part and that of the parts. Both addresses
@@ -45,7 +45,7 @@ def task(typing: Any, kernel: types.Type, given: types.Type) -> Any:
     """
     if not isinstance(kernel, types.Dispatcher) or not isinstance(given, types.BaseTuple):
         raise TypingError(f"expected a kernel and a tuple of its arguments, got {kernel} and {given}")
-    wanted = kernel.get_call_type(typing, (types.int64, types.int64, *given.types), {})
+    wanted = kernel.get_call_type(typing, (types.int64, types.int64, *cast(Any, given).types), {})
     result = types.UniTuple(types.uintp, 2)
 
     def code(context: Any, builder: ir.IRBuilder, _types: Any, arguments: Sequence[Any]) -> Any:

@@ -6,7 +6,7 @@ A job must call kernels with arguments of the types that a fit has, or a fit wou
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -69,7 +69,8 @@ def _scene(channels: int, shaped: bool) -> Scene:
     widths = (3, 4, 2)
     geometry = [np.empty((0, width), np.float32) for width in widths]
     features, offsets = (np.empty((0, width), np.float32) for width in (channels, 2))
-    return Scene(*geometry, np.empty(0, np.float32), features, offsets, _camera(), shaped)
+    arrays = *geometry, np.empty(0, np.float32), features, offsets
+    return cast(Any, Scene)(*arrays, _camera(), shaped)
 
 
 def _losses() -> None:

@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import cast
 
 import numba
 import psutil
@@ -75,7 +76,7 @@ def stamps_folder() -> Path:
     features = os.environ.get("NUMBA_CPU_FEATURES") or binding.get_host_cpu_features().flatten()
     versions = numba.__version__, platform.python_version(), platform.machine()
     digest.update("\n".join([processor, features, *versions]).encode())
-    return Path(run.stats.cache_path) / f"compiled-{digest.hexdigest()[:16]}"
+    return Path(cast(str, run.stats.cache_path)) / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def hands(names: Iterable[str], count: int) -> list[list[str]]:
