@@ -27,7 +27,10 @@ from numba.core.errors import TypingError
 from graycard.methods.splat.simd._vector import _instruction
 
 UNWRAPPED: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-"""Options of functions that only kernels call: Python gets no way in, which costs as long as the function."""
+"""Options of functions that only kernels call: a way in for Python would cost as much as the function.
+
+Python must not call them: there is nothing to call, and the process ends.
+"""
 INLINED: dict[str, Any] = {"forceinline": True, **UNWRAPPED}
 """The same, of those that become part of their callers."""
 

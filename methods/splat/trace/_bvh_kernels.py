@@ -45,7 +45,7 @@ def rotation(q, row):
     )
 
 
-@njit(**INLINED)
+@njit(forceinline=True)  # Python calls it too, as it does the next
 def spread_bits(x):
     """Put two zeros between neighbouring bits of a ten-bit number."""
     x = (x | (x << 16)) & 0x030000FF
@@ -54,7 +54,7 @@ def spread_bits(x):
     return (x | (x << 2)) & 0x09249249
 
 
-@njit(**INLINED)
+@njit(forceinline=True)
 def curve_key(x, y, z):
     """Place of a cell of the grid on a Hilbert curve, which never jumps (Skilling 2004, axes to transpose).
 
