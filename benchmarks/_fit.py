@@ -23,6 +23,7 @@ from graycard.methods import (
     LIGHTS,
     RELIGHTING,
     Changes,
+    Compiled,
     Counting,
     Decomposition,
     Guest,
@@ -110,6 +111,7 @@ def fit_scene(
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
+        _compile_kernels(method, progress)
         decomposition, spent = _timed_fit(fit, method)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
@@ -149,6 +151,14 @@ def _timed_fit(fit: _Fit, method: Method) -> tuple[Decomposition, _Spent]:
         decomposition = _fitted(fit, method)
     elapsed = time.perf_counter() - start + resumed.seconds
     return decomposition, _Spent(elapsed, max(peak_memory_mib(), resumed.peak_mib), resumed.peak_mib)
+
+
+def _compile_kernels(method: Method, progress: Progress) -> None:
+    """Compile what the method's part of the engine lacks, lest its first steps wait, and be timed, for it."""
+    if isinstance(method, Compiled):
+        from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+        warm_kernels(method.kernels, progress)
 
 
 def _fitted(fit: _Fit, method: Method) -> Decomposition:

@@ -7,6 +7,7 @@ from graycard.methods._contract import COMPOSITION as COMPOSITION
 from graycard.methods._contract import LIGHTS as LIGHTS
 from graycard.methods._contract import RELIGHTING as RELIGHTING
 from graycard.methods._contract import Asking as Asking
+from graycard.methods._contract import Compiled as Compiled
 from graycard.methods._contract import Composable as Composable
 from graycard.methods._contract import Counting as Counting
 from graycard.methods._contract import Decomposition as Decomposition

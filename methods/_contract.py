@@ -216,6 +216,16 @@ class Staged(Method, Protocol):
 
 
 @runtime_checkable
+class Compiled(Method, Protocol):
+    """A method on the surfel engine, whose missing kernels are compiled before its clock runs."""
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Parts of the engine, named as in :func:`graycard.methods.splat.warm_kernels`."""
+        ...
+
+
+@runtime_checkable
 class Asking(Method, Protocol):
     """A method that asks a prior; one without ``asks`` asks nothing."""
 

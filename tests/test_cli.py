@@ -564,3 +564,10 @@ def test_the_priors_of_the_docs_are_read(tmp_path: Path):
     text = re.findall(r"```toml\n(source = .*?)```", (ROOT / "docs/suites.md").read_text(), re.DOTALL)[0]
     (tmp_path / "p.toml").write_text(text)
     assert str(parse_priors(str(tmp_path / "p.toml"))) == "oracle, severity 2; mask: oracle, severity 4"
+
+
+def test_doctor_compiles_kernels_on_request(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Capture):
+    for compiled, said in ((["trace"], "kernels: 1 jobs compiled"), ([], "kernels: nothing to compile")):
+        monkeypatch.setattr("graycard.methods.splat.warm_kernels", lambda found=compiled, **_: found)
+        assert main(["doctor", "--warm", "--json", str(tmp_path / "d.json")]) == 0
+        assert said in capsys.readouterr().out

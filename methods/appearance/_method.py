@@ -8,7 +8,7 @@ from graycard.methods.appearance._nearest import eyes_of
 from graycard.methods.appearance._scene import METHOD, AppearanceScene
 from graycard.methods.appearance._settings import AppearanceSettings
 from graycard.methods.appearance._tone import CODE, codes_of, tone_parameters, tone_rates, toned
-from graycard.methods.splat import CENTRES, Parameters
+from graycard.methods.splat import CENTRES, SURFEL_KERNELS, Parameters
 from graycard.methods.surfels import (
     FitTask,
     SceneMethod,
@@ -31,6 +31,7 @@ class AppearanceMethod(SceneMethod[AppearanceSettings, AppearanceScene]):
 
     name = METHOD
     summary = "2D Gaussian surfels whose colours each photograph may change (as WildGaussians)"
+    kernels = SURFEL_KERNELS
     settings_type = AppearanceSettings
     scene_type = AppearanceScene
     checks = (check_places, check_photographs)

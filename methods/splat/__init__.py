@@ -29,6 +29,8 @@ from graycard.methods.splat._store import save_surfels as save_surfels
 from graycard.methods.splat._surfels import Surfels as Surfels
 from graycard.methods.splat._trace import build_bvh as build_bvh
 from graycard.methods.splat._trace import trace_rays as trace_rays
+from graycard.methods.splat._warm import SURFEL_KERNELS as SURFEL_KERNELS
+from graycard.methods.splat._warm import warm_kernels as warm_kernels
 from graycard.methods.splat.fit._checkpoint import Checkpoint as Checkpoint
 from graycard.methods.splat.fit._checkpoint import check_saved as check_saved
 from graycard.methods.splat.fit._checkpoint import load_state as load_state

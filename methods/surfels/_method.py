@@ -9,6 +9,7 @@ from graycard.methods.splat import (
     LOG_SCALES,
     LOGITS,
     ROTATIONS,
+    SURFEL_KERNELS,
     DensityRules,
     LearningRateSchedule,
     Parameters,
@@ -28,6 +29,7 @@ class SurfelMethod(SceneMethod[SurfelSettings, SurfelScene]):
 
     name = "2dgs"
     summary = "2D Gaussian surfels with view-dependent colour, from photographs and sparse points"
+    kernels = SURFEL_KERNELS
     staged = True
     settings_type = SurfelSettings
     scene_type = SurfelScene
@@ -50,6 +52,7 @@ class OracleSurfelMethod(SceneMethod[OracleSurfelSettings, SurfelScene]):
     name = "2dgs-oracle"
     summary = "2D Gaussian surfels that begin on the true surfaces of the training views"
     needs = ("depth", "normal")
+    kernels = SURFEL_KERNELS
     settings_type = OracleSurfelSettings
     scene_type = SurfelScene
     checks = (check_places,)

@@ -71,16 +71,20 @@ def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], dtype: torch.
         raise ValueError(f"expected {name} in the dtype of the depth, {dtype}, got {image.dtype}")
 
 
-class _Frame(NamedTuple):
-    """How pixels lie in the world, in the dtype of the images; see ``normals_forward``."""
+class Frame(NamedTuple):
+    """How pixels lie in the world, in the dtype of the images."""
 
     rays: np.ndarray
+    """Shape ``(3, max(H, W))``: x by column, what a row adds to it, y by row."""
     lens: np.ndarray
+    """Shape ``(4,)``, see ``meet``; the last is one."""
     to_world: np.ndarray
+    """Shape ``(3, 3)``, rotation of the camera."""
     to_camera: np.ndarray
+    """Its inverse."""
 
 
-def _frame(camera: Camera, dtype: torch.dtype) -> _Frame:
+def _frame(camera: Camera, dtype: torch.dtype) -> Frame:
     to_rays, middles = np.linalg.inv(camera.K), np.arange(max(camera.width, camera.height)) + 0.5
     rays = (
         to_rays[[0, 0, 1], [0, 1, 1]][:, None] * middles
@@ -89,7 +93,12 @@ def _frame(camera: Camera, dtype: torch.dtype) -> _Frame:
     lens = np.array([1 / to_rays[0, 0], 1 / to_rays[1, 1], to_rays[0, 1] / to_rays[1, 1], 1.0])
     to_world = camera.camera_to_world[:3, :3]
     numbers = np.float32 if dtype == torch.float32 else np.float64
-    return _Frame(*(np.ascontiguousarray(one, numbers) for one in (rays, lens, to_world, to_world.T)))
+    return Frame(*(np.ascontiguousarray(one, numbers) for one in (rays, lens, to_world, to_world.T)))
+
+
+def _flat_frame(frame: Frame) -> Frame:
+    """Return the frame with its matrices as lines, as the kernels that go by lines read them."""
+    return frame._replace(to_world=frame.to_world.reshape(-1), to_camera=frame.to_camera.reshape(-1))
 
 
 def _numbers(values: torch.Tensor) -> np.ndarray:
@@ -100,14 +109,14 @@ class _Normals(torch.autograd.Function):
     """Normals from depth as a differentiable step."""
 
     @staticmethod
-    def forward(ctx: Any, depth: torch.Tensor, frame: _Frame) -> torch.Tensor:
+    def forward(ctx: Any, depth: torch.Tensor, frame: Frame) -> torch.Tensor:
         """As :func:`depth_to_normals`."""
         from graycard.methods.splat.ops._depth_normal_forward import (
             normals_forward,  # Numba takes long to import
         )
 
         normals = torch.zeros((*depth.shape, 3), dtype=depth.dtype)
-        normals_forward(_numbers(depth), frame.rays, frame.lens, frame.to_world, normals.numpy())
+        normals_forward(_numbers(depth), frame, normals.numpy())
         ctx.save_for_backward(depth)
         ctx.frame = frame
         return normals
@@ -124,7 +133,7 @@ class _Normals(torch.autograd.Function):
         frame, pulls = ctx.frame, torch.zeros((2, *depth.shape), dtype=depth.dtype)
         to_depth = torch.empty(depth.shape, dtype=depth.dtype)
         room = _numbers(grad_outputs[0]), pulls.numpy(), to_depth.numpy()
-        normals_backward(_numbers(depth), frame.rays, frame.lens, frame.to_camera, *room)
+        normals_backward(_numbers(depth), frame, *room)
         return to_depth, None
 
 
@@ -133,7 +142,7 @@ class _Mismatch(torch.autograd.Function):
 
     @staticmethod
     def forward(
-        ctx: Any, depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: _Frame
+        ctx: Any, depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: Frame
     ) -> torch.Tensor:
         """As :func:`depth_normal_map`."""
         values = _mismatch(_numbers(depth), _numbers(normal), _numbers(alpha), frame)
@@ -152,25 +161,25 @@ class _Mismatch(torch.autograd.Function):
         return *(torch.from_numpy(values) for values in made), None, None
 
 
-def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: _Frame) -> np.ndarray:
+def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame) -> np.ndarray:
     """As :func:`depth_normal_map`."""
     if _by_lines(depth):
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_forward
 
         values = np.empty_like(depth)
         flat = normal.reshape(-1), alpha.reshape(-1), values.reshape(-1)
-        place = frame.rays, frame.lens, frame.to_world.reshape(-1)
-        mismatch_lines_forward(depth.reshape(-1), depth.shape[1], *place, *flat)
+        place = depth.reshape(-1), depth.shape[1], _flat_frame(frame)
+        mismatch_lines_forward(*place, *flat)
         return values
     from graycard.methods.splat.ops._depth_normal_forward import mismatch_forward
 
     values = np.ones_like(depth)
-    mismatch_forward(depth, frame.rays, frame.lens, frame.to_world, normal, alpha, values)
+    mismatch_forward(depth, frame, normal, alpha, values)
     return values
 
 
 def _mismatch_gradients(
-    depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: _Frame, upstream: np.ndarray
+    depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame, upstream: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of depth and normal."""
     to_depth = np.empty_like(depth)
@@ -178,15 +187,15 @@ def _mismatch_gradients(
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_backward
 
         pulls, to_normal = np.empty((2, *depth.shape), np.float32), np.empty_like(normal)
-        place = frame.rays, frame.lens, frame.to_world.reshape(-1), frame.to_camera.reshape(-1)
+        place = depth.reshape(-1), depth.shape[1], _flat_frame(frame)
         given = normal.reshape(-1), alpha.reshape(-1), upstream.reshape(-1)
         made = pulls, to_depth.reshape(-1), to_normal.reshape(-1)
-        mismatch_lines_backward(depth.reshape(-1), depth.shape[1], *place, *given, *made)
+        mismatch_lines_backward(*place, *given, *made)
         return to_depth, to_normal
     from graycard.methods.splat.ops._depth_normal_backward import mismatch_backward
 
     pulls, to_normal = np.zeros((2, *depth.shape), depth.dtype), np.zeros_like(normal)
-    mismatch_backward(depth, *frame, normal, alpha, upstream, pulls, to_depth, to_normal)
+    mismatch_backward(depth, frame, normal, alpha, upstream, pulls, to_depth, to_normal)
     return to_depth, to_normal
 
 

@@ -1,23 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backward kernels of normals from depth: each pixel gathers from its four neighbours."""
 
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.ops._depth_normal_forward import meet, turned, unit_normal
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 
-@njit(forceinline=True, error_model="numpy")
-def pull(depth, row, column, rays, lens, to_camera, upstream, pulls):
+@njit(error_model="numpy", **INLINED)
+def pull(depth, row, column, frame, upstream, pulls):
     """What the gradient of the normal at a pixel makes of the ratios of depths across and down.
 
     Writes it over the square of the ratios' denominators, and twice: a depth is pulled by that much times the
     depth on the other side.
     """
+    rays, lens = frame.rays, frame.lens
     left, right = depth[row, column - 1], depth[row, column + 1]
     above, below = depth[row - 1, column], depth[row + 1, column]
     ray_x, ray_y = rays[0, column] + rays[1, row], rays[2, row]
     x, y, z, over, there = meet(left, right, above, below, ray_x, ray_y, lens)
-    to_x, to_y, to_z = turned(to_camera, upstream[0], upstream[1], upstream[2])
+    to_x, to_y, to_z = turned(frame.to_camera, upstream[0], upstream[1], upstream[2])
     along = (to_x * x + to_y * y + to_z * z) * over * over
     to_x, to_y, to_z = (to_x - along * x) * over, (to_y - along * y) * over, (to_z - along * z) * over
     to_q = to_y - ray_y * to_z
@@ -27,13 +29,13 @@ def pull(depth, row, column, rays, lens, to_camera, upstream, pulls):
     pulls[1, row, column] = (lens[3] + lens[3]) * lens[1] * to_q / (down * down) if there else nothing
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def times_opposite(pulled, opposite):
     """A pull times the depth on the other side, which may be anything where nothing pulls."""
     return pulled * opposite if pulled != 0 else pulled
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def gathered(depth, pulls, row, column):
     """Gradient of the depth of a pixel."""
     height, width = depth.shape
@@ -49,40 +51,61 @@ def gathered(depth, pulls, row, column):
     return total
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def normals_backward(depth, rays, lens, to_camera, upstream, pulls, to_depth):
-    """Gradient of the depth.
+@njit(error_model="numpy", **UNWRAPPED)
+def gather_rows(part, parts, depth, pulls, to_depth):
+    """Find the gradient of the depth of each pixel from the pulls around it."""
+    start, stop = share(part, parts, depth.shape[0])
+    for row in range(start, stop):
+        for column in range(depth.shape[1]):
+            to_depth[row, column] = gathered(depth, pulls, row, column)
+
+
+@njit(error_model="numpy", **UNWRAPPED)
+def normal_pull_rows(part, parts, depth, frame, upstream, pulls):
+    """Find what pulls the ratios of depths, from gradients of the normals."""
+    start, stop = share(part, parts, depth.shape[0] - 2)
+    for row in range(1 + start, 1 + stop):
+        for column in range(1, depth.shape[1] - 1):
+            pull(depth, row, column, frame, upstream[row, column], pulls)
+
+
+@njit(cache=True)
+def normals_backward(depth, frame, upstream, pulls, to_depth):
+    """Find the gradient of the depth.
 
     Args:
-        depth: as in ``normals_forward``.
-        rays: as there.
-        lens: as there.
-        to_camera: ``(3, 3)``, rotation of the world.
+        depth: as in ``normal_rows``.
+        frame: as there.
         upstream: ``(H, W, 3)``, gradients of the normals.
         pulls: ``(2, H, W)``, zero, to work in.
         to_depth: ``(H, W)``, to be written.
     """
-    height, width = depth.shape
-    for row in prange(1, height - 1):
-        for column in range(1, width - 1):
-            pull(depth, row, column, rays, lens, to_camera, upstream[row, column], pulls)
-    for row in prange(height):
-        for column in range(width):
-            to_depth[row, column] = gathered(depth, pulls, row, column)
+    run(task(normal_pull_rows, (depth, frame, upstream, pulls)))
+    run(task(gather_rows, (depth, pulls, to_depth)))
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def mismatch_backward(
-    depth, rays, lens, to_world, to_camera, normal, alpha, upstream, pulls, to_depth, to_normal
-):
-    """Gradients of depth and normal.
+@njit(error_model="numpy", **UNWRAPPED)
+def mismatch_pull_rows(part, parts, depth, frame, normal, alpha, upstream, pulls, to_normal):
+    """Find what pulls the ratios of depths, and the gradient of the normal."""
+    start, stop = share(part, parts, depth.shape[0] - 2)
+    for row in range(1 + start, 1 + stop):
+        for column in range(1, depth.shape[1] - 1):
+            x, y, z = unit_normal(depth, row, column, frame)
+            weight, given = -upstream[row, column] * alpha[row, column], normal[row, column]
+            to_unit = weight * given[0], weight * given[1], weight * given[2]
+            pull(depth, row, column, frame, to_unit, pulls)
+            to_normal[row, column, 0] = weight * x
+            to_normal[row, column, 1] = weight * y
+            to_normal[row, column, 2] = weight * z
+
+
+@njit(cache=True)
+def mismatch_backward(depth, frame, normal, alpha, upstream, pulls, to_depth, to_normal):
+    """Find the gradients of depth and normal.
 
     Args:
-        depth: as in ``mismatch_forward``.
-        rays: as there.
-        lens: as there.
-        to_world: as there.
-        to_camera: its inverse.
+        depth: as in ``mismatch_rows``.
+        frame: as there.
         normal: as there.
         alpha: as there.
         upstream: ``(H, W)``, gradients of the values.
@@ -90,16 +113,5 @@ def mismatch_backward(
         to_depth: ``(H, W)``, to be written.
         to_normal: ``(H, W, 3)``, zero, to be written inside the border.
     """
-    height, width = depth.shape
-    for row in prange(1, height - 1):
-        for column in range(1, width - 1):
-            x, y, z = unit_normal(depth, row, column, rays, lens, to_world)
-            weight, given = -upstream[row, column] * alpha[row, column], normal[row, column]
-            to_unit = weight * given[0], weight * given[1], weight * given[2]
-            pull(depth, row, column, rays, lens, to_camera, to_unit, pulls)
-            to_normal[row, column, 0] = weight * x
-            to_normal[row, column, 1] = weight * y
-            to_normal[row, column, 2] = weight * z
-    for row in prange(height):
-        for column in range(width):
-            to_depth[row, column] = gathered(depth, pulls, row, column)
+    run(task(mismatch_pull_rows, (depth, frame, normal, alpha, upstream, pulls, to_normal)))
+    run(task(gather_rows, (depth, pulls, to_depth)))

@@ -9,16 +9,18 @@ for the skew. Depths are only subtracted from their neighbours: no digits are lo
 
 from math import inf, sqrt
 
-from numba import njit, prange
+from numba import njit
+
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def is_surface(z):
     """Whether there is a point at this depth; NaN passes, so that it shows in the result."""
     return not ((z <= 0) | (z == inf))
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def meet(left, right, above, below, x, y, lens):
     """The normal at a pixel.
 
@@ -45,7 +47,7 @@ def meet(left, right, above, below, x, y, lens):
     return p, q, z, over if there else nothing, there
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def turned(matrix, x, y, z):
     """Matrix times vector."""
     return (
@@ -55,53 +57,67 @@ def turned(matrix, x, y, z):
     )
 
 
-@njit(forceinline=True)
-def unit_normal(depth, row, column, rays, lens, to_world):
+@njit(**INLINED)
+def unit_normal(depth, row, column, frame):
     """The unit normal in the world at a pixel inside the border, zero where there is none."""
     x, y, z, over, _there = meet(
         depth[row, column - 1], depth[row, column + 1], depth[row - 1, column], depth[row + 1, column],
-        rays[0, column] + rays[1, row], rays[2, row], lens,
+        frame.rays[0, column] + frame.rays[1, row], frame.rays[2, row], frame.lens,
     )  # fmt: skip
-    return turned(to_world, x * over, y * over, z * over)
+    return turned(frame.to_world, x * over, y * over, z * over)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def normals_forward(depth, rays, lens, to_world, normals):
+@njit(error_model="numpy", **UNWRAPPED)
+def normal_rows(part, parts, depth, frame, normals):
     """Unit normals of the surface through the points at given depths.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         depth: ``(H, W)``, metres; all arrays are of its dtype.
-        rays: ``(3, max(H, W))``: x by column, what a row adds to it, y by row.
-        lens: ``(4,)``, see ``meet``; the last is one.
-        to_world: ``(3, 3)``, rotation of the camera.
+        frame: a ``Frame``.
         normals: ``(H, W, 3)``, zero, to be written inside the border.
     """
     height, width = depth.shape
-    for row in prange(1, height - 1):
+    start, stop = share(part, parts, height - 2)
+    for row in range(1 + start, 1 + stop):
         for column in range(1, width - 1):
-            x, y, z = unit_normal(depth, row, column, rays, lens, to_world)
+            x, y, z = unit_normal(depth, row, column, frame)
             normals[row, column, 0] = x
             normals[row, column, 1] = y
             normals[row, column, 2] = z
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def mismatch_forward(depth, rays, lens, to_world, normal, alpha, values):
-    """``1 - alpha * n . normal`` at each pixel, n being that of ``normals_forward``.
+@njit(cache=True)
+def normals_forward(*given):
+    """Find the normals; the arguments are those of ``normal_rows`` after its parts."""
+    run(task(normal_rows, given))
+
+
+@njit(error_model="numpy", **UNWRAPPED)
+def mismatch_rows(part, parts, depth, frame, normal, alpha, values):
+    """``1 - alpha * n . normal`` at each pixel, n being that of ``normal_rows``.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         depth: as there.
-        rays: as there.
-        lens: as there.
-        to_world: as there.
+        frame: as there.
         normal: ``(H, W, 3)``.
         alpha: ``(H, W)``.
         values: ``(H, W)``, one, to be written inside the border.
     """
     height, width = depth.shape
-    for row in prange(1, height - 1):
+    start, stop = share(part, parts, height - 2)
+    for row in range(1 + start, 1 + stop):
         for column in range(1, width - 1):
-            x, y, z = unit_normal(depth, row, column, rays, lens, to_world)
+            x, y, z = unit_normal(depth, row, column, frame)
             given = normal[row, column]
             together = x * given[0] + y * given[1] + z * given[2]
-            values[row, column] = lens[3] - alpha[row, column] * together
+            values[row, column] = frame.lens[3] - alpha[row, column] * together
+
+
+@njit(cache=True)
+def mismatch_forward(*given):
+    """Compare normals with the depth's; the arguments are those of ``mismatch_rows`` after its parts."""
+    run(task(mismatch_rows, given))

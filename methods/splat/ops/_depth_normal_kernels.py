@@ -6,32 +6,33 @@ Numba cannot prove that so many images do not overlap. Images are flat here.
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.ops._depth_normal_backward import gathered
 from graycard.methods.splat.raster._blocks import NORMAL
 from graycard.methods.splat.simd import _pixels as pixels
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 LANES = simd.LANES
 LEAST_WIDTH = LANES + 4
 """Of an image: two columns on each side are not like the others."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def starts(column, width, border):
     """Where a vector begins that would begin at a column, but for the last, which ends with the border."""
     return min(column, width - border - LANES)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def where_surface(z, values):
     """Values where there is a point at this depth, zero elsewhere; NaN passes."""
     zero = simd.broadcast(0.0)
     return simd.where_at_least(z, simd.broadcast(np.inf), zero, simd.where_at_least(zero, z, zero, values))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def meet_line(depth, at, width, x, y, lens):
     """As ``meet``: the normal's p, q and z, one over its length, and the sums of depths across and down.
 
@@ -50,14 +51,14 @@ def meet_line(depth, at, width, x, y, lens):
     return p, q, z, where_there(there, over), across, down, there
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def where_there(there, values):
     """Values where all four neighbours are points, zero elsewhere; NaN where one of them is NaN."""
     zero = simd.broadcast(0.0)
     return simd.where_at_least(zero, there, zero, values)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def turned_line(matrix, x, y, z):
     """Matrix, flat, times vectors."""
     rows = matrix
@@ -80,26 +81,26 @@ def turned_line(matrix, x, y, z):
     )
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def dot_line(a, b):
     """Of triples of vectors."""
     return simd.fma(a[0], b[0], simd.fma(a[1], b[1], a[2] * b[2]))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def scaled_line(factor, a):
     """A triple of vectors times a vector."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def ray_of(rays, row, column):
     """Slopes x and y of sixteen rays, see ``normals_forward``."""
     x = simd.load(rays[0], column) + simd.broadcast(rays[1, row])
     return x, simd.broadcast(rays[2, row])
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def set_border(row, height, width, channels, value, image):
     """Write a row's pixels on the border; returns whether there are others."""
     first, length = row * width * channels, width * channels
@@ -111,36 +112,42 @@ def set_border(row, height, width, channels, value, image):
     return True
 
 
-@njit(parallel=True, cache=True)
-def mismatch_lines_forward(depth, width, rays, lens, to_world, normal, alpha, values):
+@njit(**UNWRAPPED)
+def compare_rows(part, parts, depth, width, frame, normal, alpha, values):
     """As ``mismatch_forward``; ``width`` of at least ``LEAST_WIDTH``, all of ``values`` is written."""
     height = depth.size // width
-    for row in prange(height):
+    start, stop = share(part, parts, height)
+    for row in range(start, stop):
         if not set_border(row, height, width, 1, 1, values):
             continue
         for column in range(1, width - 1, LANES):
             column = starts(column, width, 1)
             at = row * width + column
-            p, q, z, over, _across, _down, _there = meet_line(
-                depth, at, width, *ray_of(rays, row, column), lens
-            )
-            unit = turned_line(to_world, p * over, q * over, z * over)
+            x, y = ray_of(frame.rays, row, column)
+            p, q, z, over, _across, _down, _there = meet_line(depth, at, width, x, y, frame.lens)
+            unit = turned_line(frame.to_world, p * over, q * over, z * over)
             together = dot_line(unit, pixels.load_line(normal, 3 * at, NORMAL))
             value = simd.fnma(simd.load(alpha, at), together, simd.broadcast(1.0))
             simd.store(values, at, value)
 
 
-@njit(forceinline=True)
-def pull_line(depth, at, width, ray, lens, to_world, to_camera, normal, weight):
+@njit(cache=True)
+def mismatch_lines_forward(*given):
+    """Compare normals with those of the depth; arguments are those of ``compare_rows`` after its parts."""
+    run(task(compare_rows, given))
+
+
+@njit(**INLINED)
+def pull_line(depth, at, width, ray, frame, normal, weight):
     """As ``pull``, of the unit normal times a normal and a weight.
 
     Returns:
         What pulls the ratios across and down, and the gradient of the normal.
     """
     x, y = ray
-    p, q, z, over, across, down, there = meet_line(depth, at, width, x, y, lens)
+    p, q, z, over, across, down, there = meet_line(depth, at, width, x, y, frame.lens)
     unit = p * over, q * over, z * over
-    asked = turned_line(to_camera, *scaled_line(weight, normal))
+    asked = turned_line(frame.to_camera, *scaled_line(weight, normal))
     along = dot_line(asked, unit)
     to_x, to_y, to_z = scaled_line(
         over,
@@ -151,14 +158,14 @@ def pull_line(depth, at, width, ray, lens, to_world, to_camera, normal, weight):
         ),
     )
     to_q = simd.fnma(y, to_z, to_y)
-    to_p = simd.fnma(simd.broadcast(lens[2]), to_q, simd.fnma(x, to_z, to_x))
-    to_across = simd.broadcast(2 * lens[0]) * to_p / (across * across)
-    to_down = simd.broadcast(2 * lens[1]) * to_q / (down * down)
-    to_normal = scaled_line(weight, turned_line(to_world, *unit))
+    to_p = simd.fnma(simd.broadcast(frame.lens[2]), to_q, simd.fnma(x, to_z, to_x))
+    to_across = simd.broadcast(2 * frame.lens[0]) * to_p / (across * across)
+    to_down = simd.broadcast(2 * frame.lens[1]) * to_q / (down * down)
+    to_normal = scaled_line(weight, turned_line(frame.to_world, *unit))
     return where_there(there, to_across), where_there(there, to_down), to_normal
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def times_opposite_line(pulls, at, depth, opposite):
     """A pull times the depth on the other side, which may be anything where nothing pulls."""
     pulled, zero = simd.load(pulls, at), simd.broadcast(0.0)
@@ -166,7 +173,7 @@ def times_opposite_line(pulls, at, depth, opposite):
     return simd.where_less(zero, pulled, product, simd.where_less(pulled, zero, product, pulled))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def gather_line(depth, width, across, down, at):
     """As ``gathered``, two pixels or more from the border."""
     total = times_opposite_line(across, at - 1, depth, at - 2)
@@ -175,13 +182,12 @@ def gather_line(depth, width, across, down, at):
     return total - times_opposite_line(down, at + width, depth, at + 2 * width)
 
 
-@njit(parallel=True, cache=True)
-def mismatch_lines_backward(
-    depth, width, rays, lens, to_world, to_camera, normal, alpha, upstream, pulls, to_depth, to_normal
-):
-    """As ``mismatch_backward``; all of ``pulls``, ``(2, H, W)``, and of ``to_normal`` is written."""
+@njit(**UNWRAPPED)
+def pull_rows(part, parts, depth, width, frame, normal, alpha, upstream, pulls, to_normal):
+    """Find what pulls the ratios of depths, and the gradient of the normal."""
     height, across, down = depth.size // width, pulls[0].reshape(-1), pulls[1].reshape(-1)
-    for row in prange(height):
+    start, stop = share(part, parts, height)
+    for row in range(start, stop):
         set_border(row, height, width, 1, 0, across)
         set_border(row, height, width, 1, 0, down)
         if not set_border(row, height, width, 3, 0, to_normal):
@@ -191,21 +197,21 @@ def mismatch_lines_backward(
             at = row * width + column
             weight = simd.fnma(simd.load(upstream, at), simd.load(alpha, at), simd.broadcast(0.0))
             to_across, to_down, made = pull_line(
-                depth, at, width, ray_of(rays, row, column), lens, to_world, to_camera,
+                depth, at, width, ray_of(frame.rays, row, column), frame,
                 pixels.load_line(normal, 3 * at, NORMAL), weight,
             )  # fmt: skip
             simd.store(across, at, to_across)
             simd.store(down, at, to_down)
             pixels.store_line(to_normal, 3 * at, made)
-    gather(depth, width, pulls, across, down, to_depth)
 
 
-@njit(parallel=True, cache=True)
-def gather(depth, width, pulls, across, down, to_depth):
-    """Gradient of the depth of each pixel from the pulls around it."""
-    height = depth.size // width
+@njit(**UNWRAPPED)
+def gather_rows(part, parts, depth, width, pulls, to_depth):
+    """Find the gradient of the depth of each pixel from the pulls around it."""
+    height, across, down = depth.size // width, pulls[0].reshape(-1), pulls[1].reshape(-1)
     image = depth.reshape(height, width)
-    for row in prange(height):
+    start, stop = share(part, parts, height)
+    for row in range(start, stop):
         inside = 1 < row < height - 2
         for column in range(width):
             if not (inside and 1 < column < width - 2):
@@ -214,3 +220,10 @@ def gather(depth, width, pulls, across, down, to_depth):
             for column in range(2, width - 2, LANES):
                 at = row * width + starts(column, width, 2)
                 simd.store(to_depth, at, gather_line(depth, width, across, down, at))
+
+
+@njit(cache=True)
+def mismatch_lines_backward(depth, width, frame, normal, alpha, upstream, pulls, to_depth, to_normal):
+    """As ``mismatch_backward``; all of ``pulls``, ``(2, H, W)``, and of ``to_normal`` is written."""
+    run(task(pull_rows, (depth, width, frame, normal, alpha, upstream, pulls, to_normal)))
+    run(task(gather_rows, (depth, width, pulls, to_depth)))

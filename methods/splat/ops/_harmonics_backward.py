@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gradient of the kernel of spherical harmonics."""
 
+from typing import Any
+
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.ops._harmonics_basis import harmonics, slopes_x, slopes_y, slopes_z
 from graycard.methods.splat.ops._harmonics_forward import direction
+from graycard.methods.splat.simd._parts import UNWRAPPED, run, share, task
 
-_basis = njit(harmonics)
-_slopes_x = njit(slopes_x)
-_slopes_y = njit(slopes_y)
-_slopes_z = njit(slopes_z)
+_basis = njit(harmonics, **UNWRAPPED)
+_slopes_x = njit(slopes_x, **UNWRAPPED)
+_slopes_y = njit(slopes_y, **UNWRAPPED)
+_slopes_z = njit(slopes_z, **UNWRAPPED)
 
 
-@njit(parallel=True, cache=True)
-def colours_backward(
+@njit(**UNWRAPPED)
+def colours_backward_part(
+    part: int,
+    parts: int,
     coefficients: np.ndarray,
     centres: np.ndarray,
     eye: np.ndarray,
@@ -27,7 +32,8 @@ def colours_backward(
 
     A centre moves its direction d by ``(1 - d d^T) / distance``.
     """
-    for i in prange(len(centres)):
+    start, stop = share(part, parts, len(centres))
+    for i in range(start, stop):
         x, y, z, inverse = direction(centres, i, eye)
         basis = _basis(x, y, z)
         by_x, by_y, by_z = _slopes_x(x, y, z), _slopes_y(x, y, z), _slopes_z(x, y, z)
@@ -44,3 +50,9 @@ def colours_backward(
         to_centres[i, 0] = (gx - radial * x) * inverse
         to_centres[i, 1] = (gy - radial * y) * inverse
         to_centres[i, 2] = (gz - radial * z) * inverse
+
+
+@njit(cache=True)
+def colours_backward(*given: Any) -> None:
+    """Write the gradients; the arguments are those of ``colours_backward_part`` after its parts."""
+    run(task(colours_backward_part, given))

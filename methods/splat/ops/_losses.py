@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an image lacks to its target, pixel by pixel: absolute difference and SSIM."""
 
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 import torch
@@ -105,10 +105,23 @@ def _flat(values: torch.Tensor) -> np.ndarray:
     return values.detach().contiguous().view(-1).numpy()
 
 
-def _kernel_inputs(image: torch.Tensor, target: torch.Tensor) -> tuple[np.ndarray, np.ndarray, int, int, int]:
-    """The first arguments of both kernels."""
+class _Pictures(NamedTuple):
+    """Two images as the kernels read them."""
+
+    image: np.ndarray
+    """Float32, flat: rows of at least ``LANES`` floats."""
+    target: np.ndarray
+    """The same."""
+    height: int
+    """Rows."""
+    length: int
+    """Floats in a row: columns times channels."""
+    channels: int
+
+
+def _pictures(image: torch.Tensor, target: torch.Tensor) -> _Pictures:
     height, width, channels = image.shape
-    return _flat(image), _flat(target), height, width * channels, channels
+    return _Pictures(_flat(image), _flat(target), height, width * channels, channels)
 
 
 class _Compare(torch.autograd.Function):
@@ -121,7 +134,7 @@ class _Compare(torch.autograd.Function):
 
         values = torch.empty_like(image, memory_format=torch.contiguous_format)
         saved = torch.empty(SAVED * image.numel() if ctx.needs_input_grad[0] else 0).numpy()  # aligned
-        ssim_forward(*_kernel_inputs(image, target), terms, _flat(values), saved)
+        ssim_forward(_pictures(image, target), terms, _flat(values), saved)
         ctx.save_for_backward(image, target)
         ctx.terms, ctx.saved = terms, saved
         return values
@@ -135,6 +148,6 @@ class _Compare(torch.autograd.Function):
         from graycard.methods.splat.ops._ssim_backward import ssim_backward
 
         to_image = torch.empty(grad_outputs[0].shape)
-        inputs = *_kernel_inputs(*ctx.saved_tensors), ctx.terms, ctx.saved
+        inputs = _pictures(*ctx.saved_tensors), ctx.terms, ctx.saved
         ssim_backward(*inputs, _flat(grad_outputs[0]), _flat(to_image))
         return to_image, None, None

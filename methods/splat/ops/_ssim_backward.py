@@ -8,13 +8,14 @@ to its pixel.
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.ops._ssim_forward import BAND, LANES, REACH, SAVED, WEIGHTS, WINDOW, last_start
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def column_gather(saved, upstream, row, at, length, first, past):
     """Sums down sixteen columns: of K, of L, and of the rest, taken from the means in this row."""
     of_k, of_l, rest = simd.broadcast(0.0), simd.broadcast(0.0), simd.broadcast(0.0)
@@ -32,7 +33,7 @@ def column_gather(saved, upstream, row, at, length, first, past):
     return of_k, of_l, rest, mean_x, mean_d
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def row_gather(lines, stride, at, channels, x, d):
     """Sums of the columns' sums over the windows around sixteen places, whose values are x and d."""
     total = simd.broadcast(0.0)
@@ -45,7 +46,7 @@ def row_gather(lines, stride, at, channels, x, d):
     return total
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sign(values):
     """-1, 0 or 1."""
     zero = simd.broadcast(0.0)
@@ -53,23 +54,23 @@ def sign(values):
     return simd.where_less(zero, values, simd.broadcast(1.0), below)
 
 
-@njit(parallel=True, cache=True)
-def ssim_backward(image, target, height, length, channels, terms, saved, upstream, to_image):
+@njit(**UNWRAPPED)
+def ssim_backward_part(part, parts, pictures, terms, saved, upstream, to_image):
     """Gradient of the image; the first arguments are those of ``ssim_forward``.
 
     Args:
-        image: as above.
-        target: as above.
-        height: as above.
-        length: as above.
-        channels: as above.
+        part: which of the
+        parts: that work at a time.
+        pictures: as above.
         terms: as above.
         saved: what ``ssim_forward`` wrote.
         upstream: float32, flat, gradients of its values.
         to_image: float32, flat, to be written.
     """
+    image, target, height, length, channels = pictures
     stride = length + 2 * REACH * channels
-    for band in prange((height + BAND - 1) // BAND):
+    start, stop = share(part, parts, (height + BAND - 1) // BAND)
+    for band in range(start, stop):
         lines = np.zeros(5 * stride, np.float32)
         for row in range(band * BAND, min(band * BAND + BAND, height)):
             first, past = max(REACH - row, 0), min(WINDOW, height + REACH - row)
@@ -93,3 +94,9 @@ def ssim_backward(image, target, height, length, channels, terms, saved, upstrea
                 gradient = simd.load_scalar(terms, 1) * distance
                 gradient = simd.fma(simd.load_scalar(terms, 2), lack, gradient)
                 simd.store(to_image, row * length + at, gradient)
+
+
+@njit(cache=True)
+def ssim_backward(*given):
+    """Find the gradient of the image; the arguments are those of ``ssim_backward_part`` after its parts."""
+    run(task(ssim_backward_part, given))

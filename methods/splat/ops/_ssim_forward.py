@@ -13,9 +13,10 @@ Rows lie flat, channels last: a step of one column is a step of ``channels`` flo
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 LANES = simd.LANES
 REACH = 5
@@ -40,13 +41,13 @@ def window() -> np.ndarray:
 WEIGHTS = window()
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def last_start(at, length):
     """Where the sixteen floats from ``at`` begin: the last ones of a line overlap those before them."""
     return min(at, length - LANES)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def rows_beyond(first, past):
     """Weight of the window's rows that lie beyond the image, in all lanes."""
     if past - first == WINDOW:
@@ -57,7 +58,7 @@ def rows_beyond(first, past):
     return simd.broadcast(beyond)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def column_statistics(image, target, begin, length, first, past):
     """Means of x and d, variances of x plus y and of d, down sixteen columns.
 
@@ -84,7 +85,7 @@ def column_statistics(image, target, begin, length, first, past):
     return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def row_statistics(lines, stride, at, channels):
     """The same over the windows around sixteen places.
 
@@ -108,7 +109,7 @@ def row_statistics(lines, stride, at, channels):
     return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def dissimilarity(statistics, saved, at, length, keep):
     """1 - SSIM from the statistics of windows; keeps what the backward kernel needs.
 
@@ -132,22 +133,22 @@ def dissimilarity(statistics, saved, at, length, keep):
     return simd.fnma(a, b, a + b)
 
 
-@njit(parallel=True, cache=True)
-def ssim_forward(image, target, height, length, channels, terms, values, saved):
+@njit(**UNWRAPPED)
+def ssim_forward_part(part, parts, pictures, terms, values, saved):
     """``base + absolute * |x - y| + dissimilar * (1 - SSIM)`` at every pixel and channel.
 
     Args:
-        image: float32, flat, ``height`` rows of ``length`` floats, at least ``LANES`` of them.
-        target: the same.
-        height: rows.
-        length: columns times channels.
-        channels: their number.
+        part: which of the
+        parts: that work at a time.
+        pictures: a ``_losses._Pictures``.
         terms: float32 ``(3,)``: base, absolute, dissimilar.
         values: float32, flat, to be written.
         saved: float32, flat, ``SAVED`` lines a row, to be written; empty if no gradient is wanted.
     """
+    image, target, height, length, channels = pictures
     stride = length + 2 * REACH * channels
-    for band in prange((height + BAND - 1) // BAND):
+    start, stop = share(part, parts, (height + BAND - 1) // BAND)
+    for band in range(start, stop):
         lines = np.zeros(4 * stride, np.float32)
         for row in range(band * BAND, min(band * BAND + BAND, height)):
             first, past = max(REACH - row, 0), min(WINDOW, height + REACH - row)
@@ -171,3 +172,9 @@ def ssim_forward(image, target, height, length, channels, terms, values, saved):
                 value = simd.fma(simd.load_scalar(terms, 1), distance, simd.load_scalar(terms, 0))
                 value = simd.fma(simd.load_scalar(terms, 2), lack, value)
                 simd.store(values, row * length + at, value)
+
+
+@njit(cache=True)
+def ssim_forward(*given):
+    """Compare images; the arguments are those of ``ssim_forward_part`` after its parts."""
+    run(task(ssim_forward_part, given))

@@ -8,7 +8,7 @@ by side: sums have one order whatever the threads do.
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.raster._blocks import (
@@ -35,6 +35,7 @@ from graycard.methods.splat.raster._tiles import TILE, past_tile
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, task
 
 PLAIN = (0,) * 12
 """Sums of a pair: nine of the linear forms, of the logarithm of alpha, two of the low-pass's centre."""
@@ -46,13 +47,13 @@ FAR, SOON = 16, 6
 """Pairs before they are needed at which their inputs are asked for, and the places of their results."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def add_linear(sums, gradient, x, y):
     """Add to the gradients of the three numbers of a linear form that of its value."""
     return simd.fma(gradient, x, sums[0]), simd.fma(gradient, y, sums[1]), sums[2] + gradient
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def add_geometry(sums, met, to_log, x, y):
     """Sums of ``PLAIN``, but for factors of two: only the larger Gaussian has any gradient."""
     u, v, over, disc, low_pass = met
@@ -67,14 +68,14 @@ def add_geometry(sums, met, to_log, x, y):
     return first + second + third + (sums[9] + to_log,) + low
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def add_height(sums, met, to_height, z, x, y):
     """Add to the gradients of the denominator what the plane's depth makes of it."""
     to_below = simd.where_at_least(met[4], met[3], to_height * z, simd.broadcast(0.0))
     return sums[:6] + add_linear(sums[6:9], simd.broadcast(-0.5) * to_below, x, y) + sums[9:]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pull_of_channels(features, surfel, channels, gradients, block, template, sixteen):
     """Derivative of the loss by the weight of a surfel, from its channels."""
     pull, channel = simd.broadcast(0.0), 0
@@ -90,7 +91,7 @@ def pull_of_channels(features, surfel, channels, gradients, block, template, six
     return pull
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pull_of_shape(normals, surfel, planes, block, depth):
     """The same from normal and moments; and the derivative by the depth, of one weight."""
     place = block * PLANES * LANES
@@ -103,7 +104,7 @@ def pull_of_shape(normals, surfel, planes, block, depth):
     return pull, simd.fnma(steep + steep, over * over, first)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pull_of_median(planes, block, rank):
     """Derivative of the loss by the depth of a surfel, where the median depth is its own."""
     place, zero = block * PLANES * LANES, simd.broadcast(0.0)
@@ -112,7 +113,7 @@ def pull_of_median(planes, block, rank):
     return simd.where_at_least(mine, named, pull, zero)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def visit(
     rows, surfel, block, x, y, rank, features, channels, template, sixteen, narrow, normals,
     through, suffix, gradients, planes, weights, sums, tail,
@@ -150,7 +151,7 @@ def visit(
     return add_geometry(sums, met, to_log, x, y), tail
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pair_gradient(
     mask, rows, surfel, tile_x, tile_y, rank, features, channels, template, sixteen, narrow, extra, normals,
     positions, through, suffix, gradients, planes, weights,
@@ -172,21 +173,21 @@ def pair_gradient(
     return many.lane_sums(sums + tail)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def slot_of(bounds, surfel, first, tile_x, tile_y):
     """Place of a pair among the places of its surfel: row-major over the tiles that it touches."""
     left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
     return first + (tile_y // TILE - bounds[surfel, 2] // TILE) * (right - left) + tile_x // TILE - left
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def clear(array, first, count):
     """Zero to whole vectors."""
     for at in range(first, first + count, LANES):
         simd.store(array, at, simd.broadcast(0.0))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def fetch_slot(slot, stride, to_geometry, to_channels):
     """Where a pair will be written."""
     words.prefetch_to_write(to_geometry, slot * LANES)
@@ -195,7 +196,7 @@ def fetch_slot(slot, stride, to_geometry, to_channels):
             words.prefetch_to_write(to_channels, at)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def fetch_later(
     pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
     to_geometry, to_channels,
@@ -210,7 +211,7 @@ def fetch_later(
         fetch_slot(slot_of(bounds, surfel, slots[surfel], tile_x, tile_y), stride, to_geometry, to_channels)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def tile_gradient(
     tile_x, tile_y, first, drawn, past, rows, bounds, listed, slots, masks, features, channels, template,
     sixteen, narrow, extra, normals, positions, through, suffix, gradients, planes, weights, wide, stride,
@@ -243,13 +244,42 @@ def tile_gradient(
                 narrow_gradient(mask, weights, channels, gradients, planes, template, to_channels, at)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def gradient_part(
     part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template, sixteen,
-    narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels,
+    normals, narrow, extra, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels,
     stride,
 ):  # fmt: skip
-    """Every so manyth tile."""
+    """Write the gradients of every so manyth tile's pairs; what is not named here is as in ``draw_part``.
+
+    Args:
+        part: as there, and
+        parts: as there.
+        rows: as there.
+        bounds: as there.
+        start: as there.
+        listed: as there.
+        slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
+        masks: what ``forward`` wrote, and
+        drawn: what it wrote.
+        features: as there.
+        channels: as there.
+        template: as there.
+        sixteen: as there.
+        normals: as there.
+        narrow: ``template`` if all channels have room in a slot beside ``PLAIN``, else None.
+        extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
+        image: what it wrote, and
+        transmittance: what it wrote.
+        to_image: float32 ``(H, W, channels)``, gradient.
+        to_transmittance: float32 ``(H, W)``, gradient.
+        shape: None, or what it takes with the normals, see ``read_shape``.
+        to_geometry: float32, flat, ``LANES`` a pair, to be written: ``PLAIN``, then channels if they are
+            narrow, else ``HEIGHTS``, which are zero without normals.
+        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then, from
+            ``_channels_backward.first_normal`` on, of normals; None if channels are narrow.
+        stride: a multiple of ``GROUP``.
+    """
     positions, through = lane_positions(), aligned(PIXELS)
     suffix, gradients = aligned(PIXELS), aligned(channels * PIXELS)
     planes = floats_for(shape, PLANES * PIXELS)
@@ -275,43 +305,7 @@ def gradient_part(
         )  # fmt: skip
 
 
-@njit(parallel=True, cache=True)
-def backward(
-    rows, bounds, start, listed, slots, masks, drawn, features, channels, template, sixteen, normals, parts,
-    narrow, extra, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels, stride,
-):  # fmt: skip
-    """Gradients of each pair of surfel and tile; what is not named here is as in ``forward``.
-
-    Args:
-        rows: as there.
-        bounds: as there.
-        start: as there.
-        listed: as there.
-        slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
-        masks: what ``forward`` wrote, and
-        drawn: what it wrote.
-        features: as there.
-        channels: as there.
-        template: as there.
-        sixteen: as there.
-        normals: as there.
-        parts: as there.
-        narrow: ``template`` if all channels have room in a slot beside ``PLAIN``, else None.
-        extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
-        image: what it wrote, and
-        transmittance: what it wrote.
-        to_image: float32 ``(H, W, channels)``, gradient.
-        to_transmittance: float32 ``(H, W)``, gradient.
-        shape: None, or what it takes with the normals, see ``read_shape``.
-        to_geometry: float32, flat, ``LANES`` a pair, to be written: ``PLAIN``, then channels if they are
-            narrow, else ``HEIGHTS``, which are zero without normals.
-        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then, from
-            ``_channels_backward.first_normal`` on, of normals; None if channels are narrow.
-        stride: a multiple of ``GROUP``.
-    """
-    for part in prange(parts):
-        gradient_part(
-            part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template,
-            sixteen, narrow, extra, normals, image, transmittance, to_image, to_transmittance, shape,
-            to_geometry, to_channels, stride,
-        )  # fmt: skip
+@njit(cache=True)
+def backward(*given):
+    """Find the gradients of all pairs; the arguments are those of ``gradient_part`` after its parts."""
+    run(task(gradient_part, given))

@@ -19,6 +19,7 @@ from graycard.methods.splat.raster._coefficients import (
 )
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 
 LANES = simd.LANES
 BLOCK = 4
@@ -42,7 +43,7 @@ TINY = 1e-30
 LOG_ALPHA_MIN = float(np.log2(ALPHA_MIN))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def aligned(count):
     """So many floats, zero, from the start of a line of the cache: a vector never lies across two."""
     room = np.zeros(count + LANES, np.float32)
@@ -50,7 +51,7 @@ def aligned(count):
     return room[first : first + count]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def lane_positions():
     """Pixel centres from the tile's corner: 4 vectors of x by block column, 4 of y by block row."""
     positions = aligned(8 * LANES)
@@ -61,20 +62,20 @@ def lane_positions():
     return positions
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def centre_in_tile(rows, at, axis, corner):
     """Coordinate of the anchor from the tile's corner."""
     return (rows[at + WHOLE + axis] - np.float32(corner)) + rows[at + REST + axis]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def linear_form(rows, at, x, y):
     """Value of one linear form at sixteen pixels."""
     across = simd.fma(simd.load_scalar(rows, at + 1), y, simd.load_scalar(rows, at + 2))
     return simd.fma(simd.load_scalar(rows, at), x, across)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def meet(rows, at, x, y):
     """Where sixteen rays meet a disc.
 
@@ -90,14 +91,14 @@ def meet(rows, at, x, y):
     return u, v, over, disc, simd.fma(x, x, y * y)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def exponent_of(rows, at, disc, low_pass):
     """Logarithm to base two of opacity times the larger Gaussian; the low-pass where the disc's is NaN."""
     less = simd.minimum(disc, low_pass)
     return simd.fnma(simd.broadcast(LOG2_E), less, simd.load_scalar(rows, at + LOG_OPACITY))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def where_drawn(exponent, before, values):
     """Values where alpha and the transmittance before it are large enough, zero elsewhere."""
     zero = simd.broadcast(0.0)
@@ -105,26 +106,26 @@ def where_drawn(exponent, before, values):
     return simd.where_at_least(exponent, simd.broadcast(LOG_ALPHA_MIN), passing, zero)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def depth_at(rows, at, met):
     """Of the disc's plane, or of the centre where the low-pass is the larger Gaussian; and of the plane."""
     z = simd.load_scalar(rows, at + HEIGHT) * simd.broadcast(NEAR) * met[2]
     return simd.where_at_least(met[4], met[3], z, simd.load_scalar(rows, at + CENTRE_Z)), z
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def block_columns(low, high, corner):
     """Blocks of a tile, from and to, that pixels from ``low`` to before ``high`` touch."""
     return max(low - corner, 0) // BLOCK, (min(high - corner, BLOCK * 4) + BLOCK - 1) // BLOCK
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def next_bit(bits):
     """The place of the lowest bit, and the bits without it."""
     return words.lowest_bit(bits), bits & (bits - np.uint64(1))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pixel_of(block, lane):
     """Row and column in the tile."""
     return block // 4 * BLOCK + lane // BLOCK, block % 4 * BLOCK + lane % BLOCK

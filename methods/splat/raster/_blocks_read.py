@@ -19,6 +19,7 @@ from graycard.methods.splat.raster._blocks_write import KAPPA, as_image, is_whol
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _pixels as pixels
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 
 PLANES = 10
 """Three of the normal, five of ``CENTRED``, and:"""
@@ -40,7 +41,7 @@ def _flat(image):  # no type hints: Numba compares signatures, hints included
     return lambda image: image.reshape(-1)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def read_lanes(tile_x, tile_y, image, to_image, channel, count, gradients, stride, first, suffix):
     """Bring so many channels of an image's gradient to ``stride`` vectors a block, zero beyond the image.
 
@@ -60,7 +61,7 @@ def read_lanes(tile_x, tile_y, image, to_image, channel, count, gradients, strid
                 gradients[(block * stride + first + c) * LANES + lane] = gradient
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, first, suffix):
     """As ``read_lanes``, for all channels, as many as the template is long."""
     width, channels = to_image.shape[1], len(template)
@@ -79,14 +80,14 @@ def read_image(tile_x, tile_y, image, to_image, template, gradients, stride, fir
             simd.store(suffix, block * LANES, total)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_plane(tile_x, tile_y, plane, to_plane, gradients, stride, first, suffix):
     """As ``read_lanes``, for images without channels."""
     image = None if plane is None else as_image(plane)
     read_image(tile_x, tile_y, image, as_image(to_plane), ONE, gradients, stride, first, suffix)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def widen(gradients, stride, first, count, wide, row, channel):
     """Write so many vectors of each block pixel by pixel, ``row`` floats apart."""
     for block in range(BLOCKS):
@@ -96,7 +97,7 @@ def widen(gradients, stride, first, count, wide, row, channel):
                 wide[(block * LANES + lane) * row + channel + c] = value
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stride, suffix):
     """As ``read_lanes``, for sixteen channels; and pixel by pixel into ``wide``, ``stride`` floats apart."""
     width, channels = image.shape[1:]
@@ -117,7 +118,7 @@ def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stri
         simd.store(suffix, block * LANES, total)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_tile(
     tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
     gradients, wide, stride, suffix, room,
@@ -133,7 +134,7 @@ def read_tile(
         read_image(tile_x, tile_y, image, to_image, template, gradients, channels, 0, suffix)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def pull_moments(tile, planes, moments, ranks, suffix):
     """Make ``CENTRED`` of the gradients of depth and distortion, which lie in its first planes.
 
@@ -158,7 +159,7 @@ def pull_moments(tile, planes, moments, ranks, suffix):
         simd.store(suffix, block * LANES, whole)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix):
     """Gradients of normals, depth, distortion and median depth as those of the sums behind them."""
     normal, moments, ranks, to_normal, to_depth, to_distortion, to_median = shape

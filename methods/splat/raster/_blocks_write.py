@@ -20,6 +20,7 @@ from graycard.methods.splat.raster._tiles import TILE
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _pixels as pixels
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 
 KAPPA = NDC_FAR * NDC_NEAR / (NDC_FAR - NDC_NEAR)
 """Metres: depth in normalised device coordinates is a constant minus ``KAPPA / z``."""
@@ -27,19 +28,19 @@ DEPTH, DISTORTION = 3, 4
 """Places of the maps among the sums of a block, from where they are copied."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def is_whole(tile_x, tile_y, image):
     """Whether a tile lies within an image."""
     return tile_y + TILE <= image.shape[0] and tile_x + TILE <= image.shape[1]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def as_image(plane):
     """The same values as an image of one channel."""
     return plane.reshape(plane.shape[0], plane.shape[1], 1)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def write_lanes(tile_x, tile_y, sums, stride, first, channel, count, image):
     """Copy so many of the ``stride`` vectors of each block to channels of the pixels that the image has."""
     height, width = image.shape[:2]
@@ -53,7 +54,7 @@ def write_lanes(tile_x, tile_y, sums, stride, first, channel, count, image):
                     image[tile_y + row, tile_x + column, channel + c] = sums[place + c * LANES]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def write_image(tile_x, tile_y, sums, stride, first, template, image):
     """Copy vectors of each block to all channels of an image, as many as the template is long."""
     width, channels = image.shape[1], len(template)
@@ -68,13 +69,13 @@ def write_image(tile_x, tile_y, sums, stride, first, template, image):
         pixels.store_pixels(flat, at, width * channels, vectors)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_plane(tile_x, tile_y, sums, stride, first, plane):
     """Copy one vector of each block to an image without channels."""
     write_image(tile_x, tile_y, sums, stride, first, ONE, as_image(plane))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_sixteen(tile_x, tile_y, sums, channel, image):
     """Copy sixteen vectors of each block to channels of the pixels."""
     width, channels = image.shape[1:]
@@ -89,7 +90,7 @@ def write_sixteen(tile_x, tile_y, sums, channel, image):
         pixels.store_square(flat, at, channels, width * channels, pixels.transpose(vectors))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image, transmittance):
     """Copy channels and transmittance from blocks to the pixels of the images."""
     if sixteen is not None:
@@ -100,7 +101,7 @@ def write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image
     write_plane(tile_x, tile_y, through, 1, 0, transmittance)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def clear_medians(medians):
     """No depth, and no rank."""
     for block in range(BLOCKS):
@@ -108,7 +109,7 @@ def clear_medians(medians):
         simd.store(medians, (block * 2 + 1) * LANES, simd.broadcast(-1.0))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def spread_of(total, inverse, square):
     """``total * square - inverse^2``, zero where it comes out below.
 
@@ -120,7 +121,7 @@ def spread_of(total, inverse, square):
     return simd.maximum(simd.fma(total, square, lost - product), simd.broadcast(0.0))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def keep_moments(tile, sums, medians, moments, ranks):
     """Keep what the way back needs, and put depth and distortion in the place of the first two moments."""
     zero, kappa = simd.broadcast(0.0), simd.broadcast(KAPPA**2)
@@ -134,7 +135,7 @@ def keep_moments(tile, sums, medians, moments, ranks):
         simd.store(sums, at + LANES, kappa * spread_of(total, inverse, square))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_shape(tile_x, tile_y, tile, sums, medians, shape):
     """Copy normals, and make depth and distortion of the moments."""
     normal, depth, distortion, median, moments, ranks = shape

@@ -7,19 +7,20 @@ from graycard.methods.splat.raster._blocks import GROUP, LANES, NORMAL, next_bit
 from graycard.methods.splat.raster._blocks_read import PLANES
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED
 
 HALF = LANES // 2
 """Where normals begin in a slot of few channels."""
 PARTIAL = (0,) * 4
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def first_normal(channels):
     """Place of the normal's gradient among those of the channels of a pair."""
     return max(channels, HALF)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def channel_gradient(mask, weights, wide, stride, to_channels, at):
     """Gradients of a surfel's channels from one tile, sixteen channels at a time: weights times rows."""
     for channel in range(0, stride, GROUP):
@@ -32,7 +33,7 @@ def channel_gradient(mask, weights, wide, stride, to_channels, at):
         simd.store(to_channels, at + channel, (total[0] + total[1]) + (total[2] + total[3]))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def narrow_gradient(mask, weights, channels, gradients, planes, template, to_channels, at):
     """As ``channel_gradient``, for up to eight channels: sums of weights times vectors of the blocks."""
     total = many.repeat(simd.broadcast(0.0), template)

@@ -6,7 +6,7 @@ of consecutive surfels do not wait for each other. Weights are written down, the
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._blocks import (
@@ -35,12 +35,13 @@ from graycard.methods.splat.raster._tiles import TILE
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, task
 
 BATCH = 64
 """Surfels at a time: as many as a word has bits."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching):
     """Copy the rows of a batch, with centres from the tile's corner, and note which blocks it touches."""
     touching[:] = 0
@@ -56,7 +57,7 @@ def stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching):
             touching[4 + step] |= np.uint64(top <= step < bottom) << np.uint64(k)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, depths, hits, masks, medians):
     """Weights of a batch in one block, in order; those of surfels that cover nothing are left out.
 
@@ -95,7 +96,7 @@ def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, dept
     return found, before
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_group(found, hits, listed, first, weights, values, stride, channel, sums, at, template):
     """Add weight times value to as many sums as the template is long, in registers."""
     totals = many.load_many(sums, at, template)
@@ -105,7 +106,7 @@ def sum_group(found, hits, listed, first, weights, values, stride, channel, sums
     many.store_many(sums, at, totals)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_moments(found, weights, depths, sums, at):
     """Add to the sums of w, w z, w / z and w / z^2."""
     total, first, inverse, square = many.load_many(sums, at, MOMENTS)
@@ -118,7 +119,7 @@ def sum_moments(found, weights, depths, sums, at):
     many.store_many(sums, at, (total, first, inverse, square))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_batch(
     found, hits, listed, first, weights, depths, features, channels, normals, block, sums, shape_sums,
     template, sixteen,
@@ -139,7 +140,7 @@ def sum_batch(
         sum_moments(found, weights, depths, shape_sums, at + 3 * LANES)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def draw_tile(
     tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
     staged, touching, weights, depths, hits, sums, shape_sums, medians, transmittance, masks, template,
@@ -174,12 +175,32 @@ def draw_tile(
     return first, visits
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def draw_part(
     part, parts, rows, bounds, start, listed, features, channels, template, sixteen, normals,
     image, transmittance, masks, drawn, visits, shape,
 ):  # fmt: skip
-    """Every so manyth tile."""
+    """Draw every so manyth tile.
+
+    Args:
+        part: which of the
+        parts: how many tiles are drawn at a time.
+        rows: float32, flat, ``COLUMNS`` a surfel.
+        bounds: int32 ``(N, 4)``, pixels.
+        start: int32 ``(tiles + 1,)``, and
+        listed: int32 ``(pairs,)``: the lists of the tiles.
+        features: float32, flat, ``channels`` a surfel.
+        channels: their number, at least one.
+        template: a tuple as long as the last group of channels if that has fewer than ``GROUP``, else None.
+        sixteen: ``SIXTEEN`` if there are whole groups, else None.
+        normals: float32, flat, three a surfel, in the world; or None.
+        image: float32 ``(H, W, channels)``, to be written.
+        transmittance: float32 ``(H, W)``, to be written: what is left of the light from behind.
+        masks: uint16 ``(pairs,)``, to be written where drawn: the blocks that a surfel covers in a tile.
+        drawn: int32 ``(tiles,)``, to be written: how many of a tile's list were looked at.
+        visits: int32 ``(tiles,)``, to be written: how often a surfel was evaluated on a block.
+        shape: None, or what to write with the normals, see ``write_shape``.
+    """
     positions, staged = lane_positions(), aligned(BATCH * COLUMNS)
     touching, hits = np.empty(8, np.uint64), np.empty(BATCH, np.int64)
     weights, through = aligned(BATCH * LANES), aligned(PIXELS)
@@ -212,33 +233,7 @@ def draw_part(
             write_shape(tile_x, tile_y, tile, shape_sums, medians, shape)
 
 
-@njit(parallel=True, cache=True)
-def forward(
-    rows, bounds, start, listed, features, channels, template, sixteen, normals, parts,
-    image, transmittance, masks, drawn, visits, shape,
-):  # fmt: skip
-    """Draw all tiles.
-
-    Args:
-        rows: float32, flat, ``COLUMNS`` a surfel.
-        bounds: int32 ``(N, 4)``, pixels.
-        start: int32 ``(tiles + 1,)``, and
-        listed: int32 ``(pairs,)``: the lists of the tiles.
-        features: float32, flat, ``channels`` a surfel.
-        channels: their number, at least one.
-        template: a tuple as long as the last group of channels if that has fewer than ``GROUP``, else None.
-        sixteen: ``SIXTEEN`` if there are whole groups, else None.
-        normals: float32, flat, three a surfel, in the world; or None.
-        parts: how many tiles to draw at a time.
-        image: float32 ``(H, W, channels)``, to be written.
-        transmittance: float32 ``(H, W)``, to be written: what is left of the light from behind.
-        masks: uint16 ``(pairs,)``, to be written where drawn: the blocks that a surfel covers in a tile.
-        drawn: int32 ``(tiles,)``, to be written: how many of a tile's list were looked at.
-        visits: int32 ``(tiles,)``, to be written: how often a surfel was evaluated on a block.
-        shape: None, or what to write with the normals, see ``write_shape``.
-    """
-    for part in prange(parts):
-        draw_part(
-            part, parts, rows, bounds, start, listed, features, channels, template, sixteen, normals,
-            image, transmittance, masks, drawn, visits, shape,
-        )  # fmt: skip
+@njit(cache=True)
+def forward(*given):
+    """Draw all tiles; the arguments are those of ``draw_part`` after its parts."""
+    run(task(draw_part, given))

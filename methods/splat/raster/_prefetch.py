@@ -9,12 +9,13 @@ from numba import njit
 
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.simd import _words as words
+from graycard.methods.splat.simd._parts import INLINED
 
 LINE = 16
 """Floats in a line of the cache."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def fetch_values(values, surfel, count):
     """So many numbers a surfel, which may begin anywhere in a line."""
     first = surfel * count
@@ -23,7 +24,7 @@ def fetch_values(values, surfel, count):
     words.prefetch(values, first + count - 1)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def fetch_surfel(surfel, rows, bounds, features, channels, normals):
     """All that drawing reads of a surfel."""
     words.prefetch(rows, surfel * COLUMNS)
@@ -33,7 +34,7 @@ def fetch_surfel(surfel, rows, bounds, features, channels, normals):
         fetch_values(normals, surfel, 3)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def fetch_listed(listed, first, past, rows, bounds, features, channels, normals):
     """Of a part of a list."""
     for pair in range(first, past):

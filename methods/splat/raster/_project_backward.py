@@ -5,7 +5,7 @@ The derivatives are those of ``_project_forward``, by hand; ``to_x`` is the deri
 """
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat.raster._backward import FIRST_CHANNEL, LANES, PLAIN
 from graycard.methods.splat.raster._channels_backward import first_normal
@@ -25,6 +25,7 @@ from graycard.methods.splat.raster._project_frame import (
     unit_quaternion,
 )
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 TO_LOG, TO_LOW = 9, 10
 """Columns of a slot after the linear forms."""
@@ -32,7 +33,7 @@ TO_HEIGHT, TO_CENTRE_Z = len(PLAIN), len(PLAIN) + 1
 ZERO = (0.0, 0.0, 0.0)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_slots(slots, first, past, width, at, total):
     """Sum one vector of each of a surfel's slots, in their order."""
     running = simd.broadcast(0.0)
@@ -41,7 +42,7 @@ def sum_slots(slots, first, past, width, at, total):
     simd.store(total, 0, running)
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def form_gradient(total, column, factor, to_rays, anchor):
     """From the gradient of a linear form on pixels to that on rays."""
     x, y = factor * np.float64(total[column]), factor * np.float64(total[column + 1])
@@ -49,7 +50,7 @@ def form_gradient(total, column, factor, to_rays, anchor):
     return turned(to_rays, (x + constant * anchor[0], y + constant * anchor[1], constant))
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def axis_gradient(to_form, axis, away, height, centre, scale):
     """Of one numerator, ``(height * axis - (axis . centre) * away) * HALF_ROOT / scale``.
 
@@ -64,7 +65,7 @@ def axis_gradient(to_form, axis, away, height, centre, scale):
     return to_axis, scaled(-factor * along, to_form), to_height, scaled(to_along, axis), to_scale
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def column_gradient(sign, column, K, to_middle, to_norm):
     """Of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``, see ``rim``."""
     x, y, _z = turned(K, column)
@@ -77,7 +78,7 @@ def column_gradient(sign, column, K, to_middle, to_norm):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def box_gradient(to_box, box, boxed, K, u, v, centre):
     """Of the columns u, v and centre, from that of the box's centre."""
     over = 1 / (boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2])
@@ -90,7 +91,7 @@ def box_gradient(to_box, box, boxed, K, u, v, centre):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     """From the gradients of the disc's axes in the world to that of the quaternion before it was scaled."""
     w, x, y, z = quaternion
@@ -111,15 +112,13 @@ def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
-def unproject_one(
-    surfel, centres, rotations, scales, opacities, moved, camera, size, row, total, heights, to_normal,
-    to_centres, to_rotations, to_scales, to_opacities, to_offsets,
-):  # fmt: skip
+@njit(error_model="numpy", **INLINED)
+def unproject_one(surfel, discs, moved, view, row, total, heights, to_normal, to):
     """Write the gradients of one surfel from the sums of its slots."""
-    pose, K, to_rays = camera
-    centre = centre_seen(centres, surfel, pose)
-    quaternion, length = unit_quaternion(rotations, surfel)
+    pose, K, to_rays, image_width, image_height = view
+    scales, size = discs.scales, (image_width, image_height)
+    centre = centre_seen(discs.centres, surfel, pose)
+    quaternion, length = unit_quaternion(discs.rotations, surfel)
     world = disc_axes(quaternion)
     u, v, normal = turned(pose, world[0]), turned(pose, world[1]), turned(pose, world[2])
     sign = away_from(centre, normal)
@@ -147,23 +146,23 @@ def unproject_one(
     to_wide, to_high, centre_box = box_gradient(to_box, box, boxed, K, wide, high, centre)
     to_u, to_v = added(to_u, sizes[0], to_wide), added(to_v, sizes[1], to_high)
     to_centre = turned_back(pose, added(to_centre, 1.0, centre_box))
-    to_centres[surfel, 0], to_centres[surfel, 1], to_centres[surfel, 2] = to_centre
-    to_scales[surfel, 0] = to_size_u + dot(u, to_wide)
-    to_scales[surfel, 1] = to_size_v + dot(v, to_high)
-    to_opacities[surfel] = np.float64(total[TO_LOG]) / np.float64(opacities[surfel])
+    to.centres[surfel, 0], to.centres[surfel, 1], to.centres[surfel, 2] = to_centre
+    to.scales[surfel, 0] = to_size_u + dot(u, to_wide)
+    to.scales[surfel, 1] = to_size_v + dot(v, to_high)
+    to.opacities[surfel] = np.float64(total[TO_LOG]) / np.float64(discs.opacities[surfel])
 
     to_z = added(scaled(sign, turned_back(pose, to_away)), -sign, to_normal)
     to_world = turned_back(pose, to_u), turned_back(pose, to_v)
     to_quaternion = quaternion_gradient(quaternion, length, to_world[0], to_world[1], to_z)
     for part in range(4):
-        to_rotations[surfel, part] = to_quaternion[part]
+        to.rotations[surfel, part] = to_quaternion[part]
     for axis in range(2):
         by_numerators = row[U + axis] * total[U + 2] + row[V + axis] * total[V + 2]
         by_forms = 2.0 * (by_numerators - row[D + axis] * total[D + 2])
-        to_offsets[surfel, axis] = to_box[axis] + by_forms
+        to.offsets[surfel, axis] = to_box[axis] + by_forms
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
     x, y, z = 0.0, 0.0, 0.0
@@ -183,57 +182,46 @@ def unpack_channels(surfel, slots, first, past, stride, channels, total, to_feat
     return x, y, z
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def unproject(
-    centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height, rows, slots,
-    to_geometry, to_channels, stride, heights, to_centres, to_rotations, to_scales, to_opacities,
-    to_features, to_offsets,
+@njit(error_model="numpy", **UNWRAPPED)
+def unproject_part(
+    part, parts, discs, view, found, to_channels, stride, heights, to
 ):  # fmt: skip
     """Gradients of the surfels; the first arguments are those of ``project``.
 
     Args:
-        centres: as there.
-        rotations: as there.
-        scales: as there.
-        opacities: as there.
-        offsets: as there.
-        pose: as there.
-        K: as there.
-        to_rays: as there.
-        width: as there.
-        height: as there.
-        rows: what it wrote.
-        slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
-        to_geometry: what ``backward`` wrote, and
-        to_channels: what it wrote; or None.
+        part: which of the
+        parts: that work at a time.
+        discs: as there.
+        view: as there.
+        found: a ``Found``.
+        to_channels: what ``backward`` wrote; or None.
         stride: as there.
         heights: whether there are depths and normals.
-        to_centres: ``(N, 3)``, to be written, as the others:
-        to_rotations: ``(N, 4)``,
-        to_scales: ``(N, 2)``,
-        to_opacities: ``(N,)``,
-        to_features: float32 ``(N, channels)``,
-        to_offsets: ``(N, 2)``.
+        to: ``Gradients``, to be written.
     """
-    channels, size = to_features.shape[1], (np.float64(width), np.float64(height))
-    for surfel in prange(len(centres)):
+    channels, rows, slots, to_geometry = to.features.shape[1], found.rows, found.slots, found.to_geometry
+    begin, end = share(part, parts, len(discs.centres))
+    for surfel in range(begin, end):
         first, past = slots[surfel], slots[surfel + 1]
         if first == past:
-            to_centres[surfel], to_rotations[surfel], to_scales[surfel] = 0, 0, 0
-            to_opacities[surfel], to_features[surfel] = 0, 0
-            to_offsets[surfel] = 0
+            to.centres[surfel], to.rotations[surfel], to.scales[surfel] = 0, 0, 0
+            to.opacities[surfel], to.features[surfel] = 0, 0
+            to.offsets[surfel] = 0
             continue
         total, to_normal = np.empty(LANES, np.float32), ZERO
         if to_channels is not None:
             to_normal = unpack_channels(
-                surfel, to_channels, first, past, stride, channels, total, to_features
+                surfel, to_channels, first, past, stride, channels, total, to.features
             )
         sum_slots(to_geometry, first, past, LANES, 0, total)
         if to_channels is None:
             for channel in range(channels):
-                to_features[surfel, channel] = total[FIRST_CHANNEL + channel]
-        moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
-        unproject_one(
-            surfel, centres, rotations, scales, opacities, moved, (pose, K, to_rays), size, rows[surfel],
-            total, heights, to_normal, to_centres, to_rotations, to_scales, to_opacities, to_offsets,
-        )  # fmt: skip
+                to.features[surfel, channel] = total[FIRST_CHANNEL + channel]
+        moved = np.float64(discs.offsets[surfel, 0]), np.float64(discs.offsets[surfel, 1])
+        unproject_one(surfel, discs, moved, view, rows[surfel], total, heights, to_normal, to)
+
+
+@njit(cache=True)
+def unproject(*given):
+    """Find the gradients of all surfels; the arguments are those of ``unproject_part`` after its parts."""
+    run(task(unproject_part, given))

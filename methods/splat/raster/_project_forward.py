@@ -4,7 +4,7 @@
 from math import ceil, floor, log, sqrt
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR
 from graycard.methods.splat.raster._coefficients import (
@@ -33,12 +33,13 @@ from graycard.methods.splat.raster._project_frame import (
     turned,
     unit_quaternion,
 )
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 HALF_ROOT = sqrt(0.5)
 LOG_ALPHA_MIN = log(ALPHA_MIN)
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def interval(middle, half, box, radius, size):
     """Pixels from and to (excluded) whose centres lie in either of two ranges.
 
@@ -50,7 +51,7 @@ def interval(middle, half, box, radius, size):
     return first, past
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def reach(square, K, u, v, centre, box, moved, size):
     """Pixels that the disc of ``square`` squared standard deviations, or its low-pass, may touch.
 
@@ -68,20 +69,20 @@ def reach(square, K, u, v, centre, box, moved, size):
     return left, right, top, bottom
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def write_form(row, first, form):
     """Three numbers of a linear form."""
     row[first], row[first + 1], row[first + 2] = form
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def write_anchor(row, axis, value):
     """One coordinate of the anchor, in two parts."""
     row[WHOLE + axis] = np.float32(np.floor(value + 0.5))
     row[REST + axis] = np.float32(value - np.float64(row[WHOLE + axis]))
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def write_row(row, axes, centre, scales, logarithm, anchor, moved, to_rays):
     """The columns of ``_coefficients`` but for the depth of the centre."""
     u, v, away = axes
@@ -98,11 +99,12 @@ def write_row(row, axes, centre, scales, logarithm, anchor, moved, to_rays):
     write_anchor(row, 1, anchor[1] + moved[1])
 
 
-@njit(forceinline=True, error_model="numpy")
-def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size, row, normals):
+@njit(error_model="numpy", **INLINED)
+def project_one(surfel, centre, discs, opacity, moved, view, row, normals):
     """Write the row and the world normal of a surfel in front of the camera; return its pixel bounds."""
-    pose, K, to_rays = camera
-    world = disc_axes(unit_quaternion(rotations, surfel)[0])
+    pose, K, to_rays, width, height = view
+    size, scales = (width, height), discs.scales
+    world = disc_axes(unit_quaternion(discs.rotations, surfel)[0])
     u, v, normal = turned(pose, world[0]), turned(pose, world[1]), turned(pose, world[2])
     sign = away_from(centre, normal)
     sizes = np.float64(scales[surfel, 0]), np.float64(scales[surfel, 1])
@@ -118,42 +120,39 @@ def project_one(surfel, centre, rotations, scales, opacity, moved, camera, size,
     return bounds
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
-def project(
-    centres, rotations, scales, opacities, offsets, pose, K, to_rays, width, height,
-    rows, bounds, depths, normals,
-):  # fmt: skip
+@njit(error_model="numpy", **UNWRAPPED)
+def project_part(part, parts, discs, view, rows, bounds, depths, normals):
     """Prepare all surfels for the pixels.
 
     Args:
-        centres: ``(N, 3)``, world.
-        rotations: ``(N, 4)``, quaternions.
-        scales: ``(N, 2)``.
-        opacities: ``(N,)``.
-        offsets: ``(N, 2)``, pixels.
-        pose: ``(4, 4)``, world to camera.
-        K: ``(3, 3)``.
-        to_rays: ``(3, 3)``, its inverse.
-        width: of the image, pixels.
-        height: of the image, pixels.
+        part: which of the
+        parts: that work at a time.
+        discs: N of them, a ``Discs``.
+        view: a ``View``.
         rows: float32 ``(N, COLUMNS)``, to be written where the bounds are not empty.
         bounds: int32 ``(N, 4)``, to be written: columns from, to, rows from, to; ends excluded; all zero
             for surfels that touch no pixel.
         depths: float64 ``(N,)``, to be written: of the centres.
         normals: float32 ``(N, 3)``, to be written as the rows are: in the world, facing the camera.
     """
-    for surfel in prange(len(centres)):
-        centre = centre_seen(centres, surfel, pose)
+    begin, end = share(part, parts, len(discs.centres))
+    for surfel in range(begin, end):
+        centre = centre_seen(discs.centres, surfel, view.pose)
         depths[surfel] = centre[2]
-        opacity = np.float64(opacities[surfel])
+        opacity = np.float64(discs.opacities[surfel])
         left, right, top, bottom = 0, 0, 0, 0
         if centre[2] > NEAR and opacity >= ALPHA_MIN:
-            moved = np.float64(offsets[surfel, 0]), np.float64(offsets[surfel, 1])
+            moved = np.float64(discs.offsets[surfel, 0]), np.float64(discs.offsets[surfel, 1])
             left, right, top, bottom = project_one(
-                surfel, centre, rotations, scales, opacity, moved, (pose, K, to_rays),
-                (np.float64(width), np.float64(height)), rows[surfel], normals,
-            )  # fmt: skip
+                surfel, centre, discs, opacity, moved, view, rows[surfel], normals
+            )
         if left >= right or top >= bottom:
             left, right, top, bottom = 0, 0, 0, 0
         bounds[surfel, 0], bounds[surfel, 1] = left, right
         bounds[surfel, 2], bounds[surfel, 3] = top, bottom
+
+
+@njit(cache=True)
+def project(*given):
+    """Prepare all surfels; the arguments are those of ``project_part`` after its parts."""
+    run(task(project_part, given))

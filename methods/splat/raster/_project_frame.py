@@ -10,27 +10,28 @@ import numpy as np
 from numba import njit
 
 from graycard.methods.splat.raster._coefficients import BEYOND
+from graycard.methods.splat.simd._parts import INLINED
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def dot(a, b):
     """Of two triples."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def scaled(factor, a):
     """A triple times a number."""
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def added(a, factor, b):
     """``a + factor * b``, triples a and b."""
     return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def turned(matrix, a):
     """The left 3 x 3 of a matrix times a triple."""
     return (
@@ -40,7 +41,7 @@ def turned(matrix, a):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def turned_back(matrix, a):
     """The transposed left 3 x 3 of a matrix times a triple."""
     return (
@@ -50,7 +51,7 @@ def turned_back(matrix, a):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def unit_quaternion(rotations, surfel):
     """``(w, x, y, z)`` of unit length, and the length that was there."""
     w, x = np.float64(rotations[surfel, 0]), np.float64(rotations[surfel, 1])
@@ -60,7 +61,7 @@ def unit_quaternion(rotations, surfel):
     return (w * over, x * over, y * over, z * over), length
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def disc_axes(quaternion):
     """The disc's x, y and z axis in the world: the columns of the rotation matrix."""
     w, x, y, z = quaternion
@@ -71,27 +72,27 @@ def disc_axes(quaternion):
     )
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def centre_seen(centres, surfel, pose):
     """The centre in the camera's frame, metres."""
     world = np.float64(centres[surfel, 0]), np.float64(centres[surfel, 1]), np.float64(centres[surfel, 2])
     return added(turned(pose, world), 1.0, (pose[0, 3], pose[1, 3], pose[2, 3]))
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def away_from(centre, normal):
     """1 or -1: what turns the disc's z axis away from the camera, along the ray to the centre."""
     return 1.0 if dot(normal, centre) > 0 else -1.0
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def on_image(form, to_rays, anchor):
     """A linear form on rays as one on pixels: slopes, and the value at the anchor."""
     x, y, constant = turned_back(to_rays, form)
     return x, y, x * anchor[0] + y * anchor[1] + constant
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def rim(square, K, u, v, centre):
     """The conic of the disc's rim, projected: the middle of its box, the middle over its norm, and the norm.
 
@@ -110,7 +111,7 @@ def rim(square, K, u, v, centre):
     return x * over, y * over, xx * over, yy * over, norm
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def box_centre(K, u, v, centre):
     """Centre of the box of the disc of one standard deviation, projected, pixels; and whether it has one.
 
@@ -123,7 +124,7 @@ def box_centre(K, u, v, centre):
     return x, y, 0.0
 
 
-@njit(forceinline=True, error_model="numpy")
+@njit(error_model="numpy", **INLINED)
 def anchor_of(box, moved, size):
     """Where the linear forms of a surfel begin, before its picture is moved, see ``_coefficients``."""
     x = min(max(box[0] + moved[0], -BEYOND), size[0] + BEYOND)

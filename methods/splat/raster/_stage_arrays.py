@@ -2,12 +2,53 @@
 """The arrays that one stage of the engine hands to the next."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from graycard import Camera
 from graycard.methods.splat.raster._blocks import GROUP, LANES, PIXELS, SIXTEEN
 from graycard.methods.splat.raster._tiles import TileLists
+
+
+class Discs(NamedTuple):
+    """N surfels as kernels read them, in one floating dtype."""
+
+    centres: np.ndarray
+    """Shape ``(N, 3)``, world."""
+    rotations: np.ndarray
+    """Shape ``(N, 4)``, quaternions."""
+    scales: np.ndarray
+    """Shape ``(N, 2)``."""
+    opacities: np.ndarray
+    """Shape ``(N,)``."""
+    offsets: np.ndarray
+    """Shape ``(N, 2)``, pixels."""
+
+
+class View(NamedTuple):
+    """A camera as kernels read it."""
+
+    pose: np.ndarray
+    """Shape ``(4, 4)``, world to camera."""
+    K: np.ndarray
+    """Shape ``(3, 3)``."""
+    to_rays: np.ndarray
+    """Its inverse."""
+    width: float
+    """Of the image, pixels, as is the height."""
+    height: float
+
+
+class Found(NamedTuple):
+    """What the kernels of pixels know of N surfels."""
+
+    rows: np.ndarray
+    """Float32 ``(N, COLUMNS)``, see ``_coefficients``."""
+    slots: np.ndarray
+    """Int64 ``(N + 1,)``, where the pairs of each surfel begin."""
+    to_geometry: np.ndarray
+    """Float32, flat: gradients of the pairs, ``LANES`` each."""
 
 
 @dataclass(frozen=True)
@@ -28,10 +69,15 @@ class Scene:
     """Whether normals, depths and distortion are drawn as well."""
 
     @property
-    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """World to camera, K, and the inverse of K."""
-        K = np.ascontiguousarray(self.camera.K)
-        return self.camera.world_to_camera, K, np.linalg.inv(K)
+    def discs(self) -> Discs:
+        """The surfels without features."""
+        return Discs(self.centres, self.rotations, self.scales, self.opacities, self.offsets)
+
+    @property
+    def view(self) -> View:
+        """The camera."""
+        K, size = np.ascontiguousarray(self.camera.K), (self.camera.width, self.camera.height)
+        return View(self.camera.world_to_camera, K, np.linalg.inv(K), float(size[0]), float(size[1]))
 
     @property
     def size(self) -> tuple[int, int]:
@@ -64,8 +110,7 @@ class Lists:
     """Shape ``(N + 1,)``, int64: where the pairs of each surfel begin, in an order of pairs by surfel."""
 
 
-@dataclass(frozen=True)
-class Shape:
+class Shape(NamedTuple):
     """Geometry that was drawn; the first four are maps."""
 
     normal: np.ndarray
@@ -110,8 +155,7 @@ class Slots:
     stride: int
 
 
-@dataclass(frozen=True)
-class Gradients:
+class Gradients(NamedTuple):
     """Derivatives of the loss, shaped and typed as what they are of; features in float32."""
 
     centres: np.ndarray

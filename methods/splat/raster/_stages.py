@@ -4,12 +4,10 @@
 ``project`` surfels, ``list_tiles``, ``draw``; then ``draw_backward`` and ``project_backward``.
 """
 
-from dataclasses import fields
 from typing import Any, cast
 
 import numpy as np
 import psutil
-from numba import get_num_threads
 
 from graycard import MethodError
 from graycard.methods.splat.raster._backward import HEIGHTS, backward
@@ -20,11 +18,11 @@ from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project as project_kernel
 from graycard.methods.splat.raster._stage_arrays import (
     Drawn,
+    Found,
     Gradients,
     Lists,
     Projected,
     Scene,
-    Shape,
     Slots,
     empty_shape,
     vectors,
@@ -63,9 +61,8 @@ def project(scene: Scene) -> Projected:
         np.empty((count, 3), np.float32),
     )
     cast(Any, project_kernel)(
-        scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
-        scene.camera.width, scene.camera.height, result.rows, result.bounds, result.depths, result.normals,
-    )  # fmt: skip
+        scene.discs, scene.view, result.rows, result.bounds, result.depths, result.normals
+    )
     return result
 
 
@@ -117,8 +114,8 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
     )
     cast(Any, forward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
-        get_num_threads(), result.image, result.transmittance, result.masks, result.drawn, result.visits,
-        None if result.shape is None else _arrays(result.shape),
+        result.image, result.transmittance, result.masks, result.drawn, result.visits,
+        result.shape,
     )  # fmt: skip
     return result
 
@@ -155,7 +152,7 @@ def draw_backward(
     narrow = None if stride else scene.templates[0]
     cast(Any, backward)(
         projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
-        *_channels(scene, projected), get_num_threads(), narrow, narrow or HEIGHTS, drawn.image,
+        *_channels(scene, projected), narrow, narrow or HEIGHTS, drawn.image,
         drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1),
         _flat(result.channels), stride,
     )  # fmt: skip
@@ -172,16 +169,17 @@ def project_backward(scene: Scene, projected: Projected, lists: Lists, slots: Sl
         np.empty_like(scene.features),
         np.empty_like(scene.offsets),
     )
+    found = Found(projected.rows, lists.slots, slots.geometry.reshape(-1))
     cast(Any, unproject)(
-        scene.centres, scene.rotations, scene.scales, scene.opacities, scene.offsets, *scene.matrices,
-        scene.camera.width, scene.camera.height, projected.rows, lists.slots, slots.geometry.reshape(-1),
-        _flat(slots.channels), slots.stride, scene.shaped, *_arrays(result),
-    )  # fmt: skip
+        scene.discs,
+        scene.view,
+        found,
+        _flat(slots.channels),
+        slots.stride,
+        scene.shaped,
+        result,
+    )
     return result
-
-
-def _arrays(result: Shape | Gradients) -> tuple[Any, ...]:
-    return tuple(getattr(result, field.name) for field in fields(result))
 
 
 def _flat(values: np.ndarray | None) -> np.ndarray | None:

@@ -4,7 +4,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit, prange
+from numba import get_num_threads, njit
+
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, share, task
 
 TILE = 16
 """Pixels on the side of a tile, which one thread draws at a time."""
@@ -38,11 +40,11 @@ def tile_lists(bounds: np.ndarray, depths: np.ndarray, width: int, height: int) 
     order = _nearest_first(bounds, depths)
     bands = min(get_num_threads(), rows)
     counts = np.empty(columns * rows, np.int32)
-    _count(order, bounds, columns, rows, bands, counts)
+    _count(bands, order, bounds, columns, rows, counts)
     start = np.zeros(counts.size + 1, np.int32)
     np.cumsum(counts, out=start[1:])
     surfels = np.empty(start[-1], np.int32)
-    _fill(order, bounds, columns, rows, bands, start, surfels)
+    _fill(bands, order, bounds, columns, rows, start, surfels)
     return TileLists(start, surfels)
 
 
@@ -53,7 +55,7 @@ def tiles_touched(bounds: np.ndarray) -> np.ndarray:
     return slots
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def past_tile(pixel):
     """The first tile that begins at or after a pixel."""
     return (pixel + TILE - 1) // TILE
@@ -69,7 +71,7 @@ def _running_areas(bounds, slots):
         slots[surfel + 1] = slots[surfel] + (tiles if right > left else 0)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def _keys(bounds, depths):
     """The surfels that are seen, each with the leading bits of its depth above its index, unsorted.
 
@@ -91,7 +93,7 @@ def _keys(bounds, depths):
     return keys[:seen]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def _sort(keys):
     """Sort by all bits above ``INDEX_BITS``, least significant first; equals stay as they are."""
     piles, mask = 2**PASS_BITS, np.uint64(2**PASS_BITS - 1)
@@ -124,30 +126,40 @@ def _nearest_first(bounds, depths):
     return order
 
 
-@njit(parallel=True, cache=True)
-def _count(order, bounds, columns, rows, bands, counts):
-    """Surfels of each tile; a thread has a band of rows of tiles to itself."""
-    for band in prange(bands):
-        first, past = band * rows // bands, (band + 1) * rows // bands
-        counts[first * columns : past * columns] = 0
-        for surfel in order:
-            left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
-            top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
-            for row in range(top, bottom):
-                for column in range(left, right):
-                    counts[row * columns + column] += 1
+@njit(**UNWRAPPED)
+def _count_band(band, bands, order, bounds, columns, rows, counts):
+    """Count the surfels of each tile of a band of rows of tiles."""
+    first, past = share(band, bands, rows)
+    counts[first * columns : past * columns] = 0
+    for surfel in order:
+        left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
+        top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
+        for row in range(top, bottom):
+            for column in range(left, right):
+                counts[row * columns + column] += 1
 
 
-@njit(parallel=True, cache=True)
-def _fill(order, bounds, columns, rows, bands, start, surfels):
-    """Write the lists, in the order that is given."""
-    for band in prange(bands):
-        first, past = band * rows // bands, (band + 1) * rows // bands
-        position = start[:-1].copy()
-        for surfel in order:
-            left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
-            top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
-            for row in range(top, bottom):
-                for column in range(left, right):
-                    surfels[position[row * columns + column]] = surfel
-                    position[row * columns + column] += 1
+@njit(**UNWRAPPED)
+def _fill_band(band, bands, order, bounds, columns, rows, start, surfels):
+    """Write the lists of a band of rows of tiles, in the order that is given."""
+    first, past = share(band, bands, rows)
+    position = start[:-1].copy()
+    for surfel in order:
+        left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
+        top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
+        for row in range(top, bottom):
+            for column in range(left, right):
+                surfels[position[row * columns + column]] = surfel
+                position[row * columns + column] += 1
+
+
+@njit(cache=True)
+def _count(bands, *given):
+    """Count the surfels of each tile; the rest is given as to ``_count_band``."""
+    run_in(task(_count_band, given), bands)
+
+
+@njit(cache=True)
+def _fill(bands, *given):
+    """Write the lists of all tiles; the rest is given as to ``_fill_band``."""
+    run_in(task(_fill_band, given), bands)

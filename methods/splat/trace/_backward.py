@@ -9,10 +9,11 @@ each sum has one order.
 from math import log
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, task
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._forward import (
     CAPACITY,
@@ -35,7 +36,7 @@ INNER = 3
 LN_2 = np.float32(log(2))
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sum_lanes(vectors, target, at):
     """The lane sums of the sixteen vectors of an array, written to another."""
     load = simd.load
@@ -46,12 +47,13 @@ def sum_lanes(vectors, target, at):
     simd.store(target, at, simd.lane_sums(first + second + third + fourth))
 
 
-@njit(cache=True)
-def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments):
+@njit(**UNWRAPPED)
+def read_gradients(members, moments, to_found, gradients, to_moments):
     """Bring a packet's gradients into vectors: of the channels, of the sums of w and w t, of what passes.
 
     Depth is the second of those sums by the first.
     """
+    to_out, to_transmittance, to_depth = to_found
     gradients[:] = 0
     to_moments[:] = 0
     for lane in range(LANES):
@@ -66,7 +68,7 @@ def read_gradients(members, moments, to_out, to_transmittance, to_depth, gradien
             to_moments[2 * LANES + lane] = to_transmittance[ray]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
     """Derivative of the loss by each weight."""
     places, distance = hits.places, hits.distance
@@ -80,7 +82,7 @@ def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
         simd.store(pull, row * LANES, total)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", **UNWRAPPED)
 def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
     """Derivative by each alpha, along each ray from its end: what it adds, less what it takes from behind."""
     places, _, _, alpha, before, sequence, counts = hits
@@ -96,7 +98,7 @@ def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
                 behind += before[at] * alpha[at] * pull[at]
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     """From the gradients of alpha and of the sum of w t to pulls on the record, for sixteen hits.
 
@@ -126,13 +128,13 @@ def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     return t, point, to_u, to_v, to_n, to_log
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def moved(record, to_u, to_v, to_n, k):
     """One coordinate of the gradient by the origin."""
     return simd.fma(to_u, record[0][k], simd.fma(to_v, record[1][k], to_n * record[2][k]))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays):
     """Add what a packet's discs receive to their sums, but for the outer channels; and the rays' own."""
     places, _, _, alphas, before, _, _ = hits
@@ -163,7 +165,7 @@ def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride,
     simd.store(to_rays, 5 * LANES, dz)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
     """Add what a packet's discs receive by the channels beyond the inner ones."""
     places, masks, _, alpha, before, _, _ = hits
@@ -184,7 +186,7 @@ def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
                 simd.store(sums, target, simd.load(sums, target) + simd.load(vectors, 0))
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_rays(members, to_rays, to_origins, to_directions):
     for lane in range(LANES):
         if members[lane] >= 0:
@@ -193,13 +195,10 @@ def write_rays(members, to_rays, to_origins, to_directions):
                 to_directions[members[lane], k] = to_rays[(3 + k) * LANES + lane]
 
 
-@njit(cache=True)
-def backward_strip(
-    first, past, tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance,
-    to_depth, stride, sums, to_origins, to_directions,
-):  # fmt: skip
+@njit(**UNWRAPPED)
+def backward_strip(first, past, tree, asked, features, kept, to_found, stride, sums, to_asked):
     """Gradients of the packets from ``first`` to before ``past``."""
-    channels, hits = to_out.shape[1], new_hits(CAPACITY)
+    channels, hits = to_found.features.shape[1], new_hits(CAPACITY)
     rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     search = new_search(tree.levels[1])
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
@@ -208,56 +207,56 @@ def backward_strip(
     vectors = np.zeros(LANES * LANES, np.float32)
     pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
     for packet in range(first, past):
-        rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, far, members, rays)
+        rays_of(packet, asked.origins.shape[0], asked.width, members)
+        read_rays(asked.origins, asked.directions, asked.far, members, rays)
         if kept.rows[packet] >= 0:
-            rows = recall(tree, rays, near, kept, packet, hits)
+            rows = recall(tree, rays, asked.near, kept, packet, hits)
             put_in_order(hits, rows, tree.order)
         else:
-            rows, hits = gather_all(tree, rays, near, search, hits)
+            rows, hits = gather_all(tree, rays, asked.near, search, hits)
         if hits.alpha.size > pull.size:
             pull, to_alpha = np.empty_like(hits.alpha), np.empty_like(hits.alpha)
         weigh(hits, rows, rays, passing)
         sum_moments(hits, rows, moments)
-        read_gradients(members, moments, to_out, to_transmittance, to_depth, gradients, to_moments)
+        read_gradients(members, moments, to_found, gradients, to_moments)
         pulls(hits, rows, tree.order, features, channels, gradients, to_moments, pull)
         walk_back(hits, rows, passing, to_moments, pull, to_alpha)
         add_rows(hits, rows, tree.records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays)
         add_channels(hits, rows, channels, gradients, stride, sums, vectors)
-        write_rays(members, to_rays, to_origins, to_directions)
+        write_rays(members, to_rays, to_asked[0], to_asked[1])
 
 
-@njit(parallel=True, cache=True)
-def backward(
-    tree, origins, directions, far, width, near, features, kept, to_out, to_transmittance, to_depth, stride,
-    sums, to_origins, to_directions,
-):  # fmt: skip
-    """Gradients of all rays; the first arguments are those of ``forward``.
+@njit(**UNWRAPPED)
+def backward_part(part, parts, tree, asked, features, kept, to_found, stride, sums, to_asked):
+    """Gradients of all rays; the first arguments are those of ``forward_part``.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         tree: as above.
-        origins: as above.
-        directions: as above.
-        far: as above.
-        width: as above.
-        near: as above.
+        asked: as above.
         features: as above.
-        kept: what ``forward`` wrote.
-        to_out: float32 ``(R, C)``, gradients of the features, then those
-        to_transmittance: of the transmittance, ``(R,)``, and
-        to_depth: of the depth, ``(R,)``.
+        kept: what ``forward_part`` wrote.
+        to_found: a ``Found``, the gradients of what was found.
         stride: floats that a place of the tree has in ``sums``: one vector, and one for each sixteen channels
             or part thereof beyond ``INNER``.
         sums: float32 ``(parts, places * stride)``, zero, to be added to.
-        to_origins: float32 ``(R, 3)``, to be written, as is
-        to_directions: of that shape.
+        to_asked: float32 ``(R, 3)``, two of them, to be written: of origins and directions.
     """
-    packets, parts = packets_of(origins.shape[0], width), sums.shape[0]
+    packets = packets_of(asked.origins.shape[0], asked.width)
     strips = (packets + STRIP - 1) // STRIP
-    for part in prange(parts):
-        for strip in range(part, strips, parts):
-            first = strip * STRIP
-            backward_strip(
-                first, min(first + STRIP, packets), tree, origins, directions, far, width, near, features,
-                kept, to_out, to_transmittance, to_depth, stride, sums[part], to_origins, to_directions,
-            )  # fmt: skip
+    for strip in range(part, strips, parts):
+        first = strip * STRIP
+        backward_strip(
+            first, min(first + STRIP, packets), tree, asked, features, kept, to_found, stride, sums[part],
+            to_asked,
+        )  # fmt: skip
+
+
+@njit(cache=True)
+def backward(parts, *given):
+    """Find the gradients of all rays in as many parts as ``sums`` has, whatever the number of threads.
+
+    The rest is given as to ``backward_part``.
+    """
+    run_in(task(backward_part, given), parts)

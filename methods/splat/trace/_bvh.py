@@ -75,7 +75,7 @@ def bvh_of(surfels: Surfels) -> Bvh:
         raise ValueError(f"expected surfels on the CPU, got them on {surfels.centres.device}")
     geometry = _geometry(surfels)
     rows, keys = np.empty((len(surfels), COLUMNS), np.float32), np.empty(len(surfels), np.uint32)
-    prepare(*geometry, *_curve(geometry.centres), rows, keys)
+    prepare(geometry, *_curve(geometry.centres), rows, keys)
     levels = _levels(len(surfels))
     leaves = int(levels[1])
     order = np.full(leaves * LANES, -1, np.int32)

@@ -9,10 +9,11 @@ neighbours lies side by side, number by number, so that one vector operation ser
 from math import log, log2, sqrt
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import ALPHA_MIN
 from graycard.methods.splat.raster._coefficients import LOG2_E
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 from graycard.methods.splat.simd._vector import LANES
 
 RECORD = 13
@@ -32,7 +33,7 @@ AXIS_BITS, DIGIT_BITS = 10, 10
 DIGITS = 1 << DIGIT_BITS
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def rotation(q, row):
     """Columns of the rotation matrix of a quaternion ``(w, x, y, z)`` of any length, one after the other."""
     over = 1.0 / sqrt(q[row, 0] ** 2 + q[row, 1] ** 2 + q[row, 2] ** 2 + q[row, 3] ** 2)
@@ -44,7 +45,7 @@ def rotation(q, row):
     )
 
 
-@njit(forceinline=True)
+@njit(forceinline=True)  # Python calls it too, as it does the next
 def spread_bits(x):
     """Put two zeros between neighbouring bits of a ten-bit number."""
     x = (x | (x << 16)) & 0x030000FF
@@ -74,21 +75,22 @@ def curve_key(x, y, z):
     return spread_bits(x ^ turned) << 2 | spread_bits(y ^ turned) << 1 | spread_bits(z ^ turned)
 
 
-@njit(parallel=True, cache=True)
-def prepare(centres, rotations, scales, opacities, low, steps, rows, keys):
+@njit(**UNWRAPPED)
+def prepare_part(part, parts, geometry, low, steps, rows, keys):
     """Numbers of the surfels, and their keys on the curve.
 
     Args:
-        centres: float64 ``(N, 3)``.
-        rotations: float64 ``(N, 4)``.
-        scales: float64 ``(N, 2)``.
-        opacities: float64 ``(N,)``.
+        part: which of the
+        parts: that work at a time.
+        geometry: a ``Geometry``.
         low: float64 ``(3,)``, the least centre.
         steps: float64 ``(3,)``, steps of the curve per metre.
         rows: float32 ``(N, COLUMNS)``, to be written.
         keys: uint32 ``(N,)``, to be written.
     """
-    for n in prange(centres.shape[0]):
+    centres, rotations, scales, opacities = geometry
+    start, stop = share(part, parts, centres.shape[0])
+    for n in range(start, stop):
         x, y, normal = rotation(rotations, n)
         seen = opacities[n] >= ALPHA_MIN
         rows[n, LOG_OPACITY] = log2(opacities[n]) if seen else -FAR_AWAY
@@ -110,6 +112,12 @@ def prepare(centres, rotations, scales, opacities, low, steps, rows, keys):
 
 
 @njit(cache=True)
+def prepare(*given):
+    """Prepare all surfels; the arguments are those of ``prepare_part`` after its parts."""
+    run(task(prepare_part, given))
+
+
+@njit(cache=True)
 def sort_keys(keys):
     """Indices of keys of ``3 * AXIS_BITS`` bits in ascending order, equals as they came (radix sort)."""
     order, other = np.arange(keys.size, dtype=np.int32), np.empty(keys.size, np.int32)
@@ -127,17 +135,20 @@ def sort_keys(keys):
     return order
 
 
-@njit(parallel=True, cache=True)
-def fill_leaves(rows, order, records, boxes):
+@njit(**UNWRAPPED)
+def fill_leaves_part(part, parts, rows, order, records, boxes):
     """Bring the numbers of the surfels into the order of the curve.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         rows: as ``prepare`` wrote them.
         order: int32 ``(16 leaves,)``, the surfel in each place, -1 where there is none.
         records: float32, flat, ``RECORD`` vectors a leaf, to be written.
         boxes: float32, flat, ``BOX`` vectors a leaf first, to be written.
     """
-    for leaf in prange(order.size // LANES):
+    start, stop = share(part, parts, order.size // LANES)
+    for leaf in range(start, stop):
         for lane in range(LANES):
             surfel = order[leaf * LANES + lane]
             for k in range(RECORD):
@@ -147,6 +158,12 @@ def fill_leaves(rows, order, records, boxes):
                 empty = FAR_AWAY if k < 3 else -FAR_AWAY
                 value = rows[surfel, RECORD + k] if surfel >= 0 else empty
                 boxes[(leaf * BOX + k) * LANES + lane] = value
+
+
+@njit(cache=True)
+def fill_leaves(*given):
+    """Fill all leaves; the arguments are those of ``fill_leaves_part`` after its parts."""
+    run(task(fill_leaves_part, given))
 
 
 @njit(cache=True)
@@ -171,37 +188,38 @@ def fill_level(boxes, children, below, above):
             boxes[at + k * LANES] = value
 
 
-@njit(parallel=True, cache=True)
-def gather_gradients(rotations, scales, opacities, order, sums, stride, to_centres, to_rotations, to_scales,
-                     to_opacities):  # fmt: skip
+@njit(**UNWRAPPED)
+def gather_gradients_part(part, parts, geometry, order, sums, stride, to):
     """From gradients of the records to those of the surfels.
 
     Args:
-        rotations: float64 ``(N, 4)``.
-        scales: float64 ``(N, 2)``.
-        opacities: float64 ``(N,)``.
+        part: which of the
+        parts: that work at a time.
+        geometry: as above.
         order: as above.
         sums: float32 ``(parts, places * stride)``; the first ``RECORD`` of each place: for each of U, V, N
             the sum of its pull times the point (three) and of the pull itself, place 3, 7, 11; then of log2
             of the opacity.
         stride: floats a place.
-        to_centres: float64 ``(N, 3)``, to be written, as the others.
-        to_rotations: ``(N, 4)``.
-        to_scales: ``(N, 2)``.
-        to_opacities: ``(N,)``.
+        to: a ``Geometry``, to be written.
     """
-    for leaf in prange(order.size // LANES):
+    start, stop = share(part, parts, order.size // LANES)
+    for leaf in range(start, stop):
         total = np.empty(RECORD)
         for place in range(leaf * LANES, (leaf + 1) * LANES):
             n = order[place]
             if n >= 0:
                 add_parts(sums, place * stride, total)
-                surfel_gradient(
-                    rotations, scales, opacities, n, total, to_centres, to_rotations, to_scales, to_opacities
-                )
+                surfel_gradient(geometry, n, total, to)
 
 
 @njit(cache=True)
+def gather_gradients(*given):
+    """Find the gradients of surfels; arguments are those of ``gather_gradients_part`` after its parts."""
+    run(task(gather_gradients_part, given))
+
+
+@njit(**UNWRAPPED)
 def add_parts(sums, at, total):
     """Sum the numbers of one place over the parts, in their order."""
     total[:] = 0
@@ -210,28 +228,27 @@ def add_parts(sums, at, total):
             total[k] += sums[part, at + k]
 
 
-@njit(cache=True)
-def surfel_gradient(
-    rotations, scales, opacities, n, total, to_centres, to_rotations, to_scales, to_opacities
-):
+@njit(**UNWRAPPED)
+def surfel_gradient(geometry, n, total, to):
     """The chain rule through ``prepare`` for one surfel."""
+    _, rotations, scales, opacities = geometry
     axes = rotation(rotations, n)
     over = (UNIT / scales[n, 0], UNIT / scales[n, 1], 1.0)
     for a in range(2):
         along = 0.0
         for k in range(3):
             along += total[4 * a + k] * axes[a][k]
-        to_scales[n, a] = -along * over[a] / scales[n, a]
+        to.scales[n, a] = -along * over[a] / scales[n, a]
     for k in range(3):
         moved = 0.0
         for a in range(3):
             moved += total[4 * a + 3] * over[a] * axes[a][k]
-        to_centres[n, k] = -moved
-    to_opacities[n] = total[12] * LOG2_E / opacities[n] if opacities[n] > 0 else 0.0
-    turn_gradient(rotations, n, over, total, to_rotations)
+        to.centres[n, k] = -moved
+    to.opacities[n] = total[12] * LOG2_E / opacities[n] if opacities[n] > 0 else 0.0
+    turn_gradient(rotations, n, over, total, to.rotations)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def turn_gradient(rotations, n, over, total, to_rotations):
     """Of a quaternion, from the pulls on the columns of its matrix; tangent to the sphere of rotations."""
     q = rotations[n]
@@ -254,14 +271,21 @@ def turn_gradient(rotations, n, over, total, to_rotations):
     to[2], to[3] = (to[2] - radial * y) / norm, (to[3] - radial * z) / norm
 
 
-@njit(parallel=True, cache=True)
-def gather_features(order, sums, stride, first, to_features):
+@njit(**UNWRAPPED)
+def gather_features_part(part, parts, order, sums, stride, first, to_features):
     """Gradients of the features from the parts: ``first`` is the float of a place where they begin."""
-    for place in prange(order.size):
+    start, stop = share(part, parts, order.size)
+    for place in range(start, stop):
         n = order[place]
         if n >= 0:
             for channel in range(to_features.shape[1]):
                 total = 0.0
-                for part in range(sums.shape[0]):
-                    total += sums[part, place * stride + first + channel]
+                for copy in range(sums.shape[0]):
+                    total += sums[copy, place * stride + first + channel]
                 to_features[n, channel] = total
+
+
+@njit(cache=True)
+def gather_features(*given):
+    """Find the gradients of features; arguments are those of ``gather_features_part`` after its parts."""
+    run(task(gather_features_part, given))

@@ -12,10 +12,10 @@ from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat.raster._stages import check_memory
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._backward import INNER, backward
-from graycard.methods.splat.trace._bvh import Bvh, bvh_of
+from graycard.methods.splat.trace._bvh import Bvh, Geometry, bvh_of
 from graycard.methods.splat.trace._bvh_kernels import RECORD, gather_features, gather_gradients
 from graycard.methods.splat.trace._forward import forward, packets_of
-from graycard.methods.splat.trace._gather import Kept
+from graycard.methods.splat.trace._gather import Asked, Found, Kept
 
 PARTS = 8
 """Threads among which the backward pass is divided; each needs sums of its own."""
@@ -87,12 +87,10 @@ class _Trace(torch.autograd.Function):
             np.empty((packets, plan.kept), np.uint16),
             np.empty(packets, np.int32),
         )
-        scene = (
-            plan.bvh.tree, _float32(origins), _float32(directions), plan.far, plan.width, plan.near,
-            _float32(features).ravel(), kept,
-        )  # fmt: skip
-        out = [np.empty(shape, np.float32) for shape in ((count, channels), (count,), (count,))]
-        forward(*scene, *out)
+        asked = Asked(_float32(origins), _float32(directions), plan.far, plan.width, plan.near)
+        scene = plan.bvh.tree, asked, _float32(features).ravel(), kept
+        out = Found(*(np.empty(shape, np.float32) for shape in ((count, channels), (count,), (count,))))
+        forward(*scene, out)
         ctx.scene, ctx.plan, ctx.shape, ctx.dtype = scene, plan, features.shape, features.dtype
         return tuple(torch.from_numpy(values).to(features.dtype) for values in out)
 
@@ -105,11 +103,11 @@ class _Trace(torch.autograd.Function):
         tree, geometry = ctx.plan.bvh.tree, ctx.plan.bvh.geometry
         stride = _stride(ctx.shape[1])
         sums = np.zeros((_parts(tree.order.size * stride), tree.order.size * stride), np.float32)
-        to_rays = [np.empty_like(ctx.scene[1]), np.empty_like(ctx.scene[2])]
-        to_outputs = (_float32(values) for values in grad_outputs)
-        backward(*[*ctx.scene, *to_outputs, stride, sums, *to_rays])
-        to_geometry = [np.empty_like(values) for values in geometry]
-        gather_gradients(*[*geometry[1:], tree.order, sums, stride, *to_geometry])
+        to_rays = np.empty_like(ctx.scene[1].origins), np.empty_like(ctx.scene[1].directions)
+        to_found = Found(*(_float32(values) for values in grad_outputs))
+        backward(len(sums), *ctx.scene, to_found, stride, sums, to_rays)
+        to_geometry = Geometry(*(np.empty_like(values) for values in geometry))
+        gather_gradients(geometry, tree.order, sums, stride, to_geometry)
         to_features = np.empty(ctx.shape, np.float32)
         gather_features(tree.order, sums, stride, RECORD, to_features)
         results = [*to_geometry, to_features, *to_rays]

@@ -2,10 +2,11 @@
 """The tracer's forward kernel: a strip of packets of sixteen rays at a time."""
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._gather import gather, keep, new_hits, new_search, put_in_order
 
@@ -29,7 +30,7 @@ def packets_of(count, width):
     return ((width + BLOCK - 1) // BLOCK) * ((count // width + BLOCK - 1) // BLOCK)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def rays_of(packet, count, width, members):
     """Rays of a packet, -1 where it reaches past the last or past the border of the image."""
     across = (width + BLOCK - 1) // BLOCK
@@ -43,7 +44,7 @@ def rays_of(packet, count, width, members):
         members[lane] = ray if inside else -1
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def read_rays(origins, directions, far, members, rays):
     """Bring a packet's rays and their ends into vectors; its first stands for those that are not there."""
     for lane in range(LANES):
@@ -54,7 +55,7 @@ def read_rays(origins, directions, far, members, rays):
         rays[FAR + lane] = far[ray]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def gather_all(tree, rays, near, search, hits):
     """As ``gather``, with as much memory as it takes, and in order: the number of rows, and the rows."""
     rows = gather(tree, rays, near, search, hits)
@@ -65,7 +66,7 @@ def gather_all(tree, rays, near, search, hits):
     return rows, hits
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def weigh(hits, rows, rays, transmittance):
     """Walk each ray's sequence: what passes before each disc, and after the last that counts."""
     places, _, distance, alpha, before, sequence, counts = hits
@@ -84,12 +85,12 @@ def weigh(hits, rows, rays, transmittance):
         transmittance[lane] = passing
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def row_weight(alpha, before, row):
     return simd.load(alpha, row * LANES) * simd.load(before, row * LANES)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def scattered(values, members, out, channel):
     """Write a packet's vector to the rows of an array."""
     for lane in range(LANES):
@@ -97,7 +98,7 @@ def scattered(values, members, out, channel):
             out[members[lane], channel] = values[lane]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def sum_moments(hits, rows, moments):
     """Sums of w and of w t of a packet."""
     _, _, distance, alpha, before, _, _ = hits
@@ -109,7 +110,7 @@ def sum_moments(hits, rows, moments):
     simd.store(moments, LANES, way)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def write_features(hits, rows, order, features, members, out, vector):
     """Sum a packet's features and write them."""
     places, _, _, alpha, before, _, _ = hits
@@ -123,64 +124,51 @@ def write_features(hits, rows, order, features, members, out, vector):
         scattered(vector, members, out, channel)
 
 
-@njit(cache=True)
-def forward_strip(
-    first, past, tree, origins, directions, far, width, near, features, kept, out, transmittance, depth
-):
+@njit(**UNWRAPPED)
+def forward_strip(first, past, tree, asked, features, kept, found):
     """Trace the packets from ``first`` to before ``past``."""
     search, hits = new_search(tree.levels[1]), new_hits(CAPACITY)
     rays, members = np.empty(RAY * LANES, np.float32), np.empty(LANES, np.int64)
     passing, moments = np.empty(LANES, np.float32), np.empty(2 * LANES, np.float32)
     vector = np.empty(LANES, np.float32)
     for packet in range(first, past):
-        rays_of(packet, origins.shape[0], width, members)
-        read_rays(origins, directions, far, members, rays)
-        rows, hits = gather_all(tree, rays, near, search, hits)
+        rays_of(packet, asked.origins.shape[0], asked.width, members)
+        read_rays(asked.origins, asked.directions, asked.far, members, rays)
+        rows, hits = gather_all(tree, rays, asked.near, search, hits)
         keep(hits, rows, kept, packet)
         weigh(hits, rows, rays, passing)
-        write_features(hits, rows, tree.order, features, members, out, vector)
+        write_features(hits, rows, tree.order, features, members, found.features, vector)
         sum_moments(hits, rows, moments)
         for lane in range(LANES):
             if members[lane] >= 0:
-                transmittance[members[lane]] = passing[lane]
+                found.transmittance[members[lane]] = passing[lane]
                 weight, way = moments[lane], moments[LANES + lane]
-                depth[members[lane]] = way / weight if weight > 0 else np.float32(0)
+                found.depth[members[lane]] = way / weight if weight > 0 else np.float32(0)
 
 
-@njit(parallel=True, cache=True)
-def forward(tree, origins, directions, far, width, near, features, kept, out, transmittance, depth):
+@njit(**UNWRAPPED)
+def forward_part(part, parts, tree, asked, features, kept, found):
     """Trace all rays.
 
     Args:
+        part: which of the
+        parts: that work at a time.
         tree: a ``Tree``.
-        origins: float32 ``(R, 3)``.
-        directions: float32 ``(R, 3)``.
-        far: float32 ``(R,)``: the last distance that counts; may be infinite.
-        width: rays in a row of the image that they are, zero where they are none.
-        near: float32.
-        features: float32, flat, as many channels a surfel as ``out`` has.
-        kept: a ``Kept``, to be written, as all that follows.
-        out: float32 ``(R, C)``.
-        transmittance: ``(R,)``.
-        depth: ``(R,)``.
+        asked: an ``Asked``.
+        features: float32, flat, as many channels a surfel as ``found`` has.
+        kept: a ``Kept``, to be written, as is
+        found: a ``Found``.
     """
-    packets = packets_of(origins.shape[0], width)
+    packets = packets_of(asked.origins.shape[0], asked.width)
     strips = (packets + STRIP - 1) // STRIP
-    for strip in prange(strips):
+    start, stop = share(part, parts, strips)
+    for strip in range(start, stop):
         first = strip * STRIP
         past = min(first + STRIP, packets)
-        forward_strip(
-            first,
-            past,
-            tree,
-            origins,
-            directions,
-            far,
-            width,
-            near,
-            features,
-            kept,
-            out,
-            transmittance,
-            depth,
-        )
+        forward_strip(first, past, tree, asked, features, kept, found)
+
+
+@njit(cache=True)
+def forward(*given):
+    """Trace all rays; the arguments are those of ``forward_part`` after its parts."""
+    run(task(forward_part, given))

@@ -13,6 +13,7 @@ from numba import njit
 
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat.simd._parts import UNWRAPPED
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._beam import (
     BUCKETS,
@@ -71,6 +72,31 @@ class Kept(NamedTuple):
     """int32 ``(packets,)``: how many there are, -1 where they are more than the depth."""
 
 
+class Asked(NamedTuple):
+    """The rays that are to be traced, and from where to where."""
+
+    origins: np.ndarray
+    """float32 ``(R, 3)``."""
+    directions: np.ndarray
+    """float32 ``(R, 3)``."""
+    far: np.ndarray
+    """float32 ``(R,)``: the last distance that counts; may be infinite."""
+    width: int
+    """Rays in a row of the image that they are, zero where they are none."""
+    near: np.float32
+    """The first distance that counts."""
+
+
+class Found(NamedTuple):
+    """What rays bring back, or its gradients: all float32."""
+
+    features: np.ndarray
+    """Shape ``(R, C)``."""
+    transmittance: np.ndarray
+    """Shape ``(R,)``, as the next."""
+    depth: np.ndarray
+
+
 class Search(NamedTuple):
     """Memory of the descent through the tree."""
 
@@ -82,7 +108,7 @@ class Search(NamedTuple):
     alpha: np.ndarray
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def new_hits(capacity):
     """Room for so many rows."""
     size = capacity * LANES
@@ -97,7 +123,7 @@ def new_hits(capacity):
     )
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def new_search(leaves):
     """Room for a tree of so many leaves."""
     return Search(
@@ -109,7 +135,7 @@ def new_search(leaves):
     )
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def put_in_order(hits, rows, order):
     """Write the sequences: by distance, equals by index of the surfel.
 
@@ -135,7 +161,7 @@ def put_in_order(hits, rows, order):
             counts[lane] += 1
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def gather(tree, rays, near, search, hits):
     """Find what a packet meets.
 
@@ -162,7 +188,7 @@ def gather(tree, rays, near, search, hits):
     return rows
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def gather_packet(tree, rays, near, beam, end, search, hits):
     """Rows of a whole packet: discs whose boxes the beam may touch, each against all rays."""
     count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
@@ -202,7 +228,7 @@ def gather_packet(tree, rays, near, beam, end, search, hits):
     return rows
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     """Rows of one ray of a packet, from ``rows`` on: sixteen discs of a leaf at a time."""
     count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
@@ -241,7 +267,7 @@ def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     return rows
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def keep(hits, rows, kept, packet):
     """Note a packet's discs and masks, if there is room."""
     places, masks, kept_places, kept_masks = hits.places, hits.masks, kept.places, kept.masks
@@ -251,7 +277,7 @@ def keep(hits, rows, kept, packet):
             kept_places[packet, row], kept_masks[packet, row] = places[row], masks[row]
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def recall(tree, rays, near, kept, packet, hits):
     """Rows of a packet whose discs and masks were kept: what ``gather`` wrote, to the bit."""
     kept_places, kept_masks, rows = kept.places, kept.masks, kept.rows[packet]

@@ -16,9 +16,13 @@ class DoctorCommand:
 
     json: Json = None
     """Also write the findings to this file."""
+    warm: bool = False
+    """Also compile the kernels of the surfel engine, which the first fit would else do."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Examine the machine."""
+        if self.warm:
+            _warm(terminal)
         from graycard.benchmarks import findings
 
         found = findings(Path.cwd())
@@ -30,3 +34,14 @@ class DoctorCommand:
         advised = sum(bool(item.advice) for item in found)
         terminal.out.print(f"doctor: {len(found)} things looked at, {advised} could be better")
         return OK
+
+
+def _warm(terminal: Terminal) -> None:
+    """Compile all kernels that the cache lacks, and say how many jobs that were."""
+    from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+    with terminal.progress() as progress:
+        compiled = warm_kernels(progress=progress)
+    terminal.out.print(
+        f"kernels: {len(compiled)} jobs compiled" if compiled else "kernels: nothing to compile"
+    )
