@@ -7,7 +7,8 @@ tested against finite differences.
 """
 
 import numpy as np
-from numba import njit
+
+from graycard.methods._numba import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -2,7 +2,8 @@
 """Kernels: a sky of harmonics behind what was drawn. A row is a pixel; threads do not change sums."""
 
 import numpy as np
-from numba import njit, prange
+
+from graycard.methods._numba import njit, prange
 
 PIECE = 4096
 """Pixels that a thread takes at a time."""

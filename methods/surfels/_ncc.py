@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numba import njit, prange
 
 from graycard import Camera
+from graycard.methods._numba import njit, prange
 from graycard.methods.surfels._transfer import transfer, transferred
 
 NOISE = 2e-4

@@ -2,7 +2,8 @@
 """Labels of pixels that agree with their neighbours: semi-global matching (Hirschmüller 2008)."""
 
 import numpy as np
-from numba import njit, prange
+
+from graycard.methods._numba import njit, prange
 
 Ease = tuple[np.ndarray, np.ndarray]
 

@@ -10,9 +10,9 @@ et al. 2009; Gallup et al. 2010).
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
 
 from graycard import Camera
+from graycard.methods._numba import njit, prange
 from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import Ease, semi_global
 from graycard.methods.surfels._sweep import SweptDepth, partners_of

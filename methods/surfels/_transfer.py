@@ -7,9 +7,9 @@ epipole (Hartley and Zisserman 2004, section 9.6), with a length in metres.
 """
 
 import numpy as np
-from numba import njit, prange
 
 from graycard import Camera
+from graycard.methods._numba import njit, prange
 
 HIDES = 0.05
 """Of its depth by which a point must be nearer than what another view sees to be in its way."""

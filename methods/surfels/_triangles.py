@@ -2,9 +2,10 @@
 """Depth between pixels where it is known: flat triangles."""
 
 import numpy as np
-from numba import njit
 from scipy.interpolate import NearestNDInterpolator
 from scipy.spatial import Delaunay, QhullError
+
+from graycard.methods._numba import njit
 
 RIM = 1e-9
 """How far beyond a triangle, in shares of its height, a pixel still counts as on its rim."""

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The backward kernels of normals from depth: each pixel gathers from its four neighbours."""
 
-from numba import njit
-
+from graycard.methods._numba import njit
 from graycard.methods.splat.ops._depth_normal_forward import meet, turned, unit_normal
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 

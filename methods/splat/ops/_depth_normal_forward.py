@@ -9,8 +9,7 @@ for the skew. Depths are only subtracted from their neighbours: no digits are lo
 
 from math import inf, sqrt
 
-from numba import njit
-
+from graycard.methods._numba import njit
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 
 

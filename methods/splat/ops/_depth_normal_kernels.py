@@ -6,8 +6,8 @@ Numba cannot prove that so many images do not overlap. Images are flat here.
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.ops._depth_normal_backward import gathered
 from graycard.methods.splat.raster._blocks import NORMAL
 from graycard.methods.splat.simd import _pixels as pixels

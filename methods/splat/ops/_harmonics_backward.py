@@ -4,8 +4,8 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.ops._harmonics_basis import harmonics, slopes_x, slopes_y, slopes_z
 from graycard.methods.splat.ops._harmonics_forward import direction
 from graycard.methods.splat.simd._parts import UNWRAPPED, run, share, task

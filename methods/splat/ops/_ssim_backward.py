@@ -8,8 +8,8 @@ to its pixel.
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.ops._ssim_forward import BAND, LANES, REACH, SAVED, WEIGHTS, WINDOW, last_start
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task

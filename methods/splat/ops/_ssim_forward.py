@@ -13,8 +13,8 @@ Rows lie flat, channels last: a step of one column is a step of ``channels`` flo
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
 

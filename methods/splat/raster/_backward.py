@@ -8,8 +8,8 @@ by side: sums have one order whatever the threads do.
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.raster._blocks import (
     CENTRED,

@@ -2,9 +2,10 @@
 """What both kernels share: tiles of sixteen blocks of 4 x 4 pixels, each one vector, and alpha there."""
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR, TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._coefficients import (
     CENTRE_Z,

@@ -2,9 +2,10 @@
 """From the gradients of images to the blocks of a tile, and what they make of each whole pixel."""
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import overload
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,
     GROUP,

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the sums of a tile's blocks to the pixels of images."""
 
-from numba import njit
-
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import NDC_FAR, NDC_NEAR
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the weights of a surfel in the blocks of a tile to the gradients of its channels and its normal."""
 
-from numba import njit
-
+from graycard.methods._numba import njit
 from graycard.methods.splat.raster._blocks import GROUP, LANES, NORMAL, next_bit
 from graycard.methods.splat.raster._blocks_read import PLANES
 from graycard.methods.splat.simd import _many as many

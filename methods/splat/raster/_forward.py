@@ -6,8 +6,8 @@ of consecutive surfels do not wait for each other. Weights are written down, the
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,

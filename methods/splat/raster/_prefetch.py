@@ -5,8 +5,7 @@ The surfels of a tile lie anywhere in memory, as depth orders them, and 30,000 o
 caches: without this the kernels spend a third of their time waiting. What is asked for changes no result.
 """
 
-from numba import njit
-
+from graycard.methods._numba import njit
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.simd import _words as words
 from graycard.methods.splat.simd._parts import INLINED

@@ -5,8 +5,8 @@ The derivatives are those of ``_project_forward``, by hand; ``to_x`` is the deri
 """
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.raster._backward import FIRST_CHANNEL, LANES, PLAIN
 from graycard.methods.splat.raster._channels_backward import first_normal
 from graycard.methods.splat.raster._coefficients import D, U, V

@@ -4,8 +4,8 @@
 from math import ceil, floor, log, sqrt
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR
 from graycard.methods.splat.raster._coefficients import (
     CENTRE_Z,

@@ -7,8 +7,8 @@ The projection cancels digits where discs are seen edge-on; float32 would lose t
 from math import sqrt
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.raster._coefficients import BEYOND
 from graycard.methods.splat.simd._parts import INLINED
 

@@ -4,8 +4,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import get_num_threads, njit
+from numba import get_num_threads
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, share, task
 
 TILE = 16

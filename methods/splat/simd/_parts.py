@@ -20,10 +20,11 @@ from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, prange, types
+from numba import types
 from numba.core import cgutils
 from numba.core.errors import TypingError
 
+from graycard.methods._numba import njit, prange
 from graycard.methods.splat.simd._vector import _instruction
 
 UNWRAPPED: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}

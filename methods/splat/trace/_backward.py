@@ -9,8 +9,8 @@ each sum has one order.
 from math import log
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, task

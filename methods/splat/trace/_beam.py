@@ -9,8 +9,8 @@ lines, or where it is behind all origins. One vector operation asks this of sixt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 from graycard.methods.splat.simd._vector import LANES

@@ -9,8 +9,8 @@ neighbours lies side by side, number by number, so that one vector operation ser
 from math import log, log2, sqrt
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MIN
 from graycard.methods.splat.raster._coefficients import LOG2_E
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task

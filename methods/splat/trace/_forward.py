@@ -2,8 +2,8 @@
 """The tracer's forward kernel: a strip of packets of sixteen rays at a time."""
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task

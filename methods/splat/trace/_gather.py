@@ -9,8 +9,8 @@ nearest first: once every ray is as good as blocked, those behind need not be lo
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import UNWRAPPED

@@ -4,8 +4,8 @@
 from math import log2
 
 import numpy as np
-from numba import njit
 
+from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX, ALPHA_MIN
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd._parts import INLINED

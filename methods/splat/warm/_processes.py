@@ -13,7 +13,6 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import cast
 
 import numba
 import psutil
@@ -21,7 +20,8 @@ from llvmlite import binding
 
 from graycard import Progress, UnknownNameError
 from graycard.io import silent
-from graycard.methods.splat.simd._parts import run
+from graycard.methods._numba import cache_root, code_digest, remove_unused
+from graycard.methods.splat.warm import _jobs
 from graycard.methods.splat.warm._jobs import JOBS, PARTS
 
 WAIT = 0.1
@@ -38,6 +38,7 @@ def warmed(parts: Sequence[str], progress: Progress = silent) -> list[str]:
     missing = [name for name in _jobs_of(parts) if not _stamp(stamps, name).exists()]
     if not missing or not _is_writable(stamps):
         return []
+    remove_unused(cache_root())
     _compile_apart(missing, stamps, progress)
     left = [name for name in missing if not _stamp(stamps, name).exists()]
     for number, name in enumerate(left, len(missing) - len(left)):
@@ -63,20 +64,16 @@ def compile_here(names: Iterable[str]) -> None:
 
 
 def stamps_folder() -> Path:
-    """Return the folder beside the cache that holds an empty file for each job that is in the cache.
+    """Return the folder beside the kernels that holds an empty file for each job that is in the cache.
 
-    Its name depends on all that makes Numba compile again: sources, processor and versions.
+    Its name depends on all that makes Numba compile again: code, processor and versions.
     """
-    folder = Path(__file__).parents[1]
-    digest = hashlib.sha256()
-    for source in sorted(folder.rglob("*.py")):
-        state = source.stat()
-        digest.update(f"{source.relative_to(folder)} {state.st_size} {state.st_mtime_ns}\n".encode())
+    digest = hashlib.sha256(code_digest(Path(_jobs.__file__)).encode())
     processor = os.environ.get("NUMBA_CPU_NAME") or binding.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES") or binding.get_host_cpu_features().flatten()
     versions = numba.__version__, platform.python_version(), platform.machine()
     digest.update("\n".join([processor, features, *versions]).encode())
-    return Path(cast(str, run.stats.cache_path)) / f"compiled-{digest.hexdigest()[:16]}"
+    return cache_root() / f"compiled-{digest.hexdigest()[:16]}"
 
 
 def hands(names: Iterable[str], count: int) -> list[list[str]]:
