@@ -48,13 +48,14 @@ class _Over(torch.autograd.Function):
         ctx: Any, *grad_outputs: torch.Tensor
     ) -> tuple[torch.Tensor | None, ...]:
         """Gradients of features, alpha and the sky's parameters."""
-        from graycard.methods.surfels._compose_kernels import from_over_sky
+        from graycard.methods.surfels._compose_kernels import PIECE, from_over_sky
 
         alpha, sky, weights = ctx.saved_tensors
         to_alpha = torch.empty_like(alpha, memory_format=torch.contiguous_format)
         inputs = *_pixels(grad_outputs[0], alpha, sky), contiguous_array(weights)
-        to_weights = from_over_sky(*inputs, to_alpha.view(-1).numpy())
-        return grad_outputs[0], to_alpha, None, torch.from_numpy(to_weights).to(weights.dtype)
+        sums = np.zeros((-(-alpha.numel() // PIECE), *weights.shape))
+        from_over_sky(*inputs, to_alpha.view(-1).numpy(), sums)
+        return grad_outputs[0], to_alpha, None, torch.from_numpy(sums.sum(axis=0)).to(weights.dtype)
 
 
 def _pixels(

@@ -3,13 +3,14 @@
 
 import numpy as np
 
-from graycard.methods._numba import njit, prange
+from graycard.methods._numba import njit
+from graycard.methods.splat.parallel import INLINED, UNWRAPPED, run, share, task
 
 PIECE = 4096
-"""Pixels that a thread takes at a time."""
+"""Pixels whose gradients are summed one after the other: threads do not change sums."""
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def sky_at(basis, pixel, weights):
     """Three channels of the sky behind one pixel."""
     red, green, blue = (
@@ -24,7 +25,7 @@ def sky_at(basis, pixel, weights):
     return red, green, blue
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True)
 def over_sky(features, alpha, basis, weights, picture):
     """``features + (1 - alpha) * basis @ weights``.
 
@@ -35,17 +36,23 @@ def over_sky(features, alpha, basis, weights, picture):
         weights: ``(K, 3)``.
         picture: ``(P, 3)``, to be written.
     """
-    for piece in prange((alpha.size + PIECE - 1) // PIECE):
-        for pixel in range(piece * PIECE, min(piece * PIECE + PIECE, alpha.size)):
-            red, green, blue = sky_at(basis, pixel, weights)
-            left = 1 - alpha[pixel]
-            picture[pixel, 0] = features[pixel, 0] + left * red
-            picture[pixel, 1] = features[pixel, 1] + left * green
-            picture[pixel, 2] = features[pixel, 2] + left * blue
+    run(task(_over_sky, (features, alpha, basis, weights, picture)))
 
 
-@njit(parallel=True, cache=True)
-def from_over_sky(to_picture, alpha, basis, weights, to_alpha):
+@njit(**UNWRAPPED)
+def _over_sky(part, parts, features, alpha, basis, weights, picture):
+    """Write a part of the pixels."""
+    first, past = share(part, parts, alpha.size)
+    for pixel in range(first, past):
+        red, green, blue = sky_at(basis, pixel, weights)
+        left = 1 - alpha[pixel]
+        picture[pixel, 0] = features[pixel, 0] + left * red
+        picture[pixel, 1] = features[pixel, 1] + left * green
+        picture[pixel, 2] = features[pixel, 2] + left * blue
+
+
+@njit(cache=True)
+def from_over_sky(to_picture, alpha, basis, weights, to_alpha, sums):
     """The way back; features have the gradient of the picture.
 
     Args:
@@ -54,20 +61,22 @@ def from_over_sky(to_picture, alpha, basis, weights, to_alpha):
         basis: as above.
         weights: as above.
         to_alpha: ``(P,)``, to be written.
-
-    Returns:
-        The gradient of the weights, float64, ``(K, 3)``.
+        sums: ``(ceil(P / PIECE), K, 3)``, float64, to be added to: the gradient of the weights by pieces.
     """
-    pieces = (alpha.size + PIECE - 1) // PIECE
-    sums = np.zeros((pieces, weights.shape[0], 3))
-    for piece in prange(pieces):
+    run(task(_from_over_sky, (to_picture, alpha, basis, weights, to_alpha, sums)))
+
+
+@njit(**UNWRAPPED)
+def _from_over_sky(part, parts, to_picture, alpha, basis, weights, to_alpha, sums):
+    """Write and add a part of the pieces."""
+    first, past = share(part, parts, len(sums))
+    for piece in range(first, past):
         for pixel in range(piece * PIECE, min(piece * PIECE + PIECE, alpha.size)):
             red, green, blue = sky_at(basis, pixel, weights)
             to_red, to_green, to_blue = to_picture[pixel, 0], to_picture[pixel, 1], to_picture[pixel, 2]
             to_alpha[pixel] = -(to_red * red + to_green * green + to_blue * blue)
             for k in range(weights.shape[0]):
-                share = np.float64((1 - alpha[pixel]) * basis[pixel, k])
-                sums[piece, k, 0] += share * to_red
-                sums[piece, k, 1] += share * to_green
-                sums[piece, k, 2] += share * to_blue
-    return sums.sum(axis=0)
+                weight = np.float64((1 - alpha[pixel]) * basis[pixel, k])
+                sums[piece, k, 0] += weight * to_red
+                sums[piece, k, 1] += weight * to_green
+                sums[piece, k, 2] += weight * to_blue

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from graycard import Camera
-from graycard.methods._numba import njit, prange
+from graycard.methods._numba import njit
+from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 from graycard.methods.surfels._transfer import transfer, transferred
 
 NOISE = 2e-4
@@ -54,7 +55,7 @@ def _grey(view: SweptView) -> np.ndarray:
     return np.ascontiguousarray(view.grey.numpy(), dtype=np.float32)
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _rank(mine, theirs, pair, inverse, half, best):
     """Put the correlation of a partner in its place among the best.
 
@@ -66,13 +67,20 @@ def _rank(mine, theirs, pair, inverse, half, best):
         half: pixels from the middle of a window to its rim.
         best: ``(K, B, H, W)``, float32: correlations in falling order, to be updated.
     """
-    height, width = mine.shape
-    own = np.empty((3, height, width), np.float32)
+    own = np.empty((3, *mine.shape), np.float32)
     _window_means(mine, mine, half, own)
-    for hypothesis in prange(len(inverse)):
-        warped = np.empty((height, width), np.float32)
-        seen = np.empty((height, width), np.bool_)
-        means = np.empty((3, height, width), np.float32)
+    run(task(_rank_some, (mine, own, theirs, pair, inverse, half, best)))
+
+
+@njit(error_model="numpy", **UNWRAPPED)
+def _rank_some(part, parts, mine, own, theirs, pair, inverse, half, best):
+    """Do the same for a part of the hypotheses, given the means over windows of the view, ``(3, H, W)``."""
+    height, width = mine.shape
+    warped = np.empty((height, width), np.float32)
+    seen = np.empty((height, width), np.bool_)
+    means = np.empty((3, height, width), np.float32)
+    first, past = share(part, parts, len(inverse))
+    for hypothesis in range(first, past):
         _warp(theirs, pair, inverse[hypothesis], warped, seen)
         _window_means(mine, warped, half, means)
         for row in range(height):
@@ -89,7 +97,7 @@ def _rank(mine, theirs, pair, inverse, half, best):
                     like = min(held, like)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(error_model="numpy", **UNWRAPPED)
 def _warp(image, pair, inverse, warped, seen):
     """An image as the view would see it, bilinear, continued beyond its border; and where it is inside."""
     homography, epipole = pair
@@ -110,7 +118,7 @@ def _warp(image, pair, inverse, warped, seen):
             warped[row, column] = upper + y * (lower - upper)
 
 
-@njit(cache=True)
+@njit(**UNWRAPPED)
 def _window_means(mine, other, half, means):
     """Means of ``other``, its square and ``mine * other`` over square windows.
 

@@ -3,7 +3,8 @@
 
 import numpy as np
 
-from graycard.methods._numba import njit, prange
+from graycard.methods._numba import njit
+from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 
 Ease = tuple[np.ndarray, np.ndarray]
 
@@ -34,7 +35,7 @@ def semi_global(cost: np.ndarray, step: float, jump: float, ease: Ease | None = 
     return total.reshape(cost.shape)
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True)
 def _add_paths(cost, step, jump, lines, along, total):
     """Add the least cost of a path that ends at each pixel and label.
 
@@ -46,16 +47,26 @@ def _add_paths(cost, step, jump, lines, along, total):
         along: from a pixel to the next on its line, number of them.
         total: ``(H * W, K)``, to be added to.
     """
+    run(task(_add_some_paths, (cost, step, jump, lines, along, total)))
+
+
+@njit(**UNWRAPPED)
+def _add_some_paths(part, parts, cost, step, jump, lines, along, total):
+    """Go along a part of the lines."""
     begin, apart, count = lines
     stride, length = along
     labels = cost.shape[1]
-    for line in prange(count):
+    before = np.full(labels + 2, np.inf, cost.dtype)  # none beside the first and the last
+    first, past = share(part, parts, count)
+    for line in range(first, past):
         pixel = begin + line * apart
-        before = np.full(labels + 2, np.inf, cost.dtype)  # none beside the first and the last
-        before[1:-1] = cost[pixel]
-        total[pixel] += cost[pixel]
+        for label in range(labels):
+            before[label + 1] = cost[pixel, label]
+            total[pixel, label] += cost[pixel, label]
         for _ in range(1, length):
-            least = before.min()
+            least = before[1]
+            for label in range(1, labels):
+                least = min(least, before[label + 1])
             between = min(pixel, pixel + stride)
             small, large = step[between], least + jump[between]
             pixel += stride
@@ -65,4 +76,5 @@ def _add_paths(cost, step, jump, lines, along, total):
                 way = min(min(same, min(left, right) + small), large)
                 before[label + 1] = cost[pixel, label] + way - least
                 left = same
-            total[pixel] += before[1:-1]
+            for label in range(labels):
+                total[pixel, label] += before[label + 1]

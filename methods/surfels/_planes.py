@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from graycard import Camera
-from graycard.methods._numba import njit, prange
+from graycard.methods._numba import njit
+from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
 from graycard.methods.surfels._ncc import SweptView, mean_ncc
 from graycard.methods.surfels._paths import Ease, semi_global
 from graycard.methods.surfels._sweep import SweptDepth, partners_of
@@ -127,7 +128,7 @@ def _largest(points: np.ndarray, tolerance: np.ndarray, random: np.random.Genera
     return plane
 
 
-@njit(parallel=True, cache=True)
+@njit(cache=True)
 def _score(points, tolerance, normals, offsets, scores):
     """How well planes hold points: the less the farther off, by squares (MSAC: Torr and Zisserman 2000).
 
@@ -138,7 +139,14 @@ def _score(points, tolerance, normals, offsets, scores):
         offsets: ``(K,)``, metres.
         scores: ``(K,)``, to be written.
     """
-    for plane in prange(len(normals)):
+    run(task(_score_some, (points, tolerance, normals, offsets, scores)))
+
+
+@njit(**UNWRAPPED)
+def _score_some(part, parts, points, tolerance, normals, offsets, scores):
+    """Write a part of the scores."""
+    first, past = share(part, parts, len(normals))
+    for plane in range(first, past):
         x, y, z, offset = normals[plane, 0], normals[plane, 1], normals[plane, 2], offsets[plane]
         score = 0.0
         for at in range(len(points)):

@@ -9,7 +9,8 @@ epipole (Hartley and Zisserman 2004, section 9.6), with a length in metres.
 import numpy as np
 
 from graycard import Camera
-from graycard.methods._numba import njit, prange
+from graycard.methods._numba import njit
+from graycard.methods.splat.parallel import INLINED, UNWRAPPED, run, share, task
 
 HIDES = 0.05
 """Of its depth by which a point must be nearer than what another view sees to be in its way."""
@@ -19,7 +20,8 @@ def transfer(camera: Camera, other: Camera) -> tuple[np.ndarray, np.ndarray]:
     """The homography of the plane at infinity, shape ``(3, 3)``, and the epipole, ``(3,)``, metres."""
     onto = other.K @ other.world_to_camera[:3, :3]
     homography = onto @ camera.camera_to_world[:3, :3] @ np.linalg.inv(camera.K)
-    return homography, onto @ camera.position + other.K @ other.world_to_camera[:3, 3]
+    epipole = onto @ camera.position + other.K @ other.world_to_camera[:3, 3]
+    return np.ascontiguousarray(homography), np.ascontiguousarray(epipole)  # of one type, for the kernels
 
 
 def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndarray) -> np.ndarray:
@@ -40,7 +42,7 @@ def depth_ratio(camera: Camera, depth: np.ndarray, other: Camera, there: np.ndar
     return ratio.reshape(depth.shape)
 
 
-@njit(forceinline=True)
+@njit(**INLINED)
 def transferred(homography, x, y):
     """A pixel at infinity in the other image, homogeneous."""
     return (
@@ -50,7 +52,7 @@ def transferred(homography, x, y):
     )
 
 
-@njit(parallel=True, cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _ratios(depth, rows, pair, there, ratio):
     """Write where a point lies inside the other image; see ``depth_ratio``.
 
@@ -61,9 +63,16 @@ def _ratios(depth, rows, pair, there, ratio):
         there: ``(H', W')``, metres.
         ratio: ``(K * H, W)``, to be written.
     """
+    run(task(_some_ratios, (depth, rows, pair, there, ratio)))
+
+
+@njit(error_model="numpy", **UNWRAPPED)
+def _some_ratios(part, parts, depth, rows, pair, there, ratio):
+    """Write a part of the rows."""
     homography, epipole = pair
     height, width = there.shape
-    for row in prange(depth.shape[0]):
+    first, past = share(part, parts, depth.shape[0])
+    for row in range(first, past):
         for column in range(depth.shape[1]):
             across, down, along = transferred(homography, column + 0.5, row % rows + 0.5)
             z = depth[row, column] * along + epipole[2]
