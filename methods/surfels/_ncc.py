@@ -45,7 +45,7 @@ def mean_ncc(view: SweptView, partners: Sequence[SweptView], inverse: np.ndarray
     """
     mine = _grey(view)
     every = np.broadcast_to(inverse, (len(inverse), *mine.shape))
-    inverse = np.array(every, dtype=np.float64, order="C")  # a copy: a view is read-only, another type to Numba
+    inverse = np.array(every, dtype=np.float64, order="C")  # a view is read-only: another type to Numba
     best = np.full((len(inverse), (len(partners) + 1) // 2, *mine.shape), LEAST, np.float32)
     for partner in partners:
         _rank(mine, _grey(partner), transfer(view.camera, partner.camera), inverse, window // 2, best)

@@ -20,7 +20,7 @@ from typing import Any, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import types
+from numba import get_num_threads, types
 from numba.core import cgutils
 from numba.core.errors import TypingError
 
@@ -34,6 +34,10 @@ Python must not call them: there is nothing to call, and the process ends.
 """
 INLINED: dict[str, Any] = {"forceinline": True, **UNWRAPPED}
 """The same, of those that become part of their callers."""
+
+get_num_threads()
+"""Starts Numba's threads. Numba does so when it compiles a parallel loop or loads one from its cache, but not
+when it loads a function whose loop was itself loaded while that was compiled: the call would end the process."""
 
 _WORD, _POINTER = ir.IntType(64), ir.IntType(8).as_pointer()
 _CODE = ir.FunctionType(_WORD, [_WORD, _WORD, _POINTER])
