@@ -7,7 +7,7 @@ short registers hold no more than six chains of sixteen lanes.
 
 from numba import njit, prange
 
-from graycard.methods.splat.simd import _vector as simd
+from graycard.methods.splat import vectors as simd
 
 LANES = simd.LANES
 FEW, MANY = 6, 10

@@ -12,7 +12,7 @@ from numba import njit, prange
 
 from graycard import Camera
 from graycard.methods.splat import Surfels
-from graycard.methods.splat._maps import ALPHA_MAX, ALPHA_MIN, NEAR, TRANSMITTANCE_MIN
+from graycard.methods.splat.stages import ALPHA_MAX, ALPHA_MIN, NEAR, TRANSMITTANCE_MIN
 
 TILE = 16
 LOW_PASS_REACH = 4.0

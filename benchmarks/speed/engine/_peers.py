@@ -130,7 +130,7 @@ def _torch_splatting(scene: Scene) -> Peer | str:
 
 def _cuda(scene: Scene) -> Peer | str:
     """Our other back end, on the GPU, where there is one."""
-    from graycard.methods.splat.cuda._rasterize import gsplat_kernels
+    from graycard.methods.splat.gpu import gsplat_kernels
 
     try:
         gsplat_kernels()

@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 
 from graycard import Camera
-from graycard.methods.splat import Surfels
-from graycard.methods.splat.raster import _stage_arrays, _stages
+from graycard.methods.splat import Surfels, stages
 
 DRAW, DRAW_BACKWARD = "draw", "draw backward"
 """The stages that are the kernels."""
@@ -32,24 +31,24 @@ def staged(surfels: Surfels, camera: Camera) -> Staged:
     """Take the engine apart on a scene: features and alpha only, forward and backward."""
     channels = surfels.features.shape[1]
     features = np.pad(
-        surfels.features.detach().numpy(), ((0, 0), (0, _stages.padded_channels(channels) - channels))
+        surfels.features.detach().numpy(), ((0, 0), (0, stages.padded_channels(channels) - channels))
     )
     tensors = surfels.centres, surfels.rotations, surfels.scales, surfels.opacities
     arrays = (np.ascontiguousarray(tensor.detach().numpy()) for tensor in tensors)
     still = np.zeros((len(surfels), 2), np.float32)
-    scene = _stage_arrays.Scene(*arrays, features=features, offsets=still, camera=camera, shaped=False)
-    projected = _stages.project(scene)
-    lists = _stages.list_tiles(scene, projected)
-    drawn = _stages.draw(scene, projected, lists)
+    scene = stages.Scene(*arrays, features=features, offsets=still, camera=camera, shaped=False)
+    projected = stages.project(scene)
+    lists = stages.list_tiles(scene, projected)
+    drawn = stages.draw(scene, projected, lists)
     given = scene, projected, lists, drawn, np.ones_like(drawn.image), np.ones_like(drawn.transmittance), None
-    slots = _stages.draw_backward(*given)
-    gradients = _stages.project_backward(scene, projected, lists, slots)
-    stages = {
-        "project": partial(_stages.project, scene),
-        "sort and bin": partial(_stages.list_tiles, scene, projected),
-        DRAW: partial(_stages.draw, scene, projected, lists),
-        DRAW_BACKWARD: partial(_stages.draw_backward, *given),
-        "project backward": partial(_stages.project_backward, scene, projected, lists, slots),
+    slots = stages.draw_backward(*given)
+    gradients = stages.project_backward(scene, projected, lists, slots)
+    calls = {
+        "project": partial(stages.project, scene),
+        "sort and bin": partial(stages.list_tiles, scene, projected),
+        DRAW: partial(stages.draw, scene, projected, lists),
+        DRAW_BACKWARD: partial(stages.draw_backward, *given),
+        "project backward": partial(stages.project_backward, scene, projected, lists, slots),
     }
-    held = _stage_arrays.working_bytes(projected, lists, drawn, slots, gradients)
-    return Staged(stages, drawn.forward_lanes, drawn.backward_lanes(lists), held)
+    held = stages.working_bytes(projected, lists, drawn, slots, gradients)
+    return Staged(calls, drawn.forward_lanes, drawn.backward_lanes(lists), held)

@@ -37,7 +37,7 @@ INLINED: dict[str, Any] = {"forceinline": True, **UNWRAPPED}
 
 get_num_threads()
 """Starts Numba's threads. Numba does so when it compiles a parallel loop or loads one from its cache, but not
-when it loads a function whose loop was itself loaded while that was compiled: the call would end the process."""
+when it loads a function whose loop was loaded while it was compiled itself: a call would end the process."""
 
 _WORD, _POINTER = ir.IntType(64), ir.IntType(8).as_pointer()
 _CODE = ir.FunctionType(_WORD, [_WORD, _WORD, _POINTER])
