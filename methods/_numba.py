@@ -41,7 +41,7 @@ _NAME = re.compile(rb"\w+")
 
 def cache_root() -> Path:
     """Return the folder of all compiled kernels; it need not exist."""
-    chosen = numba.core.config.CACHE_DIR
+    chosen = numba.core.config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]  # set by its import
     return Path(chosen) / "graycard" if chosen else user_cache_path("graycard") / FOLDER
 
 
@@ -143,7 +143,9 @@ def _use_kernel_cache() -> None:
     """Put this cache before Numba's own places, for graycard's functions alone."""
     if not getattr(numba.core.config, "CACHE_LOCATOR_CLASSES", ""):  # before Numba 0.62 there was none
         ours = f"{__name__}.{KernelCacheLocator.__name__}"
-        numba.core.config.CACHE_LOCATOR_CLASSES = f"{ours},{_NUMBAS_OWN}"
+        numba.core.config.CACHE_LOCATOR_CLASSES = (  # pyright: ignore[reportAttributeAccessIssue]  # likewise
+            f"{ours},{_NUMBAS_OWN}"
+        )
 
 
 _use_kernel_cache()  # before the first kernel is declared, which asks for its place at once

@@ -98,8 +98,7 @@ def load_method(name: str) -> Method:
             f"expected method {name!r} ({point.value}, {origin(point)}) to import, got "
             f"{type(cause).__name__}: {cause}. Mend it; other methods are not affected"
         ) from cause
-    _check_contract(name, method)
-    return method
+    return _checked(name, method)
 
 
 def listings() -> list[Listing]:
@@ -183,8 +182,8 @@ def _find(name: str) -> EntryPoint:
             )
 
 
-def _check_contract(name: str, method: Any) -> None:
-    """Meet what is no method before any time is spent on it."""
+def _checked(name: str, method: Any) -> Method:
+    """Return a method that follows the contract; meet what is none before any time is spent on it."""
     missing = [member for member in _MEMBERS if not hasattr(method, member)]
     if missing:
         raise MethodError(f"expected {name!r} to be a method, got {method!r} without {', '.join(missing)}")
@@ -213,6 +212,7 @@ def _check_contract(name: str, method: Any) -> None:
             )
         if setting.default is MISSING and setting.default_factory is MISSING:
             raise MethodError(f"expected a default for each setting of {name!r}, got none for {setting.name}")
+    return method
 
 
 def _is_tuple_of(kind: type, value: Any) -> bool:

@@ -50,6 +50,13 @@ def test_each_folder_has_its_link():
     assert all(os.path.samefile(link, ROOT / link.name) for link in links)
 
 
+def test_types_are_checked_in_every_folder_once():
+    """Pyright does not follow links: what it is not told of outright, it never reads."""
+    pyright = read_project()["tool"]["pyright"]
+    assert sorted(pyright["include"]) == sorted([*FOLDERS, "src", "tests"])
+    assert sorted(pyright["exclude"]) == sorted(f"src/graycard/{folder}" for folder in FOLDERS)
+
+
 @pytest.mark.parametrize("pattern", MUST_NOT_KNOW)
 def test_dependencies_point_one_way(pattern: str):
     """Scene -> predictions -> scores -> runs -> reports. Only the command line imports all, lazily."""

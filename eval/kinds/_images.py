@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 
@@ -139,7 +140,7 @@ class ImageScorer(Scorer):
         return tuple(found)
 
 
-def is_in_every_view(metric: Metric[Rule]) -> bool:
+def is_in_every_view(metric: Metric[Any]) -> bool:
     """Tell whether each held-out view with an object in it has a value of a metric.
 
     Others judge what some views do not show: a colour chart, the shadow of a target, a highlight.

@@ -54,7 +54,7 @@ def ssim(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
         )
     box = box_around(mask, WINDOW)
     p, t = with_true_background(predicted, true, mask)[box], np.asarray(true, np.float64)[box]
-    _, similarity = structural_similarity(
+    similarity = structural_similarity(
         t,
         p,
         data_range=1,
@@ -63,6 +63,6 @@ def ssim(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray) -> float:
         sigma=1.5,
         use_sample_covariance=False,
         full=True,
-    )
+    )[1]
     inside = interior(mask)
     return float(similarity[(inside if inside.any() else mask)[box]].mean())

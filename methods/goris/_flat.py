@@ -9,6 +9,7 @@ silhouettes are in space carving (Kutulakos and Seitz 2000).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 import torch
@@ -121,7 +122,7 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
 
 def _hull(flat: np.ndarray) -> np.ndarray:
     """The convex hull of the largest connected part, specks left out."""
-    parts = label(binary_opening(flat), connectivity=1)
+    parts = cast(np.ndarray, label(binary_opening(flat), connectivity=1))  # no return_num, no tuple
     if not parts.any():
         return np.zeros_like(flat)
     return convex_hull_image(parts == 1 + np.bincount(parts.ravel())[1:].argmax())

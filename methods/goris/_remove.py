@@ -269,8 +269,13 @@ def _removal_target(target: Target) -> RemovalTarget:
         glossy = known & (target.layers["glossy"] > _GLOSSY)
         layers["diffuse"] = srgb_encode_tensor(layers["diffuse"])
         layers["normal"] = torch.nn.functional.normalize(layers["normal"], dim=-1)
-    masks = (float_tensor(mask) for mask in (~target.behind.doubt, known & ~glossy, glossy))
-    return RemovalTarget(*masks, srgb_encode_tensor(float_tensor(target.picture)), layers)
+    return RemovalTarget(
+        kept=float_tensor(~target.behind.doubt),
+        rough=float_tensor(known & ~glossy),
+        glossy=float_tensor(glossy),
+        encoded=srgb_encode_tensor(float_tensor(target.picture)),
+        layers=layers,
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,7 +100,7 @@ class Sight:
                 near=SLACK * self.extent,
             )
         places = (rays.origins + met.depth[:, None] * rays.directions).numpy()
-        _, nearest = KDTree(self.nodes.numpy()).query(places)
+        nearest = np.asarray(KDTree(self.nodes.numpy()).query(places)[1])
         lit = (rays.directions.numpy() * self.facing.numpy()[nearest]).sum(axis=1) < 0
         brought = np.where(lit, 1 - met.transmittance.numpy(), 0) / SKY_DIRECTIONS
         rows = np.repeat(np.arange(len(points)), SKY_DIRECTIONS)

@@ -2,6 +2,7 @@
 """Holes in pictures filled in from around them, by algorithms that know nothing of the world."""
 
 from collections.abc import Callable, Mapping
+from typing import cast
 
 import numpy as np
 
@@ -60,7 +61,8 @@ def _telea(image: np.ndarray, hole: np.ndarray) -> np.ndarray:
     low, span = rim.min(), np.ptp(rim)
     levels = RANGE * (np.clip(image, low, low + span) - low) / (span or 1.0)
     # OpenCV also reads what is in a hole at the upper or left border: there the nearest known values stand.
-    rows, columns = distance_transform_edt(hole, return_distances=False, return_indices=True)
+    nearest = distance_transform_edt(hole, return_distances=False, return_indices=True)
+    rows, columns = cast(np.ndarray, nearest)  # None only if it is handed arrays to write to
     shown = levels[rows, columns].astype(np.float32)
     levels = inpaint(shown, hole.astype(np.uint8), radius, INPAINT_TELEA).astype(np.float64)
     return low + span * np.clip(levels / RANGE, 0, 1)

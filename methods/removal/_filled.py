@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 import torch
@@ -125,8 +126,8 @@ def filled_depth(depth: np.ndarray, hole: np.ndarray) -> np.ndarray:
         Shape ``(H, W)``, metres; +inf where there is nothing, and in parts of the hole that no surface rims.
     """
     seen = np.isfinite(depth) & ~hole
-    parts, count = label(hole)
-    rims = [part for part in range(1, count + 1) if (seen & binary_dilation(parts == part)).any()]
+    parts, count = cast(tuple[np.ndarray, int], label(hole))  # a number only if it is handed an output
+    rims = [part for part in range(1, count + 1) if binary_dilation(parts == part)[seen].any()]
     told = np.isin(parts, rims)
     if not told.any():
         return np.where(hole, np.inf, depth)
@@ -150,7 +151,7 @@ def _told(behind: Behind, wall: BackgroundPoints) -> Target:
         return image
 
     layers = {name: told(behind.layers[name], points) for name, points in wall.layers.items()}
-    return Target(behind, told(behind.picture, wall.colours), known, behind.layers | layers)
+    return Target(behind, told(behind.picture, wall.colours), known, {**behind.layers, **layers})
 
 
 def seen_points(camera: Camera, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -173,6 +174,5 @@ def _joined(walls: Sequence[BackgroundPoints]) -> BackgroundPoints:
         return BackgroundPoints(nothing, nothing, nothing, np.zeros(0))
     names = ("points", "normals", "colours", "distances")
     layers = {name: np.concatenate([wall.layers[name] for wall in walls]) for name in walls[0].layers}
-    return BackgroundPoints(
-        *(np.concatenate([getattr(wall, name) for wall in walls]) for name in names), layers
-    )
+    joined = {name: np.concatenate([getattr(wall, name) for wall in walls]) for name in names}
+    return BackgroundPoints(**joined, layers=layers)

@@ -110,7 +110,9 @@ def with_means(left: Parameters, gone: torch.Tensor, neighbours: int) -> Paramet
         neighbours: How many are averaged, or N if there are fewer.
     """
     ranks = np.arange(1, min(neighbours, len(left)) + 1)
-    _, nearest = KDTree(left.surfels[CENTRES].numpy()).query(gone.numpy(), k=ranks)
+    tree = KDTree(left.surfels[CENTRES].numpy())
+    # SciPy takes ranks too, and keeps their axis even if there is one: its type is guessed from the default
+    _, nearest = tree.query(gone.numpy(), k=ranks)  # pyright: ignore[reportArgumentType]
     those = {name: values[torch.from_numpy(nearest)] for name, values in left.surfels.items()}
     those[ROTATIONS] = _alike(those[ROTATIONS])
     return joined_surfels(left, {name: values.mean(dim=1) for name, values in those.items()})

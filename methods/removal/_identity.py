@@ -139,5 +139,5 @@ def neighbours_of_some(
     """
     some = np.random.default_rng(seed).permutation(len(places))[: settings.samples]
     count = min(settings.neighbours, len(places) - 1)
-    _, nearest = KDTree(places).query(places[some], k=count + 1)
+    nearest = np.asarray(KDTree(places).query(places[some], k=count + 1)[1])
     return torch.from_numpy(some), torch.from_numpy(nearest[:, 1:])  # a surfel is its own nearest

@@ -141,5 +141,5 @@ def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> Encod
 def decomposition(method: str, capture: Capture, before: Parameters, after: Parameters) -> RemovalScene:
     """The scene as a capture shows it, and without the object that it names."""
     assert capture.target is not None, "it was checked"
-    scenes = (SurfelScene(parameters, method, capture.exposure) for parameters in (before, after))
-    return RemovalScene(*scenes, capture.target)
+    whole, emptied = (SurfelScene(parameters, method, capture.exposure) for parameters in (before, after))
+    return RemovalScene(whole, emptied, capture.target)

@@ -122,7 +122,7 @@ def _guess(swept: SweptDepth) -> np.ndarray:
     Triangles are drawn between the rims of what is sure: one that has a pixel with eight sure neighbours for
     a corner reaches no farther than these, and no such pixel is the nearest to one that is not sure.
     """
-    rim = swept.sure & ~binary_erosion(swept.sure, np.ones((3, 3)), border_value=1)
+    rim = swept.sure & np.logical_not(binary_erosion(swept.sure, np.ones((3, 3)), border_value=1))
     row, column = np.nonzero(rim)
     if len(row) == 0:
         return swept.depth
