@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
+# pyright: reportPossiblyUnboundVariable=false, reportOptionalSubscript=false
+# Numba compiles no branch for an argument that is None; a type checker does not know that.
 """The forward kernel: for each tile 64 surfels at a time, for each block those of them that touch it.
 
 Within a block surfels go nearest first, and the transmittance of its pixels stays in a register: the alphas
