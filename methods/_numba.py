@@ -18,6 +18,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ from numba import njit as njit
 from numba import prange as prange
 from platformdirs import user_cache_path
 
-import graycard
-
+METHODS = __name__.rpartition(".")[0]
+"""The package whose kernels are kept here."""
 FOLDER = "kernels"
 UNUSED_DAYS = 30
 """Folders of kernels that no process has loaded for so long are removed."""
@@ -43,6 +44,17 @@ def cache_root() -> Path:
     """Return the folder of all compiled kernels; it need not exist."""
     chosen = numba.core.config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]  # set by its import
     return Path(chosen) / "graycard" if chosen else user_cache_path("graycard") / FOLDER
+
+
+def package_folder(package: str) -> Path:
+    """Return the folder of a package, such as ``graycard.methods``, wherever the installation maps it.
+
+    Nothing of it is imported here: every kernel would depend on all of that.
+    """
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"expected a package {package}, got none. Run `pip install -e .`")
+    return Path(spec.origin).parent
 
 
 @cache
@@ -72,7 +84,9 @@ def _imported_files(path: Path) -> tuple[Path, ...]:
 @cache
 def _file_of(module: str) -> Path | None:
     """The source file of a module of graycard by its dotted name; None for anything else."""
-    base = Path(graycard.__file__).parent.joinpath(*module.split(".")[1:])
+    inside = module.startswith(f"{METHODS}.")
+    package = METHODS if inside else METHODS.partition(".")[0]
+    base = package_folder(package).joinpath(*module.removeprefix(package).split(".")[1:])
     files = (base / "__init__.py", base.with_suffix(".py"))
     return next((file.resolve() for file in files if file.is_file()), None)
 
@@ -98,7 +112,7 @@ class KernelCacheLocator:
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "KernelCacheLocator | None":
         """Return the place for a function; None for a function that is not graycard's, or without a place."""
         path = Path(py_file).resolve()
-        if not path.is_relative_to(Path(__file__).resolve().parent):
+        if not path.is_relative_to(package_folder(METHODS).resolve()):
             return None
         found = cls(py_func, path)
         try:
