@@ -30,11 +30,34 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 """Let threads of OpenMP sleep while they wait for work. With a test on each core they take the cores from
 each other: a fit of 20 s takes 340 s. PyTorch and Numba, which read this, are not loaded yet."""
 
+CHEAP = {"run_python", "loaded", "in_process", "world"}
+"""Fixtures of a session that cost next to nothing."""
+
 WIDTH, HEIGHT = 28, 24
 DIAMETER = 4.0
 RADIUS = 0.6
 ALBEDO = {0: (0.0, 0.0, 0.0), 1: (0.55, 0.45, 0.30), 2: (0.20, 0.45, 0.60), 3: (0.6, 0.1, 0.1)}
 LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Send tests that share a fixture to one worker of xdist: none is built twice. Begin with them."""
+    for item in items:
+        group = shared_fixture(item)
+        if group:
+            item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: not any(item.iter_markers("xdist_group")))
+
+
+def shared_fixture(item: pytest.Item) -> str:
+    """Return the fixture of a session, or else the file, that a test shares with others; empty if neither."""
+    info = getattr(item, "_fixtureinfo", None)  # pytest has no public way to ask for the scope of a fixture
+    found = [fixtures[-1] for fixtures in info.name2fixturedefs.values()] if info else []
+    ours = [fixture for fixture in found if fixture.baseid not in ("", "tests")]  # not pytest's, nor of here
+    session = sorted((f.baseid, f.argname) for f in ours if f.scope == "session" and f.argname not in CHEAP)
+    if session:
+        return "::".join(session[0])
+    return item.nodeid.partition("::")[0] if any(f.scope == "module" for f in ours) else ""
 
 
 def shade(camera: Camera, with_target: bool) -> dict[str, np.ndarray]:
