@@ -159,7 +159,7 @@ from dataclasses import fields
 import numpy as np
 import torch
 
-from graycard import Camera
+from graycard import Camera, GraycardError
 from graycard.methods import splat
 
 SIZE = torch.float64
@@ -187,7 +187,7 @@ for K in (20.0, 1e-6, 1e12):
                     maps = how(surfels, camera, offsets=leaves["offsets"])
                     sum(getattr(maps, f.name).sum() for f in fields(maps)).backward()
                     drawn += 1
-                except (ValueError, gc.GraycardError):
+                except (ValueError, GraycardError):
                     refused += 1
 sys.stdout.write(f"{refused} refused, {drawn} drawn")
 """
