@@ -111,7 +111,7 @@ def fit_scene(
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
-        _compile_kernels(method, progress)
+        _compile_kernels(fit, method)
         decomposition, spent = _timed_fit(fit, method)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
@@ -153,12 +153,19 @@ def _timed_fit(fit: _Fit, method: Method) -> tuple[Decomposition, _Spent]:
     return decomposition, _Spent(elapsed, max(peak_memory_mib(), resumed.peak_mib), resumed.peak_mib)
 
 
-def _compile_kernels(method: Method, progress: Progress) -> None:
-    """Compile what the method's part of the engine lacks, lest its first steps wait, and be timed, for it."""
-    if isinstance(method, Compiled):
-        from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+def _compile_kernels(fit: _Fit, method: Method) -> None:
+    """Compile the kernels that the method needs and the cache lacks: its clock does not run yet.
 
-        warm_kernels(method.kernels, progress)
+    Raises:
+        UnknownNameError: It names kernels that there are not.
+        MethodError: It reaches for truth.
+    """
+    with closed(fit.guard), blame(fit.spec.method):
+        kernels = method.kernels if isinstance(method, Compiled) else ()
+        if kernels:
+            from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+            warm_kernels(kernels, fit.progress)
 
 
 def _fitted(fit: _Fit, method: Method) -> Decomposition:

@@ -47,8 +47,9 @@ def mean_ncc(view: SweptView, partners: Sequence[SweptView], inverse: np.ndarray
     every = np.broadcast_to(inverse, (len(inverse), *mine.shape))
     inverse = np.array(every, dtype=np.float64, order="C")  # a view is read-only: another type to Numba
     best = np.full((len(inverse), (len(partners) + 1) // 2, *mine.shape), LEAST, np.float32)
+    own = np.empty((3, *mine.shape), np.float32)
     for partner in partners:
-        _rank(mine, _grey(partner), transfer(view.camera, partner.camera), inverse, window // 2, best)
+        _rank(mine, own, _grey(partner), transfer(view.camera, partner.camera), inverse, window // 2, best)
     return best.mean(axis=1)
 
 
@@ -57,18 +58,18 @@ def _grey(view: SweptView) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy")
-def _rank(mine, theirs, pair, inverse, half, best):
+def _rank(mine, own, theirs, pair, inverse, half, best):
     """Put the correlation of a partner in its place among the best.
 
     Args:
         mine: ``(H, W)``, float32: the view.
+        own: ``(3, H, W)``, float32, room for its means over windows.
         theirs: ``(H', W')``, float32: the partner.
         pair: homography and epipole, see ``transfer``.
         inverse: ``(K, H, W)``, 1/m.
         half: pixels from the middle of a window to its rim.
         best: ``(K, B, H, W)``, float32: correlations in falling order, to be updated.
     """
-    own = np.empty((3, *mine.shape), np.float32)
     _window_means(mine, mine, half, own)
     run(task(_rank_some, (mine, own, theirs, pair, inverse, half, best)))
 

@@ -44,7 +44,7 @@ def judge(
         metric: Which one.
         found: How methods compare by it.
         comparison: Of the run.
-        variants: See :meth:`graycard.RunRecord.variants_on`.
+        variants: See :meth:`graycard.records.RunRecord.variants_on`.
     """
     methods = [m for m in found.methods if m.method not in variants]
     order = _in_order(metric, methods)

@@ -180,6 +180,7 @@ def test_truth_is_closed_while_the_donor_is_fitted_too(
     assert fitted.access.donor_sha256 == sha256(donor / "capture" / "manifest.json")
 
 
+@pytest.mark.slow
 def test_a_bench_renders_the_donors_of_rows_that_compose(
     hosting: str, suite_of: Callable[..., Path], tmp_path: Path
 ) -> None:

@@ -58,6 +58,7 @@ def test_the_same_bits_from_any_process_and_any_number_of_threads(checks: Module
     assert len(digests) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("processor", "beyond"),
     [

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ import torch
 
 from graycard import Camera, UnknownNameError
 from graycard.benchmarks import _fit
-from graycard.methods import splat
+from graycard.benchmarks._guard import Guard
+from graycard.io import silent
+from graycard.methods import Compiled, load_method, splat
 from graycard.methods.splat import rasterize, warm_kernels
 from graycard.methods.splat.raster._backward import backward
 from graycard.methods.splat.raster._forward import forward
@@ -21,6 +24,7 @@ from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project
 from graycard.methods.splat.warm import _processes
 from graycard.methods.splat.warm._jobs import JOBS, PARTS, Job
+from graycard.methods.surfels import SurfelMethod
 
 TWICE = """
 from graycard.methods.splat import warm_kernels
@@ -137,20 +141,31 @@ def test_a_fit_uses_what_the_jobs_compiled():
     assert [list(kernel.signatures) for kernel in kernels] == before
 
 
-def test_kernels_of_a_method_are_compiled_before_its_fit(monkeypatch: pytest.MonkeyPatch):
-    from graycard.methods import load_method
+def compile_for(method: Any, folder: Path) -> None:
+    """Compile the kernels of a method before a fit of it."""
+    spec = _fit.FitSpec("mine", {}, 0, folder / "scene")
+    fit: Any = _fit._Fit(spec, Guard(folder), Any, Any, silent)  # pyright: ignore[reportArgumentType]
+    _fit._compile_kernels(fit, method)
 
+
+def test_kernels_of_a_method_are_compiled_before_its_fit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     asked: list[tuple[str, ...]] = []
     monkeypatch.setattr(splat, "warm_kernels", lambda parts, progress: asked.append(parts))
     for name in ("2dgs", "gray"):
-        _fit._compile_kernels(load_method(name), lambda share, doing: None)
+        compile_for(load_method(name), tmp_path)
     assert asked == [splat.SURFEL_KERNELS]
+
+
+def test_kernels_that_there_are_not_are_refused(tmp_path: Path):
+    class Odd(SurfelMethod):
+        kernels = ("maps 5",)
+
+    with pytest.raises(UnknownNameError, match="part of the engine that exists, got 'maps 5'"):
+        compile_for(Odd(), tmp_path)
 
 
 @pytest.mark.parametrize("name", ["2dgs", "2dgs-oracle", "appearance", "goris", "gsid", "r3dg", "darkgs"])
 def test_methods_name_parts_that_exist(name: str):
-    from graycard.methods import Compiled, load_method
-
     method = load_method(name)
     assert isinstance(method, Compiled)
     assert set(method.kernels) <= set(PARTS)

@@ -52,6 +52,8 @@ WHOLE = ONE | {"pkg._two"}
         ("import pkg._one\nx = pkg._one.one", ONE),
         ("import pkg._one as o\nx = getattr(o, 'one')", ONE),
         ("from importlib import import_module\nx = import_module('pkg._one')", ONE),
+        ("from importlib import import_module\nx = import_module('._one', __package__)", ONE),
+        ("x = __import__('pkg._one')", ONE),
         ("import pkg", WHOLE),
         ("import pkg\nx = getattr(pkg, 'o' + 'ne')", WHOLE),
         ("import pkg\nx = pkg.one, pkg.something", WHOLE),
@@ -103,6 +105,12 @@ def test_a_package_without_a_door(reach: Reach) -> None:
     assert reach({}, "pkg.room.*") == {"pkg", "pkg.room", "pkg.room.a", "pkg.room.b", "pkg.room.c"}
 
 
+@pytest.mark.parametrize("line", ["from pkg._h import *", "import pkg._h"])
+def test_what_a_door_imports_for_more_than_a_name_counts(reach: Reach, line: str) -> None:
+    files = {"pkg/__init__.py": f"{line}\nfrom pkg._one import one", "pkg/_h.py": "X = 1"}
+    assert "pkg._h" in reach(files | {"pkg/_one.py": "one = 1"}, "pkg._one")
+
+
 def test_files_beside_a_module_that_looks_for_its_own_place(reach: Reach) -> None:
     files = {"pkg/a.py": "from pathlib import Path\nHERE = Path(__file__).parent", "pkg/data/t.toml": "a = 1"}
     assert reach(files, "pkg.a") == {"pkg", "pkg.a", "pkg/data/t.toml"}
@@ -121,6 +129,8 @@ EDITS = [
     ("x: int = 1", "x: float = 1", False),
     ("def f(a, /): ...", "def f(a): ...", False),
     ("assert x", "assert y", False),
+    ("x = {**a, 'k': b}", "x = {'k': a, **b}", False),
+    ("def f(*, a, b=1): ...", "def f(*, a=1, b): ...", False),
     ("x = f'{a!r}'", "x = f'{a!s}'", False),
     ("async def f(): ...", "def f(): ...", False),
     ("x = 1", "x = 1\ny = 1", False),

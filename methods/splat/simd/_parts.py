@@ -48,8 +48,9 @@ _CODE = ir.FunctionType(_WORD, [_WORD, _WORD, _POINTER])
 def task(typing: Any, kernel: Any, given: Any) -> Any:
     """Return the addresses of code that runs a part of a kernel, and of the arguments that it reads.
 
-    The arguments are ``given``, a tuple, after the number of the part and that of the parts. Both addresses
-    hold until the calling function returns.
+    The arguments are ``given``, a tuple, after the number of the part and that of the parts. The addresses
+    hold until the calling function returns, but nothing is kept alive for them. Arrays among the arguments
+    must be arguments of the calling function too, which Python holds, never arrays that were made there.
     """
     if not isinstance(kernel, types.Dispatcher) or not isinstance(given, types.BaseTuple):
         raise TypingError(f"expected a kernel and a tuple of its arguments, got {kernel} and {given}")
@@ -101,13 +102,13 @@ def run_in(addresses: Any, parts: int) -> None:
     """Run a task in so many parts, as many at a time as there are threads.
 
     Raises:
-        MemoryError: A part failed: kernels fail where they cannot have memory, and nowhere else.
+        MemoryError: A part failed, most likely since it could not have memory.
     """
     failed = np.zeros(parts, np.int64)
     for part in prange(parts):
         failed[part] = _call(addresses[0], addresses[1], part, parts)
     if failed.any():
-        raise MemoryError("expected memory for each thread of a kernel, got none. Use fewer threads")
+        raise MemoryError("a part of a kernel failed, most likely for want of memory. Use fewer threads")
 
 
 @njit(cache=True)

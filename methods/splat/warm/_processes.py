@@ -19,7 +19,7 @@ import psutil
 from llvmlite import binding
 
 from graycard import Progress, UnknownNameError
-from graycard.io import silent
+from graycard.io import file_lock, silent
 from graycard.methods._numba import cache_root, code_digest, remove_unused
 from graycard.methods.splat.warm import _jobs
 from graycard.methods.splat.warm._jobs import JOBS, PARTS
@@ -39,7 +39,8 @@ def warmed(parts: Sequence[str], progress: Progress = silent) -> list[str]:
     if not missing or not _is_writable(stamps):
         return []
     remove_unused(cache_root())
-    _compile_apart(missing, stamps, progress)
+    with file_lock(stamps / "lock", lambda: progress(0.0, "waiting for kernels of another process")):
+        _compile_apart([name for name in missing if not _stamp(stamps, name).exists()], stamps, progress)
     left = [name for name in missing if not _stamp(stamps, name).exists()]
     for number, name in enumerate(left, len(missing) - len(left)):
         progress(number / len(missing), f"compiling kernels: {name}")
@@ -100,6 +101,8 @@ def _jobs_of(parts: Iterable[str]) -> list[str]:
 
 def _compile_apart(names: Sequence[str], stamps: Path, progress: Progress) -> None:
     """Compile jobs in other processes; those that die leave jobs without a stamp."""
+    if not names:
+        return
     processes = [_started(hand) for hand in hands(names, min(len(names), _cores()))]
     try:
         while any(process.poll() is None for process in processes):
@@ -114,7 +117,7 @@ def _compile_apart(names: Sequence[str], stamps: Path, progress: Progress) -> No
 
 def _started(names: Sequence[str]) -> subprocess.Popen[bytes]:
     """Start a process that compiles jobs."""
-    command = [sys.executable, "-m", "graycard.methods.splat.warm", *names]
+    command = [sys.executable, "-P", "-m", "graycard.methods.splat.warm", *names]
     nowhere = subprocess.DEVNULL
     return subprocess.Popen(command, stdin=nowhere, stdout=nowhere, stderr=nowhere)
 

@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from difflib import get_close_matches
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Protocol, TypeVar, get_origin, get_type_hints, runtime_checkable
 
@@ -67,7 +68,11 @@ def _is_positional(hint: Any) -> bool:
 
 
 def given_options(args: Iterable[str]) -> list[str]:
-    """Return the options among arguments, without values and with hyphens; a negative number is a value."""
+    """Return the options among arguments, without values and with hyphens; a negative number is a value.
+
+    What follows ``--`` is no option.
+    """
+    args = takewhile(lambda arg: arg != "--", args)
     options = (arg.partition("=")[0].replace("_", "-") for arg in args if arg.startswith("-"))
     return [option for option in options if not _is_number(option)]
 

@@ -120,6 +120,13 @@ class _Closure:
             for name in source.bound.keys() & source.own.uses.keys():
                 for found in source.bound[name]:
                     self._import(found, source.own)
+            self._take_effects(source, ours=names[0] == OURS)
+
+    def _take_effects(self, source: Source, *, ours: bool) -> None:
+        """Take what a door imports for more than a name: ``*``, and modules that may do something."""
+        for found in (one for several in source.bound.values() for one in several):
+            if found.attribute == ALL or not (ours or found.attribute):
+                self.follow(found.module, ())
 
     def _take(self, module: str) -> None:
         """Count a module whole, and all that it imports."""

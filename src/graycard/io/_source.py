@@ -123,6 +123,14 @@ def _imports(node: ast.Import | ast.ImportFrom, package: str) -> list[Import]:
     return [Import(name.asname or name.name, module, name.name) for name in node.names]
 
 
+def _absolute(module: str, package: str) -> str:
+    """Return the full name of a module that is named as to ``importlib.import_module``."""
+    inner = module.lstrip(".")
+    above = len(module) - len(inner)
+    parents = package.split(".")[: len(package.split(".")) - above + 1] if above else []
+    return ".".join([*parents, inner])
+
+
 def _is_text(node: ast.AST) -> bool:
     """Tell a docstring: a string that stands alone, wherever it does, has no effect."""
     return (
@@ -161,8 +169,11 @@ class _Reader:
                 found = _imports(node, self.package)
                 self.imports += found
                 self.loaders += any(x.attribute in _LOADERS and x.bound not in _LOADERS for x in found)
-            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name), args=[ast.Constant(), *_]):
-                self.loaders -= name in _LOADERS - _LISTERS
+            case ast.Call(
+                func=ast.Name(id=name) | ast.Attribute(attr=name), args=[ast.Constant(value=str(text)), *_]
+            ) if name in _LOADERS - _LISTERS:
+                self.loaders -= 1
+                self.imports.append(Import("", _absolute(text, self.package)))
         self.code.append(type(node).__name__)
         for name in node._fields:
             self._read_field(name, getattr(node, name, None))
@@ -176,8 +187,8 @@ class _Reader:
         if isinstance(value, ast.AST):
             self.read(value)
         elif isinstance(value, list):
-            self.read_all(item for item in value if isinstance(item, ast.AST))
-            self.code += [repr(item) for item in value if not isinstance(item, ast.AST)]
+            for item in value:
+                self.read_all([item]) if isinstance(item, ast.AST) else self.code.append(repr(item))
             self.code.append("]")
         else:
             self.code.append(repr(value))
