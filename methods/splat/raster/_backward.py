@@ -7,11 +7,14 @@ need be kept. Each pair of surfel and tile writes to a place of its own, and the
 by side: sums have one order whatever the threads do.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.raster._blocks import (
+    BORROWING,
     CENTRED,
     GROUP,
     LANES,
@@ -20,18 +23,19 @@ from graycard.methods.splat.raster._blocks import (
     aligned,
     centre_in_tile,
     depth_at,
+    either,
     exponent_of,
-    floats_for,
     lane_positions,
     meet,
     next_bit,
     where_drawn,
+    where_given,
 )
 from graycard.methods.splat.raster._blocks_read import PLANES, RANK, TO_MEDIAN, read_shape, read_tile
 from graycard.methods.splat.raster._channels_backward import channel_gradient, narrow_gradient
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.raster._prefetch import LINE, fetch_listed, fetch_surfel
-from graycard.methods.splat.raster._tiles import TILE, past_tile
+from graycard.methods.splat.raster._tiles import TILE, past_tile, tile_of
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
@@ -45,6 +49,75 @@ FIRST_CHANNEL = len(PLAIN)
 """Where channels begin in a slot that has room for them."""
 FAR, SOON = 16, 6
 """Pairs before they are needed at which their inputs are asked for, and the places of their results."""
+
+
+class Room(NamedTuple):
+    """Memory in which a thread goes back over a tile."""
+
+    positions: np.ndarray
+    """See ``lane_positions``."""
+    through: np.ndarray
+    """Transmittance, a vector a block."""
+    suffix: np.ndarray
+    """The same of what all that is drawn from here on adds to the loss."""
+    gradients: np.ndarray
+    """Of the image, a vector a channel and block."""
+    spare: np.ndarray
+    """A vector a block."""
+
+
+class Deep(NamedTuple):
+    """The same for what is drawn beside channels, and what that reads."""
+
+    normals: np.ndarray
+    """Float32, flat, three a surfel."""
+    planes: np.ndarray
+    """``PLANES`` vectors a block."""
+
+
+class Apart(NamedTuple):
+    """The same for channels that have slots of their own, which are a ``Channels``."""
+
+    to_channels: np.ndarray
+    stride: int
+    weights: np.ndarray
+    """Of one surfel, a vector a block."""
+    wide: np.ndarray
+    """Gradients of the image pixel by pixel, ``stride`` floats each."""
+
+
+class Visit(NamedTuple):
+    """One surfel on one block."""
+
+    surfel: int
+    rank: int
+    """Place in the tile's list."""
+    block: int
+    x: Any
+    """From the anchor to the pixel centres, a vector; as is ``y``."""
+    y: Any
+
+
+@njit(**UNWRAPPED)
+def room_for(channels):
+    """Return a thread's ``Room``."""
+    return Room(
+        lane_positions(), aligned(PIXELS), aligned(PIXELS), aligned(channels * PIXELS), aligned(PIXELS)
+    )
+
+
+@where_given
+@njit(**UNWRAPPED)
+def deep_for(shape):
+    """Return a thread's ``Deep``."""
+    return Deep(shape.normals, aligned(PLANES * PIXELS))
+
+
+@where_given
+@njit(**UNWRAPPED)
+def apart_for(slots):
+    """Return a thread's ``Apart``."""
+    return Apart(slots.to_channels, slots.stride, aligned(PIXELS), aligned(slots.stride * PIXELS))
 
 
 @njit(**INLINED)
@@ -113,14 +186,13 @@ def pull_of_median(planes, block, rank):
     return simd.where_at_least(mine, named, pull, zero)
 
 
-@njit(**INLINED)
-def visit(
-    rows, surfel, block, x, y, rank, features, channels, template, sixteen, narrow, normals,
-    through, suffix, gradients, planes, weights, sums, tail,
-):  # fmt: skip
-    """One surfel on sixteen pixels: moves on transmittance and suffix, adds to the sums."""
+@njit(**INLINED, **BORROWING)
+def visit(here, prepared, template, sixteen, narrow, room, deep, apart, sums, tail):
+    """Visit sixteen pixels with a surfel: move on transmittance and suffix, add to the sums."""
+    surfel, rank, block, x, y = here
+    rows, features, channels = prepared.rows, prepared.features, prepared.channels
     at, one, zero = surfel * COLUMNS, simd.broadcast(1.0), simd.broadcast(0.0)
-    before = simd.load(through, block * LANES)
+    before = simd.load(room.through, block * LANES)
     met = meet(rows, at, x, y)
     exponent = exponent_of(rows, at, met[3], met[4])
     raw = many.decay(exponent)
@@ -128,181 +200,148 @@ def visit(
     weight = alpha * before
     pull = zero
     if narrow is not None:
-        vectors = many.load_many(gradients, block * channels * LANES, narrow)
+        vectors = many.load_many(room.gradients, block * channels * LANES, narrow)
         pull = many.add_dot(pull, features, surfel * channels, vectors)
         tail = many.add_products(tail, weight, vectors)
-    if weights is not None:
-        pull = pull_of_channels(features, surfel, channels, gradients, block, template, sixteen)
-        simd.store(weights, block * LANES, weight)
-    if normals is not None:
+    if apart is not None:
+        pull = pull_of_channels(features, surfel, channels, room.gradients, block, template, sixteen)
+        simd.store(apart.weights, block * LANES, weight)
+    if deep is not None:
         depth, z = depth_at(rows, at, met)
-        shape_pull, to_depth = pull_of_shape(normals, surfel, planes, block, depth)
+        shape_pull, to_depth = pull_of_shape(deep.normals, surfel, deep.planes, block, depth)
         pull = pull + shape_pull
-        to_depth = simd.fma(weight, to_depth, pull_of_median(planes, block, rank))
+        to_depth = simd.fma(weight, to_depth, pull_of_median(deep.planes, block, rank))
         to_plane = simd.where_at_least(met[4], met[3], to_depth, zero)
         to_height = to_plane * met[2]
         sums = add_height(sums, met, to_height, z, x, y)
         tail = tail[0] + to_height, tail[1] + (to_depth - to_plane)
-    behind = simd.fnma(weight, pull, simd.load(suffix, block * LANES))
+    behind = simd.fnma(weight, pull, simd.load(room.suffix, block * LANES))
     to_log = simd.fnma(behind, alpha / (one - alpha), weight * pull)
     to_log = simd.where_less(raw, simd.broadcast(ALPHA_MAX), to_log, zero)
-    simd.store(suffix, block * LANES, behind)
-    simd.store(through, block * LANES, before - weight)
+    simd.store(room.suffix, block * LANES, behind)
+    simd.store(room.through, block * LANES, before - weight)
     return add_geometry(sums, met, to_log, x, y), tail
 
 
-@njit(**INLINED)
-def pair_gradient(
-    mask, rows, surfel, tile_x, tile_y, rank, features, channels, template, sixteen, narrow, extra, normals,
-    positions, through, suffix, gradients, planes, weights,
-):  # fmt: skip
-    """One surfel on one tile: the sums of its slot, one vector."""
-    zero = simd.broadcast(0.0)
-    sums, tail = many.repeat(zero, PLAIN), many.repeat(zero, extra)
-    centre_x = simd.broadcast(centre_in_tile(rows, surfel * COLUMNS, 0, tile_x))
-    centre_y = simd.broadcast(centre_in_tile(rows, surfel * COLUMNS, 1, tile_y))
+@njit(**INLINED, **BORROWING)
+def pair_gradient(mask, surfel, rank, tile, prepared, template, sixteen, room, deep, apart):
+    """Return the sums of one surfel on one tile, one vector: its slot."""
+    narrow, zero = either(apart, None, template), simd.broadcast(0.0)
+    sums, tail = many.repeat(zero, PLAIN), many.repeat(zero, either(apart, HEIGHTS, template))
+    centre_x = simd.broadcast(centre_in_tile(prepared.rows, surfel * COLUMNS, 0, tile.x))
+    centre_y = simd.broadcast(centre_in_tile(prepared.rows, surfel * COLUMNS, 1, tile.y))
     bits = mask
     while bits != 0:
         block, bits = next_bit(bits)
-        x = simd.load(positions, block % 4 * LANES) - centre_x
-        y = simd.load(positions, (4 + block // 4) * LANES) - centre_y
-        sums, tail = visit(
-            rows, surfel, block, x, y, rank, features, channels, template, sixteen, narrow,
-            normals, through, suffix, gradients, planes, weights, sums, tail,
-        )  # fmt: skip
+        x = simd.load(room.positions, block % 4 * LANES) - centre_x
+        y = simd.load(room.positions, (4 + block // 4) * LANES) - centre_y
+        here = Visit(surfel, rank, block, x, y)
+        sums, tail = visit(here, prepared, template, sixteen, narrow, room, deep, apart, sums, tail)
     return many.lane_sums(sums + tail)
 
 
-@njit(**INLINED)
-def slot_of(bounds, surfel, first, tile_x, tile_y):
+@njit(**INLINED, **BORROWING)
+def slot_of(bounds, surfel, first, tile):
     """Place of a pair among the places of its surfel: row-major over the tiles that it touches."""
     left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
-    return first + (tile_y // TILE - bounds[surfel, 2] // TILE) * (right - left) + tile_x // TILE - left
+    return first + (tile.y // TILE - bounds[surfel, 2] // TILE) * (right - left) + tile.x // TILE - left
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def clear(array, first, count):
     """Zero to whole vectors."""
     for at in range(first, first + count, LANES):
         simd.store(array, at, simd.broadcast(0.0))
 
 
-@njit(**INLINED)
-def fetch_slot(slot, stride, to_geometry, to_channels):
-    """Where a pair will be written."""
+@njit(**INLINED, **BORROWING)
+def clear_slot(slot, to_geometry, apart):
+    """Zero what a pair writes."""
+    clear(to_geometry, slot * LANES, LANES)
+    if apart is not None:
+        clear(apart.to_channels, slot * apart.stride, apart.stride)
+
+
+@njit(**INLINED, **BORROWING)
+def fetch_slot(slot, to_geometry, apart):
+    """Ask for where a pair will be written."""
     words.prefetch_to_write(to_geometry, slot * LANES)
-    if to_channels is not None:
-        for at in range(slot * stride, slot * stride + stride, LINE):
-            words.prefetch_to_write(to_channels, at)
+    if apart is not None:
+        for at in range(slot * apart.stride, slot * apart.stride + apart.stride, LINE):
+            words.prefetch_to_write(apart.to_channels, at)
 
 
-@njit(**INLINED)
-def fetch_later(
-    pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
-    to_geometry, to_channels,
-):  # fmt: skip
+@njit(**INLINED, **BORROWING)
+def fetch_later(pair, tile, prepared, pairs, deep, apart):
     """Ask for what a pair ``FAR`` behind reads, and, by what was asked for before, where one writes."""
-    if pair + FAR < past:
-        surfel = listed[pair + FAR]
-        fetch_surfel(surfel, rows, bounds, features, channels, normals)
-        words.prefetch(slots, surfel)
-    if pair + SOON < past:
-        surfel = listed[pair + SOON]
-        fetch_slot(slot_of(bounds, surfel, slots[surfel], tile_x, tile_y), stride, to_geometry, to_channels)
+    if pair + FAR < tile.past:
+        surfel = pairs.listed[pair + FAR]
+        fetch_surfel(surfel, prepared, deep)
+        words.prefetch(pairs.slots, surfel)
+    if pair + SOON < tile.past:
+        surfel = pairs.listed[pair + SOON]
+        slot = slot_of(prepared.bounds, surfel, pairs.slots[surfel], tile)
+        fetch_slot(slot, pairs.to_geometry, apart)
 
 
-@njit(**UNWRAPPED)
-def tile_gradient(
-    tile_x, tile_y, first, drawn, past, rows, bounds, listed, slots, masks, features, channels, template,
-    sixteen, narrow, extra, normals, positions, through, suffix, gradients, planes, weights, wide, stride,
-    to_geometry, to_channels,
-):  # fmt: skip
-    """The slots of all pairs of one tile."""
-    for pair in range(first, past):
-        fetch_later(
-            pair, past, rows, bounds, listed, slots, features, channels, normals, tile_x, tile_y, stride,
-            to_geometry, to_channels,
-        )  # fmt: skip
-        surfel = listed[pair]
-        slot = slot_of(bounds, surfel, slots[surfel], tile_x, tile_y)
-        mask = np.uint64(masks[pair]) if pair - first < drawn else np.uint64(0)
+@njit(**INLINED, **BORROWING)
+def write_channels(mask, slot, channels, template, sixteen, room, deep, apart):
+    """Write a pair's gradients of channels and normals if they have slots of their own."""
+    if apart is not None:
+        at = slot * apart.stride
+        if sixteen is not None:
+            channel_gradient(mask, at, apart)
+        if template is not None:
+            narrow_gradient(mask, at, channels, template, room, deep, apart)
+
+
+@njit(**UNWRAPPED, **BORROWING)
+def tile_gradient(tile, prepared, pairs, template, sixteen, masks, drawn, room, deep, apart):
+    """Write the slots of all pairs of one tile, of which the first ``drawn`` were looked at."""
+    for pair in range(tile.first, tile.past):
+        fetch_later(pair, tile, prepared, pairs, deep, apart)
+        surfel, rank = pairs.listed[pair], pair - tile.first
+        slot = slot_of(prepared.bounds, surfel, pairs.slots[surfel], tile)
+        mask = np.uint64(masks[pair]) if rank < drawn else np.uint64(0)
         if mask == 0:
-            clear(to_geometry, slot * LANES, LANES)
-            if to_channels is not None:
-                clear(to_channels, slot * stride, stride)
+            clear_slot(slot, pairs.to_geometry, apart)
             continue
-        total = pair_gradient(
-            mask, rows, surfel, tile_x, tile_y, pair - first, features, channels, template, sixteen,
-            narrow, extra, normals, positions, through, suffix, gradients, planes, weights,
-        )  # fmt: skip
-        simd.store(to_geometry, slot * LANES, total)
-        if to_channels is not None:
-            at = slot * stride
-            if sixteen is not None:
-                channel_gradient(mask, weights, wide, stride, to_channels, at)
-            if template is not None:
-                narrow_gradient(mask, weights, channels, gradients, planes, template, to_channels, at)
+        total = pair_gradient(mask, surfel, rank, tile, prepared, template, sixteen, room, deep, apart)
+        simd.store(pairs.to_geometry, slot * LANES, total)
+        write_channels(mask, slot, prepared.channels, template, sixteen, room, deep, apart)
 
 
 @njit(**UNWRAPPED)
-def gradient_part(
-    part, parts, rows, bounds, start, listed, slots, masks, drawn, features, channels, template, sixteen,
-    normals, narrow, extra, image, transmittance, to_image, to_transmittance, shape, to_geometry, to_channels,
-    stride,
-):  # fmt: skip
+def gradient_part(part, parts, prepared, pairs, template, sixteen, canvas, upstream, shape, slots):
     """Write the gradients of every so manyth tile's pairs; what is not named here is as in ``draw_part``.
 
     Args:
         part: as there, and
         parts: as there.
-        rows: as there.
-        bounds: as there.
-        start: as there.
-        listed: as there.
-        slots: int64 ``(N + 1,)``, where the pairs of each surfel begin.
-        masks: what ``forward`` wrote, and
-        drawn: what it wrote.
-        features: as there.
-        channels: as there.
+        prepared: as there.
+        pairs: a ``Pairs``. A vector of ``to_geometry`` is ``PLAIN``, then channels if they are narrow, else
+            ``HEIGHTS``, which are zero without normals.
         template: as there.
         sixteen: as there.
-        normals: as there.
-        narrow: ``template`` if all channels have room in a slot beside ``PLAIN``, else None.
-        extra: what goes into a slot after ``PLAIN``: ``narrow``, or else ``HEIGHTS``.
-        image: what it wrote, and
-        transmittance: what it wrote.
-        to_image: float32 ``(H, W, channels)``, gradient.
-        to_transmittance: float32 ``(H, W)``, gradient.
-        shape: None, or what it takes with the normals, see ``read_shape``.
-        to_geometry: float32, flat, ``LANES`` a pair, to be written: ``PLAIN``, then channels if they are
-            narrow, else ``HEIGHTS``, which are zero without normals.
-        to_channels: float32, flat, ``stride`` a pair, to be written: of channels and then, from
-            ``_channels_backward.first_normal`` on, of normals; None if channels are narrow.
-        stride: a multiple of ``GROUP``.
+        canvas: what ``forward`` wrote.
+        upstream: an ``Upstream``.
+        shape: None, or an ``UpstreamShape``.
+        slots: ``Channels``, or None if all channels have room beside ``PLAIN``, as ``template`` says.
     """
-    positions, through = lane_positions(), aligned(PIXELS)
-    suffix, gradients = aligned(PIXELS), aligned(channels * PIXELS)
-    planes = floats_for(shape, PLANES * PIXELS)
-    weights, wide = floats_for(to_channels, PIXELS), floats_for(sixteen, stride * PIXELS)
-    room = aligned(PIXELS)
-    columns = (image.shape[1] + TILE - 1) // TILE
+    room, deep, apart = room_for(prepared.channels), deep_for(shape), apart_for(slots)
+    start, listed = pairs.start, pairs.listed
+    columns = (canvas.image.shape[1] + TILE - 1) // TILE
     for turn in range((start.size - 1 + parts - 1 - part) // parts):
-        tile = turn * parts + part
-        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
-        first, past = start[tile], start[tile + 1]
-        fetch_listed(listed, first, min(first + FAR, past), rows, bounds, features, channels, normals)
-        through[:] = 1
-        read_tile(
-            tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
-            gradients, wide, stride, suffix, room,
-        )  # fmt: skip
+        number = turn * parts + part
+        tile = tile_of(number, columns, start)
+        fetch_listed(listed, tile.first, min(tile.first + FAR, tile.past), prepared, deep)
+        room.through[:] = 1
+        read_tile(tile, template, sixteen, canvas, upstream, room, apart)
         if shape is not None:
-            read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix)
+            read_shape(tile, number, shape, prepared.channels, sixteen, deep.planes, room.suffix, apart)
         tile_gradient(
-            tile_x, tile_y, first, drawn[tile], past, rows, bounds, listed, slots, masks,
-            features, channels, template, sixteen, narrow, extra, normals, positions, through, suffix,
-            gradients, planes, weights, wide, stride, to_geometry, to_channels,
-        )  # fmt: skip
+            tile, prepared, pairs, template, sixteen, canvas.masks, canvas.drawn[number], room, deep, apart
+        )
 
 
 @njit(cache=True)

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What both kernels share: tiles of sixteen blocks of 4 x 4 pixels, each one vector, and alpha there."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numba import types
 from numba.extending import overload
@@ -22,6 +25,12 @@ from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 
+BORROWING: dict[str, Any] = {"_nrt": False}
+"""Options of Numba for functions that make no array and return none: they count no users of arrays.
+
+Else each array of a tuple that a function is given is counted, used or not: a quarter of the backward
+kernel's time. Their callers hold the arrays.
+"""
 LANES = simd.LANES
 BLOCK = 4
 """Pixels on the side of a block."""
@@ -132,13 +141,28 @@ def pixel_of(block, lane):
     return block // 4 * BLOCK + lane // BLOCK, block % 4 * BLOCK + lane % BLOCK
 
 
-def floats_for(user: object, count: int) -> np.ndarray | None:
-    """Room for so many floats, zero, if there is a user; for kernels, where the type of the user decides."""
-    return None if user is None else aligned(count)
+def where_given(make: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function for kernels that makes the same, and None of None: the type decides."""
+
+    def made(user: Any) -> Any:  # Python must not call it, see ``UNWRAPPED``
+        raise TypeError(f"expected a call from a kernel, got one from Python with {user}")
+
+    @overload(made)
+    def _made(user):  # no type hints: Numba compares signatures, hints included
+        if isinstance(user, types.NoneType):
+            return lambda user: None
+        return lambda user: make(user)
+
+    return made
 
 
-@overload(floats_for)
-def _floats_for(user, count):  # no type hints: Numba compares signatures, hints included
+def either(user: Any, value: Any, other: Any) -> Any:
+    """Return a value if there is a user, else another; for kernels, as above."""
+    return other if user is None else value
+
+
+@overload(either)
+def _either(user, value, other):  # no type hints, as above
     if isinstance(user, types.NoneType):
-        return lambda user, count: None
-    return lambda user, count: aligned(count)
+        return lambda user, value, other: other
+    return lambda user, value, other: value

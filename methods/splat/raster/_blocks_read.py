@@ -120,23 +120,21 @@ def read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stri
 
 
 @njit(**UNWRAPPED)
-def read_tile(
-    tile_x, tile_y, template, sixteen, image, transmittance, to_image, to_transmittance,
-    gradients, wide, stride, suffix, room,
-):  # fmt: skip
-    """Gradients of channels and of transmittance; ``suffix`` becomes what they make of each pixel."""
-    channels = image.shape[2]
+def read_tile(tile, template, sixteen, canvas, upstream, room, apart):
+    """Read gradients of channels and transmittance; ``suffix`` becomes what they make of each pixel."""
+    x, y, gradients, suffix = tile.x, tile.y, room.gradients, room.suffix
+    image, to_image, channels = canvas.image, upstream.image, canvas.image.shape[2]
     suffix[:] = 0
-    read_plane(tile_x, tile_y, transmittance, to_transmittance, room, 1, 0, suffix)
+    read_plane(x, y, canvas.transmittance, upstream.transmittance, room.spare, 1, 0, suffix)
     if sixteen is not None:
         for channel in range(0, channels, GROUP):
-            read_sixteen(tile_x, tile_y, channel, image, to_image, gradients, wide, stride, suffix)
+            read_sixteen(x, y, channel, image, to_image, gradients, apart.wide, apart.stride, suffix)
     if template is not None:
-        read_image(tile_x, tile_y, image, to_image, template, gradients, channels, 0, suffix)
+        read_image(x, y, image, to_image, template, gradients, channels, 0, suffix)
 
 
 @njit(**INLINED)
-def pull_moments(tile, planes, moments, ranks, suffix):
+def pull_moments(number, planes, moments, ranks, suffix):
     """Make ``CENTRED`` of the gradients of depth and distortion, which lie in its first planes.
 
     With W the sum of weights and v the variance of 1/z, a weight at z moves the depth by (z - mean z) / W
@@ -146,7 +144,7 @@ def pull_moments(tile, planes, moments, ranks, suffix):
     """
     zero, kappa = simd.broadcast(0.0), simd.broadcast(KAPPA**2)
     for block in range(BLOCKS):
-        at, kept = block * PLANES * LANES, tile * PIXELS + block * LANES
+        at, kept = block * PLANES * LANES, number * PIXELS + block * LANES
         total, first, inverse, square = many.load_many(moments, 4 * kept, MOMENTS)
         rank, spread = simd.load(ranks, kept), spread_of(total, inverse, square)
         to_depth = simd.load(planes, at + TO_DEPTH * LANES)
@@ -161,13 +159,13 @@ def pull_moments(tile, planes, moments, ranks, suffix):
 
 
 @njit(**UNWRAPPED)
-def read_shape(tile_x, tile_y, tile, shape, channels, planes, sixteen, wide, stride, suffix):
-    """Gradients of normals, depth, distortion and median depth as those of the sums behind them."""
-    normal, moments, ranks, to_normal, to_depth, to_distortion, to_median = shape
-    read_image(tile_x, tile_y, normal, to_normal, NORMAL, planes, PLANES, 0, suffix)
-    read_plane(tile_x, tile_y, None, to_depth, planes, PLANES, TO_DEPTH, suffix)
-    read_plane(tile_x, tile_y, None, to_distortion, planes, PLANES, TO_DISTORTION, suffix)
-    read_plane(tile_x, tile_y, None, to_median, planes, PLANES, TO_MEDIAN, suffix)
-    pull_moments(tile, planes, moments, ranks, suffix)
+def read_shape(tile, number, shape, channels, sixteen, planes, suffix, apart):
+    """Read gradients of normals, depth, distortion and median depth as those of the sums behind them."""
+    x, y = tile.x, tile.y
+    read_image(x, y, shape.normal, shape.to_normal, NORMAL, planes, PLANES, 0, suffix)
+    read_plane(x, y, None, shape.to_depth, planes, PLANES, TO_DEPTH, suffix)
+    read_plane(x, y, None, shape.to_distortion, planes, PLANES, TO_DISTORTION, suffix)
+    read_plane(x, y, None, shape.to_median, planes, PLANES, TO_MEDIAN, suffix)
+    pull_moments(number, planes, shape.moments, shape.ranks, suffix)
     if sixteen is not None:
-        widen(planes, PLANES, 0, 3, wide, stride, channels)
+        widen(planes, PLANES, 0, 3, apart.wide, apart.stride, channels)

@@ -90,14 +90,15 @@ def write_sixteen(tile_x, tile_y, sums, channel, image):
 
 
 @njit(**UNWRAPPED)
-def write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image, transmittance):
+def write_tile(tile, room, template, sixteen, canvas):
     """Copy channels and transmittance from blocks to the pixels of the images."""
+    image, channels = canvas.image, canvas.image.shape[2]
     if sixteen is not None:
         for channel in range(0, channels, GROUP):
-            write_sixteen(tile_x, tile_y, sums, channel, image)
+            write_sixteen(tile.x, tile.y, room.sums, channel, image)
     if template is not None:
-        write_image(tile_x, tile_y, sums, channels, 0, template, image)
-    write_plane(tile_x, tile_y, through, 1, 0, transmittance)
+        write_image(tile.x, tile.y, room.sums, channels, 0, template, image)
+    write_plane(tile.x, tile.y, room.through, 1, 0, canvas.transmittance)
 
 
 @njit(**UNWRAPPED)
@@ -121,11 +122,11 @@ def spread_of(total, inverse, square):
 
 
 @njit(**INLINED)
-def keep_moments(tile, sums, medians, moments, ranks):
+def keep_moments(number, sums, medians, moments, ranks):
     """Keep what the way back needs, and put depth and distortion in the place of the first two moments."""
     zero, kappa = simd.broadcast(0.0), simd.broadcast(KAPPA**2)
     for block in range(BLOCKS):
-        at, kept = (block * SHAPE_SUMS + DEPTH) * LANES, tile * PIXELS + block * LANES
+        at, kept = (block * SHAPE_SUMS + DEPTH) * LANES, number * PIXELS + block * LANES
         vectors = many.load_many(sums, at, MOMENTS)
         many.store_many(moments, 4 * kept, vectors)
         simd.store(ranks, kept, simd.load(medians, (block * 2 + 1) * LANES))
@@ -135,11 +136,11 @@ def keep_moments(tile, sums, medians, moments, ranks):
 
 
 @njit(**UNWRAPPED)
-def write_shape(tile_x, tile_y, tile, sums, medians, shape):
+def write_shape(tile, number, sums, medians, shape):
     """Copy normals, and make depth and distortion of the moments."""
-    normal, depth, distortion, median, moments, ranks = shape
-    keep_moments(tile, sums, medians, moments, ranks)
-    write_image(tile_x, tile_y, sums, SHAPE_SUMS, 0, NORMAL, normal)
-    write_plane(tile_x, tile_y, sums, SHAPE_SUMS, DEPTH, depth)
-    write_plane(tile_x, tile_y, sums, SHAPE_SUMS, DISTORTION, distortion)
-    write_plane(tile_x, tile_y, medians, 2, 0, median)
+    x, y = tile.x, tile.y
+    keep_moments(number, sums, medians, shape.moments, shape.ranks)
+    write_image(x, y, sums, SHAPE_SUMS, 0, NORMAL, shape.normal)
+    write_plane(x, y, sums, SHAPE_SUMS, DEPTH, shape.depth)
+    write_plane(x, y, sums, SHAPE_SUMS, DISTORTION, shape.distortion)
+    write_plane(x, y, medians, 2, 0, shape.median_depth)

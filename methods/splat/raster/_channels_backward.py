@@ -2,7 +2,7 @@
 """From the weights of a surfel in the blocks of a tile to the gradients of its channels and its normal."""
 
 from graycard.methods._numba import njit
-from graycard.methods.splat.raster._blocks import GROUP, LANES, NORMAL, next_bit
+from graycard.methods.splat.raster._blocks import BORROWING, GROUP, LANES, NORMAL, next_bit
 from graycard.methods.splat.raster._blocks_read import PLANES
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
@@ -19,9 +19,10 @@ def first_normal(channels):
     return max(channels, HALF)
 
 
-@njit(**INLINED)
-def channel_gradient(mask, weights, wide, stride, to_channels, at):
-    """Gradients of a surfel's channels from one tile, sixteen channels at a time: weights times rows."""
+@njit(**INLINED, **BORROWING)
+def channel_gradient(mask, at, apart):
+    """Write a surfel's gradients of channels from one tile, sixteen at a time: weights times rows."""
+    to_channels, stride, weights, wide = apart
     for channel in range(0, stride, GROUP):
         total = many.repeat(simd.broadcast(0.0), PARTIAL)
         bits = mask
@@ -32,18 +33,18 @@ def channel_gradient(mask, weights, wide, stride, to_channels, at):
         simd.store(to_channels, at + channel, (total[0] + total[1]) + (total[2] + total[3]))
 
 
-@njit(**INLINED)
-def narrow_gradient(mask, weights, channels, gradients, planes, template, to_channels, at):
+@njit(**INLINED, **BORROWING)
+def narrow_gradient(mask, at, channels, template, room, deep, apart):
     """As ``channel_gradient``, for up to eight channels: sums of weights times vectors of the blocks."""
     total = many.repeat(simd.broadcast(0.0), template)
     normal = many.repeat(simd.broadcast(0.0), NORMAL)
     bits = mask
     while bits != 0:
         block, bits = next_bit(bits)
-        weight = simd.load(weights, block * LANES)
-        vectors = many.load_many(gradients, block * channels * LANES, template)
+        weight = simd.load(apart.weights, block * LANES)
+        vectors = many.load_many(room.gradients, block * channels * LANES, template)
         total = many.add_products(total, weight, vectors)
-        if planes is not None:
-            vectors = many.load_many(planes, block * PLANES * LANES, NORMAL)
+        if deep is not None:
+            vectors = many.load_many(deep.planes, block * PLANES * LANES, NORMAL)
             normal = many.add_products(normal, weight, vectors)
-    simd.store(to_channels, at, many.lane_sums_of_halves(total, normal))
+    simd.store(apart.to_channels, at, many.lane_sums_of_halves(total, normal))

@@ -7,12 +7,15 @@ Within a block surfels go nearest first, and the transmittance of its pixels sta
 of consecutive surfels do not wait for each other. Weights are written down, then summed channel by channel.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,
+    BORROWING,
     GROUP,
     LANES,
     MOMENTS,
@@ -24,16 +27,16 @@ from graycard.methods.splat.raster._blocks import (
     centre_in_tile,
     depth_at,
     exponent_of,
-    floats_for,
     lane_positions,
     meet,
     next_bit,
     where_drawn,
+    where_given,
 )
 from graycard.methods.splat.raster._blocks_write import clear_medians, write_shape, write_tile
 from graycard.methods.splat.raster._coefficients import COLUMNS, WHOLE
 from graycard.methods.splat.raster._prefetch import fetch_listed
-from graycard.methods.splat.raster._tiles import TILE
+from graycard.methods.splat.raster._tiles import TILE, tile_of
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
@@ -43,33 +46,114 @@ BATCH = 64
 """Surfels at a time: as many as a word has bits."""
 
 
+class Room(NamedTuple):
+    """Memory that a thread draws a tile in."""
+
+    positions: np.ndarray
+    """See ``lane_positions``."""
+    staged: np.ndarray
+    """Rows of a batch."""
+    touching: np.ndarray
+    """Which of them touch each column and each row of blocks, a word each."""
+    weights: np.ndarray
+    """A vector for each surfel of a batch that is drawn on a block."""
+    hits: np.ndarray
+    """Their places in the batch."""
+    sums: np.ndarray
+    """A vector a channel and block."""
+    through: np.ndarray
+    """Transmittance, a vector a block."""
+
+
+class Deep(NamedTuple):
+    """The same for what is drawn beside channels, and what that reads."""
+
+    normals: np.ndarray
+    """Float32, flat, three a surfel."""
+    depths: np.ndarray
+    """As ``Room.weights``."""
+    sums: np.ndarray
+    """``SHAPE_SUMS`` vectors a block."""
+    medians: np.ndarray
+    """Median depth and the rank of its surfel, two vectors a block."""
+
+
+class Batch(NamedTuple):
+    """Surfels of a batch that are drawn on a block, and their weights."""
+
+    found: int
+    """How many."""
+    first: int
+    """Where the batch begins in the list."""
+    listed: np.ndarray
+    """See ``TileLists.surfels``."""
+    hits: np.ndarray
+    """As in ``Room``."""
+    weights: np.ndarray
+    """As there."""
+
+
+@njit(**UNWRAPPED)
+def room_for(channels):
+    """Return a thread's ``Room``."""
+    return Room(
+        lane_positions(),
+        aligned(BATCH * COLUMNS),
+        np.empty(8, np.uint64),
+        aligned(BATCH * LANES),
+        np.empty(BATCH, np.int64),
+        aligned(channels * PIXELS),
+        aligned(PIXELS),
+    )
+
+
+@where_given
+@njit(**UNWRAPPED)
+def deep_for(normals):
+    """Return a thread's ``Deep``."""
+    return Deep(normals, aligned(BATCH * LANES), aligned(SHAPE_SUMS * PIXELS), aligned(2 * PIXELS))
+
+
 @njit(**INLINED)
-def stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching):
+def clear(room, deep):
+    """Empty the sums of a tile."""
+    room.through[:] = 1
+    room.sums[:] = 0
+    if deep is not None:
+        deep.sums[:] = 0
+        clear_medians(deep.medians)
+
+
+@njit(**INLINED, **BORROWING)
+def stage(listed, first, count, prepared, tile, room):
     """Copy the rows of a batch, with centres from the tile's corner, and note which blocks it touches."""
+    rows, bounds, staged, touching = prepared.rows, prepared.bounds, room.staged, room.touching
     touching[:] = 0
     for k in range(count):
         surfel = listed[first + k]
         simd.store(staged, k * COLUMNS, simd.load(rows, surfel * COLUMNS))
-        staged[k * COLUMNS + WHOLE] = centre_in_tile(rows, surfel * COLUMNS, 0, tile_x)
-        staged[k * COLUMNS + WHOLE + 1] = centre_in_tile(rows, surfel * COLUMNS, 1, tile_y)
-        left, right = block_columns(bounds[surfel, 0], bounds[surfel, 1], tile_x)
-        top, bottom = block_columns(bounds[surfel, 2], bounds[surfel, 3], tile_y)
+        staged[k * COLUMNS + WHOLE] = centre_in_tile(rows, surfel * COLUMNS, 0, tile.x)
+        staged[k * COLUMNS + WHOLE + 1] = centre_in_tile(rows, surfel * COLUMNS, 1, tile.y)
+        left, right = block_columns(bounds[surfel, 0], bounds[surfel, 1], tile.x)
+        top, bottom = block_columns(bounds[surfel, 2], bounds[surfel, 3], tile.y)
         for step in range(4):
             touching[step] |= np.uint64(left <= step < right) << np.uint64(k)
             touching[4 + step] |= np.uint64(top <= step < bottom) << np.uint64(k)
 
 
-@njit(**INLINED)
-def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, depths, hits, masks, medians):
-    """Weights of a batch in one block, in order; those of surfels that cover nothing are left out.
+@njit(**INLINED, **BORROWING)
+def weigh(bits, block, first, rank_of_first, masks, room, deep):
+    """Write the weights of a batch in one block, in order; leave out surfels that cover nothing there.
 
     Returns:
-        How many there are, and the transmittance of the pixels after them.
+        How many there are.
     """
-    found = 0
-    if depths is not None:
+    found, staged, before = 0, room.staged, simd.load(room.through, block * LANES)
+    x = simd.load(room.positions, block % 4 * LANES)
+    y = simd.load(room.positions, (4 + block // 4) * LANES)
+    if deep is not None:
         place = block * 2 * LANES
-        middle, rank = simd.load(medians, place), simd.load(medians, place + LANES)
+        middle, rank = simd.load(deep.medians, place), simd.load(deep.medians, place + LANES)
     while bits != 0:
         k, bits = next_bit(bits)
         at = k * COLUMNS
@@ -79,28 +163,30 @@ def weigh(bits, block, x, y, first, rank_of_first, staged, before, weights, dept
         exponent = exponent_of(staged, at, met[3], met[4])
         alpha = simd.minimum(many.decay(exponent), simd.broadcast(ALPHA_MAX))
         weight = where_drawn(exponent, before, alpha * before)
-        simd.store(weights, found * LANES, weight)
-        if depths is not None:
+        simd.store(room.weights, found * LANES, weight)
+        if deep is not None:
             depth, _z = depth_at(staged, at, met)
-            simd.store(depths, found * LANES, depth)
+            simd.store(deep.depths, found * LANES, depth)
             half, zero = simd.broadcast(0.5), simd.broadcast(0.0)
             named = simd.broadcast(np.float32(rank_of_first + k))
             middle = simd.where_less(half, before, simd.where_less(zero, weight, depth, middle), middle)
             rank = simd.where_less(half, before, simd.where_less(zero, weight, named, rank), rank)
         before = before - weight
         hit = words.any_above(weight, simd.broadcast(0.0))
-        hits[found] = k
+        room.hits[found] = k
         masks[first + k] |= hit << block
         found += hit
-    if depths is not None:
-        simd.store(medians, block * 2 * LANES, middle)
-        simd.store(medians, block * 2 * LANES + LANES, rank)
-    return found, before
+    if deep is not None:
+        simd.store(deep.medians, block * 2 * LANES, middle)
+        simd.store(deep.medians, block * 2 * LANES + LANES, rank)
+    simd.store(room.through, block * LANES, before)
+    return found
 
 
-@njit(**INLINED)
-def sum_group(found, hits, listed, first, weights, values, stride, channel, sums, at, template):
+@njit(**INLINED, **BORROWING)
+def sum_group(batch, values, stride, channel, sums, at, template):
     """Add weight times value to as many sums as the template is long, in registers."""
+    found, first, listed, hits, weights = batch
     totals = many.load_many(sums, at, template)
     for hit in range(found):
         row = listed[first + hits[hit]] * stride + channel
@@ -108,7 +194,7 @@ def sum_group(found, hits, listed, first, weights, values, stride, channel, sums
     many.store_many(sums, at, totals)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def sum_moments(found, weights, depths, sums, at):
     """Add to the sums of w, w z, w / z and w / z^2."""
     total, first, inverse, square = many.load_many(sums, at, MOMENTS)
@@ -121,118 +207,78 @@ def sum_moments(found, weights, depths, sums, at):
     many.store_many(sums, at, (total, first, inverse, square))
 
 
-@njit(**INLINED)
-def sum_batch(
-    found, hits, listed, first, weights, depths, features, channels, normals, block, sums, shape_sums,
-    template, sixteen,
-):  # fmt: skip
+@njit(**INLINED, **BORROWING)
+def sum_batch(batch, block, prepared, template, sixteen, sums, deep):
     """Add a batch to the sums of one block: channels by groups, then normals and moments."""
+    features, channels = prepared.features, prepared.channels
     place, channel = block * channels * LANES, 0
     if sixteen is not None:
         while channel + GROUP <= channels:
-            at = place + channel * LANES
-            sum_group(found, hits, listed, first, weights, features, channels, channel, sums, at, sixteen)
+            sum_group(batch, features, channels, channel, sums, place + channel * LANES, sixteen)
             channel += GROUP
     if template is not None:
-        at = place + channel * LANES
-        sum_group(found, hits, listed, first, weights, features, channels, channel, sums, at, template)
-    if depths is not None:
+        sum_group(batch, features, channels, channel, sums, place + channel * LANES, template)
+    if deep is not None:
         at = block * SHAPE_SUMS * LANES
-        sum_group(found, hits, listed, first, weights, normals, 3, 0, shape_sums, at, NORMAL)
-        sum_moments(found, weights, depths, shape_sums, at + 3 * LANES)
+        sum_group(batch, deep.normals, 3, 0, deep.sums, at, NORMAL)
+        sum_moments(batch.found, batch.weights, deep.depths, deep.sums, at + 3 * LANES)
 
 
-@njit(**UNWRAPPED)
-def draw_tile(
-    tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
-    staged, touching, weights, depths, hits, sums, shape_sums, medians, transmittance, masks, template,
-    sixteen,
-):  # fmt: skip
-    """Draw the list of one tile into its sums; returns where it stopped, and how many visits blocks had."""
-    begin, open_blocks, visits = first, BLOCKS, 0
+@njit(**UNWRAPPED, **BORROWING)
+def draw_tile(tile, prepared, listed, template, sixteen, masks, room, deep):
+    """Draw the list of one tile into its sums; returns how many were looked at, and the visits of blocks."""
+    first, past, open_blocks, visits = tile.first, tile.past, BLOCKS, 0
+    touching = room.touching
     while first < past and open_blocks > 0:
         count, open_blocks = min(past - first, BATCH), 0
-        next_past = min(first + 2 * BATCH, past)
-        fetch_listed(listed, first + count, next_past, rows, bounds, features, channels, normals)
-        stage(listed, first, count, rows, bounds, tile_x, tile_y, staged, touching)
+        fetch_listed(listed, first + count, min(first + 2 * BATCH, past), prepared, deep)
+        stage(listed, first, count, prepared, tile, room)
         masks[first : first + count] = 0
         for block in range(BLOCKS):
-            before = simd.load(transmittance, block * LANES)
+            before = simd.load(room.through, block * LANES)
             if words.any_above(before, simd.broadcast(TRANSMITTANCE_MIN)) == 0:
                 continue
             open_blocks += 1
             bits = touching[block % 4] & touching[4 + block // 4]
             visits += words.bit_count(bits)
-            x, y = simd.load(positions, block % 4 * LANES), simd.load(positions, (4 + block // 4) * LANES)
-            found, before = weigh(
-                bits, block, x, y, first, first - begin, staged, before, weights, depths, hits, masks, medians
-            )
-            simd.store(transmittance, block * LANES, before)
+            found = weigh(bits, block, first, first - tile.first, masks, room, deep)
             if found > 0:
-                sum_batch(
-                    found, hits, listed, first, weights, depths, features, channels, normals, block,
-                    sums, shape_sums, template, sixteen,
-                )  # fmt: skip
+                batch = Batch(found, first, listed, room.hits, room.weights)
+                sum_batch(batch, block, prepared, template, sixteen, room.sums, deep)
         first += count
-    return first, visits
+    return first - tile.first, visits
 
 
 @njit(**UNWRAPPED)
-def draw_part(
-    part, parts, rows, bounds, start, listed, features, channels, template, sixteen, normals,
-    image, transmittance, masks, drawn, visits, shape,
-):  # fmt: skip
+def draw_part(part, parts, prepared, lists, template, sixteen, normals, canvas, shape):
     """Draw every so manyth tile.
 
     Args:
         part: which of the
         parts: how many tiles are drawn at a time.
-        rows: float32, flat, ``COLUMNS`` a surfel.
-        bounds: int32 ``(N, 4)``, pixels.
-        start: int32 ``(tiles + 1,)``, and
-        listed: int32 ``(pairs,)``: the lists of the tiles.
-        features: float32, flat, ``channels`` a surfel.
-        channels: their number, at least one.
+        prepared: a ``Prepared``.
+        lists: a ``TileLists``.
         template: a tuple as long as the last group of channels if that has fewer than ``GROUP``, else None.
         sixteen: ``SIXTEEN`` if there are whole groups, else None.
         normals: float32, flat, three a surfel, in the world; or None.
-        image: float32 ``(H, W, channels)``, to be written.
-        transmittance: float32 ``(H, W)``, to be written: what is left of the light from behind.
-        masks: uint16 ``(pairs,)``, to be written where drawn: the blocks that a surfel covers in a tile.
-        drawn: int32 ``(tiles,)``, to be written: how many of a tile's list were looked at.
-        visits: int32 ``(tiles,)``, to be written: how often a surfel was evaluated on a block.
+        canvas: a ``Canvas``, to be written.
         shape: None, or what to write with the normals, see ``write_shape``.
     """
-    positions, staged = lane_positions(), aligned(BATCH * COLUMNS)
-    touching, hits = np.empty(8, np.uint64), np.empty(BATCH, np.int64)
-    weights, through = aligned(BATCH * LANES), aligned(PIXELS)
-    sums = aligned(channels * PIXELS)
-    depths, medians = floats_for(shape, BATCH * LANES), floats_for(shape, 2 * PIXELS)
-    shape_sums = floats_for(shape, SHAPE_SUMS * PIXELS)
-    columns = (image.shape[1] + TILE - 1) // TILE
-    for turn in range((start.size - 1 + parts - 1 - part) // parts):
-        tile = turn * parts + part
-        tile_x, tile_y = tile % columns * TILE, tile // columns * TILE
-        through[:] = 1
-        sums[:] = 0
-        if shape is not None:
-            shape_sums[:] = 0
-            clear_medians(medians)
-        first, past = start[tile], start[tile + 1]
-        ahead, ahead_past = (
-            start[min(tile + parts, start.size - 1)],
-            start[min(tile + parts + 1, start.size - 1)],
+    room, deep = room_for(prepared.channels), deep_for(normals)
+    start, listed = lists.start, lists.surfels
+    columns, tiles = (canvas.image.shape[1] + TILE - 1) // TILE, start.size - 1
+    for turn in range((tiles + parts - 1 - part) // parts):
+        number = turn * parts + part
+        tile = tile_of(number, columns, start)
+        clear(room, deep)
+        ahead, ahead_past = start[min(number + parts, tiles)], start[min(number + parts + 1, tiles)]
+        fetch_listed(listed, ahead, min(ahead + BATCH, ahead_past), prepared, deep)
+        canvas.drawn[number], canvas.visits[number] = draw_tile(
+            tile, prepared, listed, template, sixteen, canvas.masks, room, deep
         )
-        fetch_listed(listed, ahead, min(ahead + BATCH, ahead_past), rows, bounds, features, channels, normals)
-        stopped, visits[tile] = draw_tile(
-            tile_x, tile_y, first, past, listed, rows, bounds, features, channels, normals, positions,
-            staged, touching, weights, depths, hits, sums, shape_sums, medians, through, masks,
-            template, sixteen,
-        )  # fmt: skip
-        drawn[tile] = stopped - first
-        write_tile(tile_x, tile_y, sums, channels, template, sixteen, through, image, transmittance)
+        write_tile(tile, room, template, sixteen, canvas)
         if shape is not None:
-            write_shape(tile_x, tile_y, tile, shape_sums, medians, shape)
+            write_shape(tile, number, deep.sums, deep.medians, shape)
 
 
 @njit(cache=True)

@@ -6,6 +6,7 @@ caches: without this the kernels spend a third of their time waiting. What is as
 """
 
 from graycard.methods._numba import njit
+from graycard.methods.splat.raster._blocks import BORROWING
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.simd import _words as words
 from graycard.methods.splat.simd._parts import INLINED
@@ -14,7 +15,7 @@ LINE = 16
 """Floats in a line of the cache."""
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def fetch_values(values, surfel, count):
     """So many numbers a surfel, which may begin anywhere in a line."""
     first = surfel * count
@@ -23,18 +24,18 @@ def fetch_values(values, surfel, count):
     words.prefetch(values, first + count - 1)
 
 
-@njit(**INLINED)
-def fetch_surfel(surfel, rows, bounds, features, channels, normals):
-    """All that drawing reads of a surfel."""
-    words.prefetch(rows, surfel * COLUMNS)
-    words.prefetch(bounds, surfel * 4)
-    fetch_values(features, surfel, channels)
-    if normals is not None:
-        fetch_values(normals, surfel, 3)
+@njit(**INLINED, **BORROWING)
+def fetch_surfel(surfel, prepared, deep):
+    """Ask for all that drawing reads of a surfel."""
+    words.prefetch(prepared.rows, surfel * COLUMNS)
+    words.prefetch(prepared.bounds, surfel * 4)
+    fetch_values(prepared.features, surfel, prepared.channels)
+    if deep is not None:
+        fetch_values(deep.normals, surfel, 3)
 
 
-@njit(**INLINED)
-def fetch_listed(listed, first, past, rows, bounds, features, channels, normals):
-    """Of a part of a list."""
+@njit(**INLINED, **BORROWING)
+def fetch_listed(listed, first, past, prepared, deep):
+    """Ask for the surfels of a part of a list."""
     for pair in range(first, past):
-        fetch_surfel(listed[pair], rows, bounds, features, channels, normals)
+        fetch_surfel(listed[pair], prepared, deep)

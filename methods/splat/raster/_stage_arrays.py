@@ -40,6 +40,79 @@ class View(NamedTuple):
     height: float
 
 
+class Prepared(NamedTuple):
+    """What the kernels of pixels read of N surfels."""
+
+    rows: np.ndarray
+    """Float32, flat, ``COLUMNS`` a surfel."""
+    bounds: np.ndarray
+    """Int32 ``(N, 4)``, pixels."""
+    features: np.ndarray
+    """Float32, flat, ``channels`` a surfel."""
+    channels: int
+    """Their number, at least one."""
+
+
+class Canvas(NamedTuple):
+    """What the forward kernel writes of an image without geometry."""
+
+    image: np.ndarray
+    """Float32 ``(H, W, channels)``."""
+    transmittance: np.ndarray
+    """Float32 ``(H, W)``: what is left of the light from behind."""
+    masks: np.ndarray
+    """Uint16 ``(pairs,)``, written where drawn: the blocks that a surfel covers in a tile."""
+    drawn: np.ndarray
+    """Int32 ``(tiles,)``: how many of a tile's list were looked at."""
+    visits: np.ndarray
+    """Int32 ``(tiles,)``: how often a surfel was evaluated on a block."""
+
+
+class Upstream(NamedTuple):
+    """Derivatives of the loss by two of a ``Canvas``, contiguous float32."""
+
+    image: np.ndarray
+    transmittance: np.ndarray
+
+
+class UpstreamShape(NamedTuple):
+    """Derivatives of the loss by the maps of a ``Shape``, and what the way back needs with them."""
+
+    normals: np.ndarray
+    """Float32, flat, three a surfel, in the world."""
+    normal: np.ndarray
+    """This and the next two as in ``Shape``."""
+    moments: np.ndarray
+    ranks: np.ndarray
+    to_normal: np.ndarray
+    """Contiguous float32, as are the next three."""
+    to_depth: np.ndarray
+    to_distortion: np.ndarray
+    to_median: np.ndarray
+
+
+class Pairs(NamedTuple):
+    """The pairs of surfels and tiles, and room for their gradients."""
+
+    start: np.ndarray
+    """As in ``TileLists``."""
+    listed: np.ndarray
+    """``TileLists.surfels``."""
+    slots: np.ndarray
+    """Int64 ``(N + 1,)``, where the pairs of each surfel begin."""
+    to_geometry: np.ndarray
+    """Float32, flat, ``LANES`` a pair, to be written."""
+
+
+class Channels(NamedTuple):
+    """Slots of channels and normals that have no room beside the geometry."""
+
+    to_channels: np.ndarray
+    """Float32, flat, ``stride`` a pair, to be written: channels, then, from ``first_normal`` on, normals."""
+    stride: int
+    """A multiple of ``GROUP``."""
+
+
 class Found(NamedTuple):
     """What the kernels of pixels know of N surfels."""
 
@@ -133,6 +206,11 @@ class Drawn:
     drawn: np.ndarray
     visits: np.ndarray
     shape: Shape | None
+
+    @property
+    def canvas(self) -> Canvas:
+        """The arrays without the shape."""
+        return Canvas(self.image, self.transmittance, self.masks, self.drawn, self.visits)
 
     @property
     def forward_lanes(self) -> int:

@@ -10,20 +10,25 @@ import numpy as np
 import psutil
 
 from graycard import MethodError
-from graycard.methods.splat.raster._backward import HEIGHTS, backward
+from graycard.methods.splat.raster._backward import backward
 from graycard.methods.splat.raster._blocks import GROUP, LANES
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.raster._forward import forward
 from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project as project_kernel
 from graycard.methods.splat.raster._stage_arrays import (
+    Channels,
     Drawn,
     Found,
     Gradients,
     Lists,
+    Pairs,
+    Prepared,
     Projected,
     Scene,
     Slots,
+    Upstream,
+    UpstreamShape,
     empty_shape,
     vectors,
 )
@@ -112,11 +117,10 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
         np.empty(tiles, np.int32),
         empty_shape(size, tiles) if scene.shaped else None,
     )
+    normals = projected.normals.reshape(-1) if scene.shaped else None
     cast(Any, forward)(
-        projected.rows.reshape(-1), projected.bounds, *lists.tiles, *_channels(scene, projected),
-        result.image, result.transmittance, result.masks, result.drawn, result.visits,
-        result.shape,
-    )  # fmt: skip
+        _prepared(scene, projected), lists.tiles, *scene.templates, normals, result.canvas, result.shape
+    )
     return result
 
 
@@ -148,14 +152,17 @@ def draw_backward(
     )
     shape = None
     if drawn.shape is not None and to_shape is not None:
-        shape = (drawn.shape.normal, drawn.shape.moments, drawn.shape.ranks, *to_shape)
-    narrow = None if stride else scene.templates[0]
+        kept = (drawn.shape.normal, drawn.shape.moments, drawn.shape.ranks)
+        shape = UpstreamShape(projected.normals.reshape(-1), *kept, *to_shape)
     cast(Any, backward)(
-        projected.rows.reshape(-1), projected.bounds, *lists.tiles, lists.slots, drawn.masks, drawn.drawn,
-        *_channels(scene, projected), narrow, narrow or HEIGHTS, drawn.image,
-        drawn.transmittance, to_image, to_transmittance, shape, result.geometry.reshape(-1),
-        _flat(result.channels), stride,
-    )  # fmt: skip
+        _prepared(scene, projected),
+        Pairs(*lists.tiles, lists.slots, result.geometry.reshape(-1)),
+        *scene.templates,
+        drawn.canvas,
+        Upstream(to_image, to_transmittance),
+        shape,
+        None if result.channels is None else Channels(result.channels.reshape(-1), stride),
+    )
     return result
 
 
@@ -186,10 +193,9 @@ def _flat(values: np.ndarray | None) -> np.ndarray | None:
     return None if values is None else values.reshape(-1)
 
 
-def _channels(scene: Scene, projected: Projected) -> tuple[Any, ...]:
-    """``features`` to ``normals`` of the kernels' arguments."""
-    normals = projected.normals.reshape(-1) if scene.shaped else None
-    return scene.features.reshape(-1), scene.features.shape[1], *scene.templates, normals
+def _prepared(scene: Scene, projected: Projected) -> Prepared:
+    rows, features = projected.rows.reshape(-1), scene.features
+    return Prepared(rows, projected.bounds, features.reshape(-1), features.shape[1])
 
 
 def _stride(scene: Scene) -> int:

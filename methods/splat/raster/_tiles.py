@@ -26,6 +26,18 @@ class TileLists(NamedTuple):
     """Shape ``(pairs,)``, int32: nearest centre first within a tile."""
 
 
+class Tile(NamedTuple):
+    """One tile, and the part of ``TileLists.surfels`` that is its list."""
+
+    x: int
+    """Its left-most column of pixels, as ``y`` is its upper-most row."""
+    y: int
+    first: np.int64
+    """Where the list begins."""
+    past: np.int64
+    """Where it has ended."""
+
+
 def tile_lists(bounds: np.ndarray, depths: np.ndarray, width: int, height: int) -> TileLists:
     """Sort surfels by depth (equals as they come) and hand them to the tiles that their bounds touch.
 
@@ -54,6 +66,13 @@ def tiles_touched(bounds: np.ndarray) -> np.ndarray:
     slots = np.empty(len(bounds) + 1, np.int64)
     _running_areas(bounds, slots)
     return slots
+
+
+@njit(**INLINED)
+def tile_of(number, columns, start):
+    """Return so manyth ``Tile`` of an image that is so many tiles wide."""
+    first, past = np.int64(start[number]), np.int64(start[number + 1])
+    return Tile(number % columns * TILE, number // columns * TILE, first, past)
 
 
 @njit(**INLINED)
