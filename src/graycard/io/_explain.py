@@ -58,7 +58,7 @@ def _at(path: str) -> str:
 
 
 def _nearest(name: str, known: Iterable[Any]) -> str:
-    near = get_close_matches(name, [str(k) for k in known], n=1)
+    near = get_close_matches(str(name), [str(k) for k in known], n=1)
     return f" (did you mean {near[0]!r}?)" if near else ""
 
 
