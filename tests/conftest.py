@@ -56,7 +56,7 @@ def shared_fixture(item: pytest.Item) -> str:
     ours = [fixture for fixture in found if fixture.baseid not in ("", "tests")]  # not pytest's, nor of here
     session = sorted((f.baseid, f.argname) for f in ours if f.scope == "session" and f.argname not in CHEAP)
     if session:
-        return "::".join(session[0])
+        return "::".join(session[-1])  # of several the same one always, so that none is built by two workers
     return item.nodeid.partition("::")[0] if any(f.scope == "module" for f in ours) else ""
 
 
