@@ -341,6 +341,10 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
             ["import", "nowhere", "--track", "dark", "--scene", "x", "--out", "{tmp}/x"],
             "at nowhere, got nothing",
         ),
+        (
+            ["fit", "gray", "{scene}", "--out", "{tmp}/q", "--seed", "-1"],
+            "a seed from 0 to 4294967295, got -1",
+        ),
         (["report", "nowhere"], "expected a run folder with run.json at nowhere"),
         (["gate", "nowhere", "--baseline", "x"], "expected a run folder with run.json at nowhere"),
     ],

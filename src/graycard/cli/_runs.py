@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.records import RunRecord, read_run
@@ -91,6 +92,8 @@ class FitCommand:
         from graycard.methods import asks_of
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 
+        if not 0 <= self.seed < 2**32:
+            raise GraycardError(f"expected a seed from 0 to {2**32 - 1}, got {self.seed}. Mend --seed")
         for folder in (self.scene, self.donor):
             if folder is not None:
                 check_scene(folder)
