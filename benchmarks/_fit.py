@@ -137,7 +137,7 @@ class _Fit:
 
 @dataclass(frozen=True, slots=True)
 class _Spent:
-    """What a fit took, stages that it found done included."""
+    """Cost of a fit, with the stages that it found done."""
 
     seconds: float
     peak_mib: float

@@ -113,7 +113,7 @@ Ended = Sequence[tuple[FitJob, Outcome]]
 
 @dataclass(frozen=True)
 class _Bench:
-    """What is run, where, and since when."""
+    """A run under way: suite, folder and start."""
 
     suite: Suite
     run: Path
@@ -123,7 +123,7 @@ class _Bench:
     progress: Progress
     timeout_s: float | None
     whole: Suite | None
-    """What the suite was narrowed from; None for a whole one."""
+    """The suite that this one was narrowed from; None for a whole one."""
     started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     clock: float = field(default_factory=time.perf_counter)
 

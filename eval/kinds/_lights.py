@@ -27,7 +27,7 @@ class MatchedLights:
     true: Sequence[LocalLight]
     cameras: Sequence[Camera]
     diameter: float
-    """Of the scene, metres."""
+    """Diameter of the scene, metres."""
     gauge: Factors | str
     """Factors by which predicted light is divided, or why they are not known."""
     match: LightMatch
@@ -47,7 +47,7 @@ class LightRule(Rule):
     """Computes one number from matched lights: a mean of errors of pairs, or a function of all of them."""
 
     error: Callable[[LocalLight, LocalLight, MatchedLights], float] | None = None
-    """Of a predicted light against its true partner, averaged over true lights."""
+    """Error of a predicted light against its true partner, averaged over true lights."""
     price: float = 0.0
     """Error of a true light without a partner, and the most that one with a partner has."""
     judges: Callable[[LocalLight], bool] = _any

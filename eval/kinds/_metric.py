@@ -71,14 +71,14 @@ class Metric(Generic[R]):
     """One number about a prediction: what it means, how it is computed, and what is known of it."""
 
     record: MetricRecord
-    """What runs publish: id, title, unit, direction, formula."""
+    """Record that runs publish: id, title, unit, direction, formula."""
     rule: R
-    """How it is computed."""
+    """Rule that computes it."""
     layers: tuple[str, ...]
     """Parts of a prediction that it reads beside its gauge, the judged one first: layers, where ``<light>``
     stands for each light, or :data:`LIGHTS`."""
     ceiling: Ceiling
-    """Whether the truth's own noise bounds the score, and why."""
+    """Rule by which the truth's own noise bounds the score, and its reason."""
     references: tuple[Reference, ...]
     """Independent computations that tests hold it against; at least one."""
     gauge: str | None = None
@@ -88,7 +88,7 @@ class Metric(Generic[R]):
     breakdown: tuple[str, ...] = ()
     """Names in the breakdown of its scores; those of single changes of a scene come on top."""
     note: str = ""
-    """What a reader must know to read the number."""
+    """Remark that a reader needs beside the number."""
     after: str = ""
     """Id of the metric behind which it stands; empty: behind the metric before it in its module."""
     available: Callable[[], bool] = always

@@ -40,4 +40,4 @@ FOUNDATIONS: tuple[Reference, ...] = (
     Reference("bootstrap-t interval", "its definition, resample by resample, tails by sorting", 1e-9),
     Reference("test of the mean", "Student's p, and resamples beyond the ratio, counted", 1e-12),
 )
-"""Of computations that many metrics, or the comparison of methods, stand on."""
+"""References of computations that many metrics, or the comparison of methods, stand on."""
