@@ -11,6 +11,7 @@ from typing import Literal
 
 from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.io import from_builtins
+from graycard.records import Asker
 
 FOLDER = Path(__file__).parent
 
@@ -92,10 +93,10 @@ class Check:
     along: Along | None = None
     scenes: Scenes = field(default_factory=Scenes)
     negligible: float = 0.0
-    """An effect no further from none than this is called none, however certain; in the unit of the quantity,
-    or, of a ratio, as a part of 1. Not for ``within``, which has bounds."""
+    """An interval no further from no effect than this is called none, however certain; in the unit of the
+    quantity, or, of a ratio, as a part of 1. Not for ``within``, which has bounds."""
     decides: bool = True
-    """Whether it counts for the verdict of the claim; else it is only told."""
+    """False for a check that is shown beside the others, as that of a stand-in for the paper's metric."""
 
     def __post_init__(self) -> None:
         for found in (_rows_fault(self), _size_fault(self)):
@@ -121,6 +122,15 @@ class Check:
 
 
 @dataclass(frozen=True, slots=True)
+class Nested:
+    """Two rows of which one model contains the other: fitted to the end, it explains photographs no worse."""
+
+    inner: str
+    outer: str
+    """The row with more freedom. Worse on its own training views, it has not converged."""
+
+
+@dataclass(frozen=True, slots=True)
 class Claim:
     """What a paper says, and the comparisons that it comes down to."""
 
@@ -131,8 +141,10 @@ class Claim:
     checks: tuple[Check, ...] = ()
     verdict_by: Literal["all", "any"] = "all"
     """``all``: the claim is as good as its worst deciding check; ``any``: as its best."""
+    asked_by: Asker = "paper"
+    """``graycard``: a question that no paper answers. It has words of its own and contradicts nobody."""
     unavailable: str = ""
-    """Why it cannot be checked here at all; empty if it can."""
+    """Why it cannot be tested here at all; empty if it can."""
     bound: str = ""
     """The row that shows what is possible; that of the paper's file if empty."""
     trivial: str = ""
@@ -183,6 +195,9 @@ class Paper:
     """Whose runs have the rows that are compared."""
     bound: str = ""
     trivial: str = ""
+    budget: Mapping[str, str] = field(default_factory=dict)
+    """Means of the paper by what is counted: ``steps``, ``pixels``, ``views``, ``primitives``, ``priors``."""
+    nested: tuple[Nested, ...] = ()
     claims: tuple[Claim, ...] = ()
     arithmetic: tuple[Arithmetic, ...] = ()
 

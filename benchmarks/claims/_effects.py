@@ -1,102 +1,238 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the rows of a check to one effect a scene, and from those to a mean with an interval.
+"""From the rows of a check to one effect a scene, and from those to an estimate with an interval.
 
-Effects are positive (of a ratio: above 1) in the claimed sense. Ratios are averaged by their logarithms.
+Effects are positive (of a ratio: above 1) in the claimed sense. Ratios are compared by their logarithms.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Along, Check
 from graycard.benchmarks.claims._readings import Reading, Readings, knob_of
-from graycard.eval.statistics import LEVEL, mean_interval, mean_p, signed_rank_p
+from graycard.eval.statistics import LEVEL, locate, locations, signed_rank_p
 from graycard.records import SceneRecord
 
 LEAST_SCENES = 3
-"""The fewest of which an interval says anything (:func:`graycard.eval.statistics.mean_interval`)."""
+"""The fewest through which a line has an error of its own."""
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """How sure the intervals of a check are."""
+
+    usual: float = LEVEL
+    """Of the interval that is shown, and of words that every deciding check has to agree on."""
+    strict: float = LEVEL
+    """Of words that one of several checks is enough for: the chance that any of them errs stays bounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The effects of a check as they are averaged: differences, or logarithms of ratios."""
+
+    check: Check
+    scenes: tuple[SceneRecord, ...]
+    effects: np.ndarray
+    """Shape ``(scenes,)``: means over seeds."""
+    steps: np.ndarray
+    """Shape ``(scenes, steps)``: change from each level to the next; no steps but for ``monotone``."""
+    by_seed: np.ndarray
+    """Shape ``(scenes, seeds)``; one column where the run has one seed, or rows differ in theirs."""
+    rows: np.ndarray
+    """Shape ``(rows and minus,)``: means over scenes, not as logarithms."""
+
+    @property
+    def places(self) -> np.ndarray | None:
+        """Where each scene stands along the check's knob; None without one."""
+        along = self.check.along
+        return None if along is None else np.array([knob_of(scene, along.knob) for scene in self.scenes])
+
+    @property
+    def centre(self) -> np.ndarray | float:
+        """What single scenes scatter about: the estimate, or the line along a knob."""
+        places = self.places
+        if places is None:
+            return locate(self.effects).estimate
+        centred = places - places.mean()
+        return self.effects.mean() + centred * (centred @ self.effects) / (centred @ centred)
+
+    def back(self, value: float) -> float:
+        """Return a number in the unit of the quantity, or as a ratio."""
+        return _exponential(value) if self.check.scale == "ratio" else float(value)
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """What a check comes to."""
+    """The summary of a sample, in the unit of the quantity or as a ratio."""
 
-    scenes: Mapping[str, float]
-    """By scene."""
-    mean: float
-    interval: tuple[float, float]
-    p_mean: float | None
-    p_rank: float | None
-    means: Mapping[str, float]
-    """Of each compared row over these scenes."""
-    course: tuple[float, ...] = ()
-    """By level: the mean over scenes of what is compared, in the claimed sense; of ``monotone`` alone."""
+    estimate: float
+    interval: Interval
+    strict: Interval
+    """At the stricter level."""
+    steps: tuple[tuple[float, float], ...] = ()
+    """Of ``monotone``: estimate and upper end of each step, strict and for all steps together."""
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Values by scene, in the order of the rows."""
-
-    scenes: tuple[SceneRecord, ...]
-    values: np.ndarray
-    """Shape ``(scenes, rows and minus)``, finite."""
-
-
-def effect_of(check: Check, track: str, readings: Readings) -> Effect:
-    """The effect of a check.
+def sample_of(check: Check, track: str, readings: Readings) -> Sample:
+    """The effects of a check.
 
     Raises:
         RecordError: It cannot be made from this run; the text says why.
     """
-    table = _table(check, track, readings)
-    count = len(check.rows)
-    sign = 1.0 if check.expects == "higher" else -1.0
-    values, back = _scaled(check, table.values)
-    courses = sign * (values[:, :count] - (values[:, count:] if check.minus else 0.0))
-    effects = _effects(check, courses, sign)
-    names = [scene.scene for scene in table.scenes]
-    if len(effects) < LEAST_SCENES:
-        raise RecordError(f"an interval needs {LEAST_SCENES} scenes, got {len(effects)}: {', '.join(names)}")
-    mean, interval, p_mean, p_rank = _summary(check.along, table.scenes, effects)
-    return Effect(
-        dict(zip(names, map(back, effects), strict=True)),
-        back(mean),
-        (back(interval[0]), back(interval[1])),
-        p_mean,
-        p_rank,
-        dict(zip((*check.rows, *check.minus), map(float, table.values.mean(axis=0)), strict=True)),
-        tuple(map(float, courses.mean(axis=0))) if check.rule == "monotone" else (),
+    scenes, values = _table(check, track, readings)
+    if len(scenes) < LEAST_SCENES:
+        names = ", ".join(scene.scene for scene in scenes)
+        raise RecordError(f"an interval needs {LEAST_SCENES} scenes, got {len(scenes)}: {names}")
+    places = {knob_of(scene, check.along.knob) for scene in scenes} if check.along else {0.0, 1.0}
+    if check.along and len(places) < 2:
+        raise RecordError(f"expected scenes that differ in {check.along.knob}, got {min(places):g} in all")
+    courses = courses_of(check, values)
+    return Sample(
+        check,
+        scenes,
+        effects_of(check, courses.mean(axis=1)),
+        np.diff(courses.mean(axis=1), axis=1) if check.rule == "monotone" else np.empty((len(scenes), 0)),
+        effects_of(check, courses),
+        values.mean(axis=(0, 1)),
     )
 
 
-def _table(check: Check, track: str, readings: Readings) -> Table:
-    """The values of all rows on the scenes that have the quantity."""
+def summarise(sample: Sample, levels: Levels) -> Effect:
+    """Estimate and intervals of a sample."""
+    ends = effects_at(sample, sample.effects[:, None], levels)
+    steps = [step_at(step[:, None], sample.steps.shape[1], levels) for step in sample.steps.T]
+    (estimate, *usual), (_, *strict) = ([sample.back(float(end[0])) for end in found] for found in ends)
+    return Effect(
+        estimate,
+        (usual[0], usual[1]),
+        (strict[0], strict[1]),
+        tuple((float(middle[0]), float(high[0])) for middle, high in steps),
+    )
+
+
+Ends = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Estimates, lower and upper ends of many samples."""
+
+
+def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends, Ends]:
+    """Estimates and ends at both levels for many samples of the same scenes.
+
+    Args:
+        sample: Whose scenes they are.
+        drawn: Shape ``(scenes, K)``.
+        levels: Of the intervals.
+    """
+    if sample.check.along is None:
+        return locations(drawn, levels.usual), locations(drawn, levels.strict)
+    places = sample.places
+    assert places is not None, "there is a knob"
+    along = sample.check.along
+    return changes_along(along, places, drawn, levels.usual), changes_along(along, places, drawn, levels.strict)
+
+
+def step_at(drawn: np.ndarray, steps: int, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
+    """Estimates and upper ends of one of several steps, such that all ends hold together."""
+    middle, _, high = locations(drawn, 1 - (1 - levels.strict) / steps)
+    return middle, high
+
+
+def p_of(sample: Sample) -> float | None:
+    """The exact signed-rank p against no effect; None along a knob, where ranks say nothing."""
+    return None if sample.check.along else signed_rank_p(sample.effects)
+
+
+def courses_of(check: Check, values: np.ndarray) -> np.ndarray:
+    """Values of the rows as they are averaged, in the claimed sense, less those of ``minus``.
+
+    Args:
+        check: With its rows.
+        values: Shape ``(scenes, seeds, rows and minus)``.
+
+    Returns:
+        Shape ``(scenes, seeds, rows)``.
+
+    Raises:
+        RecordError: A ratio of values that are not above 0.
+    """
+    count = len(check.rows)
+    if check.scale == "ratio":
+        if (values <= 0).any():
+            raise RecordError("a ratio needs values above 0")
+        values = np.log(values)
+    sign = 1.0 if check.expects == "higher" else -1.0
+    return sign * (values[..., :count] - (values[..., count:] if check.minus else 0.0))
+
+
+def effects_of(check: Check, courses: np.ndarray) -> np.ndarray:
+    """One number for each course: a row less what it is judged by, or the change along the levels."""
+    effects = courses @ weights_of(check)
+    if check.rule == "monotone" or len(check.rows) == 2:
+        return effects
+    against = math.log(check.against) if check.scale == "ratio" and check.against > 0 else check.against
+    return effects - (against if check.expects == "higher" else -against)
+
+
+def weights_of(check: Check) -> np.ndarray:
+    """How much each row of a course adds to the effect, shape ``(rows,)``."""
+    if check.rule != "monotone":
+        return np.array([1.0, -1.0][: len(check.rows)])
+    centred = np.array(check.places) - np.mean(check.places)
+    return centred / (centred @ centred) * (check.places[-1] - check.places[0])
+
+
+def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: float) -> Ends:
+    """The change between two values of a knob by least squares, with Student's interval."""
+    from scipy import stats  # takes a second to import
+
+    centred = places - places.mean()
+    slopes = centred @ drawn / (centred @ centred)
+    rest = drawn - drawn.mean(axis=0) - centred[:, None] * slopes
+    errors = np.sqrt((rest**2).sum(axis=0) / (len(places) - 2) / (centred @ centred))
+    reach = along.high - along.low
+    half = stats.t.isf((1 - level) / 2, len(places) - 2) * errors * reach
+    return slopes * reach, slopes * reach - half, slopes * reach + half
+
+
+def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRecord, ...], np.ndarray]:
+    """The scenes that have the quantity, and the values of all rows, shape ``(scenes, seeds, rows)``."""
     rows = *check.rows, *check.minus
     if missing := readings.missing_rows(rows):
         raise RecordError(f"the run has no row {', '.join(missing)}")
     readings.record(check.quantity)
     wanted = readings.scenes(track, check.scenes)
-    found = [(scene, [readings.value(row, scene, check.quantity) for row in rows]) for scene in wanted]
-    having = [(scene, row) for scene, row in found if not all(reading.absent for reading in row)]
+    found = [(scene, [readings.by_seed(row, scene, check.quantity) for row in rows]) for scene in wanted]
+    having = [(scene, row) for scene, row in found if not all(r.absent for seeds in row for r in seeds)]
     if not having:
         raise RecordError(f"the run has no {check.quantity.metric} on scenes that this is about")
     _refuse_gaps(rows, [row for _, row in having])
-    values = np.array([[reading.value for reading in row] for _, row in having], np.float64)
+    values = _even([row for _, row in having])
     if not np.isfinite(values).all():
         raise RecordError("a score is infinite, and infinite scores have no mean")
-    return Table(tuple(scene for scene, _ in having), values)
+    return tuple(scene for scene, _ in having), values
 
 
-def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Reading]]) -> None:
+def _even(found: Sequence[Sequence[Sequence[Reading]]]) -> np.ndarray:
+    """Values of as many seeds for each row and scene; the means, where these differ in number."""
+    counts = {len(seeds) for row in found for seeds in row}
+    values = [[[float(r.value) for r in seeds if r.value is not None] for seeds in row] for row in found]
+    if len(counts) > 1:
+        values = [[[math.fsum(seeds) / len(seeds)] for seeds in row] for row in values]
+    return np.moveaxis(np.array(values, np.float64), 1, 2)
+
+
+def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Sequence[Reading]]]) -> None:
     """A row without a value on a scene is not left out: its hard scenes would be."""
     gaps = dict.fromkeys(
         f"{row} {reading.reason}"
-        for readings in found
-        for row, reading in zip(rows, readings, strict=True)
+        for scene in found
+        for row, seeds in zip(rows, scene, strict=True)
+        for reading in seeds
         if reading.value is None
     )
     if gaps:
@@ -104,46 +240,8 @@ def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Reading]]) -> Non
         raise RecordError(f"{next(iter(gaps))}{more}")
 
 
-def _scaled(check: Check, values: np.ndarray) -> tuple[np.ndarray, Callable[[float], float]]:
-    """Values as they are averaged, and the way back."""
-    if check.scale == "difference":
-        return values, float
-    if (values <= 0).any():
-        raise RecordError("a ratio needs values above 0")
-    return np.log(values), lambda value: math.exp(float(value))
+def _exponential(value: float) -> float:
+    """The exponential function, infinite where floats end."""
+    return math.exp(value) if value < 709 else math.inf
 
 
-def _effects(check: Check, courses: np.ndarray, sign: float) -> np.ndarray:
-    """One number a scene: a row less what it is judged by, or the change along the levels."""
-    if check.rule != "monotone":
-        against = math.log(check.against) if check.scale == "ratio" and check.against > 0 else check.against
-        return courses[:, 0] - (courses[:, 1] if courses.shape[1] == 2 else sign * against)
-    places = np.array(check.places)
-    centred = places - places.mean()
-    return courses @ centred / (centred @ centred) * (places[-1] - places[0])
-
-
-def _summary(
-    along: Along | None, scenes: Sequence[SceneRecord], effects: np.ndarray
-) -> tuple[float, tuple[float, float], float | None, float | None]:
-    """Mean, interval and both p values."""
-    if along is not None:
-        return *_change_along(along, [knob_of(scene, along.knob) for scene in scenes], effects), None
-    interval = mean_interval(effects)
-    assert interval is not None, "three or more finite values have one"
-    return float(effects.mean()), interval, mean_p(effects), signed_rank_p(effects)
-
-
-def _change_along(
-    along: Along, places: Sequence[float], effects: np.ndarray
-) -> tuple[float, tuple[float, float], float]:
-    """The change of an effect between two values of a knob, by least squares; Student's interval."""
-    from scipy import stats  # takes a second to import
-
-    if len(set(places)) < 2:
-        raise RecordError(f"expected scenes that differ in {along.knob}, got {places[0]:g} in all of them")
-    line: Any = stats.linregress(places, effects)
-    reach = along.high - along.low
-    half = float(stats.t.isf((1 - LEVEL) / 2, len(effects) - 2) * line.stderr) * reach
-    change = float(line.slope) * reach
-    return change, (change - half, change + half), float(line.pvalue)

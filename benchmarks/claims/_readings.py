@@ -44,7 +44,10 @@ class Readings:
     def __init__(self, run: RunRecord) -> None:
         self._metrics = {metric.id: metric for metric in run.metrics}
         self._scenes = run.scenes
+        self.suite = run.suite
         self.rows = {method.name for method in run.methods}
+        self._entries = {method.name: method.entry or method.name for method in run.methods}
+        self._settings = {result.job.method: result.job.settings for result in run.results}
         self._results: dict[tuple[str, str, str], list[JobResult]] = defaultdict(list)
         for result in run.results:
             self._results[result.job.track, result.job.scene, result.job.method].append(result)
@@ -90,10 +93,7 @@ class Readings:
 
     def value(self, row: str, scene: SceneRecord, quantity: Quantity) -> Reading:
         """A row on a scene: the mean over seeds, each of which must have a value."""
-        results = self._results.get((scene.track, scene.scene, row), [])
-        if not results:
-            return Reading(None, f"was not run on {scene.scene}")
-        readings = [_read(result, quantity) for result in results]
+        readings = self.by_seed(row, scene, quantity)
         lacking = [reading for reading in readings if reading.value is None]
         if lacking:
             return lacking[0]
@@ -101,6 +101,21 @@ class Readings:
         return Reading(
             mean, ceiling=readings[0].ceiling
         )  # of the scene's noise, whatever the seed of the fit
+
+    def by_seed(self, row: str, scene: SceneRecord, quantity: Quantity) -> list[Reading]:
+        """A row on a scene with each seed of the fit, in the order of the seeds."""
+        results = self._results.get((scene.track, scene.scene, row), [])
+        if not results:
+            return [Reading(None, f"was not run on {scene.scene}")]
+        return [_read(result, quantity) for result in sorted(results, key=lambda r: r.job.seed)]
+
+    def settings(self, row: str) -> Mapping[str, Any]:
+        """The settings of a row's fits; empty for one that nobody ran."""
+        return self._settings.get(row, {})
+
+    def entry(self, row: str) -> str:
+        """What was loaded for a row: the name of a method."""
+        return self._entries.get(row, row)
 
     def missing_rows(self, rows: Iterable[str]) -> list[str]:
         """Rows that the run does not have."""

@@ -31,6 +31,10 @@ from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL as LEAST_FOR_I
 from graycard.eval.statistics._interval import LEVEL as LEVEL
 from graycard.eval.statistics._interval import mean_interval as mean_interval
 from graycard.eval.statistics._interval import mean_p as mean_p
+from graycard.eval.statistics._location import Location as Location
+from graycard.eval.statistics._location import least_level as least_level
+from graycard.eval.statistics._location import locate as locate
+from graycard.eval.statistics._location import locations as locations
 from graycard.eval.statistics._pairs import LEAST_SCENES as LEAST_SCENES
 from graycard.eval.statistics._pairs import compare_pairs as compare_pairs
 from graycard.eval.statistics._ranks import rank_groups as rank_groups

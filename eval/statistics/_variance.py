@@ -4,8 +4,12 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+
+_LARGEST_RATIO = 1e6
+"""Of the scenes' variance to that of seeds: beyond it, seeds do not matter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,12 +22,23 @@ class VarianceSplit:
     """Between fits of one scene; None where each scene was fitted once."""
 
 
-def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
-    """Components of variance of a one-way layout, by analysis of variance (Searle et al. 1992, chapter 3.6).
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """What the likelihood of a one-way layout needs."""
 
-    Seeds: the pooled variance within scenes. Scenes: (MS between - MS within) / n0, with n0 the number of
-    seeds (a weighted one where scenes differ in it); what comes out negative is 0. Where each scene was
-    fitted once, the seed's part cannot be told and stays in that of the scenes.
+    counts: np.ndarray
+    """Seeds of each scene."""
+    means: np.ndarray
+    inside: float
+    """Sum of squares within scenes."""
+
+
+def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
+    """Return components of variance of a one-way layout by restricted maximum likelihood (REML).
+
+    The model is score = mean + scene + seed, both deviations normal (Searle, Casella and McCulloch 1992,
+    chapter 3.8). Of as many seeds for each scene the estimates are those of the analysis of variance, with a
+    negative variance set to 0. Where each scene was fitted once, the part of seeds stays in that of scenes.
 
     Args:
         scenes: The scores of each scene, one for each seed; finite.
@@ -40,18 +55,45 @@ def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
         return VarianceSplit(None, None)
     counts = np.array([len(values) for values in scenes])
     means = np.array([np.mean(values) for values in scenes])
-    spare = int((counts - 1).sum())
     inside = sum(float(((np.asarray(v) - np.mean(v)) ** 2).sum()) for v in scenes)
-    within = inside / spare if spare else None
-    seed_sd = None if within is None else math.sqrt(within)
-    return VarianceSplit(_between(counts, means, within or 0.0), seed_sd)
-
-
-def _between(counts: np.ndarray, means: np.ndarray, within: float) -> float | None:
+    spare = int((counts - 1).sum())
     if len(counts) < 2:
-        return None
-    total = counts.sum()
-    grand = float((counts * means).sum() / total)
-    square = float((counts * (means - grand) ** 2).sum()) / (len(counts) - 1)
-    weighted = (total - (counts**2).sum() / total) / (len(counts) - 1)
-    return math.sqrt(max(0.0, (square - within) / weighted))
+        return VarianceSplit(None, math.sqrt(inside / spare) if spare else None)
+    if not spare:
+        return VarianceSplit(float(means.std(ddof=1)), None)
+    if inside == 0:
+        return VarianceSplit(float(means.std(ddof=1)), 0.0)
+    return _restricted(_Layout(counts, means, inside))
+
+
+def _restricted(layout: _Layout) -> VarianceSplit:
+    """Return the split of greatest restricted likelihood, by its one free number, the ratio of variances."""
+    from scipy.optimize import minimize_scalar  # takes a second to import
+
+    reach = math.log(_LARGEST_RATIO)
+    found: Any = minimize_scalar(
+        lambda place: _deviance(layout, math.exp(place)), bounds=(-reach, reach), method="bounded",
+        options={"xatol": 1e-10},
+    )  # fmt: skip
+    ratio = math.exp(found.x)
+    if _deviance(layout, 0.0) <= found.fun:
+        ratio = 0.0
+    within = _within(layout, ratio)
+    return VarianceSplit(math.sqrt(ratio * within), math.sqrt(within))
+
+
+def _within(layout: _Layout, ratio: float) -> float:
+    """Return the variance between seeds that fits best for a ratio of variances."""
+    weights = layout.counts / (1 + ratio * layout.counts)
+    centre = (weights * layout.means).sum() / weights.sum()
+    squares = layout.inside + float((weights * (layout.means - centre) ** 2).sum())
+    return squares / (int(layout.counts.sum()) - 1)
+
+
+def _deviance(layout: _Layout, ratio: float) -> float:
+    """Return -2 log of the restricted likelihood at a ratio of variances, up to a constant."""
+    spread = 1 + ratio * layout.counts
+    free = int(layout.counts.sum()) - 1
+    return float(
+        free * math.log(_within(layout, ratio)) + np.log(spread).sum() + math.log((layout.counts / spread).sum())
+    )

@@ -10,11 +10,14 @@ from graycard.records._comparison import PairDifference as PairDifference
 from graycard.records._comparison import PairVerdict as PairVerdict
 from graycard.records._comparison import read_comparison as read_comparison
 from graycard.records._ledger import CLAIMS as CLAIMS
+from graycard.records._ledger import Asker as Asker
+from graycard.records._ledger import Budget as Budget
 from graycard.records._ledger import CheckResult as CheckResult
 from graycard.records._ledger import ClaimResult as ClaimResult
 from graycard.records._ledger import ClaimVerdict as ClaimVerdict
 from graycard.records._ledger import Ledger as Ledger
 from graycard.records._ledger import PaperResult as PaperResult
+from graycard.records._ledger import RowFit as RowFit
 from graycard.records._ledger import RowMean as RowMean
 from graycard.records._ledger import find_claim as find_claim
 from graycard.records._ledger import read_ledger as read_ledger

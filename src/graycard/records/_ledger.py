@@ -7,15 +7,23 @@ from pathlib import Path
 from typing import Literal
 
 from graycard._errors import RecordError
+from graycard.io import read_json
 from graycard.records._run import read_record
 
 CLAIMS = "claims.json"
 """Beside ``run.json``; made from it and from the files of claims alone."""
-CLAIMS_VERSION = 1
+CLAIMS_VERSION = 2
 
-ClaimVerdict = Literal["reproduced", "direction only", "not supported", "contradicted", "not checkable"]
-"""``direction only``: the sign is as claimed and certain, the size is not. ``not supported``: scenes leave
-the sign open, or whether a difference is as small as claimed, or the difference is negligible."""
+ClaimVerdict = Literal[
+    "reproduced", "larger than claimed", "smaller than claimed", "no effect", "contradicted",
+    "undecided", "not testable here",
+    "holds", "does not hold", "open",
+    "consistent", "inconsistent",
+]  # fmt: skip
+"""Words for claims of papers; then those for graycard's own questions, which share ``not testable here``; then
+those for the figures of a paper's table held against each other."""
+
+Asker = Literal["paper", "graycard"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +59,22 @@ class CheckResult:
     """Whether it counts for the verdict of its claim, or is told beside it."""
     scenes: Mapping[str, float] = field(default_factory=dict)
     """Effect by scene, the mean over seeds: above 0 (of a ratio: 1) as claimed, or by ``effect_of``."""
-    mean: float | None = None
-    """Of the effect over scenes; of ratios the geometric mean."""
+    estimate: float | None = None
+    """Of the effect over scenes: the Hodges-Lehmann estimate; along a knob the change of the fitted line."""
     interval: tuple[float, float] | None = None
-    """95 % interval of that mean for scenes like these."""
-    p_mean: float | None = None
-    """The test whose interval that is, against no effect."""
+    """Its interval at the ledger's level for scenes and fits like these; ends may be infinite."""
     p_rank: float | None = None
     """Exact Wilcoxon signed-rank test against no effect."""
+    scene_sd: float | None = None
+    """Standard deviation of the effect between scenes, fits apart; of ratios, of their logarithm."""
+    seed_sd: float | None = None
+    """Standard deviation of the effect between fits of one scene; None where nobody measured it."""
+    noise_from: str = ""
+    """Where ``seed_sd`` comes from, in words."""
+    stability: float | None = None
+    """Share of simulated refits of the same scenes with the same verdict; None where ``seed_sd`` is."""
+    at_budgets: Mapping[str, float] = field(default_factory=dict)
+    """The estimate in runs with other budgets of steps, by their factor, as ``0.5``."""
     neutral: float = 0.0
     """The effect that is none: 0, of a ratio 1."""
     paper: float | None = None
@@ -71,6 +87,29 @@ class CheckResult:
     """What is possible: the row that is handed truth."""
     trivial: RowMean | None = None
     """What costs nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowFit:
+    """A fitted row of the run, for the reader who asks if it was fitted to the end."""
+
+    row: str
+    steps: int | None
+    """Of each fit; None where the method has no such setting."""
+    training: float | None
+    """Mean PSNR of training views over the scenes of the claim, dB."""
+    held_out: float | None
+    """Mean PSNR of held-out views over the same scenes, dB."""
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """The means of a verdict beside those of the paper."""
+
+    paper: Mapping[str, str] = field(default_factory=dict)
+    """By what is counted, as ``steps`` or ``pixels``."""
+    here: Mapping[str, str] = field(default_factory=dict)
+    fits: tuple[RowFit, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +126,17 @@ class ClaimResult:
     rule: str
     """How the verdict follows from the checks, in words."""
     checks: tuple[CheckResult, ...] = ()
+    asked_by: Asker = "paper"
+    """``graycard``: a question of ours, which no paper claims; it has words of its own."""
+    stability: float | None = None
+    """Share of simulated refits of the same scenes with the same verdict; None where nobody knows."""
+    suspended: str = ""
+    """Why the verdict is held back although the rule gave one; empty if it is not."""
+    before: ClaimVerdict | None = None
+    """The verdict of the rule, where it is held back."""
+    needs: str = ""
+    """What would decide it, in words; empty for what is decided."""
+    budget: Budget = field(default_factory=Budget)
     figures: Mapping[str, str] = field(default_factory=dict)
     """Of the paper, by what they are of."""
     notes: tuple[str, ...] = ()
@@ -129,11 +179,17 @@ def read_ledger(run: Path) -> Ledger | None:
     """The ledger in a run folder; None where claims were not judged.
 
     Raises:
-        RecordError: It is damaged, misspelt, or of a newer format.
+        RecordError: It is damaged, misspelt, or of an older or a newer format.
     """
     path = Path(run) / CLAIMS
     if not path.is_file():
         return None
+    data = read_json(path)
+    if isinstance(data, dict) and data.get("format_version") == 1:
+        raise RecordError(
+            f"expected claims of format version {CLAIMS_VERSION} in {path}, got version 1, whose verdicts mean "
+            "something else. Judge the run again: graycard claims RUN"
+        )
     return read_record(Ledger, path, "graycard-claims", CLAIMS_VERSION)
 
 
