@@ -70,8 +70,8 @@ def truth_of(spec: PriorSpec, asks: Sequence[Ask]) -> frozenset[str]:
 
     Empty where none is asked.
     """
-    oracles = [truth_for(ask) for ask in asks if of_kind(spec, ask.kind).source == "oracle"]
-    return frozenset().union(*oracles)
+    found = [(ask, of_kind(spec, ask.kind)) for ask in asks]
+    return frozenset().union(*(truth_for(ask, kind) for ask, kind in found if kind.source == "oracle"))
 
 
 def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:

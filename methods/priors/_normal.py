@@ -8,6 +8,9 @@ import numpy as np
 from graycard import Camera
 from graycard.methods.priors._draws import blurred, draws_of, relief, smooth_field
 
+SLOPES_OF_DEPTH = "slopes-of-depth"
+ALGORITHMS = ("surface", SLOPES_OF_DEPTH)
+"""Ways in which the oracle tells normals: true ones made wrong, or the slopes of its own depth."""
 FINE, COARSE = 0.03, 0.2
 """Scales between which light is taken for relief; as for depth, but a slope needs a wider look."""
 

@@ -17,7 +17,7 @@ from graycard.methods.priors._filling import ALGORITHMS, filled
 from graycard.methods.priors._inpainting import corrupt_filling
 from graycard.methods.priors._mask import corrupt_mask
 from graycard.methods.priors._material import corrupt_metallic, corrupt_roughness
-from graycard.methods.priors._normal import corrupt_normal
+from graycard.methods.priors._normal import SLOPES_OF_DEPTH, corrupt_normal
 from graycard.methods.priors._spec import KindSpec
 
 WITHOUT_TARGET = "counterfactual.radiance"
@@ -52,13 +52,13 @@ _TRUTH: Mapping[PriorKind, tuple[str, ...]] = {
 _TRUTH_OF_MASKS = {"glossy": ("roughness", "object_id"), "target": ("object_id",)}
 
 
-def truth_for(ask: Ask) -> frozenset[str]:
-    """Names of the true layers from which the oracle answers; ``lights`` for the true lights."""
+def truth_for(ask: Ask, spec: KindSpec) -> frozenset[str]:
+    """Return the names of the true layers from which the oracle answers; ``lights`` for the true lights."""
     if ask.kind == "mask":
         return frozenset(name for subject in ask.of for name in _TRUTH_OF_MASKS[subject])
     if ask.kind == "inpainting":
         return frozenset(name for layer in ask.of for name in _TRUTH_OF_HOLES.get(layer, ()))
-    return frozenset(_TRUTH[ask.kind])
+    return frozenset(_TRUTH["depth" if spec.algorithm == SLOPES_OF_DEPTH else ask.kind])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,11 +93,9 @@ class OraclePrior:
         errors, seed, view, image = self.spec.errors, self.spec.seed, question.view.name, question.image
         match question.kind:
             case "depth":
-                light = log_light(image, known["base_color"])
-                return corrupt_depth(known["depth"], light, errors, seed, view)
+                return self._depth(known, question)
             case "normal":
-                light = log_light(image, known["base_color"])
-                return corrupt_normal(known["normal"], light, question.view.camera, errors, seed, view)
+                return self._normal(known, question)
             case "base_color":
                 return corrupt_base_color(known["base_color"], image, errors, seed, view)
             case "roughness":
@@ -108,6 +106,19 @@ class OraclePrior:
                 return corrupt_mask(self._mask(known, question.of), question.of, errors, seed, view)
             case "inpainting":
                 return self._filled(known, question)
+
+    def _depth(self, known: Mapping[str, np.ndarray], question: Question) -> np.ndarray:
+        light = log_light(question.image, known["base_color"])
+        return corrupt_depth(known["depth"], light, self.spec.errors, self.spec.seed, question.view.name)
+
+    def _normal(self, known: Mapping[str, np.ndarray], question: Question) -> np.ndarray:
+        camera, name = question.view.camera, question.view.name
+        if self.spec.algorithm == SLOPES_OF_DEPTH:
+            from graycard.methods.priors._slopes import slopes_of  # torch takes long to import
+
+            return slopes_of(self._depth(known, question), camera)
+        light = log_light(question.image, known["base_color"])
+        return corrupt_normal(known["normal"], light, camera, self.spec.errors, self.spec.seed, name)
 
     def _filled(self, known: Mapping[str, np.ndarray], question: Question) -> np.ndarray:
         of, names = question.of, _TRUTH_OF_HOLES[question.of]

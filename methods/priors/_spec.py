@@ -25,8 +25,11 @@ LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "light": _light.LEVELS,
 }
 """How wrong the oracle is, by kind and severity."""
-ALGORITHMS: Mapping[PriorKind, tuple[str, ...]] = {"inpainting": _filling.ALGORITHMS}
-"""Between which the classical source has a choice, by kind; the first is the default."""
+ALGORITHMS: Mapping[tuple[PriorSource, PriorKind], tuple[str, ...]] = {
+    ("oracle", "normal"): _normal.ALGORITHMS,
+    ("classical", "inpainting"): _filling.ALGORITHMS,
+}
+"""Algorithms between which a source has a choice for a kind; the first is the default."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +43,7 @@ class Override:
     errors: Mapping[str, float] = field(default_factory=dict)
     """Single parameters of the oracle's errors, in place of those of the severity."""
     algorithm: str | None = None
-    """Of the classical source, for a kind that has a choice."""
+    """Of a source that has a choice for this kind: of :data:`ALGORITHMS`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +103,9 @@ class KindSpec:
     weights: Path | None
     """Of a pretrained source: the folder or file; None for others, and where no path is given."""
     errors: Any
-    """Of the oracle: the dataclass of its kind."""
+    """Of the oracle: the dataclass of its kind; that of depth for normals that are its slopes."""
     algorithm: str
-    """Of the classical source; empty for others, and for kinds that have no choice."""
+    """Of :data:`ALGORITHMS`; empty where a source has no choice for the kind."""
 
 
 def parse_priors(text: str) -> PriorSpec:
@@ -136,10 +139,11 @@ def parse_priors(text: str) -> PriorSpec:
 
 
 def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
-    """What a spec says of one kind.
+    """Return where the answers about one kind come from.
 
     Raises:
-        ValueError: A severity, a parameter or an algorithm that cannot be.
+        ValueError: A severity, a parameter or an algorithm that cannot be; or normals that are the slopes of
+            a depth of another source, or with errors of their own.
         UnknownNameError: A source, a parameter or an algorithm that does not exist.
     """
     override = spec.overrides.get(kind, Override())
@@ -151,6 +155,8 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
     name: PriorKind = KINDS[KINDS.index(kind)]  # pyright: ignore[reportArgumentType]
     weights = _weights(spec, override, name) if source == "pretrained" else None
     algorithm = _algorithm(name, source, override.algorithm)
+    if algorithm == _normal.SLOPES_OF_DEPTH:
+        return _sloped(spec, override)
     errors = _errors(name, severity, override.errors)
     return KindSpec(name, source, severity, spec.seed, weights, errors, algorithm)
 
@@ -164,15 +170,29 @@ def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | Non
     return folder if folder.is_dir() else folder.with_suffix(".pt")
 
 
-def _algorithm(kind: PriorKind, source: str, wanted: str | None) -> str:
-    known = ALGORITHMS.get(kind, ()) if source == "classical" else ()
+def _sloped(spec: PriorSpec, override: Override) -> KindSpec:
+    """Return normals that are the slopes of the depth that the same spec tells."""
+    depth = of_kind(spec, "depth")
+    if depth.source != "oracle":
+        raise ValueError(
+            f"expected depth of source oracle for normals that are its slopes, got {depth.source}. Leave out "
+            "the algorithm of normal, or the source of depth"
+        )
+    if override.severity is not None or override.errors:
+        raise ValueError(
+            "expected normals that are slopes of depth to have the errors of depth, got a severity or errors "
+            "of normal. Give them to depth"
+        )
+    return replace(depth, kind="normal", algorithm=_normal.SLOPES_OF_DEPTH)
+
+
+def _algorithm(kind: PriorKind, source: PriorSource, wanted: str | None) -> str:
+    known = ALGORITHMS.get((source, kind), ())
     if wanted is None:
         return next(iter(known), "")
     if not known:
-        raise ValueError(
-            f"expected an algorithm of {', '.join(ALGORITHMS)} with source classical only, got {wanted!r} of "
-            f"{kind} with {source}"
-        )
+        choices = " or ".join(f"an algorithm of {of} with source {by} only" for by, of in ALGORITHMS)
+        raise ValueError(f"expected {choices}, got {wanted!r} of {kind} with {source}")
     if wanted not in known:
         raise UnknownNameError(f"algorithm of {kind}", wanted, known)
     return wanted

@@ -102,10 +102,10 @@ def as_in_the_paper() -> dict[str, dict[str, float]]:
 
 def test_where_the_papers_figures_hold_every_claim_is_reproduced() -> None:
     found = verdicts(as_in_the_paper())
-    lacking = {"R2", "R3"}
+    lacking = {"R2", "R3", "R11", "R16"}
     assert found == {
         f"R{n}": "not checkable" if f"R{n}" in lacking else "reproduced" for n in range(1, 21)
-    }, "no real photographs; one matte scene"
+    }, "no real photographs; one matte scene; no networks that inpaint; two changes of the code missing"
 
 
 def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
@@ -119,18 +119,17 @@ def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
     ("row", "metric", "value", "claim"),
     [
         ("removal-one-reference", "counterfactual.psnr", 33.0, "R1"),
-        ("removal", "counterfactual.psnr.mirror", 36.0, "R4"),
+        ("removal", "counterfactual.psnr", 36.0, "R4"),
         ("goris-no-material-inpainting", "counterfactual.psnr", 28.0, "R4"),
         ("goris-no-effect-mask", "counterfactual.psnr", 28.0, "R4"),
         ("goris-plain", "counterfactual.psnr", 28.0, "R20"),
         ("goris-no-filter", "counterfactual.psnr", 33.0, "R5"),
         ("goris-no-effect-mask", "counterfactual.psnr", 33.0, "R6"),
-        ("goris-no-material-inpainting", "counterfactual.psnr.footprint", 34.0, "R7"),
-        ("goris-no-region", "counterfactual.psnr.mirror", 34.0, "R8"),
+        ("goris-no-material-inpainting", "counterfactual.psnr", 34.0, "R7"),
+        ("goris-no-region", "counterfactual.psnr", 34.0, "R8"),
         ("goris-no-normals", "counterfactual.psnr", 33.0, "R9"),
         ("goris-weights-5", "counterfactual.psnr", 29.0, "R10"),
         ("goris-weights-0.2", "counterfactual.psnr", 33.0, "R10"),
-        ("goris-telea", "counterfactual.psnr", 33.0, "R11"),
         ("goris-references-5", "counterfactual.psnr", 34.0, "R12"),
         ("goris-inpainting-4", "counterfactual.psnr", 34.0, "R18"),
         ("goris-mask-0", "counterfactual.psnr", 31.0, "R18"),
@@ -141,7 +140,6 @@ def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
         ("goris-distilled", "counterfactual.psnr", 27.0, "R13"),
         ("do-nothing", "counterfactual.residual.mirror.specular", 0.1, "R14"),
         ("goris", "counterfactual.residual.shadow.diffuse", 0.3, "R15"),
-        ("goris-release", "counterfactual.psnr.footprint", 30.0, "R16"),
         ("goris", "f0.mae", 0.4, "R17"),
         ("goris", "roughness.mae", 0.1, "R17"),
         ("goris-no-region", "glossy.iou", 0.3, "R17"),
@@ -153,6 +151,23 @@ def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
 def test_one_figure_of_the_other_sign_contradicts(row: str, metric: str, value: float, claim: str) -> None:
     table = as_in_the_paper()
     assert verdicts(table | {row: table[row] | {metric: value}})[claim] == "contradicted"
+
+
+@pytest.mark.parametrize(
+    ("row", "metric", "value", "claim"),
+    [
+        ("removal", "counterfactual.psnr.mirror", 36.0, "R4"),
+        ("goris-no-material-inpainting", "counterfactual.psnr.footprint", 34.0, "R7"),
+        ("goris-no-region", "counterfactual.psnr.mirror", 34.0, "R8"),
+        ("goris-telea", "counterfactual.psnr", 33.0, "R11"),
+        ("goris-release", "counterfactual.psnr.footprint", 30.0, "R16"),
+    ],
+)
+def test_what_stands_in_for_the_papers_figure_decides_nothing(
+    row: str, metric: str, value: float, claim: str
+) -> None:
+    table = as_in_the_paper()
+    assert verdicts(table | {row: table[row] | {metric: value}})[claim] == verdicts(table)[claim]
 
 
 MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(5))
