@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Looks at growing numbers of scenes, with an error that stays bounded over all of them.
 
-Whoever looks again after each new scene and stops at the first p below 5 % is wrong far more often than in 5 %.
-Here every look has one stricter level, the same for all (Pocock 1977). Under the null hypothesis signs are fair
-coins and ranks a random permutation, whatever the distribution of a symmetric effect. So the joint distribution
-of the signed-rank statistic over the looks is known, and simulating it gives the level.
+Whoever looks again after each new scene and stops at the first p below 5 % is wrong far more often than in
+5 %. Here every look has one stricter level, the same for all (Pocock 1977). Under the null hypothesis signs
+are fair coins and ranks a random permutation, whatever the distribution of a symmetric effect. So the joint
+distribution of the signed-rank statistic over the looks is known, and simulating it gives the level.
 
-Intervals at that level are repeated confidence intervals (Jennison and Turnbull 1989): with 95 % all of them hold
-the centre at once. So every verdict that is a statement about the interval may be read at every look.
+Intervals at that level are repeated confidence intervals (Jennison and Turnbull 1989): with 95 % all of them
+hold the centre at once. So every verdict that is a statement about the interval may be read at every look.
 
-A level for looks after every scene up to N holds for each subset of scenes that a claim is about, and for looks
-that are skipped, as those are looks at fewer of the same counts.
+A level for looks after every scene up to N holds for each subset of scenes that a claim is about, and for
+looks that are skipped, as those are looks at fewer of the same counts.
 """
 
 import math
 from collections.abc import Sequence
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def sequential_level(looks: Sequence[int], error: float = ERROR) -> float:
         True
     """
     counts = tuple(looks)
-    if not counts or counts[0] < 1 or any(b <= a for a, b in zip(counts, counts[1:], strict=False)):
+    if not counts or counts[0] < 1 or any(b <= a for a, b in pairwise(counts)):
         raise ValueError(f"expected numbers of scenes from 1 up that rise, got {list(counts)}")
     if not 2 * _KEPT < error < 1:
         raise ValueError(f"expected an error between {2 * _KEPT:g} and 1, got {error}")
@@ -114,3 +115,16 @@ def two_sided(count: int) -> np.ndarray:
         shares /= 2
     lower = np.cumsum(shares)
     return np.minimum(1, 2 * np.minimum(lower, lower[::-1]))
+
+
+def rank_limit(count: int, level: float) -> int:
+    """Return the largest sum of ranks that an interval of a level leaves out at either end; -1 for none.
+
+    So many of the mean of every two values, sorted, lie outside of the interval on each side.
+
+    Example:
+        >>> rank_limit(6, 0.95), rank_limit(5, 0.95)
+        (0, -1)
+    """
+    lower = two_sided(count)[: count * (count + 1) // 4 + 1]
+    return int(np.searchsorted(lower, (1 - level) * (1 + 1e-12), side="right")) - 1
