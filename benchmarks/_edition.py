@@ -3,9 +3,11 @@
 
 import base64
 from collections.abc import Iterable, Mapping
+from functools import cache
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 
+from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sources import checkout, git, is_changed
 from graycard.benchmarks._suites import Suite, load_suite, suite_names, suite_path
@@ -22,8 +24,15 @@ def sealed_in(spec: SceneSpec, also: Suite | None = None) -> str:
         spec: The scene.
         also: A suite of one's own, beside those that come with graycard.
     """
-    suites = [load_suite(name) for name in suite_names()] + ([also] if also else [])
-    return next((suite.name for suite in suites if suite.sealed and suite.sealed.holds(spec)), "")
+    ranges = {**_sealed_ranges(), **({also.name: also.sealed} if also and also.sealed else {})}
+    return next((name for name, found in ranges.items() if found.holds(spec)), "")
+
+
+@cache
+def _sealed_ranges() -> dict[str, SceneRange]:
+    """Return the sealed ranges of the suites that come with graycard."""
+    suites = map(load_suite, suite_names())
+    return {suite.name: suite.sealed for suite in suites if suite.sealed is not None}
 
 
 def refuse_sealed(specs: Iterable[SceneSpec], also: Suite | None = None) -> None:

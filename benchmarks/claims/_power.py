@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """How many scenes or seeds an undecided claim needs, and what they cost here.
 
-Scenes to come are drawn from those seen: the residuals from the Hodges-Lehmann estimate, their signs tossed,
-put around an effect. The rule is applied to many such samples; the number of scenes is the least with which it
-decides 80 % of them. Beside it stands the number for normal effects, by the power of the t-test and the
+Scenes to come are drawn from those seen: residuals from the Hodges-Lehmann estimate, their signs tossed, are
+put around an effect. The rule is applied to many such samples. The number of scenes is the least with which
+it decides 80 % of them. Beside it stands the number for normal effects, by the power of the t-test and the
 asymptotic efficiency 3/π of the signed-rank test against it (Hollander et al. 2014, section 3.11).
 """
 
