@@ -139,8 +139,7 @@ def test_a_run_on_sealed_scenes_says_so_and_is_checked(
 ) -> None:
     record = read_run(sealed_run)
     assert [scene.scene for scene in record.scenes] == ["corridor-0601", "corridor-0602"]
-    assert record.edition == Edition("edition-1", COMMIT)
-    assert record.edition.sealed
+    assert record.edition == Edition("edition-1", COMMIT, sealed=True)
     monkeypatch.setattr(validity, "git", lambda root, *words: "")
     (line,) = [b for b in check_result(sealed_run).breaches if b.rule in ("origin", "suite")]
     assert line.unknown
