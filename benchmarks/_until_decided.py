@@ -14,7 +14,7 @@ from graycard.benchmarks._run_record import RunError, measures_nothing_new, reco
 from graycard.benchmarks._runner import Bench, Measured, Terms, measure, write_run
 from graycard.benchmarks._suites import Suite
 from graycard.benchmarks.claims import Pursued, claims_of_suite, load_claims, pursue
-from graycard.eval.statistics import level_up_to
+from graycard.eval.statistics import LEAST_SCENES, level_up_to
 from graycard.records import Look, Looks, RunRecord
 from graycard.synth import SceneSpec
 
@@ -64,7 +64,7 @@ def run_until_decided(
 
 def _looks(suite: Suite, plan: Plan, pursued: Pursued) -> Looks:
     """Return a run that has made no look yet."""
-    least, most = len(suite.scenes) + 1, len(suite.scenes) + len(suite.added)
+    least, most = max(len(suite.scenes) + 1, LEAST_SCENES), len(suite.scenes) + len(suite.added)
     if not least <= plan.most <= most:
         raise RunError(
             f"expected {least} to {most} scenes for suite {suite.name!r} and its reserve, got {plan.most}. "

@@ -37,7 +37,8 @@ def sequential_level(looks: Sequence[int], error: float = ERROR) -> float:
         error: Greatest chance that some interval misses the centre.
 
     Raises:
-        ValueError: There is no look, one is below 1, they do not rise, or the error is out of range.
+        ValueError: There is no look, one is below 1, they do not rise, the error is out of range, or so few
+            scenes cannot decide anything.
 
     Example:
         >>> round(sequential_level([8]), 3) >= 0.95
@@ -48,21 +49,24 @@ def sequential_level(looks: Sequence[int], error: float = ERROR) -> float:
         raise ValueError(f"expected numbers of scenes from 1 up that rise, got {list(counts)}")
     if not 2 * _KEPT < error < 1:
         raise ValueError(f"expected an error between {2 * _KEPT:g} and 1, got {error}")
-    return 1 - _threshold(counts, error)
+    least = _threshold(counts, error)
+    if not least:
+        raise ValueError(f"expected enough scenes for a p below {error:g}, got {counts[-1]}. Plan for more")
+    return 1 - least
 
 
 def level_up_to(scenes: int) -> float:
     """Return the level for looks after every scene up to a number of them, whichever are made.
 
     Raises:
-        ValueError: There is no scene.
+        ValueError: So few cannot decide anything.
     """
     return sequential_level(range(1, scenes + 1))
 
 
 @cache
 def _threshold(looks: tuple[int, ...], error: float) -> float:
-    """Return the greatest p at which a look may decide."""
+    """Return the greatest p at which a look may decide; 0 if there is none."""
     least = np.sort(np.concatenate([_least_p(looks, part) for part in range(_PATHS // _AT_A_TIME)]))
     share = error - _KEPT
     share -= 3 * math.sqrt(share * (1 - share) / _PATHS)

@@ -35,6 +35,7 @@ def test_more_looks_ask_for_more() -> None:
         ([0, 3], 0.05, "that rise, got [0, 3]"),
         ([8, 8], 0.05, "that rise, got [8, 8]"),
         ([8], 0.0, "expected an error between 0.01 and 1, got 0"),
+        ([3, 5], 0.05, "expected enough scenes for a p below 0.05, got 5"),
     ],
 )
 def test_looks_that_are_none(looks: list[int], error: float, words: str) -> None:
