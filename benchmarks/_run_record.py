@@ -11,7 +11,7 @@ from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
 from graycard.io import sha256
-from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
+from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.synth import SceneSpec, describe
 
 
@@ -64,11 +64,13 @@ def renderers(scenes: list[tuple[SceneSpec, Path]]) -> list[Any]:
     return [g for i, g in enumerate(found) if g not in found[:i]]
 
 
-def record_before(run: Path, suite: Suite) -> RunRecord | None:
+def record_before(
+    run: Path, suite: Suite, budget: float = 1.0, edition: Edition | None = None
+) -> RunRecord | None:
     """What an earlier bench left in this folder.
 
     Raises:
-        RunError: It was of another suite.
+        RunError: It was of another suite, at another budget, or of another edition.
     """
     if not (run / "run.json").is_file():
         return None
@@ -76,12 +78,21 @@ def record_before(run: Path, suite: Suite) -> RunRecord | None:
         before = read_run(run)
     except RecordError:
         return None  # of an older format or damaged: it is written anew
-    if (before.suite, before.suite_version) != (suite.name, suite.version):
+    wanted = _kind(suite.name, suite.version, budget, edition)
+    found = _kind(before.suite, before.suite_version, before.budget, before.edition)
+    if wanted != found:
         raise RunError(
-            f"expected {run} to be free or to hold a run of {suite.name!r} version {suite.version}, got "
-            f"one of {before.suite!r} version {before.suite_version}. Choose another --out"
+            f"expected {run} to be free or to hold a run of {wanted}, got one of {found}. "
+            "Choose another --out"
         )
     return before
+
+
+def _kind(suite: str, version: int, budget: float, edition: Edition | None) -> str:
+    """What results of one folder have in common, in words."""
+    steps = "" if budget == 1 else f" at {budget:g} times its iterations"
+    sealed = f" on the sealed scenes of {edition.tag}" if edition else ""
+    return f"{suite!r} version {version}{steps}{sealed}"
 
 
 def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:

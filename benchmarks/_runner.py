@@ -11,6 +11,7 @@ same scores as one that was not.
 """
 
 import hashlib
+import math
 import re
 import shutil
 import time
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import Progress, open_truth
+from graycard.benchmarks._edition import refuse_sealed
 from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
@@ -45,14 +47,14 @@ from graycard.benchmarks._run_record import (
 )
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, scaled_iterations
 from graycard.benchmarks._workers import run_all
-from graycard.benchmarks.claims import claims_of_suite, judge_claims
+from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
 from graycard.methods.priors import truth_of, weights_of
-from graycard.records import CLAIMS, COMPARISON, Job, JobResult, RunRecord
+from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
@@ -60,51 +62,27 @@ SCORED_EACH = 20
 """Sheets that a worker makes before a fresh one takes over: importing the metrics takes seconds."""
 
 
-def run_bench(
-    suite: Suite,
-    run: Path,
-    jobs: int,
-    progress: Progress,
-    dataset: Path | None = None,
-    *,
-    timeout_s: float | None = None,
-    whole: Suite | None = None,
-) -> RunRecord:
-    """Run a suite and write ``RUN/run.json``.
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What a run does otherwise than its suite says."""
 
-    Args:
-        suite: What to run.
-        run: The run folder; what is there and whole is reused.
-        jobs: Number of fits at a time.
-        progress: Called after each job.
-        dataset: Where the scenes are or go; ``RUN/dataset`` by default.
-        timeout_s: A fit or scoring that takes longer has failed, stages that a fit found done left out; None
-            for no limit.
-        whole: What the suite was narrowed from: what ``run.json`` has of its other parts stays in it.
+    budget: float = 1.0
+    """Factor on the iterations of all fits."""
+    edition: Edition | None = None
+    """What vouches for code and claims where scenes are sealed; None: those are refused."""
 
-    Raises:
-        UnknownNameError: A method does not exist.
-        MethodError: A method does not load, or does not take its settings.
-        PredictionError: Submitted predictions are of no scene of the suite.
-        RunError: A scene could not be rendered, the folder holds a run of another suite, or ``jobs`` < 1.
-        OutputError: The folder cannot be written to, or the disk is full.
-    """
-    if jobs < 1:
-        raise RunError(f"expected 1 or more jobs at a time, got {jobs}. Mend --jobs")
-    bench = _Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, whole)
-    known = _introductions(bench)  # fails before any work
-    writable_folder(run)
-    before = record_before(run, suite)
-    origins = environment()
-    scenes = _render(bench, suite.scenes)
-    plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads=max(1, usable_cores() // jobs))
-    fitted = _fit(bench, plan)
-    scored = _score(bench, fitted)
-    record = _record(bench, known, scenes, fitted, scored, origins)
-    if before is not None:
-        record = _with_earlier(record, before, whole, all_reused=_all_reused(fitted, scored))
-    _write(record, run)
-    return record
+    def __post_init__(self) -> None:
+        if not 0 < self.budget < math.inf:
+            raise RunError(f"expected a budget above 0, as 0.5 or 2, got {self.budget}. Mend --budget")
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What a bench found."""
+
+    record: RunRecord
+    all_reused: bool
+    """Whether every fit and every score was there already."""
 
 
 Ended = Sequence[tuple[FitJob, Outcome]]
@@ -112,7 +90,7 @@ Ended = Sequence[tuple[FitJob, Outcome]]
 
 
 @dataclass(frozen=True)
-class _Bench:
+class Bench:
     """A run under way: suite, folder and start."""
 
     suite: Suite
@@ -124,6 +102,7 @@ class _Bench:
     timeout_s: float | None
     whole: Suite | None
     """The suite that this one was narrowed from; None for a whole one."""
+    terms: Terms
     started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     clock: float = field(default_factory=time.perf_counter)
 
@@ -136,15 +115,102 @@ class _Bench:
         return lambda done, what: self.progress((stage + done) / 3, f"{doing} {what}")
 
 
-def _introductions(bench: _Bench) -> list[Introduction]:
-    """Return what each method says of itself; submitted predictions have to be of a scene of the suite."""
+def run_bench(
+    suite: Suite,
+    run: Path,
+    jobs: int,
+    progress: Progress,
+    dataset: Path | None = None,
+    *,
+    timeout_s: float | None = None,
+    whole: Suite | None = None,
+    terms: Terms = Terms(),
+) -> RunRecord:
+    """Run a suite and write ``RUN/run.json``.
+
+    Args:
+        suite: What to run.
+        run: The run folder; what is there and whole is reused.
+        jobs: Number of fits at a time.
+        progress: Called after each job.
+        dataset: Where the scenes are or go; ``RUN/dataset`` by default.
+        timeout_s: A fit or scoring that takes longer has failed, stages that a fit found done left out; None
+            for no limit.
+        whole: What the suite was narrowed from: what ``run.json`` has of its other parts stays in it.
+        terms: The budget of fits, and what vouches for sealed scenes.
+
+    Raises:
+        UnknownNameError: A method does not exist.
+        MethodError: A method does not load, or does not take its settings.
+        PredictionError: Submitted predictions are of no scene of the suite.
+        RunError: A scene could not be rendered or is sealed, the folder holds another run, or ``jobs`` < 1.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, whole, terms)
+    before = record_before(run, suite, terms.budget, terms.edition)
+    if before is not None and before.looks is not None:
+        raise RunError(
+            f"expected {run} to be free or to hold a run of {suite.name!r}, got one that adds scenes until "
+            f"claims are decided. Go on with --until-decided --max-scenes {before.looks.most}, or choose "
+            "another --out"
+        )
+    part = measure(bench)
+    record = part.record
+    if before is not None:
+        record = _with_earlier(record, before, whole, all_reused=part.all_reused)
+    write_run(record, run)
+    return record
+
+
+def measure(bench: Bench) -> Measured:
+    """Render, fit and score all that a bench asks for and that is not there yet; ``run.json`` stays as it is.
+
+    Raises:
+        GraycardError: As of :func:`run_bench`.
+    """
+    if bench.jobs < 1:
+        raise RunError(f"expected 1 or more jobs at a time, got {bench.jobs}. Mend --jobs")
+    if bench.terms.edition is None:
+        refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
+    bench, known = _introduced(bench)  # fails before any work
+    suite, run = bench.suite, writable_folder(bench.run)
+    origins = environment()
+    scenes = _render(bench, suite.scenes)
+    threads = max(1, usable_cores() // bench.jobs)
+    plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads)
+    fitted = _fit(bench, plan)
+    scored = _score(bench, fitted)
+    record = _record(bench, known, scenes, fitted, scored, origins)
+    return Measured(record, _all_reused(fitted, scored))
+
+
+def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
+    """Return what each method says of itself, its iterations by the budget, in the suite as well.
+
+    Submitted predictions have to be of a scene of the suite.
+    """
     for method in bench.suite.methods:
         if method.predictions:
             check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
-    return introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.timeout_s)
+    known = introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.timeout_s)
+    if bench.terms.budget == 1:
+        return bench, known
+    own = [_iterations(row, bench.terms.budget) for row in known]
+    methods = [
+        replace(m, settings={**m.settings, **new}) for m, new in zip(bench.suite.methods, own, strict=True)
+    ]
+    scaled = [replace(k, settings={**k.settings, **new}) for k, new in zip(known, own, strict=True)]
+    suite = replace(bench.suite, methods=tuple(methods))
+    return replace(bench, suite=suite, whole=bench.whole or bench.suite), scaled
 
 
-def _fit(bench: _Bench, plan: Sequence[FitJob]) -> Ended:
+def _iterations(known: Introduction, budget: float) -> dict[str, int]:
+    """Return the iterations of a method at a budget, as settings; none for a method that has none."""
+    own = known.settings.get("iterations")
+    return {"iterations": scaled_iterations(own, budget)} if isinstance(own, int) else {}
+
+
+def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
     """Make all predictions; stages go once all is done that could go on from them."""
     outcomes = run_all(run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.timeout_s)
     fitted = list(zip(plan, outcomes, strict=True))
@@ -153,7 +219,7 @@ def _fit(bench: _Bench, plan: Sequence[FitJob]) -> Ended:
     return fitted
 
 
-def _score(bench: _Bench, fitted: Ended) -> Ended:
+def _score(bench: Bench, fitted: Ended) -> Ended:
     """Score all predictions that were made."""
     made = [job for job, outcome in fitted if not outcome.reason]
     progress = bench.part(2, "scoring")
@@ -164,7 +230,7 @@ def _score(bench: _Bench, fitted: Ended) -> Ended:
 
 
 def _record(
-    bench: _Bench,
+    bench: Bench,
     known: Sequence[Introduction],
     scenes: list[tuple[SceneSpec, Path]],
     fitted: Ended,
@@ -184,6 +250,8 @@ def _record(
         started=bench.started,
         wall_s=bench.elapsed_s(),
         suite_sha256=_keep(bench.whole or suite, run),
+        budget=bench.terms.budget,
+        edition=bench.terms.edition,
     )
 
 
@@ -216,12 +284,18 @@ def _with_earlier(
     return record if whole is None else joined(record, before, whole)
 
 
-def _write(record: RunRecord, run: Path) -> None:
-    """Write a record, and what follows from it: comparison and claims."""
+def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
+    """Write a record, and what follows from it: comparison and claims.
+
+    Args:
+        record: Of the run.
+        run: The run folder.
+        claims: Names of files of claims; those that are made for the suite if empty.
+    """
     write_json(run / "run.json", record)
-    write_json(run / COMPARISON, compare_run(record))
-    if claims := claims_of_suite(record.suite):
-        write_json(run / CLAIMS, judge_claims(record, run, claims))
+    write_json(run / COMPARISON, compare_run(record.at_look(0)))
+    if names := claims or claims_of_suite(record.suite):
+        write_json(run / CLAIMS, judge_run(record, run, names))
 
 
 def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
@@ -236,7 +310,7 @@ def _keep(suite: Suite, run: Path) -> str:
     return sha256(run / KEPT)
 
 
-def _render(bench: _Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
+def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
     """Render scenes one after the other: Mitsuba itself takes all cores."""
     jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, usable_cores()) for spec in specs]
     outcomes = run_all(run_render, jobs, 1, bench.part(0, "rendering"), find_rendered)
@@ -246,7 +320,7 @@ def _render(bench: _Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, 
     return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
 
 
-def _donors(bench: _Bench, scenes: list[tuple[SceneSpec, Path]]) -> dict[Path, Path]:
+def _donors(bench: Bench, scenes: list[tuple[SceneSpec, Path]]) -> dict[Path, Path]:
     """Folders of the scenes that objects come from, rendered, by those of the scenes that they are put in."""
     if not any(method.composes for method in bench.suite.methods):
         return {}

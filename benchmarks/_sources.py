@@ -77,12 +77,27 @@ def package_version(name: str) -> str | None:
 
 def git_commit() -> str | None:
     """Commit of the checkout that graycard runs from, with ``+`` if it was changed; None outside one."""
-    root = Path(graycard.__file__).resolve().parents[2]
-    if not (root / ".git").exists() or shutil.which("git") is None:
+    root = checkout()
+    if root is None:
         return None
-    head = _output(["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"])
-    changed = _output(["git", "-C", str(root), "status", "--porcelain", "--untracked-files=no"])
+    head, changed = git(root, "rev-parse", "--short=12", "HEAD"), is_changed(root)
     return f"{head}+" if head and changed else head or None
+
+
+def checkout() -> Path | None:
+    """Return the root of the checkout that graycard runs from; None outside one, or without git."""
+    root = Path(graycard.__file__).resolve().parents[2]
+    return root if (root / ".git").exists() and shutil.which("git") else None
+
+
+def is_changed(root: Path) -> bool:
+    """Tell whether files of a checkout differ from its commit; files that git does not know do not count."""
+    return bool(git(root, "status", "--porcelain", "--untracked-files=no"))
+
+
+def git(root: Path, *words: str) -> str:
+    """Return what git prints in a checkout; empty if it fails."""
+    return _output(["git", "-C", str(root), *words])
 
 
 def cpu_model() -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError
+from graycard.benchmarks._ranges import SceneRange
 from graycard.io import from_builtins
 from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
@@ -78,6 +79,10 @@ class Suite:
     """Light paths a pixel by track or family, where one needs more or fewer than ``render`` says."""
     ceilings: Mapping[str, float] = field(default_factory=dict)
     """Noise ceiling that each scene of a track must reach, dB."""
+    reserve: SceneRange | None = None
+    """Scenes that are added, in this order, where claims need more of them."""
+    sealed: SceneRange | None = None
+    """Scenes that nobody renders before code and claims are tagged."""
 
     def __post_init__(self) -> None:
         for track in self.ceilings:
@@ -100,6 +105,24 @@ class Suite:
                 f"expected one seed in suite {self.name!r}, which has submitted predictions "
                 f"({', '.join(given)}), got {list(self.seeds)}. Give the suite one"
             )
+        self._check_ranges()
+
+    def _check_ranges(self) -> None:
+        """Refuse ranges with scenes that are none, or that another part of the suite has as well."""
+        kept = [spec for found in (self.reserve, self.sealed) if found for spec in found.drawn()]
+        for spec in kept:
+            scene_name(spec)  # refuses families and knobs that are none
+        for found, others in ((self.reserve, self.scenes), (self.sealed, (*self.scenes, *self.added))):
+            if shared := [scene_name(spec) for spec in others if found and found.holds(spec)]:
+                raise RecordError(
+                    f"expected ranges of suite {self.name!r} apart from its scenes and from each other, got "
+                    f"{', '.join(shared)} in two places. Choose other seeds"
+                )
+
+    @property
+    def added(self) -> tuple[SceneSpec, ...]:
+        """The scenes of the reserve, in order."""
+        return self.reserve.drawn() if self.reserve else ()
 
     def render_of(self, scene: SceneSpec) -> RenderSettings:
         """How a scene of this suite is photographed."""
@@ -112,6 +135,18 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 
+def suite_path(name: str) -> Path:
+    """The file of a suite, or the path itself if it ends in ``.toml``.
+
+    Raises:
+        UnknownNameError: There is no such file.
+    """
+    path = Path(name) if name.endswith(".toml") else FOLDER / f"{name}.toml"
+    if len(path.name) > 200 or not path.is_file():
+        raise UnknownNameError("suite", name, suite_names(), "A suite of your own: a path that ends in .toml")
+    return path
+
+
 def load_suite(name: str) -> Suite:
     """The suite of a name, or of a path that ends in ``.toml``.
 
@@ -119,10 +154,7 @@ def load_suite(name: str) -> Suite:
         UnknownNameError: There is none of this name, or it names a track that does not exist.
         RecordError: The file is no TOML, or has an unknown or missing key.
     """
-    own_file = name.endswith(".toml")
-    path = Path(name) if own_file else FOLDER / f"{name}.toml"
-    if len(path.name) > 200 or not path.is_file():
-        raise UnknownNameError("suite", name, suite_names(), "A suite of your own: a path that ends in .toml")
+    path = suite_path(name)
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
@@ -161,6 +193,25 @@ def narrow(suite: Suite, tracks: Sequence[str] = (), methods: Sequence[str] = ()
         raise RecordError(f"expected suite {suite.name!r} to have scenes on {', '.join(wanted)}, got none")
     chosen = {m.row: m for name in methods for m in _named(suite, name)}
     return replace(suite, scenes=scenes, methods=tuple(chosen.values()) or suite.methods)
+
+
+def scaled_iterations(iterations: int, budget: float) -> int:
+    """The iterations of a fit at a budget: at least one."""
+    return max(1, round(iterations * budget))
+
+
+def opened(suite: Suite) -> Suite:
+    """The suite with its sealed scenes in place of its own.
+
+    Raises:
+        RecordError: It has none.
+    """
+    if suite.sealed is None:
+        raise RecordError(
+            f"expected a suite with a sealed range, got {suite.name!r}. Give it [sealed], or leave out "
+            "--sealed"
+        )
+    return replace(suite, scenes=suite.sealed.drawn(), reserve=None, sealed=None)
 
 
 def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:

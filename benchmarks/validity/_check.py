@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard import Progress
+from graycard.benchmarks.validity._edition import edition_breaches, sealed_breaches
 from graycard.benchmarks.validity._files import (
     gauge_breaches,
     hash_breaches,
@@ -32,7 +33,8 @@ RULES: dict[str, str] = {
     "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
     "hashes": "truth, captures, predictions and scores are the very files that were fitted and scored",
     "seeds": "the seeds of scenes are those that the scenes were made from",
-    "origin": "package versions, hardware and the git commit of unchanged code are recorded",
+    "origin": "package versions, hardware and the git commit of unchanged code are recorded, and of sealed "
+    "scenes the tag of that commit, whose claims judge the run",
     "finite": "no score is infinite or no number, but the optimum of a row that is handed truth",
     "gauge": "gauges are those that the training views give",
     "truth": "truth was closed to every fit, and what was handed is what the method declares",
@@ -86,6 +88,7 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
         lambda record, run: ceiling_breaches(record),
         comparison_breaches,
         lambda record, run: _of_suite(record, run, standard),
+        edition_breaches,
         scene_breaches,
         hash_breaches,
         view_breaches,
@@ -103,4 +106,4 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:
     known = suite_breaches(record, run, standard.suite) if standard.suite else []
-    return [*standard.breaches, *known]
+    return [*standard.breaches, *known, *sealed_breaches(record, standard.suite)]

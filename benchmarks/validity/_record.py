@@ -64,7 +64,9 @@ def count_breaches(run: RunRecord) -> list[Breach]:
 def _missing_fits(run: RunRecord) -> Iterator[Breach]:
     seeds = sorted({r.job.seed for r in run.results})
     there = Counter((r.job.track, r.job.scene, r.job.method, r.job.seed) for r in run.results)
-    wanted = {(s.track, s.scene, m.name, seed) for s, m, seed in product(run.scenes, run.methods, seeds)}
+    wanted = {
+        (s.track, s.scene, row, seed) for s in run.scenes for row, seed in product(run.rows_on(s), seeds)
+    }
     for track, scene, method, seed in sorted(wanted | there.keys()):
         key = (track, scene, method, seed)
         expected, got = int(key in wanted), there[key]
@@ -231,7 +233,7 @@ def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
     if written is None:
         what = "expected comparison.json, got none. Run `graycard bench` again: it fits nothing anew"
         return [Breach("comparison", "comparison.json", what, unknown=True)]
-    where = difference(to_builtins(written), to_builtins(compare_run(run)))
+    where = difference(to_builtins(written), to_builtins(compare_run(run.at_look(0))))
     if where is None:
         return []
     return [

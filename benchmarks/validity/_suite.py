@@ -2,12 +2,12 @@
 """Whether a run is of the suite that it names: what ``run.json`` leaves out, ``run.json`` cannot tell."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from graycard import DatasetError, GraycardError
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, suite_names
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, load_suite, scaled_iterations, suite_names
 from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.io import from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.methods.priors import PriorSpec
@@ -38,7 +38,7 @@ def standard_of(run: RunRecord, folder: Path) -> Standard:
     named = f"{run.suite} version {run.suite_version}"
     own = load_suite(run.suite) if run.suite in suite_names() else None
     if own is not None and own.version == run.suite_version:
-        if kept is not None and to_builtins(kept) != to_builtins(own):
+        if kept is not None and _judging(kept) != _judging(own):
             what = f"expected {named} as it comes with graycard, got a suite of other content under its name"
             breaches.append(Breach(RULE, KEPT, f"{what}. Give it a name of its own"))
         return Standard(own, f"{named}, which comes with graycard", tuple(breaches))
@@ -50,6 +50,11 @@ def standard_of(run: RunRecord, folder: Path) -> Standard:
     other = f"; this graycard has version {own.version}" if own is not None else ""
     says = f"{named}, which does not come with graycard ({KEPT}, SHA-256 {run.suite_sha256}{other})"
     return Standard(kept, says, tuple(breaches))
+
+
+def _judging(suite: Suite) -> Any:
+    """Return what the numbers of a suite come from: not the seeds that it sets aside."""
+    return to_builtins(replace(suite, reserve=None, sealed=None))
 
 
 def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
@@ -93,21 +98,31 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
     if not run.results:
         return []
     found = [*_missing_scenes(run, suite), *_missing_seeds(run, suite)]
-    specs = {(spec.track, scene_name(spec)): spec for spec in suite.scenes}
+    specs = {(spec.track, scene_name(spec)): spec for spec in _scenes(run, suite)}
     for scene in run.scenes:
         if spec := specs.get((scene.track, scene.scene)):
             found += _other_scene(scene, spec, suite, folder)
     methods = {method.row: method for method in suite.methods}
     for result in run.results:
         if method := methods.get(result.job.method):
-            found += _other_method(result, method)
+            found += _other_method(result, method, run.budget)
     return found
+
+
+def _scenes(run: RunRecord, suite: Suite) -> tuple[SceneSpec, ...]:
+    """Return the scenes that a run of a suite may have: sealed ones, or the suite's and those it added."""
+    if run.edition is not None:
+        return suite.sealed.drawn() if suite.sealed else ()
+    if run.looks is None:
+        return suite.scenes
+    added = {scene for look in run.looks.made[1:] for scene in look.scenes}
+    return (*suite.scenes, *(s for s in suite.added if f"{s.track}/{scene_name(s)}" in added))
 
 
 def _missing_scenes(run: RunRecord, suite: Suite) -> Iterator[Breach]:
     there = {(scene.track, scene.scene) for scene in run.scenes}
     tracks = {track for track, _ in there}
-    wanted = {(spec.track, scene_name(spec)) for spec in suite.scenes if spec.track in tracks}
+    wanted = {(spec.track, scene_name(spec)) for spec in _scenes(run, suite) if spec.track in tracks}
     for track, scene in sorted(wanted - there):
         yield Breach(RULE, f"{track}/{scene}", f"expected this scene, as {suite.name} has it, got none")
     for track, scene in sorted(there - wanted):
@@ -133,9 +148,11 @@ def _other_scene(scene: SceneRecord, spec: SceneSpec, suite: Suite, run: Path) -
         yield Breach(RULE, f"{scene.track}/{scene.scene}", what)
 
 
-def _other_method(result: JobResult, method: SuiteMethod) -> Iterator[Breach]:
-    job = result.job
-    wanted: dict[str, Any] = {"entry": method.entry, "settings": method.settings}
+def _other_method(result: JobResult, method: SuiteMethod, budget: float) -> Iterator[Breach]:
+    job, settings = result.job, dict(method.settings)
+    if isinstance(steps := settings.get("iterations"), int):
+        settings["iterations"] = scaled_iterations(steps, budget)
+    wanted: dict[str, Any] = {"entry": method.entry, "settings": settings}
     found = {"entry": job.entry, "settings": job.settings}
     if job.priors or method.priors != PriorSpec():
         wanted["priors"], found["priors"] = method.priors, job.priors

@@ -38,6 +38,11 @@ from graycard.eval.statistics._location import locations as locations
 from graycard.eval.statistics._pairs import LEAST_SCENES as LEAST_SCENES
 from graycard.eval.statistics._pairs import compare_pairs as compare_pairs
 from graycard.eval.statistics._ranks import rank_groups as rank_groups
+from graycard.eval.statistics._sequential import ERROR as ERROR
+from graycard.eval.statistics._sequential import level_up_to as level_up_to
+from graycard.eval.statistics._sequential import p_after_each as p_after_each
+from graycard.eval.statistics._sequential import rank_limit as rank_limit
+from graycard.eval.statistics._sequential import sequential_level as sequential_level
 from graycard.eval.statistics._signed_rank import holm as holm
 from graycard.eval.statistics._signed_rank import least_scenes as least_scenes
 from graycard.eval.statistics._signed_rank import signed_rank_p as signed_rank_p

@@ -6,15 +6,26 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, get_args
+from typing import Annotated, Any, get_args
 
 import tyro
 from rich.table import Table
 
+from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
+from graycard.cli._power import power_table
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
-from graycard.records import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_run
+from graycard.records import (
+    CLAIMS,
+    CheckResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    RowMean,
+    RunRecord,
+    read_run,
+)
 
 
 @dataclass(frozen=True)
@@ -32,20 +43,31 @@ class ClaimsCommand:
     All that come along, where --claims names none and none are made for this suite."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
+    half: Annotated[Path | None, optional("RUN")] = None
+    """The same scenes at half the budget, by `graycard bench SUITE --budget 0.5`.
+    A verdict that turns between the budgets is undecided."""
+    twice: Annotated[Path | None, optional("RUN")] = None
+    """The same scenes at twice the budget, by `graycard bench SUITE --budget 2`."""
+    power: bool = False
+    """Also say how many scenes or seeds each undecided claim needs, and what they cost here."""
     json: Json = None
-    """Also write the ledger to this file."""
+    """Also write the ledger to this file; with --power what undecided claims need, in its place."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Judge the claims; a contradicted claim is a finding, no failure."""
         from graycard.benchmarks.claims import judge_tables
 
         if self.run_folder is None:
+            self._refuse_without_run()
             found, report = judge_tables(self.claims), ""
         else:
             found, report = self._judged(self.run_folder, terminal)
         for paper in found.papers:
             self._show(terminal, paper)
-        write_optional_json(self.json, found)
+        if self.power and self.run_folder is not None:
+            self._show_power(terminal, found, self.run_folder)
+        else:
+            write_optional_json(self.json, found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
         words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
         terminal.out.print(f"claims: {words}{report}")
@@ -57,12 +79,13 @@ class ClaimsCommand:
         Raises:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
-        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims, made_for_others
+        from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
         from graycard.reports import is_published, write_report
 
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
-        found = judge_claims(record, run, names, any_suite=self.any_suite)
+        budgets = self._budgets(record)
+        found = judge_run(record, run, names, any_suite=self.any_suite, **budgets)
         for name, suite in made_for_others(record.suite, names).items():
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
@@ -71,6 +94,40 @@ class ClaimsCommand:
             return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
+
+    def _refuse_without_run(self) -> None:
+        """Refuse options that are about a run.
+
+        Raises:
+            GraycardError: One is given.
+        """
+        given = {"--half": self.half, "--twice": self.twice, "--power": self.power}
+        if named := [name for name, value in given.items() if value]:
+            raise GraycardError(f"expected a run with {', '.join(named)}, got none. Name its folder first")
+
+    def _budgets(self, record: RunRecord) -> dict[str, Any]:
+        """Return the runs at other budgets, checked, as an argument of the judge; nothing without any.
+
+        Raises:
+            RecordError: One differs from the run in more than its budget.
+        """
+        from graycard.benchmarks.claims import check_budgets
+
+        given = {factor: run for factor, run in ((0.5, self.half), (2.0, self.twice)) if run is not None}
+        budgets = {factor: read_run(run) for factor, run in given.items()}
+        check_budgets(record, budgets)
+        return {"budgets": budgets} if budgets else {}
+
+    def _show_power(self, terminal: Terminal, found: Ledger, run: Path) -> None:
+        """Show what undecided claims need."""
+        from graycard.benchmarks.claims import claims_names, claims_power, load_claims
+
+        names = {paper.name for paper in found.papers}
+        papers = [load_claims(name) for name in self.claims or claims_names()]
+        needs = claims_power(found, read_run(run), [paper for paper in papers if paper.name in names])
+        terminal.out.print(f"\nneeds of {len({(n.paper, n.claim) for n in needs})} undecided claims")
+        terminal.out.print(power_table(needs))
+        write_optional_json(self.json, needs)
 
     def _show(self, terminal: Terminal, paper: PaperResult) -> None:
         terminal.out.print(f"\n{paper.title}, claims version {paper.version}")

@@ -12,7 +12,8 @@ import tyro
 from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
-from graycard.records import RunRecord, read_run
+from graycard.io import Progress
+from graycard.records import Looks, RunRecord, read_run
 
 
 @dataclass(frozen=True)
@@ -133,34 +134,85 @@ class BenchCommand:
     """The run folder; runs/<suite> by default."""
     dataset: Annotated[Path | None, optional("DATASET")] = None
     """The folder with the scenes; scenes that it lacks are rendered into it. RUN/dataset by default."""
+    until_decided: bool = False
+    """Add scenes of the suite's reserve until every claim that can be tested is decided."""
+    max_scenes: Annotated[int | None, optional("N")] = None
+    """With --until-decided: end at so many scenes. The level of each verdict follows from N: keep it."""
+    claims: Annotated[tuple[str, ...], optional("NAME ...")] = ()
+    """With --until-decided: decide these claims only. Those made for the suite by default."""
+    sealed: bool = False
+    """Run the sealed scenes in place of the suite's; only at a git tag, or in an installed release."""
+    budget: float = 1.0
+    """Multiply the iterations of all fits, as by 0.5 or 2, for `graycard claims --half --twice`."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Run the suite; a job or a score that failed makes the exit code 1."""
-        from graycard.benchmarks import load_suite, narrow, run_bench, usable_cores, with_predictions
+        from graycard.benchmarks import usable_cores
         from graycard.reports import write_report
         from graycard.synth import find_llvm
 
-        whole = load_suite(self.suite)
-        rows = with_predictions(whole, self.predictions)
-        given = [method.row for method in rows.methods[len(whole.methods) :]]
-        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
-        run = self.out or Path("runs") / suite.name
-        terminal.advise(find_llvm().advice)
+        self._check()
         jobs = usable_cores() if self.jobs is None else self.jobs
-        part_of = whole if self.tracks or self.methods or self.predictions else None
+        terminal.advise(find_llvm().advice)
         with terminal.progress() as progress:
-            record = run_bench(
-                suite, run, jobs, progress, self.dataset, timeout_s=self.timeout, whole=part_of
-            )
+            run, record = (self._pursue if self.until_decided else self._bench)(jobs, progress)
         report = write_report(run)
         failures = _failures(record)
         for line in failures:
             terminal.err.print(f"failed: {line}")
+        if record.looks is not None:
+            terminal.out.print(_looks(record.looks, len(record.scenes)))
         terminal.out.print(
             f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
             f"report: {report.resolve()}"
         )
         return FAILED if failures else OK
+
+    def _check(self) -> None:
+        """Refuse options that go with --until-decided alone, or not with it.
+
+        Raises:
+            GraycardError: Some do not go together.
+        """
+        others = {
+            "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
+            "--sealed": self.sealed, "--budget": self.budget != 1,
+        }  # fmt: skip
+        given = [name for name, value in others.items() if value]
+        if self.until_decided and given:
+            raise GraycardError(
+                f"expected --until-decided without {', '.join(given)}, got both. It runs the whole suite as "
+                "it is"
+            )
+        if self.until_decided != (self.max_scenes is not None) or (self.claims and not self.until_decided):
+            raise GraycardError(
+                "expected --until-decided and --max-scenes N together, and --claims only with them, got one "
+                "without the other. Give both or neither"
+            )
+
+    def _bench(self, jobs: int, progress: Progress) -> tuple[Path, RunRecord]:
+        """Run the suite, or a part of it, on its own or its sealed scenes."""
+        from graycard.benchmarks import Terms, find_edition, load_suite, narrow, opened, run_bench
+        from graycard.benchmarks import with_predictions as with_rows
+
+        whole = load_suite(self.suite)
+        rows = with_rows(opened(whole) if self.sealed else whole, self.predictions)
+        given = [method.row for method in rows.methods[len(whole.methods) :]]
+        suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
+        terms = Terms(self.budget, find_edition(self.suite) if self.sealed else None)
+        kind = f"{'-sealed' * self.sealed}{f'-budget-{self.budget:g}' if self.budget != 1 else ''}"
+        run = self.out or Path("runs") / f"{suite.name}{kind}"
+        part_of = whole if self.tracks or self.methods or self.predictions or self.sealed else None
+        limits: Any = {"timeout_s": self.timeout, "whole": part_of, "terms": terms}
+        return run, run_bench(suite, run, jobs, progress, self.dataset, **limits)
+
+    def _pursue(self, jobs: int, progress: Progress) -> tuple[Path, RunRecord]:
+        """Run the suite, and add scenes until its claims are decided."""
+        from graycard.benchmarks import Plan, load_suite, run_until_decided
+
+        suite, plan = load_suite(self.suite), Plan(self.max_scenes or 0, self.claims)
+        run = self.out or Path("runs") / f"{suite.name}-until-decided"
+        return run, run_until_decided(suite, run, jobs, progress, plan, self.dataset, timeout_s=self.timeout)
 
 
 @dataclass(frozen=True)
@@ -242,6 +294,15 @@ class PublishCommand:
         part = f", {found.part}" if found.part else ""
         terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
         return OK
+
+
+def _looks(looks: Looks, scenes: int) -> str:
+    """Say how a run that adds scenes ended."""
+    left = ", ".join(looks.made[-1].undecided) or "none"
+    return (
+        f"looks: {len(looks.made)} at {100 * looks.level:.2f} % each, {scenes} of at most {looks.most} "
+        f"scenes; {looks.stopped}; undecided: {left}"
+    )
 
 
 def _failures(record: RunRecord) -> list[str]:

@@ -112,11 +112,18 @@ class RenderCommand:
         return FAILED if noisy else OK
 
     def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
-        """Return specs, the render settings of each, and the noise ceilings that they must reach."""
+        """Return specs, the render settings of each, and the noise ceilings that they must reach.
+
+        Raises:
+            GraycardError: A scene is sealed.
+        """
+        from graycard.benchmarks import load_suite, refuse_sealed, suite_names
+
         if self.what in TRACKS:
-            return [(*self._scene_of_track(rest), 0.0)]
+            spec, settings = self._scene_of_track(rest)
+            refuse_sealed([spec])
+            return [(spec, settings, 0.0)]
         refuse(rest, "graycard render", option_names(type(self)))
-        from graycard.benchmarks import load_suite, suite_names
 
         known = [*suite_names(), *TRACKS]
         if self.what not in known and not self.what.endswith(".toml"):
@@ -126,6 +133,7 @@ class RenderCommand:
                 "expected --seed, --family and --knob with a track only: a suite names its own scenes"
             )
         suite = load_suite(self.what)
+        refuse_sealed(suite.scenes, suite)
         return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
 
     def _scene_of_track(self, rest: list[str]) -> tuple[Any, Any]:

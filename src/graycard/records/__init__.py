@@ -21,6 +21,9 @@ from graycard.records._ledger import RowFit as RowFit
 from graycard.records._ledger import RowMean as RowMean
 from graycard.records._ledger import find_claim as find_claim
 from graycard.records._ledger import read_ledger as read_ledger
+from graycard.records._looks import Edition as Edition
+from graycard.records._looks import Look as Look
+from graycard.records._looks import Looks as Looks
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance

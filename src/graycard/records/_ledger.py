@@ -8,6 +8,7 @@ from typing import Literal
 
 from graycard._errors import RecordError
 from graycard.io import read_json
+from graycard.records._looks import Edition
 from graycard.records._run import read_record
 
 CLAIMS = "claims.json"
@@ -171,6 +172,8 @@ class Ledger:
     methods: Mapping[str, str]
     """What each row of the run is, with its settings, by its label."""
     papers: tuple[PaperResult, ...]
+    edition: Edition | None = None
+    """Of a run on sealed scenes: the tag of the code and of these claims."""
     format: str = "graycard-claims"
     format_version: int = CLAIMS_VERSION
 

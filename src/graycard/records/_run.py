@@ -2,12 +2,13 @@
 """What a score and a run are on disk: every number with its protocol, its counts and its origin."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
 from graycard.io import check_version, from_builtins, read_json
+from graycard.records._looks import Edition, Looks
 
 RECORD_VERSION = 2
 
@@ -221,8 +222,31 @@ class RunRecord:
     wall_s: float
     suite_sha256: str = ""
     """Of ``suite.json``, the whole suite that was run, or run a part of; empty in records from before it."""
+    budget: float = 1.0
+    """Factor on the iterations of all fits, beside what the suite asks for."""
+    edition: Edition | None = None
+    """Of a run on sealed scenes; None for any other."""
+    looks: Looks | None = None
+    """Of a run that adds scenes until claims are decided; None for any other."""
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
+
+    def at_look(self, number: int) -> "RunRecord":
+        """Return the record with the scenes of the looks up to one, counted from 0; itself without looks."""
+        if self.looks is None:
+            return self
+        known = {scene for look in self.looks.made[: number + 1] for scene in look.scenes}
+        return replace(
+            self,
+            scenes=tuple(s for s in self.scenes if f"{s.track}/{s.scene}" in known),
+            results=tuple(r for r in self.results if f"{r.job.track}/{r.job.scene}" in known),
+        )
+
+    def rows_on(self, scene: SceneRecord) -> tuple[str, ...]:
+        """Return the rows that were to be fitted on a scene: all, but on one that a later look added."""
+        made = self.looks.made if self.looks else ()
+        added = (look.rows for look in made[1:] if f"{scene.track}/{scene.scene}" in look.scenes)
+        return next(added, tuple(method.name for method in self.methods))
 
     def variants_on(self, track: str) -> frozenset[str]:
         """Rows of a track that are a method with settings of their own, while it stands there as itself."""

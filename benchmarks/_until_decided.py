@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run a suite, and add scenes of its reserve until claims are decided or a number of scenes is reached.
+
+The level of each look follows from the number of scenes alone, which is planned before the first look. A run
+that was cut off is gone through again from its first look: what is there is reused.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from graycard import Progress
+from graycard.benchmarks._run_record import RunError, measures_nothing_new, record_before
+from graycard.benchmarks._runner import Bench, Measured, Terms, measure, write_run
+from graycard.benchmarks._suites import Suite
+from graycard.benchmarks.claims import Pursued, claims_of_suite, load_claims, pursue
+from graycard.eval.statistics import LEAST_SCENES, level_up_to
+from graycard.records import Look, Looks, RunRecord
+from graycard.synth import SceneSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """How far a run may go, fixed before its first look."""
+
+    most: int
+    """Scenes at which it ends, those of the suite included."""
+    claims: tuple[str, ...] = ()
+    """Names of files of claims, or paths; those that are made for the suite if empty."""
+
+
+def run_until_decided(
+    suite: Suite,
+    run: Path,
+    jobs: int,
+    progress: Progress,
+    plan: Plan,
+    dataset: Path | None = None,
+    *,
+    timeout_s: float | None = None,
+) -> RunRecord:
+    """Run a suite, add scenes until all claims that can be tested are decided, and write ``RUN/run.json``.
+
+    Args:
+        suite: What to run; its reserve has the scenes that are added, one of each kind a look.
+        run: The run folder; what is there and whole is reused.
+        jobs: Number of fits at a time.
+        progress: Called after each job.
+        plan: How far it may go; the same at every call on a folder.
+        dataset: Where the scenes are or go; ``RUN/dataset`` by default.
+        timeout_s: As of :func:`run_bench`.
+
+    Raises:
+        RunError: The plan cannot be kept, or is not that which the run began with.
+        GraycardError: As of :func:`run_bench`, and of claims that are broken.
+    """
+    names = plan.claims or tuple(claims_of_suite(suite.name))
+    pursued = pursue([load_claims(name) for name in names])
+    looks = _looks(suite, plan, pursued)
+    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, suite, Terms())
+    before = _before(bench, looks)
+    return _Course(bench, names, before, _batches(suite), pursued, looks).to_the_end()
+
+
+def _looks(suite: Suite, plan: Plan, pursued: Pursued) -> Looks:
+    """Return a run that has made no look yet."""
+    least, most = max(len(suite.scenes) + 1, LEAST_SCENES), len(suite.scenes) + len(suite.added)
+    if not least <= plan.most <= most:
+        raise RunError(
+            f"expected {least} to {most} scenes for suite {suite.name!r} and its reserve, got {plan.most}. "
+            "Mend --max-scenes, or give the suite a longer [reserve]"
+        )
+    if not pursued.claims:
+        raise RunError(
+            f"expected claims to decide for suite {suite.name!r}, got none. Name some with --claims"
+        )
+    return Looks(plan.most, level_up_to(plan.most), tuple(paper.name for paper in pursued.papers))
+
+
+def _before(bench: Bench, looks: Looks) -> RunRecord | None:
+    """Return what the folder has of the same plan.
+
+    Raises:
+        RunError: It has a run of another plan.
+    """
+    before = record_before(bench.run, bench.suite)
+    if before is None or before.looks is None:
+        return before
+    planned = before.looks
+    if (planned.most, planned.claims) != (looks.most, looks.claims):
+        raise RunError(
+            f"expected --max-scenes {planned.most} with claims {', '.join(planned.claims)}, as the run in "
+            f"{bench.run} was planned, got {looks.most} with {', '.join(looks.claims)}. A plan that changes "
+            "after a look bounds no error: go on with it, or choose another --out"
+        )
+    return before
+
+
+def _batches(suite: Suite) -> Iterator[tuple[SceneSpec, ...]]:
+    """Yield the scenes of the reserve, one of each kind at a time."""
+    kinds = len(suite.reserve.scenes) if suite.reserve else 1
+    for first in range(0, len(suite.added), kinds):
+        yield suite.added[first : first + kinds]
+
+
+@dataclass
+class _Course:
+    """A run on its way from look to look."""
+
+    bench: Bench
+    claims: Sequence[str]
+    before: RunRecord | None
+    batches: Iterator[tuple[SceneSpec, ...]]
+    pursued: Pursued
+    looks: Looks
+    batch: Sequence[SceneSpec] = ()
+    """Scenes that the next look adds."""
+    all_reused: bool = True
+
+    def to_the_end(self) -> RunRecord:
+        """Look, and add scenes, until there is a reason to stop."""
+        rows = tuple(method.row for method in self.bench.suite.methods)
+        record = self._looked(None, self._measured(self.bench.suite), rows)
+        while not self.looks.stopped:
+            wanted = self.pursued.rows()
+            methods = tuple(method for method in self.bench.suite.methods if method.row in wanted)
+            suite = replace(
+                self.bench.suite, scenes=tuple(self.batch), methods=methods, reserve=None, sealed=None
+            )
+            record = self._looked(record, self._measured(suite), tuple(method.row for method in methods))
+        return record
+
+    def _measured(self, suite: Suite) -> Measured:
+        part = measure(replace(self.bench, suite=suite))
+        self.all_reused = self.all_reused and part.all_reused
+        return part
+
+    def _looked(self, record: RunRecord | None, part: Measured, rows: tuple[str, ...]) -> RunRecord:
+        """Return the record with some more scenes, judged and written."""
+        found = part.record
+        if record is not None:
+            scenes, results = record.scenes + found.scenes, record.results + found.results
+            found = replace(record, scenes=scenes, results=results)
+        self.pursued = self.pursued.after(found, self.looks.level)
+        added = tuple(f"{scene.track}/{scene.scene}" for scene in part.record.scenes)
+        look = Look(added, rows, tuple(self.pursued.claims))
+        made = (*self.looks.made, look)
+        self.looks = replace(self.looks, made=made, stopped=self._stopped(len(found.scenes)))
+        found = self._timed(replace(found, looks=self.looks))
+        known = self.before.looks.made if self.before and self.before.looks else ()
+        if self.looks.stopped or not self.all_reused or len(made) > len(known):
+            write_run(found, self.bench.run, self.claims)
+        return found
+
+    def _stopped(self, scenes: int) -> str:
+        """Return why nothing more is added; empty if something is."""
+        if not self.pursued.claims:
+            return "every claim that can be tested is decided"
+        if scenes >= self.looks.most:
+            return f"the planned {self.looks.most} scenes are reached"
+        self.batch = self._wanted(self.looks.most - scenes)
+        return "" if self.batch else "the reserve has no further scene that an open claim is about"
+
+    def _wanted(self, most: int) -> list[SceneSpec]:
+        """Return the next scenes that open claims are about."""
+        for batch in self.batches:
+            if wanted := [spec for spec in batch if self.pursued.concerns(spec)]:
+                return wanted[:most]
+        return []
+
+    def _timed(self, record: RunRecord) -> RunRecord:
+        """Return the record with the time of all calls; as it was where nothing was measured anew."""
+        if self.before is None:
+            return replace(record, wall_s=self.bench.elapsed_s())
+        if self.all_reused and measures_nothing_new(record, self.before):
+            same = {"wall_s": self.before.wall_s, "environment": self.before.environment}
+            return replace(record, started=self.before.started, **same)
+        spent = round(self.before.wall_s + self.bench.elapsed_s(), 2)
+        return replace(record, started=min(record.started, self.before.started), wall_s=spent)

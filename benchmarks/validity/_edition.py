@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether sealed scenes were rendered by tagged code, and judged by the claims of that tag."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from graycard.benchmarks._edition import sealed_in
+from graycard.benchmarks._sources import checkout, git
+from graycard.benchmarks._suites import Suite
+from graycard.benchmarks.validity._record import Breach
+from graycard.records import Edition, RunRecord, read_ledger
+from graycard.synth import SceneSpec
+
+RULE = "origin"
+
+
+def sealed_breaches(run: RunRecord, suite: Suite | None) -> list[Breach]:
+    """Scenes of sealed ranges in a run that no tag vouches for."""
+    if run.edition is not None:
+        return []
+    found = []
+    for scene in run.scenes:
+        name = sealed_in(SceneSpec(scene.track, scene.family, scene.seed), suite)
+        if name:
+            what = f"expected no scene that {name} keeps sealed, got one without --sealed"
+            found.append(Breach("suite", f"{scene.track}/{scene.scene}", what))
+    return found
+
+
+def edition_breaches(run: RunRecord, folder: Path) -> list[Breach]:
+    """Where a run on sealed scenes is not of the tag that it names."""
+    if run.edition is None:
+        return []
+    return [*_code(run, run.edition), *_tag(run.edition), *_claims(run.edition, folder)]
+
+
+def _code(run: RunRecord, edition: Edition) -> Iterator[Breach]:
+    """The commit of the run, or the version that was installed, is that of the tag."""
+    ran = str(run.environment.get("git_commit") or "")
+    if edition.commit and not (ran and edition.commit.startswith(ran)):
+        what = f"expected a run of commit {edition.commit[:12]}, which {edition.tag} is, got {ran or 'none'}"
+        yield Breach(RULE, "environment", what)
+    version = f"v{dict(run.environment.get('packages') or {}).get('graycard')}"
+    if not edition.commit and edition.tag != version:
+        yield Breach(RULE, "environment", f"expected a run of release {edition.tag}, got {version}")
+
+
+def _tag(edition: Edition) -> Iterator[Breach]:
+    """The tag is still at that commit, as far as this checkout can tell."""
+    root = checkout()
+    if not edition.commit:
+        return
+    found = git(root, "rev-parse", "--verify", "--quiet", f"{edition.tag}^{{commit}}") if root else ""
+    if not found:
+        what = f"expected a checkout that knows the tag {edition.tag}, got none. Run `git fetch --tags`"
+        yield Breach(RULE, "run.json", what, unknown=True)
+    elif found != edition.commit:
+        what = f"expected {edition.tag} at {edition.commit[:12]}, as the run says, got {found[:12]}"
+        yield Breach(RULE, "run.json", what)
+
+
+def _claims(edition: Edition, folder: Path) -> Iterator[Breach]:
+    """The ledger is by the claims of the tag."""
+    ledger = read_ledger(folder)
+    for paper in ledger.papers if ledger else ():
+        known = edition.claims.get(paper.name)
+        if known != paper.claims_sha256:
+            what = f"expected claims {paper.name} as at {edition.tag}, got others"
+            yield Breach(RULE, "claims.json", what)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records of runs that add scenes until claims are decided, and of runs on scenes that nobody had seen."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One look at the claims, after some scenes."""
+
+    scenes: tuple[str, ...]
+    """Those that this look added, ``<track>/<scene>``, in order; of the first look those of the suite."""
+    rows: tuple[str, ...]
+    """Those that were fitted on them."""
+    undecided: tuple[str, ...] = ()
+    """Ids of the pursued claims that stayed undecided, as ``goris R7``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Looks:
+    """A run that goes on until claims are decided, as it was planned and as it went."""
+
+    most: int
+    """Scenes at which it ends in any case: the level follows from it, so it stays as planned."""
+    level: float
+    """Of the intervals at each look, so that all of them hold together in 95 %."""
+    claims: tuple[str, ...]
+    """Names of the papers whose claims are pursued."""
+    made: tuple[Look, ...] = ()
+    stopped: str = ""
+    """Why it ended, in words; empty while it goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edition:
+    """The state of code and claims that sealed scenes were rendered for."""
+
+    tag: str
+    """Of git, or the version of a release as ``v1.0.0``."""
+    commit: str
+    """Of the tag, in full; empty for an installed release."""
+    sealed: bool = True
+    """Whether the scenes are those of a sealed range."""
+    claims: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each file of claims at the tag, by its name."""

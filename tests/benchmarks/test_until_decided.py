@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benches that add scenes until claims are decided, on scenes that no renderer makes."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from graycard.benchmarks import Plan, check_result, load_suite, run_until_decided
+from graycard.benchmarks import _until_decided as module
+from graycard.benchmarks._run_record import RunError
+from graycard.benchmarks.claims import judge_run
+from graycard.cli import main
+from graycard.eval.statistics import level_up_to
+from graycard.io import silent
+from graycard.records import ClaimResult, RunRecord, find_claim, read_comparison, read_ledger, read_run
+from tiny_benches import CLAIMS, TIE, made_without_renderer, write_claims, write_reserve_suite
+from valid_runs import breaches, change
+
+
+@pytest.fixture(autouse=True)
+def asked(monkeypatch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]) -> list[str]:
+    return made_without_renderer(monkeypatch, write_tiny)
+
+
+@pytest.fixture
+def pursue(tmp_path: Path) -> Callable[..., RunRecord]:
+    """``pursue(most, *claims)`` goes on in ``tmp_path / "run"``."""
+
+    def go(most: int, *claims: str, last: int = 510) -> RunRecord:
+        suite = load_suite(str(write_reserve_suite(tmp_path, last)))
+        return run_until_decided(
+            suite, tmp_path / "run", 1, silent, Plan(most, (write_claims(tmp_path, *claims),))
+        )
+
+    return go
+
+
+def claim_of(run: Path, claim: str) -> ClaimResult:
+    ledger = read_ledger(run)
+    assert ledger is not None
+    return find_claim(ledger, claim)
+
+
+def test_it_stops_when_the_claims_are_decided(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+    """Eight scenes of one sign have p = 2 / 2^8; those of six, 2 / 2^6, is above the level."""
+    record = pursue(10)
+    assert record.looks is not None
+    assert record.looks.level == level_up_to(10)
+    assert [len(look.scenes) for look in record.looks.made] == [2, 2, 2, 2]
+    assert record.looks.stopped == "every claim that can be tested is decided"
+    assert [look.undecided for look in record.looks.made] == [("tiny-claims T1",)] * 3 + [()]
+    assert claim_of(tmp_path / "run", "T1").verdict == "reproduced"
+    ledger = read_ledger(tmp_path / "run")
+    assert ledger is not None
+    assert ledger.level == level_up_to(10)
+
+
+def test_scenes_that_are_added_have_the_rows_of_open_claims_alone(
+    pursue: Callable[..., RunRecord], tmp_path: Path
+) -> None:
+    record = pursue(10)
+    rows = [tuple(r.job.method for r in record.results if r.job.scene == s.scene) for s in record.scenes]
+    assert rows[:2] == [("truth", "gray", "gray-dark", "input", "retinex")] * 2
+    assert rows[2:] == [("truth", "gray", "input")] * 6
+    told = claim_of(tmp_path / "run", "T1").checks[1]
+    assert len(told.scenes) <= 2, "a row that was given up is judged by the scenes that it has"
+    comparison = read_comparison(tmp_path / "run")
+    assert comparison is not None
+    assert {s.scenes for s in comparison.find("dark", "albedo.psnr.channel").methods} == {2}
+
+
+def test_it_ends_at_the_planned_number_and_adds_what_open_claims_are_about(
+    pursue: Callable[..., RunRecord], asked: list[str], tmp_path: Path
+) -> None:
+    record = pursue(6, CLAIMS.partition("[[claims]]")[0], TIE)
+    assert record.looks is not None
+    assert record.looks.stopped == "the planned 6 scenes are reached"
+    assert record.looks.made[-1].undecided == ("tiny-claims T2",)
+    assert asked[2:] == ["corridor-0501", "corridor-0503-02e911", "corridor-0505", "corridor-0507-02e911"]
+    assert claim_of(tmp_path / "run", "T2").verdict == "undecided"
+
+
+def test_it_ends_with_the_reserve(pursue: Callable[..., RunRecord]) -> None:
+    record = pursue(6, CLAIMS.partition("[[claims]]")[0], TIE, last=505)
+    assert record.looks is not None
+    assert record.looks.stopped == "the reserve has no further scene that an open claim is about"
+    assert len(record.scenes) == 5
+
+
+def test_a_claim_keeps_the_verdict_of_the_look_that_decided_it(
+    pursue: Callable[..., RunRecord], tmp_path: Path
+) -> None:
+    """Its rows are given up then: the last look could not judge it."""
+    record = pursue(10, CLAIMS, TIE)
+    assert record.looks is not None
+    assert record.looks.made[-1].rows == ("truth", "gray", "gray-dark")
+    run = tmp_path / "run"
+    assert claim_of(run, "T1").verdict == "reproduced"
+    assert len(claim_of(run, "T1").checks[0].scenes) == 8
+    assert claim_of(run, "T2").verdict == "undecided"
+    assert judge_run(read_run(run), run, [str(tmp_path / "tiny-claims.toml")]) == read_ledger(run)
+
+
+def test_the_result_is_valid_and_what_is_wrong_is_found(
+    pursue: Callable[..., RunRecord], tmp_path: Path
+) -> None:
+    pursue(10)
+    run = tmp_path / "run"
+    assert {breach.rule for breach in check_result(run).breaches} <= {"origin"}
+    change(run, lambda data: data["results"].pop())
+    assert "expected 1 fit in run.json, got 0" in breaches(run)["counts"][0]
+    change(run, lambda data: data["looks"]["made"].pop())
+    assert any("expected scenes of tiny-reserve" in line for line in breaches(run)["suite"])
+
+
+def test_a_second_call_finds_all_done(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+    pursue(10)
+    before = read_run(tmp_path / "run")
+    pursue(10)
+    assert read_run(tmp_path / "run") == before
+
+
+def test_what_was_cut_off_goes_on_and_ends_the_same(
+    pursue: Callable[..., RunRecord], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measure, calls = module.measure, []
+
+    def stopping(bench: Any) -> Any:
+        calls.append(bench)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return measure(bench)
+
+    monkeypatch.setattr(module, "measure", stopping)
+    with pytest.raises(KeyboardInterrupt):
+        pursue(10)
+    half = read_run(tmp_path / "run")
+    assert half.looks is not None
+    assert (len(half.looks.made), half.looks.stopped) == (2, "")
+    whole = pursue(10)
+    assert whole.looks is not None
+    assert len(whole.looks.made) == 4
+    before = read_run(tmp_path / "run")
+    pursue(10)
+    assert read_run(tmp_path / "run") == before
+
+
+def test_a_plan_is_kept(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+    pursue(6)
+    with pytest.raises(
+        RunError, match="expected --max-scenes 6 with claims tiny-claims, as the run in .* got 8"
+    ):
+        pursue(8)
+    suite = str(tmp_path / "tiny-reserve.toml")
+    assert main(["bench", suite, "--out", str(tmp_path / "run")]) == 2
+    assert len(read_run(tmp_path / "run").scenes) == 6
+
+
+@pytest.mark.parametrize("most", [5, 13])
+def test_a_plan_that_cannot_be_kept(pursue: Callable[..., RunRecord], most: int) -> None:
+    with pytest.raises(RunError, match="expected 6 to 12 scenes for suite 'tiny-reserve' and its reserve"):
+        pursue(most)
+
+
+def test_without_claims_there_is_nothing_to_decide(tmp_path: Path) -> None:
+    suite = load_suite(str(write_reserve_suite(tmp_path)))
+    with pytest.raises(RunError, match="expected claims to decide for suite 'tiny-reserve', got none"):
+        run_until_decided(suite, tmp_path / "run", 1, silent, Plan(6))
+
+
+def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    suite, claims = str(write_reserve_suite(tmp_path)), write_claims(tmp_path)
+    command = ["bench", suite, "--out", str(tmp_path / "run"), "--jobs", "1"]
+    assert main([*command, "--until-decided"]) == 2
+    assert main([*command, "--max-scenes", "9"]) == 2
+    assert main([*command, "--until-decided", "--max-scenes", "9", "--budget", "2", "--sealed"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("expected --until-decided and --max-scenes N together") == 2
+    assert "expected --until-decided without --sealed, --budget, got both" in said
+    assert main([*command, "--until-decided", "--max-scenes", "10", "--claims", claims]) == 0
+    looks, last = capsys.readouterr().out.strip().splitlines()[-2:]
+    assert looks.startswith(f"looks: 4 at {100 * level_up_to(10):.2f} % each, 8 of at most 10 scenes; every")
+    assert last.startswith("bench: 28 jobs, 0 failures")

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How often looks at growing numbers of scenes are wrong, and how soon they decide.
+
+``python tests/helpers/sequential_trials.py`` writes the tables of docs/claims.md.
+"""
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from graycard.eval.statistics import ERROR, level_up_to, p_after_each
+
+SIGMA = 0.5
+CENTRE = 1.0587
+"""Median of the mean of two lognormal numbers (sigma 0.5), which a signed-rank test is about."""
+
+Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
+
+
+def lognormal(chance: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return skewed effects whose pseudo-median is 0, of standard deviation 1."""
+    spread = np.sqrt((np.exp(SIGMA**2) - 1) * np.exp(SIGMA**2))
+    return (np.exp(SIGMA * chance.normal(size=shape)) - CENTRE) / spread
+
+
+def with_outlier(chance: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return normal effects, of which one a sample is eight standard deviations off to either side."""
+    effects = chance.normal(size=shape)
+    places = np.arange(shape[0]), chance.integers(0, shape[1], shape[0])
+    effects[places] = 8 * np.sign(effects[places])
+    return effects
+
+
+SHAPES: Mapping[str, Draw] = {
+    "normal": lambda chance, shape: chance.normal(size=shape),
+    "lognormal, sigma 0.5": lognormal,
+    "Student's t, 3 degrees": lambda chance, shape: chance.standard_t(3, shape) / np.sqrt(3),
+    "one outlier of 8 sd": with_outlier,
+}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A rule on many samples."""
+
+    decided: float
+    """Share that it decides at some look."""
+    scenes: float
+    """Mean number of scenes at which it stops."""
+
+
+def outcome(hits: np.ndarray, looks: Sequence[int]) -> Outcome:
+    """Return how often and how soon a rule decides, from what it says at each look."""
+    stops = np.where(hits.any(axis=1), np.asarray(looks)[hits.argmax(axis=1)], looks[-1])
+    return Outcome(float(hits.any(axis=1).mean()), float(stops.mean()))
+
+
+def by_constant_level(samples: np.ndarray, looks: Sequence[int], most: int | None = None) -> Outcome:
+    """Return what graycard's rule does: one level at all looks, for up to ``most`` scenes."""
+    least = 1 - level_up_to(most or looks[-1])
+    return outcome(p_after_each(samples)[:, [n - 1 for n in looks]] <= least * (1 + 1e-12), looks)
+
+
+def by_rising_level(samples: np.ndarray, looks: Sequence[int], null: np.ndarray, shape: float) -> Outcome:
+    """Return what the boundaries of Wang and Tsiatis 1987 do: 0 is that of O'Brien and Fleming 1979."""
+    places = [n - 1 for n in looks]
+    form = (np.asarray(looks) / looks[-1]) ** (shape - 0.5)
+    scaled = stats.norm.isf(null[:, places] / 2) / form
+    bound = np.quantile(scaled.max(axis=1), 1 - ERROR)
+    return outcome(p_after_each(samples)[:, places] < 2 * stats.norm.sf(bound * form), looks)
+
+
+def by_mixture(samples: np.ndarray, looks: Sequence[int], rho: float = 8.0) -> Outcome:
+    """Return what the time-uniform bound for symmetric effects does (de la Peña 1999, normal mixture)."""
+    places = [n - 1 for n in looks]
+    total, square = samples.cumsum(axis=1)[:, places], (samples**2).cumsum(axis=1)[:, places] + rho
+    return outcome(total**2 >= square * (np.log(square / rho) - 2 * np.log(ERROR)), looks)
+
+
+def errors(looks: Sequence[int], paths: int, seed: int = 1) -> dict[str, float]:
+    """Return the share of samples without an effect that some look decides, by their shape."""
+    chance = np.random.default_rng(seed)
+    return {
+        name: float(np.mean([by_constant_level(draw(chance, (20_000, looks[-1])), looks).decided
+                             for _ in range(max(1, paths // 20_000))]))
+        for name, draw in SHAPES.items()
+    }  # fmt: skip
+
+
+def rivals(effect: float, draw: Draw, paths: int, seed: int = 2) -> dict[str, Outcome]:
+    """Return how each rule does on 8 to 40 scenes with an effect, in standard deviations."""
+    chance, null_chance = np.random.default_rng(seed), np.random.default_rng(3)
+    each, fourth = range(8, 41), range(8, 41, 4)
+    samples = draw(chance, (paths, 40)) + effect
+    null = p_after_each(null_chance.normal(size=(40_000, 40)))
+    return {
+        "one level, any looks": by_constant_level(samples, each),
+        "Wang-Tsiatis 0.25": by_rising_level(samples, each, null, 0.25),
+        "O'Brien-Fleming, each 4": by_rising_level(samples, fourth, null, 0.0),
+        "de la Peña": by_mixture(samples, each),
+    }
+
+
+def main() -> None:
+    """Write both tables."""
+    for name, share in errors(range(8, 48), 200_000).items():
+        sys.stdout.write(f"| {name} | {100 * share:.1f} % |\n")
+    for name in ("normal", "Student's t, 3 degrees"):
+        for effect in (0.4, 0.6, 0.8, 1.2, 2.0):
+            found = rivals(effect, SHAPES[name], 10_000)
+            cells = (f"{100 * r.decided:.0f} %, {r.scenes:.0f}" for r in found.values())
+            sys.stdout.write(f"| {name} | {effect} | {' | '.join(cells)} |\n")
+
+
+if __name__ == "__main__":
+    main()

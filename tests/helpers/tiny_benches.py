@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Benches on scenes that no renderer makes: all look the same, and each bears the name of its spec."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from graycard import Progress
+from graycard.benchmarks import _runner
+from graycard.benchmarks._jobs import Outcome, RenderJob
+from graycard.io import read_manifest, to_builtins, write_manifest
+from graycard.synth import SceneSpec, scene_name
+from graycard.synth.families import resolved_knobs
+
+SUITE = """
+name = "tiny-reserve"
+version = 1
+title = "Two dark rooms, and more where claims need them"
+[reserve]
+seeds = [501, {last}]
+scenes = [
+    {{ track = "dark", family = "corridor", knobs = {{ gloss = [0.0, 0.25] }} }},
+    {{ track = "dark", family = "shelf-room" }},
+]
+[sealed]
+seeds = [601, 602]
+scenes = [{{ track = "dark", family = "corridor" }}]
+[render]
+[[scenes]]
+track = "dark"
+family = "corridor"
+seed = 1
+[[scenes]]
+track = "dark"
+family = "shelf-room"
+seed = 2
+[[methods]]
+name = "truth"
+[[methods]]
+name = "gray"
+[[methods]]
+name = "gray"
+label = "gray-dark"
+settings = {{ reflectance = 0.09 }}
+[[methods]]
+name = "input"
+[[methods]]
+name = "retinex"
+"""
+
+CLAIMS = """
+name = "tiny-claims"
+version = 1
+title = "A paper of few words"
+track = "dark"
+suite = "tiny-reserve"
+bound = "truth"
+trivial = "gray"
+[[claims]]
+id = "T1"
+sentence = "Gray is nearer to the albedo than the photographs."
+source = "Table 1"
+[[claims.checks]]
+id = "albedo"
+says = "Albedo PSNR is higher"
+rule = "better"
+rows = ["gray", "input"]
+quantity = { metric = "albedo.psnr.channel" }
+expects = "higher"
+[[claims.checks]]
+id = "told"
+says = "Retinex does as well"
+rule = "better"
+rows = ["retinex", "input"]
+quantity = { metric = "albedo.psnr.channel" }
+expects = "higher"
+decides = false
+"""
+"""One claim that is true on all scenes, with a check beside it that decides nothing."""
+
+TIE = """
+[[claims]]
+id = "T2"
+sentence = "One gray is nearer than another, but for a gain."
+source = "Table 2"
+[[claims.checks]]
+id = "albedo"
+says = "Albedo PSNR is higher"
+rule = "better"
+rows = ["gray", "gray-dark"]
+quantity = { metric = "albedo.psnr.channel" }
+expects = "higher"
+scenes = { families = ["corridor"] }
+"""
+"""One more, about corridors alone, that no number of scenes decides."""
+
+
+def write_reserve_suite(folder: Path, last: int = 510) -> Path:
+    """Write the suite with a reserve of seeds from 501 on."""
+    path = folder / "tiny-reserve.toml"
+    path.write_text(SUITE.format(last=last))
+    return path
+
+
+def write_claims(folder: Path, *texts: str) -> str:
+    """Write a file of claims, and return its path as text."""
+    path = folder / "tiny-claims.toml"
+    path.write_text("".join(texts or (CLAIMS,)))
+    return str(path)
+
+
+def made_without_renderer(patch: pytest.MonkeyPatch, write_tiny: Callable[..., Path]) -> list[str]:
+    """Let benches find each scene as if it had been rendered before, and fit in this process.
+
+    Returns:
+        The names of scenes that were asked for, in order.
+    """
+    for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+        patch.setenv(name, "1")  # fits set them
+    patch.setattr(_runner, "run_all", _run_here)
+    asked: list[str] = []
+
+    def find(job: RenderJob) -> Outcome:
+        name = scene_name(job.spec)
+        asked.append(name)
+        folder = job.dataset / job.spec.track / name
+        if not folder.is_dir():
+            write_tiny(job.dataset, track=job.spec.track, scene=name)
+            _sign(folder, job.spec, job)
+        return Outcome(reused=True, value=folder)
+
+    patch.setattr(_runner, "find_rendered", find)
+    return asked
+
+
+def _run_here(
+    work: Callable[[Any], Outcome],
+    jobs: Sequence[Any],
+    at_a_time: int,
+    progress: Progress,
+    find: Callable[[Any], Outcome | None] = lambda job: None,
+    *_: Any,
+    **__: Any,
+) -> list[Outcome]:
+    """Do jobs one after the other, as workers would."""
+    return [find(job) or work(job) for job in jobs]
+
+
+def _sign(folder: Path, spec: SceneSpec, job: RenderJob) -> None:
+    """Write what a scene was made from into its truth."""
+    made = {"family": spec.family, "knobs": resolved_knobs(spec), "render": job.settings}
+    manifest = read_manifest(folder / "truth", "graycard-truth")
+    signed = replace(manifest, settings=to_builtins(made), seeds={"scene": spec.seed})
+    write_manifest(folder / "truth", signed)
