@@ -29,15 +29,19 @@ def render_page(page: Page) -> str:
     shown = [s.pictures for track in page.tracks for s in track.scenes if s.pictures]
     widths = "".join(f".across-{n} {{ max-width: {n}px; }}\n" for n in sorted(set(map(gallery_width, shown))))
     style, script = asset("report.css") + bars + widths, asset("report.js")
-    return environment().get_template("report.html.j2").render(
-        page=page,
-        style=Markup(style),
-        script=Markup(script),
-        policy=content_policy(style, script),
-        linear=linear_sources(page),
-        explains=EXPLAINS,
-        gallery_width=gallery_width,
-        few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            page=page,
+            style=Markup(style),
+            script=Markup(script),
+            policy=content_policy(style, script),
+            linear=linear_sources(page),
+            explains=EXPLAINS,
+            gallery_width=gallery_width,
+            few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
+        )
     )
 
 

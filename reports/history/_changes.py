@@ -47,7 +47,9 @@ def open_changes(history: VerdictHistory, reasons: Reasons) -> tuple[Change, ...
     return tuple(change for change in changes_of(history, reasons) if change.is_open)
 
 
-def possible_causes(before: LedgerEntry, after: LedgerEntry, claim: str, reasons: Reasons) -> tuple[Cause, ...]:
+def possible_causes(
+    before: LedgerEntry, after: LedgerEntry, claim: str, reasons: Reasons
+) -> tuple[Cause, ...]:
     """Return the causes that two ledgers allow for a change of a claim.
 
     New fits may come from a changed method, which ledgers cannot tell.
@@ -96,12 +98,11 @@ def _causes(
 ) -> tuple[Cause, ...]:
     """Return the causes that are written down, or else those that the ledgers themselves show."""
     if written := reasons.of_claim(after.suite, number, claim):
-        named = {cause for reason in written for cause in reason.causes}
-        return tuple(cause for cause in CAUSES if cause in named)
+        return tuple(cause for cause in CAUSES if any(cause in reason.causes for reason in written))
     possible = possible_causes(before, after, claim, reasons)
     same = _asks(before.claims[claim]) == _asks(after.claims[claim])
-    shown = [cause for cause in possible if cause != "method changed"]
-    return tuple(cause for cause in shown if cause != "checks changed" or not same)
+    hidden = ("method changed", "checks changed") if same else ("method changed",)
+    return tuple(cause for cause in possible if cause not in hidden)
 
 
 def _check_reasons(history: VerdictHistory, reasons: Reasons) -> None:

@@ -59,7 +59,7 @@ def _paper(paper: Mapping[str, Any]) -> dict[str, Any]:
 
 def _claim(claim: Mapping[str, Any]) -> dict[str, Any]:
     checks = [_check(check) for check in claim["checks"] if check["decides"]]
-    measured = any(check["interval"] or check["estimate"] for check in checks)
+    measured = any(check["interval"] for check in checks)
     return {
         "id": claim["id"],
         "sentence": claim["sentence"],
@@ -69,6 +69,7 @@ def _claim(claim: Mapping[str, Any]) -> dict[str, Any]:
         "asked_by": claim.get("asked_by", "paper"),
         "stability": _rounded(claim.get("stability")),
         "suspended": claim.get("suspended", ""),
+        "before": claim.get("before") or "",
     }
 
 

@@ -6,45 +6,43 @@ import math
 from graycard.records import CheckEntry, ClaimEntry
 from graycard.reports._format import format_number
 
-_NOT_DECIDED = frozenset({"undecided", "open", "not supported"})
-_NOT_TESTED = frozenset({"not testable here", "not checkable"})
-_ALIKE = {
-    "holds": ("holds", "reproduced", "larger than claimed"),
-    "does not hold": ("does not hold", "no effect", "smaller than claimed", "contradicted"),
-    "open": ("open", "undecided"),
+_FIRST_EDITION = frozenset({"not supported", "direction only", "not checkable"})
+"""Words of rules that asked other things of other intervals than are told here."""
+_OF_TABLES = frozenset({"consistent", "inconsistent"})
+_NOT_TESTED = "not testable here"
+_OF_CHECKS = {
+    "holds": ("reproduced", "larger than claimed"),
+    "does not hold": ("no effect", "smaller than claimed", "contradicted"),
+    "open": ("undecided",),
 }
-"""Verdicts of checks that make those of graycard's own questions."""
+"""Verdicts of checks that stand behind those of graycard's own questions."""
 
 
 def explain(before: ClaimEntry, after: ClaimEntry) -> str:
-    """Return why the same fits are judged otherwise, as one sentence; empty where numbers do not tell."""
-    found = _held_back(after) or _by_checks(after)
+    """Return why the same fits are judged otherwise, as a sentence; empty where numbers do not tell."""
+    if after.verdict in _FIRST_EDITION:
+        return ""
+    found = _held_back(after) or "; ".join(dict.fromkeys(check_words(check) for check in _telling(after)))
     if not found:
         return ""
-    moved = _moved(before, after)
-    return f"{before.verdict} → {after.verdict}: {moved}{found}."
+    ours = "graycard's own question, which no paper answers; " if after.asked_by == "graycard" else ""
+    return f"{before.verdict} → {after.verdict}: {ours}{_moved(before, after)}{found}."
 
 
 def _held_back(claim: ClaimEntry) -> str:
-    """Return what keeps a verdict from being given at all."""
+    """Return what a verdict comes from where it does not come from the intervals of checks."""
     if claim.suspended:
-        return f"suspended, as {claim.suspended.rstrip('.')}"
-    if claim.verdict in _NOT_TESTED:
+        return f"by the rule {claim.before}, but {claim.suspended.rstrip('.')}"
+    if claim.verdict in _OF_TABLES:
+        return "tables have words of their own, as they test no method"
+    if claim.verdict == _NOT_TESTED or not claim.checks:
         return claim.text.rstrip(".")
-    telling = _telling(claim)
-    if claim.verdict in _NOT_DECIDED and not telling and claim.stability is not None:
-        return f"only {claim.stability:.0%} of refits would give the same verdict"
     return ""
 
 
-def _by_checks(claim: ClaimEntry) -> str:
-    """Return what the checks show that the verdict comes from."""
-    return "; ".join(dict.fromkeys(check_words(check) for check in _telling(claim)))
-
-
 def _telling(claim: ClaimEntry) -> list[CheckEntry]:
-    """Return the deciding checks that have the verdict of the claim, in its own words or in graycard's."""
-    alike = _ALIKE.get(claim.verdict, (claim.verdict,))
+    """Return the deciding checks that make the verdict of the claim."""
+    alike = (claim.verdict, *_OF_CHECKS.get(claim.verdict, ()))
     return [check for check in claim.checks if check.verdict in alike]
 
 
@@ -61,7 +59,7 @@ def _moved(before: ClaimEntry, after: ClaimEntry) -> str:
 def check_words(check: CheckEntry) -> str:
     """Return what the interval of a check holds, as in ``the interval −0.9 to 0.4 dB holds ...``."""
     if check.interval is None:
-        return f"{check.id}: {check.scenes} scenes give no interval" if check.scenes else f"{check.id}: not measured"
+        return f"{check.id}: {check.scenes or 'no'} scenes give no interval"
     low, high = check.interval
     span = f"{check.id}: the interval {_span(low, high, check.unit)}"
     return f"{span} {_place(check, low, high)}"
@@ -73,7 +71,8 @@ def _place(check: CheckEntry, low: float, high: float) -> str:
         case "no effect":
             return "lies within what counts as no effect"
         case "contradicted":
-            return "lies wholly on the other side of no effect" if not _bounds_alone(check) else _outside(check)
+            outside = f"lies outside of the bounds, {_size(check)}" if _bounds_alone(check) else ""
+            return outside or "lies wholly on the other side of no effect"
         case "smaller than claimed":
             sign = "above no effect, but below" if low > check.neutral else "below"
             return f"lies {sign} the claimed size, {_size(check)}"
@@ -89,7 +88,12 @@ def _reproduced(check: CheckEntry, low: float) -> str:
     if _bounds_alone(check):
         return f"lies within the bounds, {_size(check)}"
     above = "lies above no effect" if low > check.neutral else "leaves no effect out"
-    return above if check.accepted is None else f"{above} and meets the claimed size, {_size(check)}"
+    if check.accepted is None:
+        return above
+    least, most = check.accepted
+    beside = check.estimate is not None and not least <= check.estimate <= most
+    middle = f", though its middle, {format_number(check.estimate or 0.0)}, does not" if beside else ""
+    return f"{above} and meets the claimed size, {_size(check)}{middle}"
 
 
 def _undecided(check: CheckEntry, low: float, high: float) -> str:
@@ -101,11 +105,8 @@ def _undecided(check: CheckEntry, low: float, high: float) -> str:
     meets = high >= check.accepted[0] and low <= check.accepted[1]
     if crosses:
         return f"holds both no effect and the claimed size, {_size(check)}" if meets else "holds no effect"
-    return f"meets the claimed size, {_size(check)}, which does not settle it" if meets else "does not settle it"
-
-
-def _outside(check: CheckEntry) -> str:
-    return f"lies outside of the bounds, {_size(check)}"
+    met = f"meets the claimed size, {_size(check)}, which " if meets else ""
+    return f"{met}does not settle it"
 
 
 def _bounds_alone(check: CheckEntry) -> bool:

@@ -11,7 +11,7 @@ from typing import Any
 from graycard import RecordError
 from graycard.io import to_builtins, write_bytes
 from graycard.records import HISTORY, LedgerEntry, VerdictHistory, read_history
-from graycard.reports.history._changes import TABLES, Change, open_changes
+from graycard.reports.history._changes import TABLES, Change, changes_of, open_changes
 from graycard.reports.history._entries import entry_of
 from graycard.reports.history._page import render_history
 from graycard.reports.history._reasons import REASONS, Reasons, load_reasons
@@ -70,6 +70,16 @@ def continue_history(
     if missing := open_changes(history, reasons):
         raise RecordError(missing_reasons(missing, Path(folder)))
     return KeptHistory(Path(folder), history, reasons)
+
+
+def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
+    """Return every change that a history tells; of graycard's own where no folder is named.
+
+    Raises:
+        RecordError: The folder keeps no history, a file is damaged, or a reason does not fit the ledgers.
+    """
+    where = Path(folder or OWN)
+    return changes_of(read_history(where), load_reasons(where))
 
 
 def missing_reasons(changes: tuple[Change, ...], folder: Path) -> str:

@@ -75,12 +75,16 @@ def render_history(history: VerdictHistory, reasons: Reasons) -> str:
     """
     style = asset("report.css") + asset("history.css")
     used = {entry.rules_sha256 for entry in history.entries}
-    return environment().get_template("history.html.j2").render(
-        suites=suite_histories(history, reasons),
-        editions=tuple(e for e in reasons.editions if used & set(e.rules)),
-        verdict_class=verdict_class,
-        style=Markup(style),
-        policy=content_policy(style, ""),
+    return (
+        environment()
+        .get_template("history.html.j2")
+        .render(
+            suites=suite_histories(history, reasons),
+            editions=tuple(e for e in reasons.editions if used & set(e.rules)),
+            verdict_class=verdict_class,
+            style=Markup(style),
+            policy=content_policy(style, ""),
+        )
     )
 
 
@@ -110,7 +114,7 @@ def _suite(entries: Sequence[LedgerEntry], reasons: Reasons, changes: Changes) -
     return SuiteHistory(
         suite or "tables",
         suite or TABLES,
-        f"{count(len(entries), 'ledger')}, {count(len(rows), 'claim')}, {count(turned, 'change')} of a verdict",
+        f"{count(len(entries), 'ledger')}, {count(len(rows), 'claim')}; verdicts changed: {turned}",
         tuple(note.says for note in reasons.notes if note.suite == suite),
         tuple(_column(entries, group, reasons) for group in groups),
         rows,
@@ -134,15 +138,21 @@ def _column(entries: Sequence[LedgerEntry], group: range, reasons: Reasons) -> C
     first, end = group[0] + 1, group[-1] + 1
     dates = list(dict.fromkeys((found[0].date, last.date)))
     commits = ", ".join(entry.commit for entry in found if entry.commit)
-    facts = [f"claims {_versions(found)}"]
-    facts += [f"suite version {last.suite_version}", f"run of {last.started[:16].replace('T', ', ')}"] if last.suite else []
-    facts += [f"run.json {last.run_sha256[:8]}"] if last.run_sha256 else []
-    facts += [f"commit{'s' if ',' in commits else ''} {commits}"] if commits else []
+    run = (
+        f"suite version {last.suite_version}",
+        f"run of {last.started[:16].replace('T', ', ')}",
+        f"run.json {last.run_sha256[:8]}",
+    )
+    facts = (
+        f"claims {_versions(found)}",
+        *(run if last.suite else ()),
+        *((f"commits: {commits}",) if commits else ()),
+    )
     return Column(
         f"Entry {first}" if first == end else f"Entries {first} to {end}",
         " to ".join(dates),
         reasons.edition(last.rules_sha256).name,
-        tuple(facts),
+        facts,
     )
 
 
@@ -168,5 +178,3 @@ def _cell(entries: Sequence[LedgerEntry], group: range, claim: str, changes: Cha
         return Cell(judged.verdict)
     mark = "same verdict" if change.before == change.after else "changed"
     return Cell(judged.verdict, mark, ", ".join(change.causes), change.why)
-
-

@@ -14,8 +14,8 @@ REASONS = "history.toml"
 
 Cause = Literal["new run", "method changed", "checks changed", "rules changed"]
 """``new run``: scenes were fitted again. ``method changed``: by other code or settings of a method.
-``checks changed``: the claim is held against other comparisons. ``rules changed``: the same numbers are judged
-in another way."""
+``checks changed``: the claim is held against other comparisons. ``rules changed``: the same numbers are
+judged in another way."""
 CAUSES: tuple[Cause, ...] = get_args(Cause)
 
 
@@ -45,7 +45,7 @@ class Reason:
 
     def __post_init__(self) -> None:
         if not (self.claims and self.causes and self.why.strip()):
-            raise ValueError(f"expected claims, causes and why, got {self.claims}, {self.causes}, {self.why!r}")
+            raise ValueError(f"expected claims, causes and why, got {self}")
 
 
 @dataclass(frozen=True, slots=True)

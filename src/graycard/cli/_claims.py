@@ -11,6 +11,7 @@ from typing import Annotated, get_args
 import tyro
 from rich.table import Table
 
+from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
@@ -32,11 +33,25 @@ class ClaimsCommand:
     All that come along, where --claims names none and none are made for this suite."""
     checks: bool = False
     """Also show every comparison that a claim comes down to."""
+    history: bool = False
+    """Judge nothing: show every verdict that changed, and why; RUN is then a folder with history.json.
+    Without it, graycard's own."""
+    republish: bool = False
+    """Also write the verdicts into a published folder, its page and the history above it.
+    Without a run: into the file of --json, and the history beside that."""
     json: Json = None
-    """Also write the ledger to this file."""
+    """Also write the ledger, or the changes, to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Judge the claims; a contradicted claim is a finding, no failure."""
+        """Judge the claims; a contradicted claim is a finding, no failure.
+
+        Raises:
+            GraycardError: ``--republish`` has nothing to write to.
+        """
+        if self.history:
+            return self._show_history(terminal)
+        if self.republish and not (self.run_folder or self.json):
+            raise GraycardError("expected a published folder or --json FILE with --republish, got neither")
         from graycard.benchmarks.claims import judge_tables
 
         if self.run_folder is None:
@@ -45,7 +60,7 @@ class ClaimsCommand:
             found, report = self._judged(self.run_folder, terminal)
         for paper in found.papers:
             self._show(terminal, paper)
-        write_optional_json(self.json, found)
+        self._write_json(found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
         words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
         terminal.out.print(f"claims: {words}{report}")
@@ -58,7 +73,7 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_claims, made_for_others
-        from graycard.reports import is_published, write_report
+        from graycard.reports import is_published, republish_claims, write_report
 
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
@@ -67,10 +82,39 @@ class ClaimsCommand:
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
+        if is_published(run) and self.republish:
+            republish_claims(run, found)
+            return found, f"; published anew in {run}"
         if is_published(run):
             return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
+
+    def _write_json(self, found: Ledger) -> None:
+        from graycard.reports import republish_tables
+
+        if self.republish and self.run_folder is None and self.json:
+            republish_tables(self.json, found)
+        else:
+            write_optional_json(self.json, found)
+
+    def _show_history(self, terminal: Terminal) -> int:
+        """Show what a history tells of verdicts that changed."""
+        from graycard.reports import verdict_changes
+
+        changes = verdict_changes(self.run_folder)
+        table = new_table("ledger", "claim", "verdict", "because", "why")
+        for change in changes:
+            moved = change.before if change.before == change.after else f"{change.before} → {change.after}"
+            where = f"{change.suite or 'tables'} {change.entry}"
+            why = change.why or "nobody wrote why"
+            table.add_row(where, change.claim, moved, ", ".join(change.causes), why)
+        terminal.out.print(table)
+        write_optional_json(self.json, changes)
+        turned = sum(change.before != change.after for change in changes)
+        unknown = sum(change.is_open for change in changes)
+        terminal.out.print(f"claims: {turned} verdicts changed, {unknown} without a reason")
+        return OK
 
     def _show(self, terminal: Terminal, paper: PaperResult) -> None:
         terminal.out.print(f"\n{paper.title}, claims version {paper.version}")

@@ -61,6 +61,8 @@ class ClaimEntry:
     """Share of refits that would give the same verdict; None where it was not estimated."""
     suspended: str = ""
     """Reason that the verdict is held back; empty where it is not."""
+    before: str = ""
+    """Verdict of the rule, where it is held back."""
 
 
 @dataclass(frozen=True, slots=True)
