@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from graycard import RecordError
 from graycard.records import ClaimEntry, LedgerEntry, VerdictHistory
-from graycard.reports.history._explain import explain
+from graycard.reports.history._explain import NOT_TESTED, explain
 from graycard.reports.history._reasons import CAUSES, REASONS, Cause, Reasons
 
 TABLES = "papers' own tables"
@@ -89,7 +89,7 @@ def _change(
         after=new.verdict,
         causes=_causes(before, after, claim, reasons, number),
         why=" ".join([*(reason.why for reason in written), *([told] if told else [])]),
-        is_open=not written and not (same_fits and same_asks and told),
+        is_open=not written and not (told and (same_asks or new.verdict == NOT_TESTED)),
     )
 
 

@@ -9,7 +9,7 @@ from graycard.reports._format import format_number
 _FIRST_EDITION = frozenset({"not supported", "direction only", "not checkable"})
 """Words of rules that asked other things of other intervals than are told here."""
 _OF_TABLES = frozenset({"consistent", "inconsistent"})
-_NOT_TESTED = "not testable here"
+NOT_TESTED = "not testable here"
 _OF_CHECKS = {
     "holds": ("reproduced", "larger than claimed"),
     "does not hold": ("no effect", "smaller than claimed", "contradicted"),
@@ -35,7 +35,7 @@ def _held_back(claim: ClaimEntry) -> str:
         return f"by the rule {claim.before}, but {claim.suspended.rstrip('.')}"
     if claim.verdict in _OF_TABLES:
         return "tables have words of their own, as they test no method"
-    if claim.verdict == _NOT_TESTED or not claim.checks:
+    if claim.verdict == NOT_TESTED or not claim.checks:
         return claim.text.rstrip(".")
     return ""
 
@@ -58,7 +58,7 @@ def _moved(before: ClaimEntry, after: ClaimEntry) -> str:
 
 def check_words(check: CheckEntry) -> str:
     """Return what the interval of a check holds, as in ``the interval −0.9 to 0.4 dB holds ...``."""
-    if check.interval is None:
+    if check.interval is None or not any(map(math.isfinite, check.interval)):
         return f"{check.id}: {check.scenes or 'no'} scenes give no interval"
     low, high = check.interval
     span = f"{check.id}: the interval {_span(low, high, check.unit)}"

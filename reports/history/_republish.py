@@ -16,7 +16,7 @@ from graycard.reports._claims import claims_section
 from graycard.reports._templates import asset, content_policy, environment
 from graycard.reports.history._keep import KeptHistory, continue_history
 
-_SECTION: Final = re.compile(r'<section class="claims".*?</section>\n', re.DOTALL)
+_SECTION: Final = re.compile(r'<section class="claims".*?</section>', re.DOTALL)
 _STYLE: Final = re.compile(r"(?<=<style>)(.*?)(?=</style>)", re.DOTALL)
 _SCRIPT: Final = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 _POLICY: Final = re.compile(r'(?<=http-equiv="Content-Security-Policy" content=")[^"]*')
@@ -70,7 +70,7 @@ def with_claims(page: str, run: Path) -> str:
     """Return a published page with the verdicts that lie beside it, and the style that they need."""
     template = environment().get_template("claims.html.j2")
     claims = template.render(page=SimpleNamespace(claims=claims_section(run)))
-    page = _SECTION.sub(lambda _: f"{claims.rstrip()}\n", page, count=1)
+    page = _SECTION.sub(lambda _: claims.rstrip(), page, count=1)
     found, scripts = _STYLE.search(page), _SCRIPT.search(page)
     own = _OF_PAGE.search(found[0]) if found else None
     if not (found and own and scripts):

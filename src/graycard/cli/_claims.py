@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, get_args
@@ -12,10 +13,20 @@ import tyro
 from rich.table import Table
 
 from graycard._errors import GraycardError
+from graycard.cli._history import show_history
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
-from graycard.records import CLAIMS, CheckResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_run
+from graycard.records import (
+    CLAIMS,
+    CheckResult,
+    ClaimResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    RowMean,
+    read_run,
+)
 
 
 @dataclass(frozen=True)
@@ -49,7 +60,7 @@ class ClaimsCommand:
             GraycardError: ``--republish`` has nothing to write to.
         """
         if self.history:
-            return self._show_history(terminal)
+            return show_history(self.run_folder, self.json, terminal)
         if self.republish and not (self.run_folder or self.json):
             raise GraycardError("expected a published folder or --json FILE with --republish, got neither")
         from graycard.benchmarks.claims import judge_tables
@@ -98,30 +109,13 @@ class ClaimsCommand:
         else:
             write_optional_json(self.json, found)
 
-    def _show_history(self, terminal: Terminal) -> int:
-        """Show what a history tells of verdicts that changed."""
-        from graycard.reports import verdict_changes
-
-        changes = verdict_changes(self.run_folder)
-        table = new_table("ledger", "claim", "verdict", "because", "why")
-        for change in changes:
-            moved = change.before if change.before == change.after else f"{change.before} → {change.after}"
-            where = f"{change.suite or 'tables'} {change.entry}"
-            why = change.why or "nobody wrote why"
-            table.add_row(where, change.claim, moved, ", ".join(change.causes), why)
-        terminal.out.print(table)
-        write_optional_json(self.json, changes)
-        turned = sum(change.before != change.after for change in changes)
-        unknown = sum(change.is_open for change in changes)
-        terminal.out.print(f"claims: {turned} verdicts changed, {unknown} without a reason")
-        return OK
-
     def _show(self, terminal: Terminal, paper: PaperResult) -> None:
         terminal.out.print(f"\n{paper.title}, claims version {paper.version}")
-        table = new_table("", "claim", "verdict", "why")
-        for claim in paper.claims:
-            table.add_row(claim.id, claim.sentence, claim.verdict, claim.text)
-        terminal.out.print(table)
+        own = [claim for claim in paper.claims if claim.asked_by == "graycard"]
+        terminal.out.print(_claims([claim for claim in paper.claims if claim not in own]))
+        if own:
+            terminal.out.print("\ngraycard's own questions, which no paper claims")
+            terminal.out.print(_claims(own))
         if self.checks:
             for claim in paper.claims:
                 if claim.checks:
@@ -129,13 +123,21 @@ class ClaimsCommand:
                     terminal.out.print(_checks(claim.checks))
 
 
+def _claims(claims: Sequence[ClaimResult]) -> Table:
+    table = new_table("", "claim", "verdict", "stability", "why")
+    for claim in claims:
+        stability = "" if claim.stability is None else f"{claim.stability:.0%}"
+        needs = f". To decide it: {claim.needs}" if claim.needs else ""
+        table.add_row(claim.id, claim.sentence, claim.verdict, stability, f"{claim.text}{needs}")
+    return table
+
+
 def _checks(checks: tuple[CheckResult, ...]) -> Table:
     heads = (
         "",
         "effect",
-        "mean",
+        "estimate",
         "95 % interval",
-        "p",
         "p of ranks",
         "n",
         "paper",
@@ -149,9 +151,8 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         table.add_row(
             check.id,
             check.effect_of,
-            _number(check.mean, check.unit),
+            _number(check.estimate, check.unit),
             "" if check.interval is None else f"{check.interval[0]:.3g} to {check.interval[1]:.3g}",
-            _number(check.p_mean),
             _number(check.p_rank),
             str(len(check.scenes) or ""),
             _number(check.paper, check.unit),
