@@ -57,7 +57,7 @@ def _moved(before: ClaimEntry, after: ClaimEntry) -> str:
 
 
 def check_words(check: CheckEntry) -> str:
-    """Return what the interval of a check holds, as in ``the interval −0.9 to 0.4 dB holds ...``."""
+    """Return what the interval of a check holds, as in ``psnr: the interval −0.9 to 0.4 dB holds zero``."""
     if check.interval is None or not any(map(math.isfinite, check.interval)):
         return f"{check.id}: {check.scenes or 'no'} scenes give no interval"
     low, high = check.interval
@@ -72,9 +72,9 @@ def _place(check: CheckEntry, low: float, high: float) -> str:
             return "lies within what counts as no effect"
         case "contradicted":
             outside = f"lies outside of the bounds, {_size(check)}" if _bounds_alone(check) else ""
-            return outside or "lies wholly on the other side of no effect"
+            return outside or f"lies wholly below {_none(check)}"
         case "smaller than claimed":
-            sign = "above no effect, but below" if low > check.neutral else "below"
+            sign = f"above {_none(check)}, but below" if low > check.neutral else "below"
             return f"lies {sign} the claimed size, {_size(check)}"
         case "larger than claimed":
             return f"lies above the claimed size, {_size(check)}"
@@ -87,7 +87,7 @@ def _place(check: CheckEntry, low: float, high: float) -> str:
 def _reproduced(check: CheckEntry, low: float) -> str:
     if _bounds_alone(check):
         return f"lies within the bounds, {_size(check)}"
-    above = "lies above no effect" if low > check.neutral else "leaves no effect out"
+    above = f"lies above {_none(check)}" if low > check.neutral else f"leaves {_none(check)} out"
     if check.accepted is None:
         return above
     least, most = check.accepted
@@ -99,12 +99,13 @@ def _reproduced(check: CheckEntry, low: float) -> str:
 def _undecided(check: CheckEntry, low: float, high: float) -> str:
     crosses = low <= check.neutral <= high
     if check.accepted is None:
-        return "holds no effect" if crosses else "does not settle it"
+        return f"holds {_none(check)}" if crosses else "does not settle it"
     if _bounds_alone(check):
         return f"crosses the bounds, {_size(check)}"
     meets = high >= check.accepted[0] and low <= check.accepted[1]
     if crosses:
-        return f"holds both no effect and the claimed size, {_size(check)}" if meets else "holds no effect"
+        both = f"both {_none(check)} and the claimed size, {_size(check)}"
+        return f"holds {both if meets else _none(check)}"
     met = f"meets the claimed size, {_size(check)}, which " if meets else ""
     return f"{met}does not settle it"
 
@@ -112,6 +113,11 @@ def _undecided(check: CheckEntry, low: float, high: float) -> str:
 def _bounds_alone(check: CheckEntry) -> bool:
     """Return whether the check asks for smallness: no effect is then among what is accepted."""
     return check.accepted is not None and check.accepted[0] <= check.neutral <= check.accepted[1]
+
+
+def _none(check: CheckEntry) -> str:
+    """Return the effect that is none, in words."""
+    return "zero" if check.neutral == 0 else format_number(check.neutral)
 
 
 def _size(check: CheckEntry) -> str:

@@ -221,7 +221,7 @@ def test_new_rules_explain_themselves_from_the_numbers(kept: Path):
     (change,) = changes_of(history, load_reasons(kept))
     assert change.causes == ("rules changed",)
     assert change.why == (
-        "reproduced → undecided: psnr: the interval −0.9 to 1.4 dB holds both no effect and the claimed "
+        "reproduced → undecided: psnr: the interval −0.9 to 1.4 dB holds both zero and the claimed "
         "size, 1 to 4 dB."
     )
     (shown,) = suite_histories(history, load_reasons(kept))

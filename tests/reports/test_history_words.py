@@ -30,19 +30,19 @@ def claim(verdict: str, *checks: CheckEntry, text: str = "") -> ClaimEntry:
 @pytest.mark.parametrize(
     ("check", "told"),
     [
-        (CHECK, "0.5 to 3 dB lies above no effect and meets the claimed size, 1 to 4 dB"),
+        (CHECK, "0.5 to 3 dB lies above zero and meets the claimed size, 1 to 4 dB"),
         (replace(CHECK, estimate=0.8), "1 to 4 dB, though its middle, 0.8, does not"),
-        (replace(CHECK, accepted=None, paper=None), "0.5 to 3 dB lies above no effect"),
+        (replace(CHECK, accepted=None, paper=None), "0.5 to 3 dB lies above zero"),
         (replace(WITHIN, interval=(-0.2, 0.1)), "−0.2 to 0.1 dB lies within the bounds, −0.5 to 0.5 dB"),
         (
             replace(CHECK, verdict="undecided", interval=(-1.0, 2.0)),
-            "holds both no effect and the claimed size",
+            "holds both zero and the claimed size",
         ),
-        (replace(CHECK, verdict="undecided", interval=(-1.0, 0.9)), "−1 to 0.9 dB holds no effect"),
+        (replace(CHECK, verdict="undecided", interval=(-1.0, 0.9)), "−1 to 0.9 dB holds zero"),
         (replace(WITHIN, verdict="undecided", interval=(0.1, 0.9)), "crosses the bounds, −0.5 to 0.5 dB"),
         (
             replace(CHECK, verdict="smaller than claimed", interval=(0.2, 0.9)),
-            "0.2 to 0.9 dB lies above no effect, but below the claimed size, 1 to 4 dB",
+            "0.2 to 0.9 dB lies above zero, but below the claimed size, 1 to 4 dB",
         ),
         (
             replace(CHECK, verdict="smaller than claimed", interval=(-0.9, 0.4)),
@@ -50,14 +50,14 @@ def claim(verdict: str, *checks: CheckEntry, text: str = "") -> ClaimEntry:
         ),
         (replace(CHECK, verdict="larger than claimed", interval=(5.0, 6.0)), "lies above the claimed size"),
         (replace(CHECK, verdict="no effect", interval=(-0.1, 0.1)), "lies within what counts as no effect"),
-        (replace(CHECK, verdict="contradicted", interval=(-3.0, -1.0)), "on the other side of no effect"),
+        (replace(CHECK, verdict="contradicted", interval=(-3.0, -1.0)), "−3 to −1 dB lies wholly below zero"),
         (replace(WITHIN, verdict="contradicted", interval=(1.0, 2.0)), "lies outside of the bounds"),
         (replace(CHECK, interval=None, scenes=0), "psnr: no scenes give no interval"),
         (replace(CHECK, interval=(-math.inf, math.inf), scenes=5), "psnr: 5 scenes give no interval"),
         (replace(CHECK, accepted=(1.0, math.inf)), "the claimed size, at least 1 dB"),
         (
             replace(CHECK, unit="×", neutral=1.0, interval=(1.2, 1.9), accepted=(1.5, 2.0)),
-            "1.2 to 1.9× lies above no effect and meets the claimed size, 1.5 to 2×",
+            "1.2 to 1.9× lies above 1 and meets the claimed size, 1.5 to 2×",
         ),
     ],
 )
