@@ -49,7 +49,8 @@ gate: .venv/installed
 	$(BIN)/graycard gate runs/smoke --baseline benchmarks/baselines/smoke.json
 
 docs: .venv/installed-test
-	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py
+	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py \
+		tests/reports/test_history.py tests/reports/test_history_words.py
 
 clean:
 	rm -rf .venv runs build *.egg-info

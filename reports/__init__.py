@@ -8,4 +8,9 @@ The report reads run records and the folders that they name; how a score was mad
 from graycard.reports._publish import is_published as is_published
 from graycard.reports._publish import publish_run as publish_run
 from graycard.reports._write import write_report as write_report
+from graycard.reports.history._changes import Change as Change
+from graycard.reports.history._keep import HISTORY_PAGE as HISTORY_PAGE
+from graycard.reports.history._keep import verdict_changes as verdict_changes
+from graycard.reports.history._republish import republish_claims as republish_claims
+from graycard.reports.history._republish import republish_tables as republish_tables
 from graycard.reports.pictures._contact_sheet import write_contact_sheets as write_contact_sheets

@@ -1,34 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """The claims of papers as the report shows them: verdicts in words, and each effect on an axis."""
 
-import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Final, get_args
 
 from graycard import GraycardError
 from graycard.io import sha256
 from graycard.records import CheckResult, ClaimResult, ClaimVerdict, PaperResult, RowMean, read_ledger
+from graycard.reports._budgets import BudgetTable, budget_table
+from graycard.reports._effects import EffectPlot, effect_plot
 from graycard.reports._format import count, format_number, format_p, format_value
-from graycard.reports.tables._intervals import Axis, axis_of
 
+LEGEND: Final[Mapping[str, str]] = {
+    "reproduced": "the sign is certain, and the size is compatible with the claimed one",
+    "larger than claimed": "the sign is certain, and the claimed size is exceeded for certain",
+    "smaller than claimed": "the claimed size is not reached for certain, whether or not the sign is certain",
+    "no effect": "the whole interval is so near to none that the difference counts as none",
+    "contradicted": "the opposite sign is certain",
+    "undecided": "the interval leaves it open, or the verdict would not survive another fit",
+    "not testable here": "what the claim needs is not in these scenes or rows",
+}
+"""Verdicts on claims of papers, and what they mean."""
 
-@dataclass(frozen=True, slots=True)
-class EffectPlot:
-    """The effect of a check on an axis; all places in percent of the width."""
-
-    neutral: float
-    mean: float
-    interval: tuple[float, float] | None
-    scenes: tuple[float, ...]
-    paper: float | None
-    accepted: tuple[float, float] | None
-    """Effects of the claimed size, as far as the axis goes."""
-    ends: tuple[str, str]
-    text: str
-    """The same in words."""
+_TABLE_WORDS: Final = ("consistent", "inconsistent")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +34,13 @@ class CheckRow:
 
     check: CheckResult
     plot: EffectPlot | None
-    mean: str
+    estimate: str
     interval: str
     evidence: str
+    """Chance of such ranks, number of scenes, scatter of scenes and fits, stability."""
     paper: str
+    at_budgets: str
+    """The estimate at other numbers of steps; empty where nobody measured it."""
     rows: tuple[tuple[str, str], ...]
     """Label and mean of each compared row."""
     limits: tuple[tuple[str, str], ...]
@@ -52,7 +52,22 @@ class ClaimRow:
     """One claim with its comparisons."""
 
     claim: ClaimResult
+    stability: str
+    """Share of refits with this verdict, in words."""
+    budget: BudgetTable | None
     checks: tuple[CheckRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ClaimGroup:
+    """Claims of one paper that are judged in the same words."""
+
+    title: str
+    about: str
+    """Sentence below the title; empty for claims of the paper itself."""
+    counted: str
+    """How many claims came to which verdict."""
+    claims: tuple[ClaimRow, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +76,7 @@ class PaperRows:
 
     title: str
     version: int
-    counted: str
-    """How many claims came to which verdict."""
-    claims: tuple[ClaimRow, ...]
+    groups: tuple[ClaimGroup, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,82 +87,99 @@ class ClaimsSection:
     rules: Mapping[str, str]
     stale: bool
     """Whether ``run.json`` has changed since."""
+    legend: Mapping[str, str]
+    """Verdicts on claims of papers, and what they mean."""
     fault: str = ""
     """Why the ledger cannot be read; empty where it can."""
 
 
 def claims_section(run: Path) -> ClaimsSection | None:
-    """The section of a run; None where its claims were not judged."""
+    """Return the section of a run; None where its claims were not judged."""
     try:
         ledger = read_ledger(run)
     except GraycardError as cause:
-        return ClaimsSection((), {}, stale=False, fault=str(cause))
+        return ClaimsSection((), {}, stale=False, legend=LEGEND, fault=str(cause))
     if ledger is None:
         return None
     stale = ledger.run_sha256 != sha256(run / "run.json")
-    return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale)
+    return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale, LEGEND)
 
 
 def _paper(paper: PaperResult) -> PaperRows:
-    counted = Counter(claim.verdict for claim in paper.claims)
+    tables = [claim for claim in paper.claims if claim.verdict in _TABLE_WORDS]
+    own = [claim for claim in paper.claims if claim.asked_by == "graycard"]
+    claims = [claim for claim in paper.claims if claim not in tables and claim not in own]
+    groups = (
+        _group("", "", "claim", claims),
+        _group(
+            "graycard's own questions",
+            "No paper claims these, so none is contradicted by them.",
+            "question",
+            own,
+        ),
+        _group(
+            "The paper's tables",
+            "Printed figures held against each other; no run is needed.",
+            "table",
+            tables,
+        ),
+    )
+    return PaperRows(paper.title, paper.version, tuple(group for group in groups if group.claims))
+
+
+def _group(title: str, about: str, noun: str, claims: Sequence[ClaimResult]) -> ClaimGroup:
+    counted = Counter(claim.verdict for claim in claims)
     words = [f"{counted[v]} {v}" for v in get_args(ClaimVerdict) if counted[v]]
-    claims = tuple(ClaimRow(claim, tuple(map(_check, claim.checks))) for claim in paper.claims)
-    return PaperRows(paper.title, paper.version, f"{count(len(claims), 'claim')}: {', '.join(words)}", claims)
+    told = f"{count(len(claims), noun)}: {', '.join(words)}"
+    return ClaimGroup(title, about, told, tuple(map(_claim, claims)))
+
+
+def _claim(claim: ClaimResult) -> ClaimRow:
+    stability = (
+        "" if claim.stability is None else f"{claim.stability:.0%} of simulated refits give this verdict"
+    )
+    if claim.stability is None and any(check.interval for check in claim.checks):
+        stability = "How refits would judge it is not known: nobody fitted these rows twice"
+    return ClaimRow(claim, stability, budget_table(claim.budget), tuple(map(_check, claim.checks)))
 
 
 def _check(check: CheckResult) -> CheckRow:
     interval = check.interval
-    n = len(check.scenes)
-    chances = [p for p in (check.p_mean, check.p_rank) if p is not None]
     return CheckRow(
         check,
         effect_plot(check),
-        "" if check.mean is None else _with_unit(check.mean, check.unit),
+        "" if check.estimate is None else _with_unit(check.estimate, check.unit),
         "" if interval is None else " to ".join(format_value(end, check.unit) for end in interval),
-        ", ".join([*([format_p(max(chances))] if chances else []), *([f"n = {n}"] if n else [])]),
+        ", ".join(_evidence(check)),
         "" if check.paper is None else _with_unit(check.paper, check.unit),
+        _at_budgets(check),
         tuple((row.row, _mean(row, check)) for row in check.rows),
         _limits(check),
     )
 
 
-def effect_plot(check: CheckResult) -> EffectPlot | None:
-    """The plot of a check; None where nothing was measured. Ratios stand on a logarithmic axis."""
-    if check.mean is None or check.interval is None:
-        return None
-    scale = _log if check.unit == "×" else float
-    wanted = [check.neutral, check.mean, *check.interval, *check.scenes.values()]
-    wanted += [check.paper] if check.paper is not None else []
-    wanted += [end for end in check.accepted or () if math.isfinite(scale(end))]  # a ratio of 0 has no place
-    axis = axis_of(map(scale, wanted), check.unit)
-    assert axis is not None, "a mean is finite"
-    ends = tuple(format_value(v, check.unit) for v in (min(wanted), max(wanted)))
-    low, high = check.interval
-    return EffectPlot(
-        axis.place(scale(check.neutral)),
-        axis.place(scale(check.mean)),
-        (axis.place(scale(low)), axis.place(scale(high))),
-        tuple(axis.place(scale(value)) for value in check.scenes.values()),
-        None if check.paper is None else axis.place(scale(check.paper)),
-        _band(check, axis),
-        (ends[0], ends[1]),
-        check.reason,
+def _evidence(check: CheckResult) -> list[str]:
+    """Return what an interval comes from, in pieces."""
+    found = [format_p(check.p_rank)] if check.p_rank is not None else []
+    found += [f"n = {len(check.scenes)}"] if check.scenes else []
+    found += [f"SD of scenes {_spread(check.scene_sd, check)}"] if check.scene_sd is not None else []
+    found += [f"SD of fits {_spread(check.seed_sd, check)}"] if check.seed_sd is not None else []
+    return found + ([f"stability {check.stability:.0%}"] if check.stability is not None else [])
+
+
+def _spread(deviation: float, check: CheckResult) -> str:
+    """Return a standard deviation with its unit; that of logarithms has none."""
+    return format_number(deviation) if check.unit == "×" else _with_unit(deviation, check.unit)
+
+
+def _at_budgets(check: CheckResult) -> str:
+    """Return the estimate at other budgets, as in ``half the steps 1.20 dB``."""
+    named = {"0.5": "half the steps", "2": "twice the steps", "2.0": "twice the steps"}
+    found = (
+        f"{named.get(factor, f'{factor} × the steps')} {_with_unit(value, check.unit)}"
+        for factor, value in check.at_budgets.items()
     )
-
-
-def _band(check: CheckResult, axis: Axis) -> tuple[float, float] | None:
-    """Where effects of the claimed size lie; an open end reaches to the border."""
-    if check.accepted is None:
-        return None
-    scale = _log if check.unit == "×" else float
-    low, high = check.accepted
-    left = axis.place(scale(low)) if math.isfinite(scale(low)) else 0.0
-    right = axis.place(scale(high)) if math.isfinite(scale(high)) else 100.0
-    return left, right
-
-
-def _log(value: float) -> float:
-    return math.log(value) if value > 0 else -math.inf
+    return ", ".join(found)
 
 
 def _limits(check: CheckResult) -> tuple[tuple[str, str], ...]:

@@ -3,13 +3,14 @@
 
 import hashlib
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from graycard import OutputError
 from graycard.io import atomic_folder, sha256
 from graycard.records import CLAIMS
 from graycard.reports._write import report_of
+from graycard.reports.history._keep import KeptHistory, continue_history
 
 SUITE = "suite.json"
 RECORDS = ("run.json", SUITE, CLAIMS)
@@ -22,7 +23,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     """Write a folder that says what a run found, small enough for a repository.
 
     The verbs that read records alone (``compare``, ``claims``, ``gate``) work on it as on the run. Where on a
-    machine the scenes stood is left out.
+    machine the scenes stood is left out. A history of verdicts in the folder above is continued.
 
     Args:
         run: The run folder, with its scenes and predictions, of which the report shows pictures.
@@ -34,7 +35,8 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         Its size in MiB.
 
     Raises:
-        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name.
+        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name; or a verdict
+            changed and the history says no reason.
         OutputError: It would be larger than the limit, or it cannot be written, or is in use.
     """
     files = {name: Path(run) / name for name in RECORDS}
@@ -58,15 +60,26 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
             f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
             "--pictures, or raise --limit-mib"
         )
+    kept = _continued(Path(folder), content)
     with atomic_folder(folder) as partial:
         for name, data in content.items():
             (partial / name).write_bytes(data)
+    if kept:
+        kept.write()
     return whole
 
 
 def is_published(folder: Path) -> bool:
     """Whether a folder is one that :func:`publish_run` wrote, and no run."""
     return (Path(folder) / PAGE).is_file() and not (Path(folder) / "jobs").exists()
+
+
+def _continued(folder: Path, content: Mapping[str, bytes]) -> KeptHistory | None:
+    """Return the history above a folder with the ledger to lie in it; None where there is none of either."""
+    if CLAIMS not in content:
+        return None
+    started = json.loads(content["run.json"]).get("started", "")
+    return continue_history(folder.parent, f"{folder.name}/{CLAIMS}", json.loads(content[CLAIMS]), started)
 
 
 def _packed(record: object) -> bytes:

@@ -24,29 +24,24 @@ CELL_PADDING, LEAST_CELL = 10, 176
 
 
 def render_page(page: Page) -> str:
-    """The HTML text of a page, with its style and script inside."""
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["words"] = format_name
-    environment.filters["number"] = format_number
+    """Return the HTML text of a page, with its style and script inside."""
     bars = "".join(f".bar.{name} {{ background: {gradient(name)}; }}\n" for name in COLOUR_MAPS)
     shown = [s.pictures for track in page.tracks for s in track.scenes if s.pictures]
     widths = "".join(f".across-{n} {{ max-width: {n}px; }}\n" for n in sorted(set(map(gallery_width, shown))))
-    style, script = _asset("report.css") + bars + widths, _asset("report.js")
-    return environment.get_template("report.html.j2").render(
-        page=page,
-        style=Markup(style),
-        script=Markup(script),
-        policy=content_policy(style, script),
-        linear=linear_sources(page),
-        explains=EXPLAINS,
-        gallery_width=gallery_width,
-        few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
+    style, script = asset("report.css") + bars + widths, asset("report.js")
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            page=page,
+            style=Markup(style),
+            script=Markup(script),
+            policy=content_policy(style, script),
+            linear=linear_sources(page),
+            explains=EXPLAINS,
+            gallery_width=gallery_width,
+            few_scenes=sum(len(track.scenes) for track in page.tracks) <= MAX_NAMED_SCENES,
+        )
     )
 
 
@@ -78,7 +73,22 @@ def content_policy(style: str, script: str) -> str:
     )
 
 
-def _asset(name: str) -> str:
+def environment() -> Environment:
+    """Return what templates are rendered by: strict, and all that comes from a record is escaped."""
+    found = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.filters["words"] = format_name
+    found.filters["number"] = format_number
+    return found
+
+
+def asset(name: str) -> str:
+    """Return the text of a style sheet or script that comes along."""
     return "\n" + (TEMPLATES / name).read_text(encoding="utf-8")
 
 

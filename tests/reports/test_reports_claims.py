@@ -8,25 +8,35 @@ from pathlib import Path
 import pytest
 
 from graycard.io import sha256, write_json
-from graycard.records import CLAIMS, CheckResult, ClaimResult, Ledger, PaperResult, RowMean
+from graycard.records import (
+    CLAIMS,
+    Budget,
+    CheckResult,
+    ClaimResult,
+    Ledger,
+    PaperResult,
+    RowFit,
+    RowMean,
+)
 from graycard.reports import write_report
-from graycard.reports._claims import claims_section, effect_plot
+from graycard.reports._claims import LEGEND, claims_section
+from graycard.reports._effects import effect_plot
 from runs_by_hand import run_of
 
 CHECK = CheckResult(
     "psnr", "PSNR is <higher>", "Novel view PSNR", "dB", "mine − theirs", "the sign is certain",
     "reproduced", "as claimed: mine − theirs = 5 dB", True,
-    scenes={"s0": 4.0, "s1": 6.0}, mean=5.0, interval=(3.0, 7.0), p_mean=0.01, p_rank=0.0312, paper=5.4,
+    scenes={"s0": 4.0, "s1": 6.0}, estimate=5.0, interval=(3.0, 7.0), p_rank=0.0312, paper=5.4,
     accepted=(2.7, 10.8), rows=(RowMean("mine", 35.0), RowMean("theirs", 30.0)),
     bound=RowMean("truth", math.inf), trivial=RowMean("gray", None, "not in this run"),
 )  # fmt: skip
 OPEN = replace(
-    CHECK, id="gone", verdict="not checkable", reason="cannot be checked here: no row", decides=False,
-    scenes={}, mean=None, interval=None, p_mean=None, p_rank=None, rows=(), bound=None, trivial=None,
+    CHECK, id="gone", verdict="not testable here", reason="cannot be checked here: no row", decides=False,
+    scenes={}, estimate=None, interval=None, p_rank=None, rows=(), bound=None, trivial=None,
 )  # fmt: skip
 CLAIM = ClaimResult(
     "S1", "It is <b>better</b>.", "Table 1", "reproduced", "as claimed", "all", (CHECK, OPEN),
-    {"theirs": "30 dB"}, ("rooms are small",),
+    figures={"theirs": "30 dB"}, notes=("rooms are small",),
 )  # fmt: skip
 
 
@@ -87,7 +97,7 @@ def test_effects_stand_where_their_values_are() -> None:
     plot = effect_plot(CHECK)
     assert plot is not None
     ends = 0.0, 10.8  # from no effect to twice the paper's
-    assert (plot.neutral, plot.mean) == (place(0, *ends), place(5, *ends))
+    assert (plot.neutral, plot.estimate) == (place(0, *ends), place(5, *ends))
     assert plot.interval == (place(3, *ends), place(7, *ends))
     assert plot.scenes == (place(4, *ends), place(6, *ends))
     assert plot.paper == place(5.4, *ends)
@@ -98,7 +108,7 @@ def test_effects_stand_where_their_values_are() -> None:
 def test_a_ratio_of_nothing_has_no_place_on_the_axis() -> None:
     plot = effect_plot(
         replace(
-            CHECK, unit="×", neutral=1.0, mean=0.9, interval=(0.8, 1.0), scenes={"a": 0.85, "b": 0.95},
+            CHECK, unit="×", neutral=1.0, estimate=0.9, interval=(0.8, 1.0), scenes={"a": 0.85, "b": 0.95},
             paper=None, accepted=(0.0, 1.0),
         )
     )  # fmt: skip
@@ -122,7 +132,7 @@ def test_ratios_stand_on_a_logarithmic_axis() -> None:
         CHECK,
         unit="×",
         neutral=1.0,
-        mean=4.0,
+        estimate=4.0,
         interval=(2.0, 8.0),
         scenes={},
         paper=16.0,
@@ -130,7 +140,7 @@ def test_ratios_stand_on_a_logarithmic_axis() -> None:
     )
     plot = effect_plot(ratio)
     assert plot is not None
-    assert plot.mean == pytest.approx((plot.neutral + (plot.paper or 0)) / 2, abs=0.01)
+    assert plot.estimate == pytest.approx((plot.neutral + (plot.paper or 0)) / 2, abs=0.01)
     assert plot.accepted == (0.0, place(3, 0, 4))
 
 
@@ -140,3 +150,84 @@ def test_what_was_not_measured_has_no_plot() -> None:
 
 def test_arithmetic_has_no_interval_and_no_plot() -> None:
     assert effect_plot(replace(CHECK, interval=None)) is None
+
+
+def test_an_interval_without_ends_reaches_to_the_borders() -> None:
+    """Fewer than six scenes have no 95 % interval."""
+    plot = effect_plot(replace(CHECK, interval=(-math.inf, math.inf)))
+    assert plot is not None
+    assert plot.interval == (0.0, 100.0)
+    assert plot.ends == ("0.00", "10.80")
+
+
+OWN = replace(CLAIM, id="S14", verdict="holds", asked_by="graycard")
+TABLE = ClaimResult("RA1", "Means fit.", "Table 2", "inconsistent", "they do not", "arithmetic")
+
+
+def test_words_of_verdicts_are_explained_beside_them(run: Path) -> None:
+    text = text_of(run)
+    for word, meaning in LEGEND.items():
+        assert f'<span class="verdict {word.replace(" ", "-")}">{word}</span></dt><dd>{meaning}' in text
+
+
+def test_own_questions_and_tables_have_sections_of_their_own(run: Path) -> None:
+    write_json(run / CLAIMS, ledger_of(CLAIM, OWN, TABLE))
+    section = claims_section(run)
+    assert section is not None
+    (paper,) = section.papers
+    assert [(group.title, group.counted) for group in paper.groups] == [
+        ("", "1 claim: 1 reproduced"),
+        ("graycard's own questions", "1 question: 1 holds"),
+        ("The paper's tables", "1 table: 1 inconsistent"),
+    ]
+    text = text_of(run)
+    assert "No paper claims these, so none is contradicted by them." in text
+    assert text.index('id="claim-S14"') > text.index("graycard's own questions".replace("'", "&#39;"))
+
+
+def test_what_a_verdict_stands_on_is_beside_it(run: Path) -> None:
+    budget = Budget(
+        {"steps": "40,000", "priors": "Depth-Pro"},
+        {"pixels": "112 x 112"},
+        (RowFit("mine", 1000, 30.125, 29.5), RowFit("theirs", 2000, None, None)),
+    )
+    write_json(run / CLAIMS, ledger_of(replace(CLAIM, budget=budget)))
+    text = text_of(run)
+    told = (
+        "<strong>steps</strong> here 1,000 to 2,000; in the paper 40,000.",
+        "<strong>pixels</strong> here 112 x 112; in the paper not told.",
+        "<strong>priors</strong> here not told; in the paper Depth-Pro.",
+        "mine: training views 30.12 dB, held out 29.50 dB; theirs: training views –, held out –",
+    )
+    for words in told:
+        assert words in text, words
+
+
+def test_a_verdict_that_is_held_back_says_why_and_what_it_needs(run: Path) -> None:
+    held = replace(
+        CLAIM, verdict="undecided", before="reproduced", suspended="mine has not converged",
+        needs="12 more scenes", stability=0.815,
+        checks=(replace(CHECK, seed_sd=0.2, scene_sd=1.0, stability=0.815, at_budgets={"0.5": 1.0}),),
+    )  # fmt: skip
+    write_json(run / CLAIMS, ledger_of(held))
+    text = text_of(run)
+    told = (
+        "By the rule <em>reproduced</em>, but held back: mine has not converged.",
+        "<strong>To decide it:</strong> 12 more scenes.",
+        "82% of simulated refits give this verdict.",
+        "SD of scenes 1.00 dB, SD of fits 0.20 dB, stability 82%",
+        "half the steps 1.00 dB",
+    )
+    for words in told:
+        assert words in text, words
+
+
+def test_nobody_knows_what_refits_would_say_where_none_were_made(run: Path) -> None:
+    assert "nobody fitted these rows twice" in text_of(run)
+
+
+def test_a_ledger_of_the_first_rules_is_told_to_be_one(run: Path) -> None:
+    write_json(run / CLAIMS, {"format": "graycard-claims", "format_version": 1, "papers": []})
+    text = text_of(run)
+    assert "The verdicts cannot be read: expected claims of format version 2" in text
+    assert "Judge the run again" in text

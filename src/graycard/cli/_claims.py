@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -12,6 +13,7 @@ import tyro
 from rich.table import Table
 
 from graycard._errors import GraycardError
+from graycard.cli._history import show_history
 from graycard.cli._options import Json, optional
 from graycard.cli._power import power_table
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
@@ -19,6 +21,7 @@ from graycard.io import write_json
 from graycard.records import (
     CLAIMS,
     CheckResult,
+    ClaimResult,
     ClaimVerdict,
     Ledger,
     PaperResult,
@@ -50,11 +53,25 @@ class ClaimsCommand:
     """The same scenes at twice the budget, by `graycard bench SUITE --budget 2`."""
     power: bool = False
     """Also say how many scenes or seeds each undecided claim needs, and what they cost here."""
+    history: bool = False
+    """Judge nothing: show every verdict that changed, and why; RUN is then a folder with history.json.
+    Without it, graycard's own."""
+    republish: bool = False
+    """Also write the verdicts into a published folder, its page and the history above it.
+    Without a run: into the file of --json, and the history beside that."""
     json: Json = None
-    """Also write the ledger to this file; with --power what undecided claims need, in its place."""
+    """Also write the ledger to this file; what undecided claims need with --power, the changes with --history."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Judge the claims; a contradicted claim is a finding, no failure."""
+        """Judge the claims; a contradicted claim is a finding, no failure.
+
+        Raises:
+            GraycardError: ``--republish`` has nothing to write to.
+        """
+        if self.history:
+            return show_history(self.run_folder, self.json, terminal)
+        if self.republish and not (self.run_folder or self.json):
+            raise GraycardError("expected a published folder or --json FILE with --republish, got neither")
         from graycard.benchmarks.claims import judge_tables
 
         if self.run_folder is None:
@@ -67,7 +84,7 @@ class ClaimsCommand:
         if self.power and self.run_folder is not None:
             self._show_power(terminal, found, self.run_folder)
         else:
-            write_optional_json(self.json, found)
+            self._write_json(found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
         words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
         terminal.out.print(f"claims: {words}{report}")
@@ -80,7 +97,7 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
-        from graycard.reports import is_published, write_report
+        from graycard.reports import is_published, republish_claims, write_report
 
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
@@ -90,6 +107,9 @@ class ClaimsCommand:
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
+        if is_published(run) and self.republish:
+            republish_claims(run, found)
+            return found, f"; published anew in {run}"
         if is_published(run):
             return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
@@ -129,12 +149,21 @@ class ClaimsCommand:
         terminal.out.print(power_table(needs))
         write_optional_json(self.json, needs)
 
+    def _write_json(self, found: Ledger) -> None:
+        from graycard.reports import republish_tables
+
+        if self.republish and self.run_folder is None and self.json:
+            republish_tables(self.json, found)
+        else:
+            write_optional_json(self.json, found)
+
     def _show(self, terminal: Terminal, paper: PaperResult) -> None:
         terminal.out.print(f"\n{paper.title}, claims version {paper.version}")
-        table = new_table("", "claim", "verdict", "why")
-        for claim in paper.claims:
-            table.add_row(claim.id, claim.sentence, claim.verdict, claim.text)
-        terminal.out.print(table)
+        own = [claim for claim in paper.claims if claim.asked_by == "graycard"]
+        terminal.out.print(_claims([claim for claim in paper.claims if claim not in own]))
+        if own:
+            terminal.out.print("\ngraycard's own questions, which no paper claims")
+            terminal.out.print(_claims(own))
         if self.checks:
             for claim in paper.claims:
                 if claim.checks:
@@ -142,13 +171,21 @@ class ClaimsCommand:
                     terminal.out.print(_checks(claim.checks))
 
 
+def _claims(claims: Sequence[ClaimResult]) -> Table:
+    table = new_table("", "claim", "verdict", "stability", "why")
+    for claim in claims:
+        stability = "" if claim.stability is None else f"{claim.stability:.0%}"
+        needs = f". To decide it: {claim.needs}" if claim.needs else ""
+        table.add_row(claim.id, claim.sentence, claim.verdict, stability, f"{claim.text}{needs}")
+    return table
+
+
 def _checks(checks: tuple[CheckResult, ...]) -> Table:
     heads = (
         "",
         "effect",
-        "mean",
+        "estimate",
         "95 % interval",
-        "p",
         "p of ranks",
         "n",
         "paper",
@@ -162,9 +199,8 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         table.add_row(
             check.id,
             check.effect_of,
-            _number(check.mean, check.unit),
+            _number(check.estimate, check.unit),
             "" if check.interval is None else f"{check.interval[0]:.3g} to {check.interval[1]:.3g}",
-            _number(check.p_mean),
             _number(check.p_rank),
             str(len(check.scenes) or ""),
             _number(check.paper, check.unit),

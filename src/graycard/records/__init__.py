@@ -9,6 +9,13 @@ from graycard.records._comparison import MetricComparison as MetricComparison
 from graycard.records._comparison import PairDifference as PairDifference
 from graycard.records._comparison import PairVerdict as PairVerdict
 from graycard.records._comparison import read_comparison as read_comparison
+from graycard.records._history import HISTORY as HISTORY
+from graycard.records._history import CheckEntry as CheckEntry
+from graycard.records._history import ClaimEntry as ClaimEntry
+from graycard.records._history import LedgerEntry as LedgerEntry
+from graycard.records._history import PaperEntry as PaperEntry
+from graycard.records._history import VerdictHistory as VerdictHistory
+from graycard.records._history import read_history as read_history
 from graycard.records._ledger import CLAIMS as CLAIMS
 from graycard.records._ledger import Asker as Asker
 from graycard.records._ledger import Budget as Budget

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A history that grows with what is published, and refuses verdicts that changed for no known reason."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from graycard import RecordError
+from graycard.io import to_builtins, write_bytes
+from graycard.records import HISTORY, LedgerEntry, VerdictHistory, read_history
+from graycard.reports.history._changes import TABLES, Change, changes_of, open_changes
+from graycard.reports.history._entries import entry_of
+from graycard.reports.history._page import render_history
+from graycard.reports.history._reasons import REASONS, Reasons, load_reasons
+
+HISTORY_PAGE = "history.html"
+OWN = Path(__file__).parents[1] / "published"
+"""Folder of graycard's own history, which ships with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptHistory:
+    """A history that may be written: every change in it has a reason."""
+
+    folder: Path
+    history: VerdictHistory
+    reasons: Reasons
+
+    def write(self) -> None:
+        """Write the history and its page.
+
+        Raises:
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        write_bytes(self.folder / HISTORY, history_text(self.history).encode())
+        write_bytes(self.folder / HISTORY_PAGE, render_history(self.history, self.reasons).encode())
+
+
+def continue_history(
+    folder: Path, file: str, ledger: Mapping[str, Any], started: str = "", day: str = ""
+) -> KeptHistory | None:
+    """Return the history of a folder with one ledger more; nothing is written yet.
+
+    A ledger that says the same as the last one of its suite is no new entry.
+
+    Args:
+        folder: Folder of published runs; one without ``history.json`` keeps none.
+        file: Place of the ledger below the folder.
+        ledger: JSON of the ledger.
+        started: Begin of the run; empty without one.
+        day: Day of publication, ISO 8601; today if empty.
+
+    Returns:
+        The history, or None where the folder keeps none.
+
+    Raises:
+        RecordError: A verdict changed and nobody wrote why, the rules are of no edition that is written down,
+            or a file is damaged.
+    """
+    if not (Path(folder) / HISTORY).is_file():
+        return None
+    history, reasons = read_history(folder), load_reasons(folder)
+    entry = entry_of(ledger, file, day or f"{datetime.now(UTC):%Y-%m-%d}", started=started)
+    reasons.edition(entry.rules_sha256)
+    if not _says_the_same(history.of_suite(entry.suite), entry):
+        history = replace(history, entries=(*history.entries, entry))
+    if missing := open_changes(history, reasons):
+        raise RecordError(missing_reasons(missing, Path(folder)))
+    return KeptHistory(Path(folder), history, reasons)
+
+
+def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
+    """Return every change that a history tells; of graycard's own where no folder is named.
+
+    Raises:
+        RecordError: The folder keeps no history, a file is damaged, or a reason does not fit the ledgers.
+    """
+    where = Path(folder or OWN)
+    return changes_of(read_history(where), load_reasons(where))
+
+
+def missing_reasons(changes: tuple[Change, ...], folder: Path) -> str:
+    """Return a message that names verdicts without a reason, and where one is to be written."""
+    first = changes[0]
+    listed = "; ".join(f"{c.claim} {c.before} → {c.after} ({', '.join(c.causes)})" for c in changes)
+    alike = [c.claim for c in changes if (c.suite, c.entry) == (first.suite, first.entry)]
+    return (
+        f"expected a reason for each verdict that changed, got none for {listed} in "
+        f"{first.suite or TABLES}, entry {first.entry}. Write into {folder / REASONS}: [[reasons]] "
+        f'suite = "{first.suite}", entry = {first.entry}, claims = {json.dumps(alike)}, causes = [...], '
+        'why = "..."'
+    )
+
+
+def history_text(history: VerdictHistory) -> str:
+    """Return the history as JSON, one entry a line."""
+    data = to_builtins(history)
+    lines = ",\n".join(json.dumps(entry, ensure_ascii=False, allow_nan=False) for entry in data["entries"])
+    rest = json.dumps({key: value for key, value in data.items() if key != "entries"})
+    return f'{{"entries": [\n{lines}\n],\n{rest[1:]}\n'
+
+
+def _says_the_same(entries: tuple[LedgerEntry, ...], entry: LedgerEntry) -> bool:
+    """Return whether the last entry of a suite is this one but for when it was published."""
+    return bool(entries) and replace(entries[-1], date=entry.date, commit=entry.commit) == entry

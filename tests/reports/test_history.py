@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The history of verdicts: what is in it, what it refuses, and that it is the published ledgers'."""
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from graycard import RecordError
+from graycard.cli import main
+from graycard.io import read_json, write_json
+from graycard.records import CLAIMS, HISTORY, LedgerEntry, VerdictHistory, read_history
+from graycard.reports import HISTORY_PAGE, publish_run, verdict_changes
+from graycard.reports.history._changes import changes_of, open_changes
+from graycard.reports.history._entries import entry_of, rules_hash
+from graycard.reports.history._keep import OWN, continue_history, history_text
+from graycard.reports.history._page import render_history, suite_histories
+from graycard.reports.history._reasons import REASONS, load_reasons
+
+ROOT = Path(__file__).parents[2]
+WRITE = "GRAYCARD_WRITE_DOCS" in os.environ
+RULES = {"better": "the sign is certain"}
+
+EDITION = f"""
+[[editions]]
+name = "first"
+says = "Signs have to be certain."
+words = ["contradicted", "not supported", "reproduced"]
+rules = ["{rules_hash(RULES)}"]
+"""
+REASON = """
+[[reasons]]
+suite = "mine"
+entry = 2
+claims = ["M1"]
+causes = ["new run"]
+why = "Scenes were fitted again."
+"""
+
+
+def check_json(verdict: str, **more: Any) -> dict[str, Any]:
+    plain = {
+        "id": "psnr",
+        "decides": True,
+        "effect_of": "mine − theirs",
+        "quantity": "PSNR",
+        "verdict": verdict,
+        "scenes": {f"s{n}": 1.0 for n in range(8)},
+        "unit": "dB",
+        "mean": 1.23456789,
+        "interval": [0.5, 2.0],
+        "p_rank": 0.01,
+        "neutral": 0.0,
+        "paper": 2.0,
+        "accepted": [1.0, 4.0],
+    }
+    return plain | more
+
+
+def ledger_json(
+    verdict: str,
+    checks: list[dict[str, Any]] | None = None,
+    *,
+    rules: Mapping[str, str] = RULES,
+    run: str = "ab",
+    **claim: Any,
+) -> dict[str, Any]:
+    told = {"id": "M1", "sentence": "Mine is better.", "verdict": verdict, "text": "as claimed"}
+    told |= {"checks": checks or [check_json(verdict)]} | claim
+    paper = {"name": "mine", "version": 1, "claims_sha256": "cd", "claims": [told]}
+    return {"suite": "mine", "suite_version": 1, "run_sha256": run, "rules": dict(rules), "papers": [paper]}
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Path:
+    """Return a folder whose history has one ledger."""
+    entry = entry_of(ledger_json("reproduced"), "mine/claims.json", "2026-01-01", started="monday")
+    (tmp_path / HISTORY).write_text(history_text(VerdictHistory((entry,))))
+    (tmp_path / REASONS).write_text(EDITION)
+    return tmp_path
+
+
+def add_reason(folder: Path, **changed: str) -> None:
+    text = REASON
+    for old, new in changed.items():
+        text = text.replace(old, new)
+    (folder / REASONS).write_text(EDITION + text)
+
+
+def grown(folder: Path, ledger: dict[str, Any], started: str = "monday") -> VerdictHistory:
+    found = continue_history(folder, "mine/claims.json", ledger, started, "2026-01-02")
+    assert found is not None
+    return found.history
+
+
+# --- graycard's own -----------------------------------------------------------------------------------------
+
+
+def test_the_last_entry_of_each_suite_is_what_is_published():
+    history = read_history(OWN)
+    ledgers = {p.relative_to(OWN).as_posix(): p for p in (*OWN.glob(f"*/{CLAIMS}"), OWN / "tables.json")}
+    last = {entry.file: entry for entry in history.entries}
+    assert last.keys() == ledgers.keys()
+    for file, entry in last.items():
+        run = ledgers[file].parent / "run.json"
+        started = read_json(run)["started"] if entry.suite else ""
+        ledger = read_json(ledgers[file])
+        assert entry == entry_of(ledger, file, entry.date, started=started, commit=entry.commit)
+
+
+def git(*arguments: str) -> bytes:
+    return subprocess.run(["git", *arguments], cwd=ROOT, capture_output=True, check=True).stdout
+
+
+def has_history() -> bool:
+    try:
+        return git("rev-parse", "--is-shallow-repository").strip() == b"false"
+    except (OSError, subprocess.CalledProcessError):
+        return False
+
+
+@pytest.mark.skipif(not has_history(), reason="no git, or a shallow clone: old ledgers are not here")
+def test_old_entries_are_what_git_has():
+    for entry in (entry for entry in read_history(OWN).entries if entry.commit):
+        path = f"{entry.commit}:reports/published/{entry.file}"
+        ledger = json.loads(git("show", path))
+        day = git("log", "-1", "--format=%as", entry.commit).decode().strip()
+        run = path.replace(CLAIMS, "run.json")
+        started = json.loads(git("show", run))["started"] if entry.suite else ""
+        assert entry == entry_of(ledger, entry.file, day, started=started, commit=entry.commit), path
+
+
+def test_every_published_change_has_a_reason():
+    history, reasons = read_history(OWN), load_reasons(OWN)
+    assert not open_changes(history, reasons)
+    told = {(c.suite, c.entry, c.claim) for c in changes_of(history, reasons)}
+    assert {("claims-dark", 2, "S1"), ("claims-dark", 3, "S7"), ("claims-tabletop", 2, "R14")} <= told
+    assert ("claims-tabletop", 2, "R4") in told  # whose verdict stayed while its checks changed
+
+
+def test_the_published_page_is_made_from_the_data():
+    """``make docs`` writes it anew, as where the style of reports changed."""
+    page = render_history(read_history(OWN), load_reasons(OWN))
+    if WRITE:
+        (OWN / HISTORY_PAGE).write_text(page, encoding="utf-8")
+    assert (OWN / HISTORY_PAGE).read_text(encoding="utf-8") == page, "run `make docs`"
+    assert "http://" not in page.replace("http://www.w3.org/", "")
+    assert "Nobody wrote why" not in page
+
+
+def test_the_history_is_shown(capsys: pytest.CaptureFixture[str], tmp_path: Path):
+    assert main(["claims", "--history", "--json", str(tmp_path / "changes.json")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    turned = sum(change.before != change.after for change in verdict_changes())
+    assert lines[-1] == f"claims: {turned} verdicts changed, 0 without a reason"
+    assert any("claims-dark 2" in line and "S1" in line for line in lines)
+    assert len(read_json(tmp_path / "changes.json")) == len(verdict_changes())
+
+
+# --- growing ------------------------------------------------------------------------------------------------
+
+
+def test_a_folder_without_a_history_keeps_none(tmp_path: Path):
+    assert continue_history(tmp_path, "mine/claims.json", ledger_json("reproduced")) is None
+
+
+def test_the_same_ledger_is_no_new_entry(kept: Path):
+    assert len(grown(kept, ledger_json("reproduced")).entries) == 1
+
+
+def test_the_same_verdict_of_another_run_is_an_entry_without_a_reason(kept: Path):
+    history = grown(kept, ledger_json("reproduced", run="ef"), "tuesday")
+    assert [entry.date for entry in history.entries] == ["2026-01-01", "2026-01-02"]
+
+
+def test_a_verdict_that_changed_without_a_reason_is_refused(kept: Path):
+    message = r"got none for M1 reproduced → contradicted \(new run\) in mine, entry 2\. Write into .*history"
+    with pytest.raises(RecordError, match=message):
+        grown(kept, ledger_json("contradicted", run="ef"), "tuesday")
+    add_reason(kept)
+    history = grown(kept, ledger_json("contradicted", run="ef"), "tuesday")
+    (change,) = changes_of(history, load_reasons(kept))
+    assert (change.before, change.after, change.why) == (
+        "reproduced",
+        "contradicted",
+        "Scenes were fitted again.",
+    )
+
+
+def test_checks_that_changed_need_a_reason_on_the_same_fits_too(kept: Path):
+    other = [check_json("undecided", effect_of="mine − others")]
+    with pytest.raises(RecordError, match=r"reproduced → undecided \(checks changed\)"):
+        grown(kept, ledger_json("undecided", other))
+
+
+def test_what_cannot_be_tested_any_more_says_why_itself(kept: Path):
+    other = [check_json("not testable here", interval=None, scenes={}, effect_of="mine − others")]
+    history = grown(kept, ledger_json("not testable here", other, text="the run has no row others"))
+    (change,) = changes_of(history, load_reasons(kept))
+    assert change.why.endswith("now decided by psnr; the run has no row others.")
+
+
+def test_rules_that_nobody_wrote_down_are_refused(kept: Path):
+    rules = {"better": "the whole interval"}
+    with pytest.raises(RecordError, match=f"got rules '{rules_hash(rules)}' that none lists"):
+        grown(kept, ledger_json("undecided", rules=rules))
+
+
+def test_new_rules_explain_themselves_from_the_numbers(kept: Path):
+    rules = {"better": "the whole interval"}
+    text = EDITION.replace(rules_hash(RULES), rules_hash(rules)).replace('"first"', '"second"')
+    (kept / REASONS).write_text(EDITION + text)
+    changed = [check_json("undecided", interval=[-0.9, 1.4], estimate=0.2)]
+    history = grown(kept, ledger_json("undecided", changed, rules=rules))
+    (change,) = changes_of(history, load_reasons(kept))
+    assert change.causes == ("rules changed",)
+    assert change.why == (
+        "reproduced → undecided: psnr: the interval −0.9 to 1.4 dB holds both zero and the claimed "
+        "size, 1 to 4 dB."
+    )
+    (shown,) = suite_histories(history, load_reasons(kept))
+    assert [column.title for column in shown.columns] == ["Entry 1", "Entry 2"]
+    assert [cell.mark for cell in shown.rows[0].cells] == ["", "changed"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"new run": "rules changed"}, r"allow \(new run, method changed\), got rules changed for 'M1'"),
+        ({"M1": "M9"}, "expected claims that both ledgers judge, got 'M9'"),
+        ({"entry = 2": "entry = 3"}, "expected an entry from 2 to 2 of the suite"),
+        ({"new run": "weather"}, "weather"),
+        ({"Scenes were fitted again.": " "}, "expected claims, causes and why"),
+    ],
+)
+def test_reasons_that_the_ledgers_deny_are_refused(kept: Path, changed: dict[str, str], message: str):
+    add_reason(kept, **changed)
+    with pytest.raises(RecordError, match=message):
+        grown(kept, ledger_json("contradicted", run="ef"), "tuesday")
+
+
+def test_reasons_that_are_no_toml_are_refused(kept: Path):
+    (kept / REASONS).write_text("[[")
+    with pytest.raises(RecordError, match="expected TOML in .*history.toml"):
+        load_reasons(kept)
+
+
+def test_what_is_no_ledger_is_refused():
+    with pytest.raises(RecordError, match="expected a ledger in mine.json, got one without 'suite'"):
+        entry_of({}, "mine.json", "2026-01-01")
+
+
+def test_numbers_of_both_formats_of_ledgers_are_kept():
+    old = entry_of(ledger_json("reproduced"), "f", "2026-01-01").claims["M1"]
+    assert (old.checks[0].estimate, old.asked_by, old.checks[0].scenes) == (1.23457, "paper", 8)
+    told = {"asked_by": "graycard", "stability": 0.812345678, "suspended": "not converged", "before": "holds"}
+    new = ledger_json(
+        "open", [check_json("undecided", estimate=-0.5), check_json("no", decides=False)], **told
+    )
+    kept = entry_of(new, "f", "2026-01-01").claims["M1"]
+    assert (kept.asked_by, kept.stability, kept.suspended) == ("graycard", 0.812346, "not converged")
+    assert [check.estimate for check in kept.checks] == [-0.5]
+
+
+# --- publishing ---------------------------------------------------------------------------------------------
+
+
+def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
+    """And a refusal leaves neither folder nor entry."""
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    run = kept / "run"
+    shutil.copytree(tiny_run, run)
+    write_json(run / CLAIMS, ledger_json("contradicted", run="of another run"))
+    with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
+        publish_run(run, kept / "mine", 100)
+    assert not (kept / "mine").exists()
+    assert len(read_history(kept).entries) == 1
+    add_reason(kept)
+    publish_run(run, kept / "mine", 100)
+    last = read_history(kept).entries[-1]
+    assert isinstance(last, LedgerEntry)
+    assert (last.file, last.claims["M1"].verdict, last.commit) == ("mine/claims.json", "contradicted", "")
+    assert last.started == read_json(run / "run.json")["started"]
+    assert "Scenes were fitted again." in (kept / HISTORY_PAGE).read_text()
+
+
+def test_a_history_that_is_damaged_is_told(kept: Path):
+    (kept / HISTORY).write_text('{"entries": 3}')
+    with pytest.raises(RecordError, match="history.json"):
+        read_history(kept)
+    history = VerdictHistory((replace(entry_of(ledger_json("x"), "f", "d"), suite=""),))
+    assert history.suites == ("",)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Changes of verdicts as they are told: from numbers, and as a table."""
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from graycard.records import CheckEntry, ClaimEntry, read_history
+from graycard.reports.history._explain import check_words, explain
+from graycard.reports.history._keep import OWN
+from graycard.reports.history._reasons import load_reasons
+from graycard.reports.history._table import edition_rows, edition_table
+
+RESULTS = Path(__file__).parents[2] / "docs" / "results.md"
+BEGIN, END = "<!-- editions: written by `make docs` -->\n", "<!-- end of editions -->\n"
+
+CHECK = CheckEntry(
+    "psnr", "mine − theirs", "PSNR", "reproduced", 8, "dB", 2.0, (0.5, 3.0), paper=2.0, accepted=(1.0, 4.0)
+)
+WITHIN = replace(CHECK, accepted=(-0.5, 0.5))
+
+
+def claim(verdict: str, *checks: CheckEntry, text: str = "") -> ClaimEntry:
+    return ClaimEntry("M1", "Mine is better.", verdict, checks, text)
+
+
+@pytest.mark.parametrize(
+    ("check", "told"),
+    [
+        (CHECK, "0.5 to 3 dB lies above zero and meets the claimed size, 1 to 4 dB"),
+        (replace(CHECK, estimate=0.8), "1 to 4 dB, though its middle, 0.8, does not"),
+        (replace(CHECK, accepted=None, paper=None), "0.5 to 3 dB lies above zero"),
+        (replace(WITHIN, interval=(-0.2, 0.1)), "−0.2 to 0.1 dB lies within the bounds, −0.5 to 0.5 dB"),
+        (
+            replace(CHECK, verdict="undecided", interval=(-1.0, 2.0)),
+            "holds both zero and the claimed size",
+        ),
+        (replace(CHECK, verdict="undecided", interval=(-1.0, 0.9)), "−1 to 0.9 dB holds zero"),
+        (replace(WITHIN, verdict="undecided", interval=(0.1, 0.9)), "crosses the bounds, −0.5 to 0.5 dB"),
+        (
+            replace(CHECK, verdict="smaller than claimed", interval=(0.2, 0.9)),
+            "0.2 to 0.9 dB lies above zero, but below the claimed size, 1 to 4 dB",
+        ),
+        (
+            replace(CHECK, verdict="smaller than claimed", interval=(-0.9, 0.4)),
+            "−0.9 to 0.4 dB lies below the claimed size, 1 to 4 dB",
+        ),
+        (replace(CHECK, verdict="larger than claimed", interval=(5.0, 6.0)), "lies above the claimed size"),
+        (replace(CHECK, verdict="no effect", interval=(-0.1, 0.1)), "lies within what counts as no effect"),
+        (replace(CHECK, verdict="contradicted", interval=(-3.0, -1.0)), "−3 to −1 dB lies wholly below zero"),
+        (replace(WITHIN, verdict="contradicted", interval=(1.0, 2.0)), "lies outside of the bounds"),
+        (replace(CHECK, interval=None, scenes=0), "psnr: no scenes give no interval"),
+        (replace(CHECK, interval=(-math.inf, math.inf), scenes=5), "psnr: 5 scenes give no interval"),
+        (replace(CHECK, accepted=(1.0, math.inf)), "the claimed size, at least 1 dB"),
+        (
+            replace(CHECK, unit="×", neutral=1.0, interval=(1.2, 1.9), accepted=(1.5, 2.0)),
+            "1.2 to 1.9× lies above 1 and meets the claimed size, 1.5 to 2×",
+        ),
+    ],
+)
+def test_an_interval_is_told_from_no_effect_and_the_claimed_size(check: CheckEntry, told: str):
+    assert told in check_words(check)
+
+
+def test_only_the_checks_that_made_the_verdict_are_told():
+    other = replace(CHECK, id="ssim", verdict="undecided", interval=(-1.0, 2.0))
+    told = explain(claim("not supported", CHECK, other), claim("undecided", CHECK, other))
+    assert told.startswith("not supported → undecided: ssim: the interval −1 to 2 dB")
+    assert "psnr" not in told
+
+
+def test_what_decides_no_longer_is_told():
+    other = replace(CHECK, id="flip", effect_of="theirs − mine")
+    told = explain(claim("contradicted", CHECK, other), claim("reproduced", CHECK))
+    assert told.startswith("contradicted → reproduced: no longer decided by flip; psnr: the interval")
+
+
+def test_own_questions_are_told_in_their_words():
+    check = replace(CHECK, verdict="contradicted", interval=(-3.0, -1.0))
+    told = explain(claim("contradicted", check), replace(claim("does not hold", check), asked_by="graycard"))
+    assert "graycard's own question, which no paper answers; psnr: the interval −3 to −1 dB" in told
+
+
+def test_what_holds_a_verdict_back_is_told():
+    held = replace(claim("undecided", CHECK), suspended="mine has not converged.", before="reproduced")
+    told = explain(claim("direction only", CHECK), held)
+    assert told == "direction only → undecided: by the rule reproduced, but mine has not converged."
+
+
+@pytest.mark.parametrize(
+    ("after", "told"),
+    [
+        (claim("not testable here", text="needs real rooms."), "→ not testable here: needs real rooms."),
+        (claim("inconsistent", CHECK), "→ inconsistent: tables have words of their own"),
+    ],
+)
+def test_what_no_interval_decides_is_told(after: ClaimEntry, told: str):
+    assert told in explain(claim("contradicted", *after.checks), after)
+
+
+def test_verdicts_of_the_first_rules_are_not_told_from_these_numbers():
+    assert explain(claim("contradicted", CHECK), claim("not supported", CHECK)) == ""
+
+
+def test_the_table_of_editions_in_the_docs_is_made_from_the_data():
+    history, reasons = read_history(OWN), load_reasons(OWN)
+    text = RESULTS.read_text(encoding="utf-8")
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    wanted = f"{before}{BEGIN}{edition_table(history, reasons)}{END}{after}"
+    if "GRAYCARD_WRITE_DOCS" in os.environ:
+        RESULTS.write_text(wanted, encoding="utf-8")
+        text = wanted
+    assert text == wanted, "run `make docs`"
+
+
+def test_every_verdict_that_an_edition_changed_has_a_reason_in_the_table():
+    rows = edition_rows(read_history(OWN), load_reasons(OWN))
+    assert rows
+    assert all(row.why for row in rows if row.before != row.after)

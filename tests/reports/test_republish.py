@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""New verdicts in a published folder."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from graycard import RecordError
+from graycard.cli import main
+from graycard.io import sha256, write_json
+from graycard.records import (
+    CLAIMS,
+    HISTORY,
+    CheckResult,
+    ClaimResult,
+    ClaimVerdict,
+    Ledger,
+    PaperResult,
+    VerdictHistory,
+    read_history,
+)
+from graycard.reports import HISTORY_PAGE, publish_run, republish_claims, republish_tables
+from graycard.reports.history._entries import rules_hash
+from graycard.reports.history._keep import history_text
+from graycard.reports.history._reasons import REASONS
+
+RULES = {"better": "the sign is certain"}
+EDITION = f"""
+[[editions]]
+name = "first"
+says = "Signs have to be certain."
+words = ["contradicted", "reproduced"]
+rules = ["{rules_hash(RULES)}"]
+"""
+REASON = """
+[[reasons]]
+suite = "hand"
+entry = 2
+claims = ["M1"]
+causes = ["checks changed"]
+why = "Other rows."
+"""
+
+
+def ledger_of(verdict: ClaimVerdict, run: Path, rival: str = "theirs") -> Ledger:
+    check = CheckResult(
+        "psnr", "Higher", "PSNR", "dB", f"mine − {rival}", "", verdict, "as found", decides=True
+    )
+    claim = ClaimResult("M1", "Mine is better.", "Table 1", verdict, f"found {verdict}", "all", (check,))
+    paper = PaperResult("mine", 1, "A paper", "ab", (claim,))
+    return Ledger("hand", 1, sha256(run / "run.json"), 0.95, RULES, {}, (paper,))
+
+
+@pytest.fixture
+def published(tiny_run: Path, tmp_path: Path) -> Path:
+    """Return a published folder with a verdict, below a history that is empty."""
+    run = tmp_path / "run"
+    shutil.copytree(tiny_run, run)
+    write_json(run / CLAIMS, ledger_of("contradicted", run))
+    folder = tmp_path / "out" / "mine"
+    folder.parent.mkdir()
+    (folder.parent / HISTORY).write_text(history_text(VerdictHistory(())))
+    (folder.parent / REASONS).write_text(EDITION)
+    publish_run(run, folder, 100, ["gray"])
+    return folder
+
+
+def test_ledger_page_and_history_have_the_new_verdict(published: Path):
+    page = (published / "index.html").read_text()
+    with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
+        republish_claims(published, changed_ledger(published))
+    assert (published / "index.html").read_text() == page
+    (published.parent / REASONS).write_text(EDITION + REASON)
+    republish_claims(published, changed_ledger(published))
+    found = (published / "index.html").read_text()
+    assert '<span class="verdict reproduced">reproduced</span>' in found
+    assert '<span class="verdict contradicted">contradicted</span>\n    </header>' not in found
+    assert found.count('<section class="claims"') == found.count('id="claims-title"') == 1
+    assert found.split("</nav>")[0].split("</style>")[1] == page.split("</nav>")[0].split("</style>")[1]
+    assert found.split("What papers claim")[0].count("sha256-") == 2
+    history = read_history(published.parent)
+    assert [entry.claims["M1"].verdict for entry in history.entries] == ["contradicted", "reproduced"]
+    assert "Other rows." in (published.parent / HISTORY_PAGE).read_text()
+
+
+def changed_ledger(folder: Path) -> Ledger:
+    """Return a ledger whose claim was read from another file."""
+    ledger = ledger_of("reproduced", folder, "others")
+    return replace(ledger, papers=(replace(ledger.papers[0], version=2, claims_sha256="cd"),))
+
+
+def test_the_same_verdicts_leave_a_page_as_it_is(published: Path):
+    page = (published / "index.html").read_bytes()
+    republish_claims(published, ledger_of("contradicted", published))
+    assert (published / "index.html").read_bytes() == page
+    assert len(read_history(published.parent).entries) == 1
+
+
+def test_a_page_without_claims_is_refused(published: Path):
+    (published / "index.html").write_text("<html></html>")
+    with pytest.raises(RecordError, match="expected a section of claims in .*index.html"):
+        republish_claims(published, ledger_of("contradicted", published))
+
+
+def test_tables_have_the_history_beside_them(published: Path, tmp_path: Path):
+    ledger = Ledger("", 0, "", 0.95, RULES, {}, ledger_of("contradicted", published).papers)
+    assert republish_tables(tmp_path / "tables.json", ledger) is None
+    republish_tables(published.parent / "tables.json", ledger)
+    assert [entry.file for entry in read_history(published.parent).entries] == [
+        "mine/claims.json",
+        "tables.json",
+    ]
+
+
+def test_nothing_to_publish_to_is_told(capsys: pytest.CaptureFixture[str]):
+    assert main(["claims", "--republish"]) == 2
+    assert "expected a published folder or --json FILE with --republish" in capsys.readouterr().err
