@@ -17,7 +17,6 @@ from graycard.benchmarks.claims._judge import judge_claims as judge_claims
 from graycard.benchmarks.claims._judge import judge_paper as judge_paper
 from graycard.benchmarks.claims._judge import judge_tables as judge_tables
 from graycard.benchmarks.claims._judge import made_for_others as made_for_others
-from graycard.benchmarks.claims._looks import OPEN as OPEN
 from graycard.benchmarks.claims._looks import Pursued as Pursued
 from graycard.benchmarks.claims._looks import judge_run as judge_run
 from graycard.benchmarks.claims._looks import pursue as pursue
@@ -25,4 +24,5 @@ from graycard.benchmarks.claims._power import MOST as MOST
 from graycard.benchmarks.claims._power import CheckPower as CheckPower
 from graycard.benchmarks.claims._power import Need as Need
 from graycard.benchmarks.claims._power import claims_power as claims_power
+from graycard.benchmarks.claims._rules import OPEN as OPEN
 from graycard.benchmarks.claims._rules import RULES as RULES

@@ -5,7 +5,7 @@ import math
 from itertools import combinations
 
 from graycard.benchmarks.claims._claim import Arithmetic
-from graycard.benchmarks.claims._rules import RULES, combined
+from graycard.benchmarks.claims._rules import RULES
 from graycard.records import CheckResult, ClaimResult, ClaimVerdict
 
 _ROUNDING = 1e-9
@@ -13,11 +13,11 @@ _ROUNDING = 1e-9
 
 
 def judge_arithmetic(found: Arithmetic) -> ClaimResult:
-    """Whether the entries of a table fit each other."""
+    """Tell if the entries of a table fit each other."""
     checks = _means(found) if found.stated else _distinct(found)
-    wrong = [check.reason for check in checks if check.verdict == "contradicted"]
-    verdict = combined([check.verdict for check in checks], "all")
-    text = f"contradicted by its own entries: {'. '.join(wrong)}" if wrong else "follows from its own entries"
+    wrong = [check.reason for check in checks if check.verdict == "inconsistent"]
+    verdict: ClaimVerdict = "inconsistent" if wrong else "consistent"
+    text = f"does not follow from its own entries: {'. '.join(wrong)}" if wrong else "follows from its own entries"
     return ClaimResult(
         found.id, found.sentence, found.source, verdict, text, RULES["arithmetic"], checks, notes=found.notes
     )
@@ -39,7 +39,7 @@ def _means(found: Arithmetic) -> tuple[CheckResult, ...]:
         checks.append(
             _check(
                 found, row, "the printed mean is that of the entries", reason, fits,
-                mean=mean, stated=stated, accepted=(stated - slack, stated + slack),
+                estimate=mean, stated=stated, accepted=(stated - slack, stated + slack),
             )
         )  # fmt: skip
     return tuple(checks)
@@ -63,12 +63,12 @@ def _check(
     reason: str,
     fits: bool,
     *,
-    mean: float | None = None,
+    estimate: float | None = None,
     stated: float | None = None,
     accepted: tuple[float, float] | None = None,
 ) -> CheckResult:
-    verdict: ClaimVerdict = "reproduced" if fits else "contradicted"
+    verdict: ClaimVerdict = "consistent" if fits else "inconsistent"
     return CheckResult(
         row, says, "entries of the table", found.unit, row, "", verdict, reason,
-        decides=True, mean=mean, paper=stated, accepted=accepted,
+        decides=True, estimate=estimate, paper=stated, accepted=accepted,
     )  # fmt: skip

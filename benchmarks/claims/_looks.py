@@ -8,11 +8,10 @@ from typing import Any
 
 from graycard.benchmarks.claims._claim import Check, Claim, Paper
 from graycard.benchmarks.claims._judge import judge_claims, judge_paper
+from graycard.benchmarks.claims._rules import OPEN
 from graycard.records import CheckResult, ClaimResult, Ledger, PaperResult, RunRecord
 from graycard.synth import SceneSpec, resolved_knobs
 
-OPEN = frozenset({"undecided", "open"})
-"""Verdicts that more scenes may change."""
 NOT_TESTABLE = "not testable here"
 
 

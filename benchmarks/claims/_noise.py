@@ -14,10 +14,10 @@ from graycard.benchmarks.claims._claim import Check, Quantity, Scenes
 from graycard.benchmarks.claims._effects import Sample, courses_of, effects_of, weights_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.eval.statistics import split_variance
-from graycard.records import RunRecord, SceneRecord, read_record
+from graycard.records import SceneRecord, read_run
 
 FOLDER: Final = Path(__file__).parent / "noise"
-"""Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds."""
+"""Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds; without single views."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class _Measured:
 
 
 def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
-    """The fit noise of a check: from the run's own seeds, or from measured rows; None where nobody measured it.
+    """Return the fit noise of a check: from the run's own seeds, or from measured rows; None where nobody measured it.
 
     Args:
         sample: The effects of the check in the run.
@@ -86,16 +86,16 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
 
 @cache
 def _measured(track: str) -> _Measured | None:
-    """The run on tuning scenes of a track; None where there is none."""
-    path = FOLDER / f"{track}.json"
-    if not path.is_file():
+    """Return the run on tuning scenes of a track; None where there is none."""
+    folder = FOLDER / track
+    if not folder.is_dir():
         return None
-    readings = Readings(read_record(RunRecord, path, "graycard-run"))
+    readings = Readings(read_run(folder))
     return _Measured(readings, tuple(readings.scenes(track, Scenes())))
 
 
 def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNoise | None:
-    """The spread of the effect itself; rows that are not fitted have none."""
+    """Return the spread of the effect itself; rows that are not fitted have none."""
     columns = {row: measured.by_seed(row, check.quantity) for row in fitted}
     known = [column for column in columns.values() if column is not None]
     if len(known) < len(columns) or len({column.shape for column in known}) > 1:
@@ -109,7 +109,7 @@ def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNois
 def _by_stand_ins(
     check: Check, fitted: Sequence[str], run: Readings, measured: _Measured
 ) -> FitNoise | None:
-    """The sum of the rows' variances: of each row itself, or the largest of those that stand in for it."""
+    """Return the noise by the sum of the rows' variances: of each row itself, or the largest of those that stand in for it."""
     weights = dict(zip(check.rows, weights_of(check), strict=True))
     weights |= dict(zip(check.minus, weights_of(check), strict=False))
     variance, used = 0.0, list[str]()
@@ -129,10 +129,10 @@ def _by_stand_ins(
 
 
 def _once(rows: Sequence[str]) -> list[str]:
-    """Each row once, in order."""
+    """Return each row once, in order."""
     return list(dict.fromkeys(rows))
 
 
 def _pooled(values: np.ndarray) -> float:
-    """The standard deviation within scenes."""
+    """Return the standard deviation within scenes."""
     return float(np.sqrt(values.var(axis=1, ddof=1).mean()))

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from graycard.benchmarks.claims._claim import Check, Claim, Paper
-from graycard.benchmarks.claims._looks import OPEN
+from graycard.benchmarks.claims._rules import OPEN
 from graycard.eval.statistics import rank_limit
 from graycard.records import CheckResult, ClaimResult, Ledger, RunRecord
 

@@ -36,7 +36,8 @@ RULES = {
     "stability": "the share of simulated refits of the same scenes that would give the same verdict; below "
     f"{STABLE:.0%} the verdict is undecided",
     "not converged": "a row whose model contains that of another row, and which explains its own photographs "
-    "worse, is not fitted to the end: claims that rest on it are undecided until it is",
+    "worse on the scenes of a claim, by more than 0.1 dB in the centre, is not fitted to the end: the claim is "
+    "undecided until it is",
     "budgets": "a verdict that turns when each fit has half or twice the steps is undecided",
     "not testable here": "rows, scenes or scores are missing in this run, or the claim needs what is not here. "
     "A row without a score on one scene is never judged on the others",
@@ -64,9 +65,13 @@ OWN: dict[ClaimVerdict, ClaimVerdict] = {
 """The words of graycard's own questions."""
 
 
+OPEN: Final = frozenset({"undecided", "open"})
+"""Verdicts that more scenes or seeds may change."""
+
+
 def is_decided(verdict: ClaimVerdict) -> bool:
     """Tell if a verdict says more than that nobody knows."""
-    return verdict not in ("undecided", "open", "not testable here")
+    return verdict not in OPEN and verdict != "not testable here"
 
 
 def levels_for(deciding: int, level: float) -> float:
@@ -78,7 +83,7 @@ def levels_for(deciding: int, level: float) -> float:
 
 
 def verdict_of(check: Check, effect: Effect, by: str) -> ClaimVerdict:
-    """The verdict on one check of a claim that is judged by ``all`` or ``any`` of them."""
+    """Return the verdict on one check of a claim that is judged by ``all`` or ``any`` of them."""
     against, for_it = (effect.strict, effect.interval) if by == "all" else (effect.interval, effect.strict)
     if check.rule == "within":
         return _within(check, against, for_it)
@@ -93,7 +98,7 @@ def verdict_of(check: Check, effect: Effect, by: str) -> ClaimVerdict:
 
 
 def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
-    """The verdict of a claim from those of its deciding checks."""
+    """Return the verdict of a claim from those of its deciding checks."""
     ranked = sorted(verdicts, key=ORDER.index)
     return ranked[0] if by == "all" else ranked[-1]
 
@@ -104,7 +109,7 @@ def is_negligible(check: Check, interval: Interval) -> bool:
 
 
 def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
-    """What the interval says against the claim; None if nothing."""
+    """Return what the interval says against the claim; None if nothing."""
     least = check.range[0] if check.range else -math.inf
     if is_negligible(check, interval):
         return "no effect"

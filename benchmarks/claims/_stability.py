@@ -53,16 +53,25 @@ def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> 
     ]
 
 
-def same_share(found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str) -> float | None:
+def same_share(
+    found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str, others: Sequence[ClaimVerdict] = ()
+) -> float | None:
     """The share of refits in which a claim has the verdict found; None where no check's noise is known.
 
     Checks of a claim are refitted independently; one of unknown noise keeps its verdict.
+
+    Args:
+        found: The verdict of the claim.
+        checks: Its deciding checks that could be made.
+        levels: Of their intervals.
+        by: How the claim is judged.
+        others: Verdicts of deciding checks that could not be made.
     """
     columns = [refit_verdicts(check, levels, by, stream) for stream, check in enumerate(checks)]
     if all(column is None for column in columns):
         return None
     whole = [column or [check.verdict] * REFITS for column, check in zip(columns, checks, strict=True)]
-    return sum(combined(row, by) == found for row in zip(*whole, strict=True)) / REFITS
+    return sum(combined([*row, *others], by) == found for row in zip(*whole, strict=True)) / REFITS
 
 
 def _refits(effects: np.ndarray, centre: np.ndarray | float, noise: float, random: np.random.Generator) -> np.ndarray:

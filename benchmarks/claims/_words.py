@@ -6,20 +6,23 @@ from collections.abc import Sequence
 
 from graycard.benchmarks.claims._claim import Check, Claim
 from graycard.benchmarks.claims._effects import Effect
-from graycard.benchmarks.claims._rules import is_negligible, signs_agree
+from graycard.benchmarks.claims._rules import is_negligible
+from graycard.eval.statistics import least_level, least_scenes
 from graycard.records import CheckResult, ClaimVerdict, MetricRecord, RowMean
 
 _TELLS: dict[ClaimVerdict, str] = {
     "reproduced": "as claimed",
-    "direction only": "the sign is as claimed, the size is not",
-    "not supported": "not shown by these scenes",
+    "larger than claimed": "as claimed, and more than that",
+    "smaller than claimed": "less than claimed",
+    "no effect": "too small to count",
     "contradicted": "the opposite of the claim",
-    "not checkable": "cannot be checked here",
+    "undecided": "these scenes leave it open",
+    "not testable here": "cannot be tested here",
 }
 
 
 def effect_words(check: Check) -> str:
-    """How the effect is made from rows."""
+    """Say how the effect is made from rows."""
     first, *others = check.rows if check.expects == "higher" else check.rows[::-1]
     sign = "/" if check.scale == "ratio" else "−"
     if check.rule == "monotone":
@@ -38,33 +41,45 @@ def effect_words(check: Check) -> str:
 
 
 def rule_words(check: Check, unit: str) -> str:
-    """What makes a check reproduced."""
+    """Say what makes a check reproduced."""
     if check.rule == "within":
         assert check.accepted is not None, "the file was refused without"
         return f"the whole interval {span_words(check.accepted, unit)}"
-    words = "the sign is certain"
+    words = f"the whole interval is above {number(check.neutral)}{of_unit(unit)}"
     if check.negligible:
-        words += f", some of the interval is outside of {_negligible_words(check, unit)}"
+        words += f", not all of it in {_negligible_words(check, unit)}"
     if check.rule == "monotone":
         words += ", every step goes the claimed way"
     if check.range is None:
         return f"{words}; the paper names no size"
-    return f"{words}, and the mean {span_words(check.range, unit)}"
+    return f"{words}, and some of it {span_words(check.range, unit)}"
 
 
-def reason_words(check: Check, verdict: ClaimVerdict, effect: Effect, unit: str, quantity: str) -> str:
-    """What a verdict rests on."""
+def reason_words(
+    check: Check, verdict: ClaimVerdict, effect: Effect, scenes: int, level: float, told: CheckResult
+) -> str:
+    """Say what a verdict rests on.
+
+    Args:
+        check: What was asked.
+        verdict: By the rules.
+        effect: What was measured.
+        scenes: On how many scenes.
+        level: Of the interval.
+        told: The check with its quantity and unit in words.
+    """
     low, high = effect.interval
+    unit = of_unit(told.unit)
     found = (
-        f"{_TELLS[verdict]}: {quantity}, {effect_words(check)} = {number(effect.mean)}{of_unit(unit)} "
-        f"({number(low)} to {number(high)}, {len(effect.scenes)} scenes)"
+        f"{_TELLS[verdict]}: {told.quantity}, {effect_words(check)} = {number(effect.estimate)}{unit} "
+        f"({number(low)} to {number(high)}, {scenes} scenes)"
     )
-    if check.negligible and is_negligible(check, effect):
-        found += f"; negligible: {_negligible_words(check, unit)} counts as no difference"
-    elif verdict == "not supported" and not signs_agree(check, effect):
-        found += f"; by ranks p = {number(effect.p_rank)}"
+    if check.along is None and level > least_level(scenes):
+        found += f"; an interval at {100 * level:.4g} % needs {least_scenes(level)} scenes"
+    if check.negligible and is_negligible(check, effect.interval):
+        found += f"; {_negligible_words(check, told.unit)} counts as no difference"
     if check.paper is not None:
-        found += f"; the paper: {number(check.paper)}{of_unit(unit)}"
+        found += f"; the paper: {number(check.paper)}{unit}"
     return found
 
 
@@ -75,7 +90,7 @@ def _negligible_words(check: Check, unit: str) -> str:
 
 
 def limits_words(record: MetricRecord, bound: RowMean, trivial: RowMean) -> str:
-    """What is possible and what costs nothing, as in ``upper bound truth 42.5 dB, trivial gray 16.5 dB``."""
+    """Say what is possible and what costs nothing, as in ``upper bound truth 42.5 dB, trivial gray 16.5 dB``."""
     named = ("upper bound", bound), ("trivial", trivial)
     return ", ".join(f"{what} {row.row} {_value_words(row, record)}" for what, row in named)
 
@@ -90,7 +105,7 @@ def _value_words(row: RowMean, record: MetricRecord) -> str:
 def beside_words(
     check: Check, record: MetricRecord, rows: Sequence[RowMean], bound: RowMean, trivial: RowMean
 ) -> str:
-    """What the upper bound and the trivial row make of a lead; empty where they raise no doubt."""
+    """Say what the upper bound and the trivial row make of a lead; empty where they raise no doubt."""
     if check.rule != "better" or record.group == "cost":
         return ""
     if len(rows) == 1:
@@ -108,7 +123,7 @@ def beside_words(
 
 
 def _trivial(record: MetricRecord, rows: Sequence[RowMean], trivial: RowMean) -> list[str]:
-    """The rows of a lead that the trivial one is no worse than."""
+    """Say which rows of a lead the trivial one is no worse than."""
     others = [row for row in rows if row.row != trivial.row]
     lower = [row for row in others if row.value is not None and _beats(record, trivial.value, row.value)]
     if not lower:
@@ -119,7 +134,7 @@ def _trivial(record: MetricRecord, rows: Sequence[RowMean], trivial: RowMean) ->
 
 
 def _alike(check: Check, record: MetricRecord, row: RowMean, trivial: RowMean) -> str:
-    """Of one row alone: whether the trivial one shows the same."""
+    """Say if the trivial row shows the same as one row alone; empty if not."""
     if row.value is None or trivial.value is None:
         return ""
     further = trivial.value - row.value if check.expects == "higher" else row.value - trivial.value
@@ -129,7 +144,13 @@ def _alike(check: Check, record: MetricRecord, row: RowMean, trivial: RowMean) -
 
 
 def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResult]) -> str:
-    """The verdict of a claim in a sentence or two."""
+    """Say in a sentence or two what a claim's verdict by the rules comes from.
+
+    Args:
+        claim: With how it is judged.
+        verdict: That of the rules, before anything holds it back.
+        checks: Its checks, with verdicts in the same words.
+    """
     if claim.unavailable:
         return claim.unavailable
     deciding = [check for check in checks if check.decides]
@@ -137,14 +158,14 @@ def claim_words(claim: Claim, verdict: ClaimVerdict, checks: Sequence[CheckResul
     reasons = list(dict.fromkeys(check.reason for check in telling))
     if len(deciding) == 1:
         return reasons[0]
-    if verdict == "not checkable" and len(reasons) > 1:
+    if verdict == "not testable here" and len(reasons) > 1:
         return f"{reasons[0]} (and {len(reasons) - 1} more reasons)"
     words = "; ".join(reason.removeprefix(f"{_TELLS[verdict]}: ") for reason in reasons)
     return f"{len(telling)} of {len(deciding)} checks, {_TELLS[verdict]}: {words}"
 
 
 def span_words(span: tuple[float, float], unit: str) -> str:
-    """Where a number has to be, as in ``lies in 2.7 to 10.8 dB`` or ``is at most 0.5 dB``."""
+    """Say where a number has to be, as in ``lies in 2.7 to 10.8 dB`` or ``is at most 0.5 dB``."""
     low, high = span
     if math.isinf(low):
         return f"is at most {number(high)}{of_unit(unit)}"
@@ -154,19 +175,21 @@ def span_words(span: tuple[float, float], unit: str) -> str:
 
 
 def number(value: float | None) -> str:
-    """Three significant digits."""
+    """Return three significant digits."""
     if value is None:
         return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
 
 
 def of_unit(unit: str) -> str:
-    """A unit behind a number; none where there is none."""
+    """Return a unit as it stands behind a number; empty where there is none."""
     return "" if unit in ("1", "") else unit if unit == "×" else f" {unit}"
 
 
 def _beats(record: MetricRecord, one: float | None, other: float) -> bool:
-    """Whether a value is as good as another, or better."""
+    """Tell if a value is as good as another, or better."""
     if one is None:
         return False
     return one >= other if record.higher_is_better else one <= other
