@@ -49,13 +49,13 @@ class Sample:
 
     @property
     def places(self) -> np.ndarray | None:
-        """Where each scene stands along the check's knob; None without one."""
+        """Return where each scene stands along the check's knob; None without one."""
         along = self.check.along
         return None if along is None else np.array([knob_of(scene, along.knob) for scene in self.scenes])
 
     @property
     def centre(self) -> np.ndarray | float:
-        """What single scenes scatter about: the estimate, or the line along a knob."""
+        """Return what single scenes scatter about: the estimate, or the line along a knob."""
         places = self.places
         if places is None:
             return locate(self.effects).estimate
@@ -80,7 +80,7 @@ class Effect:
 
 
 def sample_of(check: Check, track: str, readings: Readings) -> Sample:
-    """The effects of a check.
+    """Return the effects of a check.
 
     Raises:
         RecordError: It cannot be made from this run; the text says why.
@@ -104,7 +104,7 @@ def sample_of(check: Check, track: str, readings: Readings) -> Sample:
 
 
 def summarise(sample: Sample, levels: Levels) -> Effect:
-    """Estimate and intervals of a sample."""
+    """Return estimate and intervals of a sample."""
     ends = effects_at(sample, sample.effects[:, None], levels)
     steps = [step_at(step[:, None], sample.steps.shape[1], levels) for step in sample.steps.T]
     (estimate, *usual), (_, *strict) = ([sample.back(float(end[0])) for end in found] for found in ends)
@@ -121,7 +121,7 @@ Ends = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends, Ends]:
-    """Estimates and ends at both levels for many samples of the same scenes.
+    """Return estimates and ends at both levels for many samples of the same scenes.
 
     Args:
         sample: Whose scenes they are.
@@ -137,18 +137,25 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
 
 
 def step_at(drawn: np.ndarray, steps: int, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
-    """Estimates and upper ends of one of several steps, such that all ends hold together."""
+    """Return estimates and upper ends of one of several steps, such that all ends hold together."""
     middle, _, high = locations(drawn, 1 - (1 - levels.strict) / steps)
     return middle, high
 
 
+def spread_of(sample: Sample) -> float:
+    """Return the standard deviation of the effects about what they scatter about, scenes and fits together."""
+    rest = sample.effects - sample.centre
+    rest = rest - rest.mean()
+    return math.sqrt(float(rest @ rest) / (len(rest) - (2 if sample.check.along else 1)))
+
+
 def p_of(sample: Sample) -> float | None:
-    """The exact signed-rank p against no effect; None along a knob, where ranks say nothing."""
+    """Return the exact signed-rank p against no effect; None along a knob, where ranks say nothing."""
     return None if sample.check.along else signed_rank_p(sample.effects)
 
 
 def courses_of(check: Check, values: np.ndarray) -> np.ndarray:
-    """Values of the rows as they are averaged, in the claimed sense, less those of ``minus``.
+    """Return values of the rows as they are averaged, in the claimed sense, less those of ``minus``.
 
     Args:
         check: With its rows.
@@ -170,7 +177,7 @@ def courses_of(check: Check, values: np.ndarray) -> np.ndarray:
 
 
 def effects_of(check: Check, courses: np.ndarray) -> np.ndarray:
-    """One number for each course: a row less what it is judged by, or the change along the levels."""
+    """Return one number for each course: a row less what it is judged by, or the change along the levels."""
     effects = courses @ weights_of(check)
     if check.rule == "monotone" or len(check.rows) == 2:
         return effects
@@ -179,7 +186,7 @@ def effects_of(check: Check, courses: np.ndarray) -> np.ndarray:
 
 
 def weights_of(check: Check) -> np.ndarray:
-    """How much each row of a course adds to the effect, shape ``(rows,)``."""
+    """Return how much each row of a course adds to the effect, shape ``(rows,)``."""
     if check.rule != "monotone":
         return np.array([1.0, -1.0][: len(check.rows)])
     centred = np.array(check.places) - np.mean(check.places)
@@ -187,7 +194,7 @@ def weights_of(check: Check) -> np.ndarray:
 
 
 def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: float) -> Ends:
-    """The change between two values of a knob by least squares, with Student's interval."""
+    """Return the change between two values of a knob by least squares, with Student's interval."""
     from scipy import stats  # takes a second to import
 
     centred = places - places.mean()
@@ -200,7 +207,7 @@ def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: fl
 
 
 def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRecord, ...], np.ndarray]:
-    """The scenes that have the quantity, and the values of all rows, shape ``(scenes, seeds, rows)``."""
+    """Return the scenes that have the quantity, and the values of all rows, shape ``(scenes, seeds, rows)``."""
     rows = *check.rows, *check.minus
     if missing := readings.missing_rows(rows):
         raise RecordError(f"the run has no row {', '.join(missing)}")
@@ -218,7 +225,7 @@ def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRec
 
 
 def _even(found: Sequence[Sequence[Sequence[Reading]]]) -> np.ndarray:
-    """Values of as many seeds for each row and scene; the means, where these differ in number."""
+    """Return values of as many seeds for each row and scene; the means, where these differ in number."""
     counts = {len(seeds) for row in found for seeds in row}
     values = [[[float(r.value) for r in seeds if r.value is not None] for seeds in row] for row in found]
     if len(counts) > 1:
@@ -227,7 +234,7 @@ def _even(found: Sequence[Sequence[Sequence[Reading]]]) -> np.ndarray:
 
 
 def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Sequence[Reading]]]) -> None:
-    """A row without a value on a scene is not left out: its hard scenes would be."""
+    """Refuse a row without a value on a scene. It is not left out: its hard scenes would be."""
     gaps = dict.fromkeys(
         f"{row} {reading.reason}"
         for scene in found
@@ -241,7 +248,7 @@ def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Sequence[Reading]
 
 
 def _exponential(value: float) -> float:
-    """The exponential function, infinite where floats end."""
+    """Return the exponential function, infinite where floats end."""
     return math.exp(value) if value < 709 else math.inf
 
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from graycard.benchmarks.claims._claim import Check, Claim, Paper
+from graycard.benchmarks.claims._claim import Check, Claim, Paper, load_claims
 from graycard.benchmarks.claims._judge import judge_claims, judge_paper
+from graycard.benchmarks.claims._needs import with_needs
 from graycard.benchmarks.claims._rules import OPEN
 from graycard.records import CheckResult, ClaimResult, Ledger, PaperResult, RunRecord
 from graycard.synth import SceneSpec, resolved_knobs
@@ -16,7 +17,7 @@ NOT_TESTABLE = "not testable here"
 
 
 def judge_run(record: RunRecord, run: Path, names: Sequence[str], **options: Any) -> Ledger:
-    """The ledger of a run; where scenes were added until claims were decided, by the rule of such runs.
+    """Return the ledger of a run; where scenes were added until claims were decided, by the rule of such runs.
 
     A claim has the verdict of the look that decided it, else that of the last. Papers that were not pursued
     are judged on the scenes of the suite.
@@ -31,15 +32,17 @@ def judge_run(record: RunRecord, run: Path, names: Sequence[str], **options: Any
         UnknownNameError: There are no such claims.
         RecordError: A file of claims is broken, or is made for the runs of another suite.
     """
+    papers = [load_claims(name) for name in names]
     if record.looks is None:
-        return replace(judge_claims(record, run, names, **options), edition=record.edition)
+        found = replace(judge_claims(record, run, names, **options), edition=record.edition)
+        return with_needs(found, record, papers)
     found, pursued = None, record.looks.claims
     for number in range(len(record.looks.made)):
         at_look = record.at_look(number)
         later = judge_claims(at_look, run, names, level=record.looks.level, **options)
         found = later if found is None else _followed(found, later, pursued)
     assert found is not None, "a run that was recorded has a look"
-    return replace(found, edition=record.edition)
+    return with_needs(replace(found, edition=record.edition), record, papers)
 
 
 def _followed(ledger: Ledger, later: Ledger, pursued: Sequence[str]) -> Ledger:

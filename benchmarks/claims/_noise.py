@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from graycard.benchmarks.claims._claim import Check, Quantity, Scenes
-from graycard.benchmarks.claims._effects import Sample, courses_of, effects_of, weights_of
+from graycard.benchmarks.claims._effects import Sample, courses_of, effects_of, spread_of, weights_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.eval.statistics import split_variance
 from graycard.records import SceneRecord, read_run
@@ -81,7 +81,7 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
         return None
     if set(fitted) <= measured.readings.rows:
         return _direct(check, fitted, measured)
-    return _by_stand_ins(check, fitted, readings, measured)
+    return _by_stand_ins(sample, fitted, readings, measured)
 
 
 @cache
@@ -107,9 +107,10 @@ def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNois
 
 
 def _by_stand_ins(
-    check: Check, fitted: Sequence[str], run: Readings, measured: _Measured
+    sample: Sample, fitted: Sequence[str], run: Readings, measured: _Measured
 ) -> FitNoise | None:
     """Return the noise by the sum of the rows' variances: of each row itself, or the largest of those that stand in for it."""
+    check = sample.check
     weights = dict(zip(check.rows, weights_of(check), strict=True))
     weights |= dict(zip(check.minus, weights_of(check), strict=False))
     variance, used = 0.0, list[str]()
@@ -125,7 +126,20 @@ def _by_stand_ins(
         variance += (weights[row] * spreads[largest]) ** 2
         used.append(largest)
     rows = ", ".join(_once(used))
-    return FitNoise(math.sqrt(variance), f"{rows} in {measured.readings.suite}, standing in for these rows")
+    source = f"{rows} in {measured.readings.suite}, standing in for these rows"
+    return _capped(FitNoise(math.sqrt(variance), source), sample)
+
+
+def _capped(noise: FitNoise, sample: Sample) -> FitNoise:
+    """Return noise of stand-ins that is no larger than the whole spread of the effects.
+
+    Fits of two variants begin with the same seed and may err alike, which the sum of their variances does not
+    know. The scenes do: their effects spread by the noise and by what the scenes differ in.
+    """
+    spread = spread_of(sample)
+    if noise.sd <= spread:
+        return noise
+    return FitNoise(spread, f"all of the spread between scenes, which is below that of {noise.source}")
 
 
 def _once(rows: Sequence[str]) -> list[str]:

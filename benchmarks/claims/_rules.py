@@ -19,8 +19,9 @@ RULES = {
     "interval": "of the centre of effects over scenes (Hodges-Lehmann), at 95 % by the exact signed-rank test, "
     f"from {_LEAST} scenes; seeds of a scene are averaged first, so it holds what scenes and fits differ by",
     "better": "contradicted: the whole interval is below no effect. No effect: all of it is nearer to none than "
-    "the check's margin. Smaller than claimed: all of it is below the band of the claim. Larger than claimed: "
-    "all of it is above the band. Reproduced: it is above no effect and meets the band. Undecided: else",
+    "the check's margin. Smaller than claimed: all of it is below the band of the claim, or below the upper end "
+    "of the margin. Larger than claimed: all of it is above the band. Reproduced: it is above no effect and meets "
+    "the band. Undecided: else",
     "band": "half to twice the paper's figure unless the check says otherwise; any size, where the paper names none",
     "within": "reproduced: the whole interval lies within the bounds. Contradicted: it lies outside of them. "
     "Undecided: it crosses one",
@@ -109,13 +110,19 @@ def is_negligible(check: Check, interval: Interval) -> bool:
 
 
 def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
-    """Return what the interval says against the claim; None if nothing."""
-    least = check.range[0] if check.range else -math.inf
+    """Return what the interval says against the claim; None if nothing.
+
+    A claim that names no size claims more than the check's margin. So does one of any size above none: were an
+    interval that begins below the margin undecided, a scene that is more favourable could turn it to no effect.
+    """
+    high = interval[1]
     if is_negligible(check, interval):
         return "no effect"
-    if interval[1] < check.neutral:
+    if high < check.neutral:
         return "contradicted"
-    return "smaller than claimed" if interval[1] < least else None
+    if check.negligible and high <= check.neutral + check.negligible:
+        return "smaller than claimed"
+    return "smaller than claimed" if check.range and high < check.range[0] else None
 
 
 def _within(check: Check, against: Interval, for_it: Interval) -> ClaimVerdict:

@@ -7,18 +7,19 @@ predictor of least error, Searle, Casella and McCulloch 1992, chapter 7), and a 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from graycard.benchmarks.claims._effects import Effect, Levels, Sample, effects_at, step_at
 from graycard.benchmarks.claims._noise import FitNoise
-from graycard.benchmarks.claims._rules import combined, verdict_of
+from graycard.benchmarks.claims._rules import STABLE, combined, verdict_of
 from graycard.records import ClaimVerdict
 
 REFITS: Final = 1000
 _SEED: Final = 30
+_SEEDS: Final = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +33,7 @@ class Judged:
 
 
 def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> list[ClaimVerdict] | None:
-    """The verdict on a check in each of many simulated refits; None where the noise of fits is not known.
+    """Return the verdict on a check in each of many simulated refits; None where the noise of fits is not known.
 
     Args:
         judged: The check.
@@ -56,7 +57,7 @@ def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> 
 def same_share(
     found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str, others: Sequence[ClaimVerdict] = ()
 ) -> float | None:
-    """The share of refits in which a claim has the verdict found; None where no check's noise is known.
+    """Return the share of refits in which a claim has the verdict found; None where no check's noise is known.
 
     Checks of a claim are refitted independently; one of unknown noise keeps its verdict.
 
@@ -74,8 +75,32 @@ def same_share(
     return sum(combined([*row, *others], by) == found for row in zip(*whole, strict=True)) / REFITS
 
 
+def seeds_for(
+    found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str, others: Sequence[ClaimVerdict] = ()
+) -> int | None:
+    """Return the fewest fits of each scene whose means would give a verdict again in :data:`STABLE` of refits.
+
+    Args:
+        found: As of :func:`same_share`, like all that follow.
+
+    Returns:
+        One of a few numbers up to 64; None where not even so many are enough.
+    """
+    for seeds in _SEEDS:
+        finer = [replace(check, noise=_averaged(check.noise, seeds)) for check in checks]
+        share = same_share(found, finer, levels, by, others)
+        if share is not None and share >= STABLE:
+            return seeds
+    return None
+
+
+def _averaged(noise: FitNoise | None, seeds: int) -> FitNoise | None:
+    """Return the noise of so many fits of each scene."""
+    return None if noise is None else replace(noise, seeds=max(seeds, noise.seeds))
+
+
 def _refits(effects: np.ndarray, centre: np.ndarray | float, noise: float, random: np.random.Generator) -> np.ndarray:
-    """Effects of the same scenes fitted anew, shape ``(scenes, REFITS)``."""
+    """Return effects of the same scenes fitted anew, shape ``(scenes, REFITS)``."""
     spread = float(((effects - centre) ** 2).sum() / max(len(effects) - 1, 1))
     kept = max(0.0, 1 - noise**2 / spread) if spread > 0 else 0.0
     middle = centre + kept * (effects - centre)
@@ -89,7 +114,7 @@ def _effect(
     strict: Sequence[np.ndarray],
     steps: Sequence[tuple[np.ndarray, np.ndarray]],
 ) -> Effect:
-    """One refit as a summary."""
+    """Return one refit as a summary."""
     back = sample.back
     return Effect(
         back(usual[0][k]),

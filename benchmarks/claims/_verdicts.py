@@ -4,10 +4,11 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity
-from graycard.benchmarks.claims._effects import Levels, Sample, p_of, sample_of, summarise
+from graycard.benchmarks.claims._effects import Levels, Sample, p_of, sample_of, spread_of, summarise
 from graycard.benchmarks.claims._fitted import budget_of, suspension
 from graycard.benchmarks.claims._noise import FitNoise, noise_of
 from graycard.benchmarks.claims._readings import Reading, Readings
@@ -20,7 +21,7 @@ from graycard.benchmarks.claims._rules import (
     levels_for,
     verdict_of,
 )
-from graycard.benchmarks.claims._stability import Judged, same_share
+from graycard.benchmarks.claims._stability import Judged, same_share, seeds_for
 from graycard.benchmarks.claims._words import (
     beside_words,
     claim_words,
@@ -70,62 +71,91 @@ class _Made:
     judged: Judged | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Deciding:
+    """The checks that a verdict follows from."""
+
+    made: Sequence[Judged]
+    others: Sequence[ClaimVerdict]
+    """Verdicts of those that could not be made."""
+    asked: _Asked
+
+    @classmethod
+    def of(cls, checks: Sequence[_Made], asked: _Asked) -> "_Deciding":
+        mine = [check for check in checks if check.result.decides]
+        others = [check.result.verdict for check in mine if check.judged is None]
+        return cls([check.judged for check in mine if check.judged is not None], others, asked)
+
+    @property
+    def verdict(self) -> ClaimVerdict:
+        """The verdict of the rules."""
+        return combined([*(check.verdict for check in self.made), *self.others], self.asked.by)
+
+    @property
+    def stability(self) -> float | None:
+        """The share of refits with the same verdict; None where nobody knows."""
+        return same_share(self.verdict, self.made, self.asked.levels, self.asked.by, self.others)
+
+    def needs(self) -> str:
+        """Say how many fits of each scene would make the verdict stable."""
+        seeds = seeds_for(self.verdict, self.made, self.asked.levels, self.asked.by, self.others)
+        return "more scenes: no number of seeds is enough" if seeds is None else f"about {seeds} seeds a scene"
+
+
+class _Held(NamedTuple):
+    """Why a verdict of the rules is held back, and what would free it; both empty if it stands."""
+
+    why: str = ""
+    needs: str = ""
+
+
 def judge_claim(claim: Claim, case: Case) -> ClaimResult:
     """Return the verdict on a claim with everything that it follows from."""
     asked = _Asked.of(claim, case.level)
     made = [_check(check, claim, case, asked) for check in claim.checks]
-    verdict = NOT_TESTABLE if claim.unavailable else _combined(made, asked)
-    stability = None if verdict == NOT_TESTABLE else _stability(verdict, made, asked)
-    held = "" if verdict == NOT_TESTABLE else _held(claim, verdict, stability, case, asked)
+    deciding = _Deciding.of(made, asked)
+    verdict = NOT_TESTABLE if claim.unavailable else deciding.verdict
+    stability = None if verdict == NOT_TESTABLE else deciding.stability
+    held = _Held() if verdict == NOT_TESTABLE else _held(claim, deciding, stability, case)
     checks = tuple(one.result for one in made)
-    text = claim_words(claim, verdict, checks)
     own = OWN if claim.asked_by == "graycard" else {}
-    before = own.get(verdict, verdict) if held and is_decided(verdict) else None
-    final: ClaimVerdict = "undecided" if held else verdict
+    final: ClaimVerdict = "undecided" if held.why else verdict
     return ClaimResult(
         claim.id,
         claim.sentence,
         claim.source,
         own.get(final, final),
-        text,
+        claim_words(claim, verdict, checks),
         RULES[claim.verdict_by],
         tuple(replace(check, verdict=own.get(check.verdict, check.verdict)) for check in checks),
         claim.asked_by,
         stability,
-        held,
-        before,
-        budget=budget_of(claim, case.paper, case.readings, case.here),
-        figures=claim.figures,
-        notes=claim.notes,
+        held.why,
+        own.get(verdict, verdict) if held.why and is_decided(verdict) else None,
+        held.needs,
+        budget_of(claim, case.paper, case.readings, case.here),
+        claim.figures,
+        claim.notes,
     )
 
 
-def _combined(made: Sequence[_Made], asked: _Asked) -> ClaimVerdict:
-    return combined([one.result.verdict for one in made if one.result.decides], asked.by)
-
-
-def _stability(verdict: ClaimVerdict, made: Sequence[_Made], asked: _Asked) -> float | None:
-    """Return the share of refits in which the claim has the same verdict; None where nobody knows."""
-    deciding = [one for one in made if one.result.decides]
-    checks = [one.judged for one in deciding if one.judged is not None]
-    others = [one.result.verdict for one in deciding if one.judged is None]
-    return same_share(verdict, checks, asked.levels, asked.by, others)
-
-
-def _held(claim: Claim, verdict: ClaimVerdict, stability: float | None, case: Case, asked: _Asked) -> str:
-    """Say why a verdict of the rules is held back; empty if it stands."""
+def _held(claim: Claim, deciding: "_Deciding", stability: float | None, case: Case) -> _Held:
+    """Say why a verdict of the rules is held back, if it is."""
+    verdict, asked = deciding.verdict, deciding.asked
     if short := suspension(claim, case.paper, case.readings):
-        return short
+        return _Held(short, "fits that are run to the end")
     if not is_decided(verdict):
-        return ""
+        return _Held()
     for factor, readings in sorted(case.budgets.items()):
         other = replace(case, readings=readings, budgets={})
-        found = _combined([_check(check, claim, other, asked) for check in claim.checks], asked)
+        found = _Deciding.of([_check(check, claim, other, asked) for check in claim.checks], asked).verdict
         if found not in (verdict, NOT_TESTABLE):
-            return f"{verdict} turns to {found} with {factor:g} times the steps"
+            why = f"{verdict} turns to {found} with {factor:g} times the steps"
+            return _Held(why, "fits of so many steps that more do not turn the verdict")
     if stability is not None and stability < STABLE:
-        return f"{verdict}, but only {stability:.0%} of simulated refits of these scenes say so"
-    return ""
+        why = f"{verdict}, but only {stability:.0%} of simulated refits of these scenes say so"
+        return _Held(why, deciding.needs())
+    return _Held()
 
 
 def _check(check: Check, claim: Claim, case: Case, asked: _Asked) -> _Made:
@@ -137,7 +167,7 @@ def _check(check: Check, claim: Claim, case: Case, asked: _Asked) -> _Made:
     effect = summarise(sample, asked.levels)
     verdict = verdict_of(check, effect, asked.by)
     judged = Judged(sample, effect, verdict, noise_of(sample, case.paper.track, case.readings))
-    alone = same_share(verdict, [judged], asked.levels, "all" if asked.by == "all" else "any")
+    alone = same_share(verdict, [judged], asked.levels, asked.by)
     result = replace(
         told,
         verdict=verdict,
@@ -203,10 +233,7 @@ def _beside(result: CheckResult, judged: Judged, claim: Claim, case: Case) -> Ch
 
 def _scene_sd(sample: Sample, noise: FitNoise | None) -> float:
     """Return the spread between scenes, less that which fits make."""
-    rest = sample.effects - sample.centre
-    free = len(rest) - (2 if sample.check.along else 1)
-    total = float((rest - rest.mean()) @ (rest - rest.mean())) / free
-    return math.sqrt(max(0.0, total - (noise.sd_of_mean**2 if noise else 0.0)))
+    return math.sqrt(max(0.0, spread_of(sample) ** 2 - (noise.sd_of_mean**2 if noise else 0.0)))
 
 
 def _at_budgets(check: Check, case: Case, asked: _Asked) -> dict[str, float]:
