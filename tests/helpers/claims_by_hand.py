@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Claims and runs whose verdicts can be worked out on paper, and the signed-rank interval by counting signs."""
+"""Claims and runs whose verdicts can be worked out by hand, and the signed-rank interval by counting."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,11 +16,14 @@ from runs_by_hand import Values, result_of, run_of
 SPREAD = np.array([-0.3, 0.2, -0.1, 0.4, -0.2, 0.1, 0.3, -0.4])
 """Of eight scenes, symmetric about 0.
 
-Their Walsh averages begin -0.4, -0.35, -0.3, -0.3. Of 256 patterns of signs 5 have a rank sum of 3 or less, 2 one of
-1 or less, 1 that of 0: the interval is 0.3 wide to either side at 95 %, 0.35 at 98 % and 0.4 at 99 %.
+Their Walsh averages begin -0.4, -0.35, -0.3, -0.3. Of 256 patterns of signs 5 have a rank sum of 3 or less, 2
+one of 1 or less, 1 that of 0: the interval is 0.3 wide to either side at 95 %, 0.35 at 98 % and 0.4 at 99 %.
 """
 BASE = 30 + np.arange(8.0)
 """Scenes differ far more than methods do: only differences scene by scene can tell."""
+
+LEVELS = ("a", "b", "c")
+"""Rows of a course."""
 
 
 def values(mean: float, spread: np.ndarray = SPREAD) -> list[float]:
@@ -64,6 +67,12 @@ def against(mean: float, spread: np.ndarray = SPREAD) -> RunRecord:
 def led_by(effects: Sequence[float]) -> RunRecord:
     """``mine`` is ahead of ``theirs`` by so much on each scene."""
     return run_of({"mine": {"psnr": list(effects)}, "theirs": {"psnr": [0.0] * len(effects)}})
+
+
+def course(*means: float) -> RunRecord:
+    """Three rows with these means; scenes differ in how steep they are, by half the spread a level."""
+    steps = enumerate(means)
+    return run_with(**{n: values(m, i * SPREAD / 2) for n, (i, m) in zip(LEVELS, steps, strict=True)})
 
 
 def seeded(effects: np.ndarray) -> RunRecord:
