@@ -17,7 +17,11 @@ def judge_arithmetic(found: Arithmetic) -> ClaimResult:
     checks = _means(found) if found.stated else _distinct(found)
     wrong = [check.reason for check in checks if check.verdict == "inconsistent"]
     verdict: ClaimVerdict = "inconsistent" if wrong else "consistent"
-    text = f"does not follow from its own entries: {'. '.join(wrong)}" if wrong else "follows from its own entries"
+    text = (
+        f"does not follow from its own entries: {'. '.join(wrong)}"
+        if wrong
+        else "follows from its own entries"
+    )
     return ClaimResult(
         found.id, found.sentence, found.source, verdict, text, RULES["arithmetic"], checks, notes=found.notes
     )

@@ -133,7 +133,9 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
     places = sample.places
     assert places is not None, "there is a knob"
     along = sample.check.along
-    return changes_along(along, places, drawn, levels.usual), changes_along(along, places, drawn, levels.strict)
+    return changes_along(along, places, drawn, levels.usual), changes_along(
+        along, places, drawn, levels.strict
+    )
 
 
 def step_at(drawn: np.ndarray, steps: int, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
@@ -143,7 +145,9 @@ def step_at(drawn: np.ndarray, steps: int, levels: Levels) -> tuple[np.ndarray, 
 
 
 def spread_of(sample: Sample) -> float:
-    """Return the standard deviation of the effects about what they scatter about, scenes and fits together."""
+    """Return the standard deviation of the effects about what they scatter about, scenes and fits
+    together.
+    """
     rest = sample.effects - sample.centre
     rest = rest - rest.mean()
     return math.sqrt(float(rest @ rest) / (len(rest) - (2 if sample.check.along else 1)))
@@ -207,7 +211,9 @@ def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: fl
 
 
 def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRecord, ...], np.ndarray]:
-    """Return the scenes that have the quantity, and the values of all rows, shape ``(scenes, seeds, rows)``."""
+    """Return the scenes that have the quantity, and the values of all rows, shape ``(scenes, seeds,
+    rows)``.
+    """
     rows = *check.rows, *check.minus
     if missing := readings.missing_rows(rows):
         raise RecordError(f"the run has no row {', '.join(missing)}")
@@ -250,5 +256,3 @@ def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Sequence[Reading]
 def _exponential(value: float) -> float:
     """Return the exponential function, infinite where floats end."""
     return math.exp(value) if value < 709 else math.inf
-
-

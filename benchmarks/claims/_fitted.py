@@ -16,7 +16,8 @@ from graycard.records import Budget, RowFit, SceneRecord
 TRAINING: Final = Quantity("training_view.psnr")
 HELD_OUT: Final = Quantity("novel_view.psnr")
 WORSE_BY: Final = 0.1
-"""Decibels by which a model may explain its photographs worse than one that it contains: rounding of a fit."""
+"""Decibels by which a model may explain its photographs worse than one that it contains: rounding of a
+fit."""
 
 
 def suspension(claim: Claim, paper: Paper, readings: Readings) -> str:

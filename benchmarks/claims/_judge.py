@@ -100,7 +100,8 @@ def judge_paper(
 
 
 def made_for_others(suite: str, names: Iterable[str]) -> dict[str, str]:
-    """Return files of claims that are made for the runs of another suite than ``suite``, with the name of theirs.
+    """Return files of claims that are made for the runs of another suite than ``suite``, with the name of
+    theirs.
 
     Claims that name no suite are about any run with their rows.
 

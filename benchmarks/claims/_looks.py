@@ -17,7 +17,8 @@ NOT_TESTABLE = "not testable here"
 
 
 def judge_run(record: RunRecord, run: Path, names: Sequence[str], **options: Any) -> Ledger:
-    """Return the ledger of a run; where scenes were added until claims were decided, by the rule of such runs.
+    """Return the ledger of a run; where scenes were added until claims were decided, by the rule of such
+    runs.
 
     A claim has the verdict of the look that decided it, else that of the last. Papers that were not pursued
     are judged on the scenes of the suite.

@@ -23,7 +23,9 @@ def with_needs(ledger: Ledger, record: RunRecord, papers: Sequence[Paper]) -> Le
         replace(
             paper,
             claims=tuple(
-                replace(c, needs=needs_words(c, [n for n in needs if (n.paper, n.claim) == (paper.name, c.id)]))
+                replace(
+                    c, needs=needs_words(c, [n for n in needs if (n.paper, n.claim) == (paper.name, c.id)])
+                )
                 for c in paper.claims
             ),
         )

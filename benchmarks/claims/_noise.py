@@ -17,7 +17,8 @@ from graycard.eval.statistics import split_variance
 from graycard.records import SceneRecord, read_run
 
 FOLDER: Final = Path(__file__).parent / "noise"
-"""Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds; without single views."""
+"""Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds; without single
+views."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ class _Measured:
 
 
 def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
-    """Return the fit noise of a check: from the run's own seeds, or from measured rows; None where nobody measured it.
+    """Return the fit noise of a check: from the run's own seeds, or from measured rows; None where nobody
+    measured it.
 
     Args:
         sample: The effects of the check in the run.
@@ -96,11 +98,15 @@ def _measured(track: str) -> _Measured | None:
 
 def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNoise | None:
     """Return the spread of the effect itself; rows that are not fitted have none."""
-    columns = {row: measured.by_seed(row, check.quantity) for row in fitted}
-    known = [column for column in columns.values() if column is not None]
-    if len(known) < len(columns) or len({column.shape for column in known}) > 1:
+    columns: dict[str, np.ndarray] = {}
+    for row in fitted:
+        column = measured.by_seed(row, check.quantity)
+        if column is None:
+            return None
+        columns[row] = column
+    if len({column.shape for column in columns.values()}) > 1:
         return None
-    even = np.ones_like(known[0])
+    even = np.ones_like(columns[fitted[0]])
     values = np.stack([columns.get(row, even) for row in (*check.rows, *check.minus)], axis=-1)
     effects = effects_of(check, courses_of(check, values))
     return FitNoise(_pooled(effects), f"{', '.join(_once(fitted))} in {measured.readings.suite}")
@@ -109,7 +115,9 @@ def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNois
 def _by_stand_ins(
     sample: Sample, fitted: Sequence[str], run: Readings, measured: _Measured
 ) -> FitNoise | None:
-    """Return the noise by the sum of the rows' variances: of each row itself, or the largest of those that stand in for it."""
+    """Return the noise by the sum of the rows' variances: of each row itself, or the largest of those that
+    stand in for it.
+    """
     check = sample.check
     weights = dict(zip(check.rows, weights_of(check), strict=True))
     weights |= dict(zip(check.minus, weights_of(check), strict=False))

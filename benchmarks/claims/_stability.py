@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """How often refits of the same scenes would give the same verdict, by simulation.
 
-A refit keeps the scenes and draws the fits anew. What a scene's effect is apart from the noise of its fit is known
-only up to that noise: it is drawn about the value that shrinks the measured one towards the centre of all (the
-predictor of least error, Searle, Casella and McCulloch 1992, chapter 7), and a new fit is drawn about it.
+A refit keeps the scenes and draws the fits anew. What a scene's effect is apart from the noise of its fit is
+known only up to that noise: it is drawn about the value that shrinks the measured one towards the centre of
+all (the predictor of least error, Searle, Casella and McCulloch 1992, chapter 7), and a new fit is drawn
+about it.
 """
 
 from collections.abc import Sequence
@@ -33,7 +34,8 @@ class Judged:
 
 
 def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> list[ClaimVerdict] | None:
-    """Return the verdict on a check in each of many simulated refits; None where the noise of fits is not known.
+    """Return the verdict on a check in each of many simulated refits; None where the noise of fits is not
+    known.
 
     Args:
         judged: The check.
@@ -49,15 +51,18 @@ def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> 
     steps = [_refits(step, float(step.mean()), noise, random) for step in sample.steps.T]
     ends = [step_at(step, len(steps), levels) for step in steps]
     usual, strict = effects_at(sample, drawn, levels)
-    return [
-        verdict_of(sample.check, _effect(sample, k, usual, strict, ends), by) for k in range(REFITS)
-    ]
+    return [verdict_of(sample.check, _effect(sample, k, usual, strict, ends), by) for k in range(REFITS)]
 
 
 def same_share(
-    found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str, others: Sequence[ClaimVerdict] = ()
+    found: ClaimVerdict,
+    checks: Sequence[Judged],
+    levels: Levels,
+    by: str,
+    others: Sequence[ClaimVerdict] = (),
 ) -> float | None:
-    """Return the share of refits in which a claim has the verdict found; None where no check's noise is known.
+    """Return the share of refits in which a claim has the verdict found; None where no check's noise is
+    known.
 
     Checks of a claim are refitted independently; one of unknown noise keeps its verdict.
 
@@ -76,12 +81,16 @@ def same_share(
 
 
 def seeds_for(
-    found: ClaimVerdict, checks: Sequence[Judged], levels: Levels, by: str, others: Sequence[ClaimVerdict] = ()
+    found: ClaimVerdict,
+    checks: Sequence[Judged],
+    levels: Levels,
+    by: str,
+    others: Sequence[ClaimVerdict] = (),
 ) -> int | None:
-    """Return the fewest fits of each scene whose means would give a verdict again in :data:`STABLE` of refits.
+    """Return the fewest fits of each scene whose means would give a verdict again in :data:`STABLE` of
+    refits.
 
-    Args:
-        found: As of :func:`same_share`, like all that follow.
+    Arguments are those of :func:`same_share`.
 
     Returns:
         One of a few numbers up to 64; None where not even so many are enough.
@@ -99,7 +108,9 @@ def _averaged(noise: FitNoise | None, seeds: int) -> FitNoise | None:
     return None if noise is None else replace(noise, seeds=max(seeds, noise.seeds))
 
 
-def _refits(effects: np.ndarray, centre: np.ndarray | float, noise: float, random: np.random.Generator) -> np.ndarray:
+def _refits(
+    effects: np.ndarray, centre: np.ndarray | float, noise: float, random: np.random.Generator
+) -> np.ndarray:
     """Return effects of the same scenes fitted anew, shape ``(scenes, REFITS)``."""
     spread = float(((effects - centre) ** 2).sum() / max(len(effects) - 1, 1))
     kept = max(0.0, 1 - noise**2 / spread) if spread > 0 else 0.0

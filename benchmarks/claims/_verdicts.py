@@ -83,7 +83,7 @@ class _Deciding:
     @classmethod
     def of(cls, checks: Sequence[_Made], asked: _Asked) -> "_Deciding":
         mine = [check for check in checks if check.result.decides]
-        others = [check.result.verdict for check in mine if check.judged is None]
+        others: list[ClaimVerdict] = [check.result.verdict for check in mine if check.judged is None]
         return cls([check.judged for check in mine if check.judged is not None], others, asked)
 
     @property
@@ -99,7 +99,9 @@ class _Deciding:
     def needs(self) -> str:
         """Say how many fits of each scene would make the verdict stable."""
         seeds = seeds_for(self.verdict, self.made, self.asked.levels, self.asked.by, self.others)
-        return "more scenes: no number of seeds is enough" if seeds is None else f"about {seeds} seeds a scene"
+        return (
+            "more scenes: no number of seeds is enough" if seeds is None else f"about {seeds} seeds a scene"
+        )
 
 
 class _Held(NamedTuple):

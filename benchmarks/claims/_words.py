@@ -90,7 +90,9 @@ def _negligible_words(check: Check, unit: str) -> str:
 
 
 def limits_words(record: MetricRecord, bound: RowMean, trivial: RowMean) -> str:
-    """Say what is possible and what costs nothing, as in ``upper bound truth 42.5 dB, trivial gray 16.5 dB``."""
+    """Say what is possible and what costs nothing, as in ``upper bound truth 42.5 dB, trivial gray 16.5
+    dB``.
+    """
     named = ("upper bound", bound), ("trivial", trivial)
     return ", ".join(f"{what} {row.row} {_value_words(row, record)}" for what, row in named)
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The centre of few values of unknown shape, with the interval of the exact signed-rank test.
 
-The Hodges-Lehmann estimate is the median of all Walsh averages, the means of every two values and of each value
-with itself. Counted in from both ends by the exact signed-rank distribution, they bound the centre of a symmetric
-distribution (Hollander, Wolfe and Chicken 2014, section 3.2). All three numbers rise with every value: a scene
-that is more favourable never makes the interval less so, which an interval around a mean does not promise.
+The Hodges-Lehmann estimate is the median of all Walsh averages, the means of every two values and of each
+value with itself. Counted in from both ends by the exact signed-rank distribution, they bound the centre of a
+symmetric distribution (Hollander, Wolfe and Chicken 2014, section 3.2). All three numbers rise with every
+value: a scene that is more favourable never makes the interval less so, which an interval around a mean does
+not promise.
 """
 
 from collections.abc import Sequence
@@ -82,7 +83,8 @@ def least_level(count: int) -> float:
 def _steps_inward(count: int, error: float) -> int:
     """Return how many Walsh averages are cut off at each end; -1 where not even all of them suffice.
 
-    Twice the chance that the signed-rank statistic of ``count`` values is that small must not exceed ``error``.
+    Twice the chance that the signed-rank statistic of ``count`` values is that small must not exceed
+    ``error``.
     """
     ways = np.zeros(count * (count + 1) // 2 + 1)
     ways[0] = 1

@@ -95,5 +95,7 @@ def _deviance(layout: _Layout, ratio: float) -> float:
     spread = 1 + ratio * layout.counts
     free = int(layout.counts.sum()) - 1
     return float(
-        free * math.log(_within(layout, ratio)) + np.log(spread).sum() + math.log((layout.counts / spread).sum())
+        free * math.log(_within(layout, ratio))
+        + np.log(spread).sum()
+        + math.log((layout.counts / spread).sum())
     )

@@ -60,7 +60,8 @@ class ClaimsCommand:
     """Also write the verdicts into a published folder, its page and the history above it.
     Without a run: into the file of --json, and the history beside that."""
     json: Json = None
-    """Also write the ledger to this file; what undecided claims need with --power, the changes with --history."""
+    """Also write the ledger to this file; what undecided claims need with --power, the changes with
+    --history."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Judge the claims; a contradicted claim is a finding, no failure.

@@ -21,8 +21,8 @@ ClaimVerdict = Literal[
     "holds", "does not hold", "open",
     "consistent", "inconsistent",
 ]  # fmt: skip
-"""Words for claims of papers; then those for graycard's own questions, which share ``not testable here``; then
-those for the figures of a paper's table held against each other."""
+"""Words for claims of papers; then those for graycard's own questions, which share ``not testable here``;
+then those for the figures of a paper's table held against each other."""
 
 Asker = Literal["paper", "graycard"]
 
@@ -190,8 +190,8 @@ def read_ledger(run: Path) -> Ledger | None:
     data = read_json(path)
     if isinstance(data, dict) and data.get("format_version") == 1:
         raise RecordError(
-            f"expected claims of format version {CLAIMS_VERSION} in {path}, got version 1, whose verdicts mean "
-            "something else. Judge the run again: graycard claims RUN"
+            f"expected claims of format version {CLAIMS_VERSION} in {path}, got version 1, whose verdicts "
+            "mean something else. Judge the run again: graycard claims RUN"
         )
     return read_record(Ledger, path, "graycard-claims", CLAIMS_VERSION)
 

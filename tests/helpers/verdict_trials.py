@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trials of the rule of verdicts: coverage of its interval, errors of its words, and their power.
+
+``python tests/helpers/verdict_trials.py`` prints the tables of docs/claims.md. An effect over scenes has a
+centre, the pseudomedian that the Hodges-Lehmann estimate is of; deviations are drawn from five distributions
+of standard deviation 1. The band of the claim is 0.5 to 2 times its size.
+"""
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from graycard.benchmarks.claims import Check, Quantity
+from graycard.benchmarks.claims._effects import Effect, Levels
+from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
+from graycard.eval.statistics import LEVEL, locations
+
+SIZE = 2.0
+"""Of the claimed effect, in standard deviations between scenes."""
+CHECK = Check(
+    "a", "it is better", "better", Quantity("psnr"), ("mine", "theirs"), "higher", paper=SIZE, negligible=0.1
+)
+COUNTS = (6, 8, 12, 20, 40)
+Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
+
+
+@dataclass(frozen=True, slots=True)
+class Shares:
+    """Shares of trials."""
+
+    covered: float
+    """In which the interval holds the true effect."""
+    words: Mapping[str, float]
+    """With each verdict."""
+
+
+def _outlier(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Return normal values of which the first scene is eight standard deviations off."""
+    values = random.standard_normal(shape)
+    values[0] += 8
+    return values
+
+
+def _skewed(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    return random.standard_exponential(shape) - 0.839  # the root of (1 + 2 m) exp(-2 m) = 1/2
+
+
+def _lognormal(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    values = random.lognormal(0.0, 0.75, shape)
+    return (values - _LOGNORMAL_CENTRE) / _LOGNORMAL_SD
+
+
+def _pseudomedian(draw: Callable[[np.random.Generator, int], np.ndarray]) -> float:
+    random = np.random.default_rng(2)
+    return float(np.median((draw(random, 4_000_000) + draw(random, 4_000_000)) / 2))
+
+
+_LOGNORMAL_CENTRE = _pseudomedian(lambda random, count: random.lognormal(0.0, 0.75, count))
+_LOGNORMAL_SD = float(np.sqrt((np.exp(0.75**2) - 1) * np.exp(0.75**2)))
+
+SHAPES: Mapping[str, Draw] = {
+    "normal": lambda random, shape: random.standard_normal(shape),
+    "exponential": _skewed,
+    "lognormal": _lognormal,
+    "Student's t, 3": lambda random, shape: random.standard_t(3, shape) / np.sqrt(3),
+    "one outlier": _outlier,
+}
+
+
+def shares(shape: str, effect: float, count: int, trials: int = 20_000, seed: int = 0) -> Shares:
+    """Return how often the rule gives each verdict on an effect.
+
+    Args:
+        shape: Name of the distribution of scenes.
+        effect: The true centre.
+        count: Scenes.
+        trials: Number of draws.
+        seed: Of the draws.
+    """
+    drawn = effect + SHAPES[shape](np.random.default_rng([seed, count]), (count, trials))
+    middle, low, high = locations(drawn)
+    words: dict[str, int] = {}
+    for ends in zip(middle, low, high, strict=True):
+        estimate, *interval = map(float, ends)
+        span = interval[0], interval[1]
+        word = verdict_of(CHECK, Effect(estimate, span, span), "all")
+        words[word] = words.get(word, 0) + 1
+    covered = float(((low <= effect) & (effect <= high)).mean())
+    return Shares(covered, {word: times / trials for word, times in words.items()})
+
+
+FALSE = {
+    "reproduced": 0.0,
+    "contradicted": 0.0,
+    "smaller than claimed": SIZE / 2,
+    "larger than claimed": SIZE * 2,
+}
+"""Words, and the true effect at which they are false and likeliest."""
+
+
+def wrong_claims(checks: int, shape: str, count: int, trials: int = 4_000, seed: int = 0) -> float:
+    """Return how often a claim with several checks is called smaller than claimed, or contradicted, falsely.
+
+    Every check has the least effect of the band, and its scenes are drawn apart from those of the others.
+    """
+    random = np.random.default_rng([seed, count, checks])
+    levels = Levels(LEVEL, levels_for(checks, LEVEL))
+    found = []
+    for _ in range(checks):
+        drawn = SIZE / 2 + SHAPES[shape](random, (count, trials))
+        middle, *usual = locations(drawn, levels.usual)
+        _, *strict = locations(drawn, levels.strict)
+        ends = zip(middle, *usual, *strict, strict=True)
+        found.append([verdict_of(CHECK, Effect(m, (a, b), (c, d)), "all") for m, a, b, c, d in ends])
+    verdicts = (combined(one, "all") for one in zip(*found, strict=True))
+    return (
+        sum(verdict in ("contradicted", "no effect", "smaller than claimed") for verdict in verdicts) / trials
+    )
+
+
+def main() -> None:
+    """Print coverage, false words and power by distribution and number of scenes, then claims of several
+    checks."""
+    heads = "distribution", "n", "covered", *(f"false {word}" for word in FALSE)
+    _row(*heads, "reproduced at 1.5", "reproduced at 2", "refuted at 0")
+    _row(*["---"] * (len(heads) + 3))
+    for shape in SHAPES:
+        for count in COUNTS:
+            at = {effect: shares(shape, effect, count) for effect in {0.0, *FALSE.values(), 1.5, SIZE}}
+            wrong = [share_of(at[effect].words, word) for word, effect in FALSE.items()]
+            power = [share_of(at[effect].words, "reproduced") for effect in (1.5, SIZE)]
+            refuted = sum(
+                at[0.0].words.get(w, 0.0) for w in ("contradicted", "no effect", "smaller than claimed")
+            )
+            _row(shape, str(count), *map(_percent, (at[0.0].covered, *wrong, *power, refuted)))
+    sys.stdout.write("\n")
+    checks = 1, 2, 3, 5, 10
+    _row("distribution", "n", *(f"{number} checks" for number in checks))
+    _row(*["---"] * (len(checks) + 2))
+    for shape in SHAPES:
+        for count in (8, 20):
+            _row(shape, str(count), *(_percent(wrong_claims(number, shape, count)) for number in checks))
+
+
+def share_of(words: Mapping[str, float], word: str) -> float:
+    """Return the share of a word; larger than claimed counts as reproduced, too."""
+    also = words.get("larger than claimed", 0.0) if word == "reproduced" else 0.0
+    return words.get(word, 0.0) + also
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"
+
+
+def _row(*cells: str) -> None:
+    sys.stdout.write(f"| {' | '.join(cells)} |\n")
+
+
+if __name__ == "__main__":
+    main()
