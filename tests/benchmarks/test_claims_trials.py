@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rule of verdicts on random tables: it is monotone, and its words are seldom false."""
+
+import math
+
+import numpy as np
+import pytest
+
+from graycard.benchmarks.claims import Check, Quantity
+from graycard.benchmarks.claims._effects import Effect, Levels
+from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
+from graycard.eval.statistics import LEVEL, locate
+from graycard.records import ClaimVerdict
+from verdict_trials import COUNTS, FALSE, SHAPES, SIZE, share_of, shares, wrong_claims
+
+RANK: dict[ClaimVerdict, int] = {
+    "contradicted": 0,
+    "no effect": 1,
+    "smaller than claimed": 1,
+    "undecided": 2,
+    "reproduced": 3,
+    "larger than claimed": 4,
+}
+"""How favourable a word is to a claim."""
+
+
+def random_check(random: np.random.Generator) -> Check:
+    """Return a check with or without a band, a margin and bounds."""
+    rule = "within" if random.random() < 0.2 else "better"
+    size = float(random.uniform(0.1, 3))
+    if rule == "within":
+        return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=(-size, math.inf))
+    bands = None, (size / 2, 2 * size), (-size, size), (0.0, math.inf), (size, math.inf)
+    return Check(
+        "a", "", rule, Quantity("m"), ("a", "b"), "higher",
+        accepted=bands[random.integers(len(bands))], negligible=float(random.choice([0.0, 0.1, 1.0])),
+    )  # fmt: skip
+
+
+def judged(check: Check, effects: np.ndarray, levels: Levels, by: str) -> ClaimVerdict:
+    found, strict = locate(effects, levels.usual), locate(effects, levels.strict)
+    return verdict_of(check, Effect(found.estimate, found.interval, strict.interval), by)
+
+
+def random_effects(random: np.random.Generator, count: int) -> np.ndarray:
+    """Return effects of one of many shapes, some with ties and some with an outlier."""
+    effects = random.normal(random.normal(0, 2), random.choice([0.05, 0.5, 2.0]), count)
+    if random.random() < 0.3:
+        effects = np.round(effects, 1)
+    if random.random() < 0.3:
+        effects[random.integers(count)] += random.choice([-20.0, 20.0])
+    return effects
+
+
+def test_no_scene_that_is_more_favourable_makes_a_verdict_less_so() -> None:
+    """10,000 tables of one to four checks, of which some scenes are made better."""
+    random, words = np.random.default_rng(30), set[str]()
+    for _ in range(10_000):
+        by = "all" if random.random() < 0.7 else "any"
+        checks = [random_check(random) for _ in range(random.integers(1, 5))]
+        count = int(random.choice(COUNTS[:4]))
+        levels = Levels(LEVEL, levels_for(len(checks), LEVEL))
+        before = [random_effects(random, count) for _ in checks]
+        after = [effects.copy() for effects in before]
+        raised = after[random.integers(len(checks))]
+        raised[random.integers(count, size=random.integers(1, count + 1))] += random.exponential(2.0)
+        pairs = zip(checks, before, after, strict=True)
+        found = [(judged(c, b, levels, by), judged(c, a, levels, by)) for c, b, a in pairs]
+        old, new = (combined(words, by) for words in zip(*found, strict=True))
+        assert RANK[new] >= RANK[old], (checks, before, after, old, new)
+        words |= {old, new}
+    assert words == set(RANK)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_words_are_false_in_five_percent_at_most(shape: str) -> None:
+    """The docs have the figures of 20,000 trials; four standard errors are left for 4,000."""
+    slack = 4 * math.sqrt(0.05 * 0.95 / 4000)
+    for count in (6, 12, 40):
+        for word, effect in FALSE.items():
+            assert share_of(shares(shape, effect, count, trials=4000).words, word) <= 0.05 + slack
+    assert shares(shape, 0.0, 12, trials=4000).covered >= 0.95 - slack
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_claims_of_several_checks_are_refuted_falsely_in_five_percent_at_most(shape: str) -> None:
+    slack = 4 * math.sqrt(0.05 * 0.95 / 2000)
+    for checks in (2, 5):
+        assert wrong_claims(checks, shape, 12, trials=2000) <= 0.05 + slack
+
+
+def test_what_is_claimed_and_true_is_found() -> None:
+    """Power on eight normal scenes, and none without six."""
+    assert share_of(shares("normal", SIZE, 8, trials=4000).words, "reproduced") > 0.98
+    assert shares("normal", SIZE, 5, trials=200).words == {"undecided": 1.0}
