@@ -65,7 +65,9 @@ def claims(tmp_path: Path) -> str:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    rows = {"mine": [35.0, 35.5, 36.5], "theirs": [30.0, 31.0, 31.0], "gray": [10.0] * 3, "bound": [50.0] * 3}
+    """``mine`` leads by 4.5 to 5.5 dB on six scenes; of six the interval goes from the least to the greatest."""
+    lead = (4.5, 4.75, 4.875, 5.125, 5.25, 5.5)
+    rows = {"mine": [30 + e for e in lead], "theirs": [30.0] * 6, "gray": [10.0] * 6, "bound": [50.0] * 6}
     write_json(tmp_path / "run" / "run.json", run_of({row: {"psnr": v} for row, v in rows.items()}))
     return tmp_path / "run"
 
@@ -77,12 +79,14 @@ def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.Captu
     assert "A paper of mine, claims version 3" in lines
     first = next(line for line in lines if line.startswith("M1"))
     assert "reproduced" in first
-    assert "PSNR, mine − theirs = 5 dB (3.76 to 6.24, 3 scenes); the paper: 5 dB" in first
+    assert "PSNR, mine − theirs = 5 dB (4.5 to 5.5, 6 scenes); the paper: 5 dB" in first
     told = next(line for line in lines if line.startswith("told"))
     assert "contradicted (decides nothing)" in told
+    assert "-5.5 to -4.5" in told
     assert "bound: 50" in told
     assert lines[-1].startswith(
-        "claims: 1 reproduced, 0 direction only, 0 not supported, 0 contradicted, 1 not"
+        "claims: 1 reproduced, 0 larger than claimed, 0 smaller than claimed, 0 no effect, 0 contradicted, "
+        "0 undecided, 1 not testable here, 0 holds, 0 does not hold, 0 open, 0 consistent, 0 inconsistent; "
     )
     ledger = read_ledger(run)
     assert ledger is not None
@@ -90,7 +94,9 @@ def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.Captu
     assert ledger.run_sha256 == sha256(run / "run.json")
     assert ledger.papers[0].claims_sha256 == sha256(Path(claims))
     assert ledger.methods["mine"] == "what mine is"
-    assert find_claim(ledger, "M2").verdict == "not checkable"
+    assert find_claim(ledger, "M2").verdict == "not testable here"
+    assert ledger.level == 0.95
+    assert ledger.format_version == 2
     with pytest.raises(RecordError, match="expected a claim of this ledger, got 'M3'"):
         find_claim(ledger, "M3")
 
@@ -151,8 +157,8 @@ def test_a_run_that_no_claims_are_made_for_is_held_against_all_if_asked(
         "gsid",
         "sunfaded",
     ]
-    assert find_claim(ledger, "GA1").verdict == "contradicted"
-    assert all(claim.verdict == "not checkable" for claim in ledger.papers[4].claims)
+    assert find_claim(ledger, "GA1").verdict == "inconsistent"
+    assert all(claim.verdict == "not testable here" for claim in ledger.papers[4].claims)
     assert "the run has no row sunfaded, appearance" in capsys.readouterr().out
 
 
@@ -168,9 +174,7 @@ def test_tables_of_papers_need_no_run(tmp_path: Path, capsys: pytest.CaptureFixt
     """And what is published of them is what the command writes."""
     copy = tmp_path / "tables.json"
     assert main(["claims", "--json", str(copy)]) == 0
-    assert (
-        "claims: 1 reproduced, 0 direction only, 0 not supported, 5 contradicted" in capsys.readouterr().out
-    )
+    assert "0 open, 1 consistent, 5 inconsistent" in capsys.readouterr().out
     ledger = from_builtins(Ledger, read_json(copy))
     assert [c.id for paper in ledger.papers for c in paper.claims] == [
         "RA1",
@@ -183,7 +187,7 @@ def test_tables_of_papers_need_no_run(tmp_path: Path, capsys: pytest.CaptureFixt
     assert ledger.run_sha256 == ""
     assert copy.read_bytes() == (ROOT / "reports" / "published" / "tables.json").read_bytes()
     assert main(["claims", "--claims", "goris"]) == 0
-    assert "0 reproduced, 0 direction only, 0 not supported, 1 contradicted" in capsys.readouterr().out
+    assert "0 open, 0 consistent, 1 inconsistent" in capsys.readouterr().out
 
 
 def test_what_is_wrong_is_said(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -192,3 +196,37 @@ def test_what_is_wrong_is_said(run: Path, tmp_path: Path, capsys: pytest.Capture
     assert main(["claims", str(tmp_path)]) == 2
     assert "expected a run folder with run.json" in capsys.readouterr().err
     assert read_ledger(tmp_path) is None
+
+
+def test_a_ledger_of_the_first_format_is_refused_with_advice(run: Path, claims: str) -> None:
+    """Its verdicts have other meanings, whatever else it holds."""
+    assert main(["claims", str(run), "--claims", claims]) == 0
+    ledger = read_ledger(run)
+    write_json(run / CLAIMS, read_json(run / CLAIMS) | {"format_version": 1})
+    with pytest.raises(
+        RecordError, match=r"(?s)version 2 in .*claims\.json.*got version 1.*graycard claims RUN"
+    ):
+        read_ledger(run)
+    write_json(run / CLAIMS, {"format": "graycard-claims", "format_version": 1, "papers": "anything"})
+    with pytest.raises(RecordError, match="Judge the run again: graycard claims RUN"):
+        read_ledger(run)
+    assert main(["claims", str(run), "--claims", claims]) == 0, "the advice helps"
+    assert read_ledger(run) == ledger
+    write_json(run / CLAIMS, read_json(run / CLAIMS) | {"format_version": 3})
+    with pytest.raises(RecordError) as newer:
+        read_ledger(run)
+    assert "Judge the run again" not in str(newer.value)
+
+
+def test_questions_of_graycards_own_stand_apart(
+    run: Path, claims: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = OWN_CLAIMS.replace('source = "Table 1"', 'source = "Table 1"\nasked_by = "graycard"', 1)
+    Path(claims).write_text(own)
+    assert main(["claims", str(run), "--claims", claims]) == 0
+    said = capsys.readouterr().out
+    papers, asked = said.split("graycard's own questions, which no paper claims")
+    assert "M2" in papers
+    assert "M1" not in papers
+    assert any(line.startswith("M1") and "holds" in line for line in asked.splitlines())
+    assert "1 not testable here, 1 holds, 0 does not hold, 0 open" in said

@@ -208,15 +208,17 @@ def arithmetic(**more: Any) -> ClaimResult:
 
 def test_a_mean_that_is_none() -> None:
     found = arithmetic()
-    assert found.verdict == "contradicted"
-    assert found.text == "contradicted by its own entries: the mean of 24.51, 23.60 is 24.055, not 22.71"
-    assert found.checks[0].mean == pytest.approx(24.055)
+    assert found.verdict == "inconsistent"
+    assert found.text == "does not follow from its own entries: the mean of 24.51, 23.60 is 24.055, not 22.71"
+    assert found.checks[0].estimate == pytest.approx(24.055)
     assert found.checks[0].paper == 22.71
+    assert found.checks[0].accepted == pytest.approx((22.70, 22.72)), "both are rounded to a hundredth"
+    assert (found.stability, found.suspended, found.needs) == (None, "", "")
 
 
 @pytest.mark.parametrize(
     ("stated", "expected"),
-    [(24.05, "reproduced"), (24.06, "reproduced"), (24.065, "reproduced"), (24.07, "contradicted")],
+    [(24.05, "consistent"), (24.06, "consistent"), (24.065, "consistent"), (24.07, "inconsistent")],
 )
 def test_both_are_rounded(stated: float, expected: str) -> None:
     assert arithmetic(stated={"a": stated}).verdict == expected
@@ -225,15 +227,15 @@ def test_both_are_rounded(stated: float, expected: str) -> None:
 def test_one_mean_that_is_wrong_among_right_ones() -> None:
     entries = {"a": (1.0, 2.0), "b": (1.0, 3.0)}
     found = arithmetic(entries=entries, stated={"a": 1.5, "b": 2.5})
-    assert [check.verdict for check in found.checks] == ["reproduced", "contradicted"]
+    assert [check.verdict for check in found.checks] == ["consistent", "inconsistent"]
     assert "the mean of 1.00, 3.00 is 2.000, not 2.50" in found.text
     assert arithmetic(entries=entries, stated={"a": 1.5, "b": 2.0}).text == "follows from its own entries"
 
 
 def test_rows_that_are_the_same() -> None:
     same = arithmetic(entries={"a": (1.5, 2.0), "b": (1.5, 2.0)}, stated={})
-    assert same.text == "contradicted by its own entries: a and b are both 1.50, 2.00"
-    assert arithmetic(entries={"a": (1.5, 2.0), "b": (1.5, 2.1)}, stated={}).verdict == "reproduced"
+    assert same.text == "does not follow from its own entries: a and b are both 1.50, 2.00"
+    assert arithmetic(entries={"a": (1.5, 2.0), "b": (1.5, 2.1)}, stated={}).verdict == "consistent"
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,15 @@ import graycard.eval as ge
 from graycard.benchmarks.claims import judge_paper, load_claims
 from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecord, Score, ScoreSheet
 
-FAMILIES = (*(f for f in ("glossy-table", "metal-table", "marble-table") for _ in range(2)), "curved-table")
-ROUGHNESS = (0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1)
+FAMILIES = (*(f for f in ("glossy-table", "metal-table", "marble-table") for _ in range(4)), "curved-table")
+ROUGHNESS = (0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1)
+"""Of scenes that shine: enough for claims of ten checks, which are asked at more than 99.6 %."""
 SCENES = (
     *(
         SceneRecord("tabletop", f"s{i}", family, i, "", "", "", {"roughness": rough})
         for i, (family, rough) in enumerate(zip(FAMILIES, ROUGHNESS, strict=True))
     ),
-    SceneRecord("tabletop", "s7", "matte-table", 7, "", "", "", {}),
+    SceneRecord("tabletop", "s13", "matte-table", 13, "", "", "", {}),
 )
 PRINTED = {
     "goris": 31.91, "goris-no-transport": 28.60, "goris-no-filter": 31.44, "goris-no-effect-mask": 31.64,
@@ -100,19 +101,26 @@ def as_in_the_paper() -> dict[str, dict[str, float]]:
     return rows | {"input": seen, "truth": dict.fromkeys(GAINS, 45.0)}
 
 
+ASKED = {f"R{n}" for n in (14, 15, 17, 18, 19, 20)}
+"""By graycard, of which the paper says nothing."""
+
+
 def test_where_the_papers_figures_hold_every_claim_is_reproduced() -> None:
     found = verdicts(as_in_the_paper())
     lacking = {"R2", "R3", "R11", "R16"}
-    assert found == {
-        f"R{n}": "not checkable" if f"R{n}" in lacking else "reproduced" for n in range(1, 21)
-    }, "no real photographs; one matte scene; no networks that inpaint; two changes of the code missing"
+    expected = {f"R{n}": "holds" if f"R{n}" in ASKED else "reproduced" for n in range(1, 21)}
+    assert found == expected | dict.fromkeys(lacking, "not testable here"), (
+        "no real photographs; one matte scene; no networks that inpaint; two changes of the code missing"
+    )
 
 
 def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
     alike = {row: scores_of("removal", 25.0) for row in as_in_the_paper()}
     found = verdicts(alike)
-    assert not {claim for claim, verdict in found.items() if verdict == "reproduced"}
-    assert found["R17"] == "not checkable", "nothing is taken apart"
+    assert not {
+        claim for claim, verdict in found.items() if verdict in ("reproduced", "larger than claimed", "holds")
+    }
+    assert found["R17"] == "not testable here", "nothing is taken apart"
 
 
 @pytest.mark.parametrize(
@@ -150,7 +158,8 @@ def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
 )
 def test_one_figure_of_the_other_sign_contradicts(row: str, metric: str, value: float, claim: str) -> None:
     table = as_in_the_paper()
-    assert verdicts(table | {row: table[row] | {metric: value}})[claim] == "contradicted"
+    expected = "does not hold" if claim in ASKED else "contradicted"
+    assert verdicts(table | {row: table[row] | {metric: value}})[claim] == expected
 
 
 @pytest.mark.parametrize(
@@ -170,15 +179,15 @@ def test_what_stands_in_for_the_papers_figure_decides_nothing(
     assert verdicts(table | {row: table[row] | {metric: value}})[claim] == verdicts(table)[claim]
 
 
-MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(5))
+MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(8))
 RIVALS = ("removal", "grouping", "removal-per-view", "removal-one-reference")
 
 
-def matte_verdict(**psnr: float) -> str:
-    """R3 on five matte tables, all rivals at 30 dB unless said otherwise."""
+def matte_verdict(scenes: tuple[SceneRecord, ...] = MATTE, **psnr: float) -> str:
+    """R3 on matte tables, all rivals at 30 dB unless said otherwise."""
     rows = dict.fromkeys(("goris", "goris-divided", *RIVALS), 30.0) | {"do-nothing": 20.0, "truth": 45.0}
     rows |= {row.replace("_", "-"): value for row, value in psnr.items()}
-    run = run_of({row: dict.fromkeys(GAINS[:2], value) for row, value in rows.items()}, MATTE)
+    run = run_of({row: dict.fromkeys(GAINS[:2], value) for row, value in rows.items()}, scenes)
     (found,) = (claim for claim in judge_paper(load_claims("goris-matte"), run) if claim.id == "R3")
     return found.verdict
 
@@ -186,6 +195,12 @@ def matte_verdict(**psnr: float) -> str:
 def test_on_a_par_where_nothing_shines() -> None:
     assert matte_verdict() == "reproduced"
     assert matte_verdict(grouping=28.0, removal_per_view=27.0) == "reproduced", "to be better is no fault"
+
+
+def test_five_matte_scenes_leave_it_undecided() -> None:
+    assert matte_verdict(MATTE[:5]) == "undecided"
+    assert matte_verdict(MATTE[:5], removal=20.0) == "undecided"
+    assert matte_verdict(MATTE[:6]) == "reproduced", "six can support"
 
 
 @pytest.mark.parametrize("row", RIVALS)
@@ -208,7 +223,7 @@ def test_what_is_alike_by_design_where_nothing_shines_says_nothing_of_parts() ->
     parts = {f"R{n}" for n in (4, 5, 6, 7, 8, 9, 13, 16)}
     counts = {len(check.scenes) for claim in ledgers if claim.id in parts for check in claim.checks
               if check.scenes and "time" not in check.id}  # fmt: skip
-    assert counts == {7}
+    assert counts == {13}
 
 
 def test_on_a_par_with_nothing_at_all_is_not_reproduced() -> None:
