@@ -65,7 +65,7 @@ def claims(tmp_path: Path) -> str:
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """``mine`` leads by 4.5 to 5.5 dB on six scenes; of six the interval goes from the least to the greatest."""
+    """``mine`` leads by 4.5 to 5.5 dB on six scenes, of which the interval holds all."""
     lead = (4.5, 4.75, 4.875, 5.125, 5.25, 5.5)
     rows = {"mine": [30 + e for e in lead], "theirs": [30.0] * 6, "gray": [10.0] * 6, "bound": [50.0] * 6}
     write_json(tmp_path / "run" / "run.json", run_of({row: {"psnr": v} for row, v in rows.items()}))

@@ -117,9 +117,8 @@ def test_where_the_papers_figures_hold_every_claim_is_reproduced() -> None:
 def test_where_all_rows_are_alike_nothing_is_reproduced() -> None:
     alike = {row: scores_of("removal", 25.0) for row in as_in_the_paper()}
     found = verdicts(alike)
-    assert not {
-        claim for claim, verdict in found.items() if verdict in ("reproduced", "larger than claimed", "holds")
-    }
+    favourable = {"reproduced", "larger than claimed", "holds"}
+    assert not favourable & set(found.values())
     assert found["R17"] == "not testable here", "nothing is taken apart"
 
 
@@ -179,7 +178,8 @@ def test_what_stands_in_for_the_papers_figure_decides_nothing(
     assert verdicts(table | {row: table[row] | {metric: value}})[claim] == verdicts(table)[claim]
 
 
-MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(8))
+MATTE = tuple(SceneRecord("tabletop", f"m{i}", "matte-table", i, "", "", "", {}) for i in range(9))
+"""Enough for six checks, each of which is enough to contradict."""
 RIVALS = ("removal", "grouping", "removal-per-view", "removal-one-reference")
 
 
