@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from graycard.benchmarks.claims import Check, Quantity, claims_power, judge_claims, load_claims
+from graycard.benchmarks.claims import Check, Quantity, claims_power, judge_claims, judge_run, load_claims
 from graycard.benchmarks.claims import _power as module
 from graycard.benchmarks.claims._power import MOST, least_count
 from graycard.cli import main
@@ -81,6 +81,32 @@ def test_an_open_claim_says_what_it_needs(run: Path) -> None:
     assert found.none.scenes > 8
     assert found.seen.hours == (found.seen.scenes - 8) * 1.5
     assert found == power_of(run), "equal runs give equal bits"
+
+
+def needs_of(run: Path, record: RunRecord) -> str:
+    return find_claim(judge_run(record, run, [str(run.parent / "mine.toml")]), "M1").needs
+
+
+def test_the_ledger_says_what_would_decide_a_claim(run: Path) -> None:
+    scenes = power_of(run).seen.scenes
+    said = f"about {scenes} scenes for 80% power, if the effect is as seen (psnr)"
+    assert needs_of(run, run_with(EFFECTS)) == said
+    assert needs_of(run, run_with((2.0, 2.1, 1.9, 2.2, 1.8, 2.3, 1.7, 2.05))) == "", "it is decided"
+
+
+def test_five_scenes_of_one_sign_need_a_few_more(run: Path) -> None:
+    """Of one sign p is below 5 % from six on."""
+    record = run_with((2.0, 2.1, 1.9, 2.2, 1.8))
+    assert find_claim(judge_claims(record, run, [str(run.parent / "mine.toml")]), "M1").verdict == "undecided"
+    assert needs_of(run, record).startswith("about 6 scenes for 80% power")
+
+
+def test_an_effect_that_no_number_of_scenes_finds_is_said_to_be_one(run: Path) -> None:
+    """Centred at the end of the margin and of the claimed sense at once, by effects of either sign."""
+    spread = (1.5, -1.5, 0.9, -0.9, 1.1, -1.1, 0.4, -0.4)
+    path = run.parent / "mine.toml"
+    path.write_text(CLAIMS.replace("paper = 2.0\n", "").replace("negligible = 0.25\n", ""))
+    assert needs_of(run, run_with(spread)) == "more than 400 scenes, if the effect is as small as seen (psnr)"
 
 
 def test_a_decided_claim_needs_nothing(run: Path) -> None:
