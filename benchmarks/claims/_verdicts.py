@@ -152,10 +152,10 @@ def _held(claim: Claim, deciding: "_Deciding", stability: float | None, case: Ca
         other = replace(case, readings=readings, budgets={})
         found = _Deciding.of([_check(check, claim, other, asked) for check in claim.checks], asked).verdict
         if found not in (verdict, NOT_TESTABLE):
-            why = f"{verdict} turns to {found} with {factor:g} times the steps"
+            why = f"with {factor:g} times the steps it turns to {found}"
             return _Held(why, "fits of so many steps that more do not turn the verdict")
     if stability is not None and stability < STABLE:
-        why = f"{verdict}, but only {stability:.0%} of simulated refits of these scenes say so"
+        why = f"only {stability:.0%} of simulated refits of these scenes give this verdict"
         return _Held(why, deciding.needs())
     return _Held()
 

@@ -10,12 +10,6 @@ _FIRST_EDITION = frozenset({"not supported", "direction only", "not checkable"})
 """Words of rules that asked other things of other intervals than are told here."""
 _OF_TABLES = frozenset({"consistent", "inconsistent"})
 NOT_TESTED = "not testable here"
-_OF_CHECKS = {
-    "holds": ("reproduced", "larger than claimed"),
-    "does not hold": ("no effect", "smaller than claimed", "contradicted"),
-    "open": ("undecided",),
-}
-"""Verdicts of checks that stand behind those of graycard's own questions."""
 
 
 def explain(before: ClaimEntry, after: ClaimEntry) -> str:
@@ -32,7 +26,8 @@ def explain(before: ClaimEntry, after: ClaimEntry) -> str:
 def _held_back(claim: ClaimEntry) -> str:
     """Return what a verdict comes from where it does not come from the intervals of checks."""
     if claim.suspended:
-        return f"by the rule {claim.before}, but {claim.suspended.rstrip('.')}"
+        rule = f"by the rule {claim.before}, but held back: " if claim.before else ""
+        return f"{rule}{claim.suspended.rstrip('.')}"
     if claim.verdict in _OF_TABLES:
         return "tables have words of their own, as they test no method"
     if claim.verdict == NOT_TESTED or not claim.checks:
@@ -42,8 +37,7 @@ def _held_back(claim: ClaimEntry) -> str:
 
 def _telling(claim: ClaimEntry) -> list[CheckEntry]:
     """Return the deciding checks that make the verdict of the claim."""
-    alike = (claim.verdict, *_OF_CHECKS.get(claim.verdict, ()))
-    return [check for check in claim.checks if check.verdict in alike]
+    return [check for check in claim.checks if check.verdict == claim.verdict]
 
 
 def _moved(before: ClaimEntry, after: ClaimEntry) -> str:
@@ -78,8 +72,10 @@ def _place(check: CheckEntry, low: float, high: float) -> str:
             return f"lies {sign} the claimed size, {_size(check)}"
         case "larger than claimed":
             return f"lies above the claimed size, {_size(check)}"
-        case "reproduced":
+        case "reproduced" | "holds":
             return _reproduced(check, low)
+        case "does not hold":
+            return _does_not_hold(check, high)
         case _:
             return _undecided(check, low, high)
 
@@ -94,6 +90,16 @@ def _reproduced(check: CheckEntry, low: float) -> str:
     beside = check.estimate is not None and not least <= check.estimate <= most
     middle = f", though its middle, {format_number(check.estimate or 0.0)}, does not" if beside else ""
     return f"{above} and meets the claimed size, {_size(check)}{middle}"
+
+
+def _does_not_hold(check: CheckEntry, high: float) -> str:
+    """Return what refutes a question of graycard's own."""
+    if _bounds_alone(check):
+        return f"lies outside of the bounds, {_size(check)}"
+    if high < check.neutral:
+        return f"lies wholly below {_none(check)}"
+    below = check.accepted is not None and high < check.accepted[0]
+    return f"lies below what is asked, {_size(check)}" if below else "lies within what counts as no effect"
 
 
 def _undecided(check: CheckEntry, low: float, high: float) -> str:

@@ -44,7 +44,8 @@ def continue_history(
 ) -> KeptHistory | None:
     """Return the history of a folder with one ledger more; nothing is written yet.
 
-    A ledger that says the same as the last one of its suite is no new entry.
+    A ledger that says the same as the last one of its suite is no new entry. Reasons may be written for the next
+    ledger of several suites at once; they count when that comes.
 
     Args:
         folder: Folder of published runs; one without ``history.json`` keeps none.
@@ -67,6 +68,7 @@ def continue_history(
     reasons.edition(entry.rules_sha256)
     if not _says_the_same(history.of_suite(entry.suite), entry):
         history = replace(history, entries=(*history.entries, entry))
+    reasons = _without_coming(reasons, history, entry.suite)
     if missing := open_changes(history, reasons):
         raise RecordError(missing_reasons(missing, Path(folder)))
     return KeptHistory(Path(folder), history, reasons)
@@ -101,6 +103,12 @@ def history_text(history: VerdictHistory) -> str:
     lines = ",\n".join(json.dumps(entry, ensure_ascii=False, allow_nan=False) for entry in data["entries"])
     rest = json.dumps({key: value for key, value in data.items() if key != "entries"})
     return f'{{"entries": [\n{lines}\n],\n{rest[1:]}\n'
+
+
+def _without_coming(reasons: Reasons, history: VerdictHistory, suite: str) -> Reasons:
+    """Return reasons without those that are written for the next ledger of any suite but one."""
+    coming = {other: len(history.of_suite(other)) + 1 for other in history.suites if other != suite}
+    return replace(reasons, reasons=tuple(r for r in reasons.reasons if r.entry != coming.get(r.suite)))
 
 
 def _says_the_same(entries: tuple[LedgerEntry, ...], entry: LedgerEntry) -> bool:

@@ -5,6 +5,7 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -78,16 +79,47 @@ def test_what_decides_no_longer_is_told():
     assert told.startswith("contradicted → reproduced: no longer decided by flip; psnr: the interval")
 
 
-def test_own_questions_are_told_in_their_words():
-    check = replace(CHECK, verdict="contradicted", interval=(-3.0, -1.0))
-    told = explain(claim("contradicted", check), replace(claim("does not hold", check), asked_by="graycard"))
-    assert "graycard's own question, which no paper answers; psnr: the interval −3 to −1 dB" in told
+@pytest.mark.parametrize(
+    ("check", "told"),
+    [
+        (
+            {"verdict": "does not hold", "interval": (-3.0, -1.0)},
+            "psnr: the interval −3 to −1 dB lies wholly below zero",
+        ),
+        (
+            {"verdict": "does not hold", "interval": (0.1, 0.3), "accepted": (1.0, 2.0)},
+            "lies below what is asked, 1 to 2 dB",
+        ),
+        (
+            {"verdict": "does not hold", "interval": (3.0, 4.0), "accepted": (-1.0, 1.0)},
+            "lies outside of the bounds",
+        ),
+        (
+            {"verdict": "does not hold", "interval": (-0.1, 0.1), "accepted": None},
+            "lies within what counts as no effect",
+        ),
+        ({"verdict": "holds", "interval": (1.0, 3.0), "accepted": None}, "lies above zero"),
+        ({"verdict": "open", "interval": (-1.0, 3.0), "accepted": None}, "holds zero"),
+    ],
+)
+def test_own_questions_are_told_in_their_words(check: dict[str, Any], told: str):
+    found = replace(CHECK, **check)
+    after = replace(claim(found.verdict, found), asked_by="graycard")
+    words = explain(claim("contradicted", replace(CHECK, **check | {"verdict": "contradicted"})), after)
+    assert "graycard's own question, which no paper answers; " in words
+    assert told in words
 
 
-def test_what_holds_a_verdict_back_is_told():
-    held = replace(claim("undecided", CHECK), suspended="mine has not converged.", before="reproduced")
-    told = explain(claim("direction only", CHECK), held)
-    assert told == "direction only → undecided: by the rule reproduced, but mine has not converged."
+@pytest.mark.parametrize(
+    ("before", "told"),
+    [
+        ("reproduced", "by the rule reproduced, but held back: mine has not converged."),
+        (None, "mine has not converged."),
+    ],
+)
+def test_what_holds_a_verdict_back_is_told(before: str | None, told: str):
+    held = replace(claim("undecided", CHECK), suspended="mine has not converged.", before=before)
+    assert explain(claim("direction only", CHECK), held) == f"direction only → undecided: {told}"
 
 
 @pytest.mark.parametrize(

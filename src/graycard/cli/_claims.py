@@ -87,7 +87,7 @@ class ClaimsCommand:
         else:
             self._write_json(found)
         counted = Counter(claim.verdict for paper in found.papers for claim in paper.claims)
-        words = ", ".join(f"{counted[verdict]} {verdict}" for verdict in get_args(ClaimVerdict))
+        words = ", ".join(f"{counted[v]} {v}" for v in get_args(ClaimVerdict) if counted[v])
         terminal.out.print(f"claims: {words}{report}")
         return OK
 
@@ -176,9 +176,16 @@ def _claims(claims: Sequence[ClaimResult]) -> Table:
     table = new_table("", "claim", "verdict", "stability", "why")
     for claim in claims:
         stability = "" if claim.stability is None else f"{claim.stability:.0%}"
-        needs = f". To decide it: {claim.needs}" if claim.needs else ""
-        table.add_row(claim.id, claim.sentence, claim.verdict, stability, f"{claim.text}{needs}")
+        table.add_row(claim.id, claim.sentence, claim.verdict, stability, _why(claim))
     return table
+
+
+def _why(claim: ClaimResult) -> str:
+    """Say what a verdict comes from: what holds it back where something does, and what would decide it."""
+    found = claim.suspended or claim.text
+    if claim.before is not None:
+        found += f". By the checks alone: {claim.before}"
+    return f"{found}. To decide it: {claim.needs}" if claim.needs else found
 
 
 def _checks(checks: tuple[CheckResult, ...]) -> Table:
