@@ -205,7 +205,7 @@ def test_five_matte_scenes_leave_it_undecided() -> None:
 
 @pytest.mark.parametrize("row", RIVALS)
 def test_worse_than_any_rival_is_not_on_a_par(row: str) -> None:
-    assert matte_verdict(**{row.replace("-", "_"): 31.5}) == "contradicted"
+    assert matte_verdict(MATTE, **{row.replace("-", "_"): 31.5}) == "contradicted"
 
 
 def test_better_than_the_rival_that_paints_alike_is_not_on_a_par_either() -> None:

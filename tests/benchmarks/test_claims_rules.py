@@ -235,6 +235,7 @@ def test_few_scenes_of_great_gain_are_no_support() -> None:
     lead = [-0.01 - 1e-4 * i for i in range(44)] + [10.0 + i for i in range(6)]
     assert np.mean(lead) > 1
     found = judged(led_by(lead), check_of()).checks[0]
+    assert found.estimate is not None
     assert found.estimate == pytest.approx(estimate_of(lead))
     assert found.estimate < 0
     assert found.interval is not None

@@ -130,7 +130,7 @@ def cut_off(count: int, level: float) -> int:
     ranks = np.arange(1, count + 1)
     sums = np.array([ranks @ np.array(signs) for signs in product((0, 1), repeat=count)])
     tails = [2 * np.mean(sums <= most) for most in range(int(ranks.sum()) // 2)]
-    return sum(tail <= 1 - level + 1e-12 for tail in tails) - 1
+    return len([tail for tail in tails if tail <= 1 - level + 1e-12]) - 1
 
 
 def interval_of(sample: Sequence[float] | np.ndarray, level: float = 0.95) -> tuple[float, float]:
