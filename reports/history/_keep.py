@@ -44,8 +44,8 @@ def continue_history(
 ) -> KeptHistory | None:
     """Return the history of a folder with one ledger more; nothing is written yet.
 
-    A ledger that says the same as the last one of its suite is no new entry. Reasons may be written for the next
-    ledger of several suites at once; they count when that comes.
+    A ledger that says the same as the last one of its suite is no new entry. Reasons may be written for the
+    next ledger of several suites at once; they count when that comes.
 
     Args:
         folder: Folder of published runs; one without ``history.json`` keeps none.
