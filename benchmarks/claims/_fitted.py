@@ -35,11 +35,33 @@ def suspension(claim: Claim, paper: Paper, readings: Readings) -> str:
 
 
 def budget_of(claim: Claim, paper: Paper, readings: Readings, here: Mapping[str, str]) -> Budget:
-    """Return the means of a claim's fitted rows beside those of the paper."""
+    """Return the means of a claim's fitted rows beside those of the paper; nothing where no row is fitted."""
     rows = dict.fromkeys(row for check in claim.checks for row in (*check.rows, *check.minus))
     scenes = _scenes(claim.checks, paper.track, readings)
     fits = tuple(_fit(row, scenes, readings) for row in rows if "iterations" in readings.settings(row))
-    return Budget(paper.budget, here if fits else {}, fits)
+    if not fits:
+        return Budget()
+    return Budget(paper.budget, {**here, **_means_of_fits([fit.row for fit in fits], readings)}, fits)
+
+
+def _means_of_fits(rows: Sequence[str], readings: Readings) -> dict[str, str]:
+    """Return primitives and priors of fitted rows, in words."""
+    counts = sorted({n for row in rows if isinstance(n := readings.settings(row).get("surfels"), int)})
+    found = (
+        {"primitives": " to ".join(f"{n:,}" for n in dict.fromkeys((counts[0], counts[-1]))) + " surfels"}
+        if counts
+        else {}
+    )
+    told = {prior for row in rows if (prior := _prior_words(readings.priors(row)))}
+    return found | {"priors": "; ".join(sorted(told)) or "none"}
+
+
+def _prior_words(priors: Mapping[str, Any]) -> str:
+    """Say where the answers of priors come from; empty for a method that asks for none."""
+    source, severity = priors.get("source", ""), priors.get("severity", 0)
+    if source != "oracle":
+        return str(source)
+    return f"the truth made wrong, severity {severity}" if severity else "the truth"
 
 
 def means_of_suite(suite: Mapping[str, Any]) -> dict[str, str]:

@@ -48,6 +48,7 @@ class Readings:
         self.rows = {method.name for method in run.methods}
         self._entries = {method.name: method.entry or method.name for method in run.methods}
         self._settings = {result.job.method: result.job.settings for result in run.results}
+        self._priors = {result.job.method: result.job.priors for result in run.results}
         self._results: dict[tuple[str, str, str], list[JobResult]] = defaultdict(list)
         for result in run.results:
             self._results[result.job.track, result.job.scene, result.job.method].append(result)
@@ -112,6 +113,10 @@ class Readings:
     def settings(self, row: str) -> Mapping[str, Any]:
         """The settings of a row's fits; empty for one that nobody ran."""
         return self._settings.get(row, {})
+
+    def priors(self, row: str) -> Mapping[str, Any]:
+        """Where the answers of a row's priors come from; empty for one that asks for none."""
+        return self._priors.get(row, {})
 
     def entry(self, row: str) -> str:
         """What was loaded for a row: the name of a method."""
