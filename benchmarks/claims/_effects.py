@@ -16,8 +16,8 @@ from graycard.benchmarks.claims._readings import Reading, Readings, knob_of
 from graycard.eval.statistics import LEVEL, locate, locations, signed_rank_p
 from graycard.records import SceneRecord
 
-LEAST_SCENES = 3
-"""The fewest through which a line has an error of its own."""
+LEAST_ON_LINE = 3
+"""The fewest scenes through which a line has an error of its own."""
 
 Interval = tuple[float, float]
 
@@ -86,9 +86,9 @@ def sample_of(check: Check, track: str, readings: Readings) -> Sample:
         RecordError: It cannot be made from this run; the text says why.
     """
     scenes, values = _table(check, track, readings)
-    if len(scenes) < LEAST_SCENES:
+    if check.along and len(scenes) < LEAST_ON_LINE:
         names = ", ".join(scene.scene for scene in scenes)
-        raise RecordError(f"an interval needs {LEAST_SCENES} scenes, got {len(scenes)}: {names}")
+        raise RecordError(f"a line needs {LEAST_ON_LINE} scenes, got {len(scenes)}: {names}")
     places = {knob_of(scene, check.along.knob) for scene in scenes} if check.along else {0.0, 1.0}
     if check.along and len(places) < 2:
         raise RecordError(f"expected scenes that differ in {check.along.knob}, got {min(places):g} in all")
@@ -150,7 +150,7 @@ def spread_of(sample: Sample) -> float:
     """
     rest = sample.effects - sample.centre
     rest = rest - rest.mean()
-    return math.sqrt(float(rest @ rest) / (len(rest) - (2 if sample.check.along else 1)))
+    return math.sqrt(float(rest @ rest) / max(1, len(rest) - (2 if sample.check.along else 1)))
 
 
 def p_of(sample: Sample) -> float | None:

@@ -128,7 +128,7 @@ def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
         return "no effect"
     if high < check.neutral:
         return "contradicted"
-    if check.negligible and high <= check.neutral + check.negligible:
+    if high <= check.neutral + check.negligible:
         return "smaller than claimed"
     return "smaller than claimed" if check.range and high < check.range[0] else None
 

@@ -7,7 +7,7 @@ all (the predictor of least error, Searle, Casella and McCulloch 1992, chapter 7
 about it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -33,9 +33,56 @@ class Judged:
     noise: FitNoise | None
 
 
+@dataclass(frozen=True, slots=True)
+class Deciding:
+    """The checks that a verdict follows from."""
+
+    checks: tuple[Judged, ...]
+    others: tuple[ClaimVerdict, ...]
+    """Verdicts of those that could not be made."""
+    levels: Levels
+    by: str
+    """``all`` or ``any`` of them."""
+    words: Mapping[ClaimVerdict, ClaimVerdict]
+    """Words in place of the rules', which may be the same for several of them."""
+
+    @property
+    def verdict(self) -> ClaimVerdict:
+        """The verdict of the rules, in their words."""
+        return combined([*(check.verdict for check in self.checks), *self.others], self.by)
+
+    def word(self, verdict: ClaimVerdict) -> ClaimVerdict:
+        """Return what a verdict of the rules is called here."""
+        return self.words.get(verdict, verdict)
+
+    def stability(self) -> float | None:
+        """Return the share of refits with the same word; None where no check's noise is known.
+
+        Checks are refitted independently; one of unknown noise keeps its verdict.
+        """
+        columns = [refit_verdicts(check, self.levels, self.by, k) for k, check in enumerate(self.checks)]
+        if all(column is None for column in columns):
+            return None
+        whole = [c or [check.verdict] * REFITS for c, check in zip(columns, self.checks, strict=True)]
+        rows: list[tuple[ClaimVerdict, ...]] = list(zip(*whole, strict=True))
+        found = self.word(self.verdict)
+        return sum(self.word(combined([*row, *self.others], self.by)) == found for row in rows) / REFITS
+
+    def seeds(self) -> int | None:
+        """Return the fewest fits of each scene whose means would be stable.
+
+        One of a few numbers up to 64; None where not even so many are enough.
+        """
+        for seeds in _SEEDS:
+            finer = tuple(replace(check, noise=_averaged(check.noise, seeds)) for check in self.checks)
+            share = replace(self, checks=finer).stability()
+            if share is not None and share >= STABLE:
+                return seeds
+        return None
+
+
 def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> list[ClaimVerdict] | None:
-    """Return the verdict on a check in each of many simulated refits; None where the noise of fits is not
-    known.
+    """Return the verdict on a check in each of many simulated refits; None where the noise is not known.
 
     Args:
         judged: The check.
@@ -52,55 +99,6 @@ def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> 
     ends = [step_at(step, len(steps), levels) for step in steps]
     usual, strict = effects_at(sample, drawn, levels)
     return [verdict_of(sample.check, _effect(sample, k, usual, strict, ends), by) for k in range(REFITS)]
-
-
-def same_share(
-    found: ClaimVerdict,
-    checks: Sequence[Judged],
-    levels: Levels,
-    by: str,
-    others: Sequence[ClaimVerdict] = (),
-) -> float | None:
-    """Return the share of refits in which a claim has the verdict found; None where no check's noise is
-    known.
-
-    Checks of a claim are refitted independently; one of unknown noise keeps its verdict.
-
-    Args:
-        found: The verdict of the claim.
-        checks: Its deciding checks that could be made.
-        levels: Of their intervals.
-        by: How the claim is judged.
-        others: Verdicts of deciding checks that could not be made.
-    """
-    columns = [refit_verdicts(check, levels, by, stream) for stream, check in enumerate(checks)]
-    if all(column is None for column in columns):
-        return None
-    whole = [column or [check.verdict] * REFITS for column, check in zip(columns, checks, strict=True)]
-    return sum(combined([*row, *others], by) == found for row in zip(*whole, strict=True)) / REFITS
-
-
-def seeds_for(
-    found: ClaimVerdict,
-    checks: Sequence[Judged],
-    levels: Levels,
-    by: str,
-    others: Sequence[ClaimVerdict] = (),
-) -> int | None:
-    """Return the fewest fits of each scene whose means would give a verdict again in :data:`STABLE` of
-    refits.
-
-    Arguments are those of :func:`same_share`.
-
-    Returns:
-        One of a few numbers up to 64; None where not even so many are enough.
-    """
-    for seeds in _SEEDS:
-        finer = [replace(check, noise=_averaged(check.noise, seeds)) for check in checks]
-        share = same_share(found, finer, levels, by, others)
-        if share is not None and share >= STABLE:
-            return seeds
-    return None
 
 
 def _averaged(noise: FitNoise | None, seeds: int) -> FitNoise | None:

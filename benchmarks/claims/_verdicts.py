@@ -16,12 +16,11 @@ from graycard.benchmarks.claims._rules import (
     OWN,
     RULES,
     STABLE,
-    combined,
     is_decided,
     levels_for,
     verdict_of,
 )
-from graycard.benchmarks.claims._stability import Judged, same_share, seeds_for
+from graycard.benchmarks.claims._stability import Deciding, Judged
 from graycard.benchmarks.claims._words import (
     beside_words,
     claim_words,
@@ -50,58 +49,11 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class _Asked:
-    """How the checks of a claim are judged."""
-
-    by: str
-    """``all`` or ``any``."""
-    levels: Levels
-
-    @classmethod
-    def of(cls, claim: Claim, level: float) -> "_Asked":
-        deciding = sum(check.decides for check in claim.checks)
-        return cls(claim.verdict_by, Levels(level, levels_for(deciding, level)))
-
-
-@dataclass(frozen=True, slots=True)
 class _Made:
     """A check as it was made, or could not be."""
 
     result: CheckResult
     judged: Judged | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Deciding:
-    """The checks that a verdict follows from."""
-
-    made: Sequence[Judged]
-    others: Sequence[ClaimVerdict]
-    """Verdicts of those that could not be made."""
-    asked: _Asked
-
-    @classmethod
-    def of(cls, checks: Sequence[_Made], asked: _Asked) -> "_Deciding":
-        mine = [check for check in checks if check.result.decides]
-        others: list[ClaimVerdict] = [check.result.verdict for check in mine if check.judged is None]
-        return cls([check.judged for check in mine if check.judged is not None], others, asked)
-
-    @property
-    def verdict(self) -> ClaimVerdict:
-        """The verdict of the rules."""
-        return combined([*(check.verdict for check in self.made), *self.others], self.asked.by)
-
-    @property
-    def stability(self) -> float | None:
-        """The share of refits with the same verdict; None where nobody knows."""
-        return same_share(self.verdict, self.made, self.asked.levels, self.asked.by, self.others)
-
-    def needs(self) -> str:
-        """Say how many fits of each scene would make the verdict stable."""
-        seeds = seeds_for(self.verdict, self.made, self.asked.levels, self.asked.by, self.others)
-        return (
-            "more scenes: no number of seeds is enough" if seeds is None else f"about {seeds} seeds a scene"
-        )
 
 
 class _Held(NamedTuple):
@@ -113,27 +65,24 @@ class _Held(NamedTuple):
 
 def judge_claim(claim: Claim, case: Case) -> ClaimResult:
     """Return the verdict on a claim with everything that it follows from."""
-    asked = _Asked.of(claim, case.level)
-    made = [_check(check, claim, case, asked) for check in claim.checks]
-    deciding = _Deciding.of(made, asked)
+    made = _made(claim, case)
+    deciding = _deciding(claim, made, case.level)
     verdict = NOT_TESTABLE if claim.unavailable else deciding.verdict
-    stability = None if verdict == NOT_TESTABLE else deciding.stability
+    stability = None if verdict == NOT_TESTABLE else deciding.stability()
     held = _Held() if verdict == NOT_TESTABLE else _held(claim, deciding, stability, case)
     checks = tuple(one.result for one in made)
-    own = OWN if claim.asked_by == "graycard" else {}
-    final: ClaimVerdict = "undecided" if held.why else verdict
     return ClaimResult(
         claim.id,
         claim.sentence,
         claim.source,
-        own.get(final, final),
+        deciding.word("undecided" if held.why else verdict),
         claim_words(claim, verdict, checks),
         RULES[claim.verdict_by],
-        tuple(replace(check, verdict=own.get(check.verdict, check.verdict)) for check in checks),
+        tuple(replace(check, verdict=deciding.word(check.verdict)) for check in checks),
         claim.asked_by,
         stability,
         held.why,
-        own.get(verdict, verdict) if held.why and is_decided(verdict) else None,
+        deciding.word(verdict) if held.why and is_decided(verdict) else None,
         held.needs,
         budget_of(claim, case.paper, case.readings, case.here),
         claim.figures,
@@ -141,35 +90,64 @@ def judge_claim(claim: Claim, case: Case) -> ClaimResult:
     )
 
 
-def _held(claim: Claim, deciding: "_Deciding", stability: float | None, case: Case) -> _Held:
+def _made(claim: Claim, case: Case) -> list[_Made]:
+    """Return all checks of a claim."""
+    levels = _levels(claim, case.level)
+    return [_check(check, claim, case, levels) for check in claim.checks]
+
+
+def _levels(claim: Claim, level: float) -> Levels:
+    return Levels(level, levels_for(sum(check.decides for check in claim.checks), level))
+
+
+def _deciding(claim: Claim, made: Sequence[_Made], level: float) -> Deciding:
+    """Return the checks that decide, with how they do."""
+    mine = [check for check in made if check.result.decides]
+    checks = tuple(check.judged for check in mine if check.judged is not None)
+    others: list[ClaimVerdict] = [check.result.verdict for check in mine if check.judged is None]
+    return Deciding(checks, tuple(others), _levels(claim, level), claim.verdict_by, _words(claim))
+
+
+def _words(claim: Claim) -> Mapping[ClaimVerdict, ClaimVerdict]:
+    """Return the words in place of the rules'."""
+    return OWN if claim.asked_by == "graycard" else {}
+
+
+def _held(claim: Claim, deciding: Deciding, stability: float | None, case: Case) -> _Held:
     """Say why a verdict of the rules is held back, if it is."""
-    verdict, asked = deciding.verdict, deciding.asked
     if short := suspension(claim, case.paper, case.readings):
         return _Held(short, "fits that are run to the end")
-    if not is_decided(verdict):
+    if not is_decided(deciding.verdict):
         return _Held()
-    for factor, readings in sorted(case.budgets.items()):
-        other = replace(case, readings=readings, budgets={})
-        found = _Deciding.of([_check(check, claim, other, asked) for check in claim.checks], asked).verdict
-        if found not in (verdict, NOT_TESTABLE):
-            why = f"with {factor:g} times the steps it turns to {found}"
-            return _Held(why, "fits of so many steps that more do not turn the verdict")
+    if turned := _turned(claim, deciding, case):
+        return _Held(turned, "fits of so many steps that more do not turn the verdict")
     if stability is not None and stability < STABLE:
-        why = f"only {stability:.0%} of simulated refits of these scenes give this verdict"
-        return _Held(why, deciding.needs())
+        seeds = deciding.seeds()
+        needs = f"about {seeds} seeds a scene" if seeds else "more scenes: no number of seeds is enough"
+        return _Held(f"only {stability:.0%} of simulated refits of these scenes give this verdict", needs)
     return _Held()
 
 
-def _check(check: Check, claim: Claim, case: Case, asked: _Asked) -> _Made:
+def _turned(claim: Claim, deciding: Deciding, case: Case) -> str:
+    """Say what a verdict turns to with other numbers of steps; empty if it stays."""
+    for factor, readings in sorted(case.budgets.items()):
+        other = replace(case, readings=readings, budgets={})
+        found = _deciding(claim, _made(claim, other), case.level).verdict
+        if found != NOT_TESTABLE and deciding.word(found) != deciding.word(deciding.verdict):
+            return f"with {factor:g} times the steps it turns to {deciding.word(found)}"
+    return ""
+
+
+def _check(check: Check, claim: Claim, case: Case, levels: Levels) -> _Made:
     told = _told(check, case.readings)
     try:
         sample = sample_of(check, case.paper.track, case.readings)
     except RecordError as cause:
         return _Made(replace(told, reason=f"{told.reason}: {cause}"), None)
-    effect = summarise(sample, asked.levels)
-    verdict = verdict_of(check, effect, asked.by)
+    effect = summarise(sample, levels)
+    verdict = verdict_of(check, effect, claim.verdict_by)
     judged = Judged(sample, effect, verdict, noise_of(sample, case.paper.track, case.readings))
-    alone = same_share(verdict, [judged], asked.levels, asked.by)
+    alone = Deciding((judged,), (), levels, claim.verdict_by, _words(claim))
     result = replace(
         told,
         verdict=verdict,
@@ -180,8 +158,8 @@ def _check(check: Check, claim: Claim, case: Case, asked: _Asked) -> _Made:
         scene_sd=_scene_sd(sample, judged.noise),
         seed_sd=judged.noise.sd if judged.noise else None,
         noise_from=judged.noise.source if judged.noise else "",
-        stability=alone,
-        at_budgets=_at_budgets(check, case, asked),
+        stability=alone.stability(),
+        at_budgets=_at_budgets(check, case, levels),
     )
     return _Made(_beside(result, judged, claim, case), judged)
 
@@ -238,7 +216,7 @@ def _scene_sd(sample: Sample, noise: FitNoise | None) -> float:
     return math.sqrt(max(0.0, spread_of(sample) ** 2 - (noise.sd_of_mean**2 if noise else 0.0)))
 
 
-def _at_budgets(check: Check, case: Case, asked: _Asked) -> dict[str, float]:
+def _at_budgets(check: Check, case: Case, levels: Levels) -> dict[str, float]:
     """Return the estimate in runs with other steps, by their factor; without those that lack it."""
     found = {}
     for factor, readings in sorted(case.budgets.items()):
@@ -246,7 +224,7 @@ def _at_budgets(check: Check, case: Case, asked: _Asked) -> dict[str, float]:
             sample = sample_of(check, case.paper.track, readings)
         except RecordError:
             continue
-        found[f"{factor:g}"] = summarise(sample, asked.levels).estimate
+        found[f"{factor:g}"] = summarise(sample, levels).estimate
     return found
 
 

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 import pytest
 
 from graycard.benchmarks import load_suite
+from graycard.benchmarks._suites import opened
 from graycard.benchmarks.claims import Check, Claim, Paper, claims_names, load_claims
+from graycard.benchmarks.claims._rules import levels_for
+from graycard.eval.statistics import LEVEL, least_scenes
 from graycard.synth import SceneSpec, resolved_knobs
 
 STAND_INS = (".flip", ".footprint", ".mirror", ".flip_hdr")
@@ -84,6 +87,16 @@ def test_the_suite_has_scenes_enough_to_decide_each_claim(name: str) -> None:
     scenes = load_suite(paper.suite).scenes
     for claim, check in deciding(paper):
         assert sum(is_meant(check, s) for s in scenes) >= LEAST, f"{claim.id} {check.id}"
+
+
+@pytest.mark.parametrize("name", claims_names())
+def test_sealed_scenes_are_enough_to_refute_each_claim(name: str) -> None:
+    """A claim of several checks is refuted by one at a stricter level, which asks for more scenes."""
+    paper = load_claims(name)
+    scenes = opened(load_suite(paper.suite)).scenes
+    for claim, check in deciding(paper):
+        least = least_scenes(levels_for(sum(c.decides for c in claim.checks), LEVEL))
+        assert sum(is_meant(check, s) for s in scenes) >= least, f"{claim.id} {check.id}"
 
 
 @pytest.mark.parametrize("name", ["gsid"])

@@ -66,9 +66,11 @@ def test_no_scene_that_is_more_favourable_makes_a_verdict_less_so() -> None:
         raised = after[random.integers(len(checks))]
         places = np.argsort(raised)[: random.integers(1, count + 1)]
         raised[places if random.random() < 0.5 else random.permutation(places)[:1]] += random.choice(RAISES)
-        pairs = zip(checks, before, after, strict=True)
-        found = [(judged(c, b, levels, by), judged(c, a, levels, by)) for c, b, a in pairs]
-        old, new = (combined(words, by) for words in zip(*found, strict=True))
+        found = [
+            [judged(check, e, levels, by) for check, e in zip(checks, found, strict=True)]
+            for found in (before, after)
+        ]
+        old, new = combined(found[0], by), combined(found[1], by)
         assert RANK[new] >= RANK[old], (checks, before, after, old, new)
         found_words |= {old, new}
     assert found_words == set(RANK)
