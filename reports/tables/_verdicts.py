@@ -25,7 +25,7 @@ class LeaderVerdict:
     lead: str = ""
     """By how much, and over whom; empty without a rival."""
     evidence: str = ""
-    """The p value with and without Holm's correction, and the number of scenes."""
+    """The p value with and without the correction, and the number of scenes."""
     tied: tuple[str, ...] = ()
     """Those that cannot be told from the leader."""
 
@@ -151,12 +151,12 @@ def _evidence(pair: PairDifference, scenes: int) -> str:
     It is told as it decides, and as it is of this pair alone where that is another number: intervals are of
     pairs alone, and so is what claims come down to.
     """
-    infinite = pair.p_mean_holm is None  # there is no mean then, and ranks alone decide
-    decides = _larger(pair.p_rank_holm if infinite else pair.p_rank, pair.p_mean_holm)
+    infinite = pair.p_mean_corrected is None  # there is no mean then, and ranks alone decide
+    decides = _larger(pair.p_rank_holm if infinite else pair.p_rank, pair.p_mean_corrected)
     own = _larger(pair.p_rank, pair.p_mean)
     if decides is None or own is None:
         return f"n = {scenes}"
-    told = f"{format_p(decides)} after Holm's correction"
+    told = f"{format_p(decides)} after correction for all pairs"
     if format_p(own) != format_p(decides):
         told += f", {format_p(own).removeprefix('p = ').removeprefix('p ')} for this pair alone"
     return f"{told}, n = {scenes}"

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from rich.table import Table
@@ -21,8 +22,13 @@ from graycard.records import (
     MetricComparison,
     MetricRecord,
     PairDifference,
+    RunRecord,
+    is_published,
     read_run,
 )
+
+if TYPE_CHECKING:
+    from graycard.eval.statistics import Question
 
 SHOWN = 5
 """Lines of a rule that evidence is missing, of what may be hundreds alike."""
@@ -75,6 +81,9 @@ class CompareCommand:
     """The run folder; its comparison.json is written anew from run.json. A published one is left as it is."""
     metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
     """Compare these metrics only; those of the leaderboard by default."""
+    against: Annotated[str, optional("ROW")] = ""
+    """Also compare each other method with this one, chosen before its scores were seen.
+    The correction is over these comparisons alone, so smaller differences are told from chance."""
     pairs: bool = False
     """Also show every two methods."""
     json: Json = None
@@ -82,29 +91,43 @@ class CompareCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Compare the methods."""
-        from graycard._errors import UnknownNameError
-        from graycard.eval.statistics import compare_run
-        from graycard.reports import is_published
+        from graycard.eval.statistics import Question, compare_run
 
         record = read_run(self.run_folder)
         by_id = {metric.id: metric for metric in record.metrics}
-        for name in self.metrics:
-            if name not in by_id:
-                raise UnknownNameError("metric of this run", name, by_id)
+        self._check_names(record)
         wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
-        found = compare_run(record)
-        tables = [table for table in found.metrics if table.metric in wanted]
-        shown = [table for table in tables if self.metrics or _is_contested(table)]
+        found = compare_run(record, Question(wanted, self.against, pair_intervals=self.pairs))
+        shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
-        if not is_published(self.run_folder):
-            write_json(self.run_folder / COMPARISON, found)
-        write_optional_json(self.json, found)
+        self._write(record, Question(against=self.against))
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
-        _say_skipped(terminal, [table for table in tables if table not in shown])
+        _say_skipped(terminal, [table for table in found.metrics if table not in shown])
         _say(terminal, found)
         return OK
+
+    def _check_names(self, record: RunRecord) -> None:
+        """Refuse a metric or a row that the run has not."""
+        from graycard._errors import UnknownNameError
+
+        metrics = [metric.id for metric in record.metrics]
+        for name in self.metrics:
+            if name not in metrics:
+                raise UnknownNameError("metric of this run", name, metrics)
+        rows = [method.name for method in record.methods]
+        if self.against and self.against not in rows:
+            raise UnknownNameError("row of this run", self.against, rows)
+
+    def _write(self, record: RunRecord, whole: Question) -> None:
+        """Write the comparison of all metrics where it belongs; a published folder is left as it is."""
+        from graycard.eval.statistics import compare_run
+
+        if not is_published(self.run_folder):
+            write_json(self.run_folder / COMPARISON, compare_run(record))
+        if self.json is not None:
+            write_json(self.json, compare_run(record, whole))
 
     def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"
@@ -112,8 +135,11 @@ class CompareCommand:
             f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better"
         )
         terminal.out.print(_standings(table, metric.higher_is_better))
+        if table.against:
+            terminal.out.print(f"against {self.against}:")
+            terminal.out.print(_pairs(table, table.against))
         if self.pairs and table.pairs:
-            terminal.out.print(_pairs(table))
+            terminal.out.print(_pairs(table, table.pairs))
 
 
 def _is_contested(table: MetricComparison) -> bool:
@@ -173,9 +199,11 @@ def _cells(row: MethodStanding) -> tuple[str, ...]:
     return rank, row.method, _number(row.mean), _interval(row.interval), counts, *spreads
 
 
-def _pairs(table: MetricComparison) -> Table:
-    shown = new_table("pair", "difference", "95 % interval", "scenes", "p rank", "p mean, Holm", "verdict")
-    for pair in table.pairs:
+def _pairs(table: MetricComparison, pairs: Sequence[PairDifference]) -> Table:
+    shown = new_table(
+        "pair", "difference", "95 % interval", "scenes", "p rank", "p mean, corrected", "verdict"
+    )
+    for pair in pairs:
         shown.add_row(*_pair_cells(pair, _compete(table, pair)))
     return shown
 
@@ -183,7 +211,7 @@ def _pairs(table: MetricComparison) -> Table:
 def _pair_cells(pair: PairDifference, compete: bool) -> tuple[str, ...]:
     """Return a row of the table; a pair with a row that is handed truth has no corrected p and no verdict."""
     names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
-    ends = (_number(pair.p_mean_holm), pair.verdict) if compete else ("", "is handed truth")
+    ends = (_number(pair.p_mean_corrected), pair.verdict) if compete else ("", "is handed truth")
     return names, difference, _interval(pair.interval), str(pair.scenes), _number(pair.p_rank), *ends
 
 

@@ -18,6 +18,7 @@ from graycard.records._ledger import PaperResult as PaperResult
 from graycard.records._ledger import RowMean as RowMean
 from graycard.records._ledger import find_claim as find_claim
 from graycard.records._ledger import read_ledger as read_ledger
+from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance
@@ -30,5 +31,6 @@ from graycard.records._run import SceneRecord as SceneRecord
 from graycard.records._run import Score as Score
 from graycard.records._run import ScoreSheet as ScoreSheet
 from graycard.records._run import Status as Status
+from graycard.records._run import is_published as is_published
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet
