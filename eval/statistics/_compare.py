@@ -29,13 +29,13 @@ from graycard.records import (
 RULE = (
     f"Means are over scenes, intervals hold {LEVEL:.0%} of the time for scenes like these. One method is "
     "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
-    f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and Student's test of "
-    f"their mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs of the table; else "
-    f"they are tied. As differences may be skewed, that p is multiplied by {MARGIN:g} unless the difference is "
-    f"{ASSURED:g} or more of its standard errors. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean "
-    "and all methods tied with it, rank 2 the best of the rest and all tied with that, and so on; only "
-    "methods that have a score of every scene and were handed nothing beyond the capture but priors, which "
-    "their rows name, are ranked."
+    f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and Student's test of their "
+    f"mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs of the table; else they "
+    f"are tied. As differences may be skewed, that p is multiplied by {MARGIN:g} unless the difference is "
+    f"{ASSURED:g} or more of its standard errors. Variants of a method and rows that are handed truth are "
+    "corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and "
+    "all tied with that, and so on; only methods that have a score of every scene and were handed nothing "
+    "beyond the capture but priors, which their rows name, are ranked."
 )
 
 
