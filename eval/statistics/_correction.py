@@ -6,8 +6,8 @@ import numpy as np
 from graycard.eval.statistics._student import MeanTest
 
 MARGIN = 4.0
-"""Factor on the corrected p. Student's test of skewed differences is too liberal where p is small: of
-those of two lognormal scores (sigma 0.5, standard deviations 1 : 4) it has p < 0.005 up to three times too often."""
+"""Factor on the corrected p. Student's test of skewed differences is too liberal where its p is small. Of two
+lognormal scores (sigma 0.5, standard deviations 1 : 4) it has p < 0.005 nearly three times too often."""
 ASSURED = 10.0
 """Standard errors from which on a gap needs no margin. Chance makes such a gap in 1 of 5850 pairs of normal
 scores with 6 scenes, and in 1 of 47,000 with 8."""

@@ -11,6 +11,7 @@ import pytest
 from graycard.cli import main
 from graycard.io import from_builtins, read_json, write_json
 from graycard.records import (
+    COMPARISON,
     Comparison,
     Job,
     JobResult,
@@ -124,6 +125,41 @@ def test_a_metric_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[
     )
     assert main(["compare", str(run), "--metrics", "ssim"]) == 0
     assert "PSNR" not in capsys.readouterr().out
+
+
+def test_a_chosen_row_is_compared_with_each_other_one(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--against", "theirs", "--json", str(run / "c.json")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "against theirs:" in lines
+    mine = next(x for x in lines if "mine - theirs" in x)
+    assert mine.split()[-1] == "better"
+    asked = from_builtins(Comparison, read_json(run / "c.json"))
+    assert asked.against == "theirs"
+    assert [(p.first, p.second) for p in asked.metrics[0].against] == [
+        ("mine", "theirs"),
+        ("truth", "theirs"),
+    ]
+    written = read_comparison(run)
+    assert written is not None
+    assert (written.against, written.metrics[0].against) == ("", ())
+    assert written.metrics[0].pairs == asked.metrics[0].pairs
+
+
+def test_a_row_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--against", "their"]) == 2
+    assert "expected a row of this run that exists, got 'their'" in capsys.readouterr().err
+
+
+def test_the_published_dark_run_says_that_gray_is_worse(capsys: pytest.CaptureFixture[str]):
+    """By 14 dB on all eight scenes, among 25 rows: the first finding that a reader looks for."""
+    published = Path(__file__).parents[2] / "reports" / "published" / "dark"
+    asked = ["--metrics", "novel_view.psnr", "--pairs", "--against", "sunfaded"]
+    assert main(["compare", str(published), *asked]) == 0
+    lines = [x.split() for x in capsys.readouterr().out.splitlines()]
+    assert [x[-1] for x in lines if x[:3] in (["gray", "-", "sunfaded"], ["sunfaded", "-", "gray"])] in (
+        ["worse", "worse"], ["worse", "better"],
+    )  # fmt: skip
+    assert not (published / COMPARISON).exists()
 
 
 def test_too_few_scenes_are_said(run: Path, capsys: pytest.CaptureFixture[str]):
