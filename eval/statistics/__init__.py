@@ -21,8 +21,8 @@ decide: with 8 scenes and 7 methods not even a method that is better on every sc
 Where a score is infinite there is no mean, and it decides alone.
 
 *Skew.* Student's test is too liberal where differences are skewed, the more so the smaller its p. The
-corrected p is multiplied by 4 therefore, unless the gap is 10 standard errors or more. Of tables with 5, 25
-and 60 rows at most 5 % then have any false difference; ``docs/suites.md`` has the simulation.
+corrected p is multiplied by 4 therefore, and by 1.3 where the gap is 10 standard errors or more. Of tables
+with 5, 25 and 60 rows at most 5 % then have any false difference; ``docs/suites.md`` has the simulation.
 
 *A chosen row.* Against a row that was chosen before its scores were seen, only the comparisons with it
 count. A gap of 10 standard errors on 6 scenes is decided so in each table of up to 301 rows.
@@ -35,6 +35,7 @@ from graycard.eval.statistics._compare import RULE as RULE
 from graycard.eval.statistics._compare import Question as Question
 from graycard.eval.statistics._compare import compare_run as compare_run
 from graycard.eval.statistics._correction import ASSURED as ASSURED
+from graycard.eval.statistics._correction import ASSURED_MARGIN as ASSURED_MARGIN
 from graycard.eval.statistics._correction import MARGIN as MARGIN
 from graycard.eval.statistics._correction import correct as correct
 from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL as LEAST_FOR_INTERVAL

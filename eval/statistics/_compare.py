@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from graycard.eval.scoring._ceiling import MARGINS, excess, is_suspicious
-from graycard.eval.statistics._correction import ASSURED, MARGIN
+from graycard.eval.statistics._correction import ASSURED, ASSURED_MARGIN, MARGIN
 from graycard.eval.statistics._interval import LEVEL, mean_interval
 from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_against, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
@@ -31,9 +31,9 @@ RULE = (
     "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
     f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and Student's test of their "
     f"mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs of the table; else "
-    f"they are tied. As differences may be skewed, that p is multiplied by {MARGIN:g} unless the difference "
-    f"is {ASSURED:g} or more of its standard errors. Variants of a method and rows that are handed truth are "
-    "corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and "
+    f"they are tied. As differences may be skewed, that p is multiplied by {MARGIN:g}, or by {ASSURED_MARGIN:g} where "
+    f"the difference is {ASSURED:g} or more of its standard errors. Variants of a method and rows that are "
+    "handed truth are corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and "
     "all tied with that, and so on; only methods that have a score of every scene and were handed nothing "
     "beyond the capture but priors, which their rows name, are ranked."
 )

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from graycard.eval.statistics._correction import correct
+from graycard.eval.statistics._correction import ASSURED_MARGIN, correct
 from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL, LEVEL, mean_intervals
 from graycard.eval.statistics._signed_rank import holm, least_scenes
 from graycard.eval.statistics._student import signed_rank_ps, student_test
@@ -34,6 +34,17 @@ class Candidate:
     """Whether it is another row of the table with other settings, as an ablation is."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    """What holds for all comparisons of a table."""
+
+    assured_margin: float
+    """See :func:`graycard.eval.statistics.correct`."""
+    higher_is_better: bool
+    intervals: bool
+    """Whether differences get an interval."""
+
+
 _Two = tuple[Candidate, Candidate]
 
 
@@ -52,7 +63,8 @@ def compare_pairs(
         higher_is_better: Of that metric.
         intervals: Whether differences get an interval; most of the time goes into them.
     """
-    return _compared(list(combinations(candidates, 2)), higher_is_better, intervals)
+    rule = _Rule(ASSURED_MARGIN, higher_is_better, intervals)
+    return _compared(list(combinations(candidates, 2)), rule)
 
 
 def compare_against(
@@ -70,10 +82,11 @@ def compare_against(
     """
     chosen = [c for c in candidates if c.method == row]
     others = [c for c in candidates if c.method != row]
-    return _compared([(other, one) for one in chosen for other in others], higher_is_better, intervals=True)
+    rule = _Rule(1.0, higher_is_better, intervals=True)
+    return _compared([(other, one) for one in chosen for other in others], rule)
 
 
-def _compared(twos: Sequence[_Two], higher_is_better: bool, intervals: bool) -> tuple[PairDifference, ...]:
+def _compared(twos: Sequence[_Two], rule: _Rule) -> tuple[PairDifference, ...]:
     samples = [_differences(first, second) for first, second in twos]
     kept = [(two, sample) for two, sample in zip(twos, samples, strict=True) if len(sample)]
     families: dict[tuple[str, int], list[int]] = {}
@@ -85,10 +98,10 @@ def _compared(twos: Sequence[_Two], higher_is_better: bool, intervals: bool) -> 
             len(own) for (name, n), own in families.items() if name == family and n >= LEAST_SCENES
         )
         values = np.array([kept[i][1] for i in members]).T
-        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), intervals)
+        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), rule)
         found |= dict(zip(members, tested, strict=True))
     ordered = [found[i] for i in range(len(kept))]
-    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], higher_is_better))
+    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], rule.higher_is_better))
 
 
 def _family(first: Candidate, second: Candidate) -> str:
@@ -106,9 +119,7 @@ def _differences(first: Candidate, second: Candidate) -> list[float]:
     return [0.0 if a == b else a - b for a, b in known]
 
 
-def _tested(
-    twos: Sequence[_Two], values: np.ndarray, comparisons: int, intervals: bool
-) -> list[PairDifference]:
+def _tested(twos: Sequence[_Two], values: np.ndarray, comparisons: int, rule: _Rule) -> list[PairDifference]:
     """Return the pairs of one family and number of scenes, without verdicts; values of shape ``(N, K)``."""
     ranks = signed_rank_ps(values)
     finite = np.isfinite(values).all(axis=0)
@@ -117,8 +128,8 @@ def _tested(
     ends = np.full((2, len(twos)), np.nan)
     if len(values) >= LEAST_FOR_INTERVAL and finite.any():
         test = student_test(values[:, finite])
-        means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons)
-        if intervals:
+        means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons, rule.assured_margin)
+        if rule.intervals:
             ends[:, finite] = _intervals(values[:, finite])
     known = [[None if math.isnan(x) else x for x in row] for row in (*means.tolist(), ranks.tolist())]
     spans = [None if math.isnan(low) else (low, high) for low, high in ends.T.tolist()]

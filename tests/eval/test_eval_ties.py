@@ -97,7 +97,7 @@ def test_no_number_of_rows_up_to_301_ties_ten_standard_errors_with_a_chosen_row(
     assert between(compare_against(rows, "r0", True), "r1", "r0") == "better"
 
 
-@pytest.mark.parametrize(("scenes", "rows"), [(6, 24), (7, 41), (8, 69), (12, 300)])
+@pytest.mark.parametrize(("scenes", "rows"), [(6, 21), (7, 36), (8, 60), (12, 300)])
 def test_among_all_pairs_ten_standard_errors_are_no_tie_in_tables_of_so_many_rows(scenes: int, rows: int):
     others = drawn(1, rows - 2, scenes)
     everyone = [*table(ten_errors_apart(1, scenes)), *(candidate(f"x{i}", x) for i, x in enumerate(others))]
@@ -118,6 +118,9 @@ def test_the_correction_is_that_of_sidak_and_of_a_margin():
     assert correct(test, 10) == pytest.approx(expected)
     with pytest.raises(ValueError, match="expected 1 or more comparisons, got 0"):
         correct(test, 0)
+    assert correct(test, 10, 1.3)[1] == pytest.approx(1.3 * expected[1])
+    with pytest.raises(ValueError, match="expected a margin between 1 and 4, got 5"):
+        correct(test, 10, 5.0)
 
 
 def test_the_tests_of_many_samples_are_those_of_each():

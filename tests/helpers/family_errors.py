@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graycard.eval.statistics import correct, signed_rank_ps, student_test
+from graycard.eval.statistics import ASSURED_MARGIN, correct, signed_rank_ps, student_test
 
 LEVEL = 0.05
 SPREAD = 4.0
@@ -61,18 +61,19 @@ class Family:
 
     first: np.ndarray
     second: np.ndarray
+    assured_margin: float = 1.0
 
     def decided(self, scores: np.ndarray) -> np.ndarray:
         """Return which pairs the rule decides, shape ``(T, K)``; scores of shape ``(N, T, rows)``."""
         gaps = scores[:, :, self.first] - scores[:, :, self.second]
         columns = gaps.reshape(len(gaps), -1)
-        found = correct(student_test(columns), len(self.first)) < LEVEL
+        found = correct(student_test(columns), len(self.first), self.assured_margin) < LEVEL
         found[found] = signed_rank_ps(columns[:, found]) < LEVEL
         return found.reshape(gaps.shape[1:])
 
 
 def all_pairs(rows: int) -> Family:
-    return Family(*np.triu_indices(rows, 1))
+    return Family(*np.triu_indices(rows, 1), ASSURED_MARGIN)
 
 
 def against(row: int, rows: int) -> Family:
@@ -111,7 +112,8 @@ def power(family: Family, gap: float, scenes: int, rows: int, count: int) -> flo
     own = deviations(rows)
     levels = np.zeros(rows)
     levels[0] = gap * math.hypot(own[0], own[1])
-    two = np.flatnonzero((np.minimum(family.first, family.second) == 0) & (family.first + family.second == 1))
+    least, total = np.minimum(family.first, family.second), family.first + family.second
+    two = np.flatnonzero((least == 0) & (total == 1))
     return sum(
         int(family.decided(scores)[:, two].sum()) for scores in tables(_normal, levels, scenes, count)
     ) / count  # fmt: skip
