@@ -34,8 +34,7 @@ the rest leads group 2. A method of group 1 may so be told from another of group
 from graycard.eval.statistics._compare import RULE as RULE
 from graycard.eval.statistics._compare import Question as Question
 from graycard.eval.statistics._compare import compare_run as compare_run
-from graycard.eval.statistics._correction import ASSURED as ASSURED
-from graycard.eval.statistics._correction import ASSURED_MARGIN as ASSURED_MARGIN
+from graycard.eval.statistics._correction import FAR as FAR
 from graycard.eval.statistics._correction import MARGIN as MARGIN
 from graycard.eval.statistics._correction import correct as correct
 from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL as LEAST_FOR_INTERVAL

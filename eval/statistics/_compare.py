@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from graycard.eval.scoring._ceiling import MARGINS, excess, is_suspicious
-from graycard.eval.statistics._correction import ASSURED, ASSURED_MARGIN, MARGIN
+from graycard.eval.statistics._correction import FAR, MARGIN
 from graycard.eval.statistics._interval import LEVEL, mean_interval
 from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_against, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
@@ -28,14 +28,16 @@ from graycard.records import (
 
 RULE = (
     f"Means are over scenes, intervals hold {LEVEL:.0%} of the time for scenes like these. One method is "
-    "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
-    f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and Student's test of their "
-    f"mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs of the table; else "
-    f"they are tied. As differences may be skewed, that p is multiplied by {MARGIN:g}, or by {ASSURED_MARGIN:g} where "
-    f"the difference is {ASSURED:g} or more of its standard errors. Variants of a method and rows that are "
-    "handed truth are corrected apart. Rank 1 is the best mean and all methods tied with it, rank 2 the best of the rest and "
-    "all tied with that, and so on; only methods that have a score of every scene and were handed nothing "
-    "beyond the capture but priors, which their rows name, are ranked."
+    "better than another if two tests of their differences scene by scene agree. The exact Wilcoxon "
+    f"signed-rank test has p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed. "
+    f"Student's test of the mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs "
+    f"of the table, times {MARGIN:g} as differences may be skewed. Else they are tied: these scenes do not "
+    "say which is better, which does not mean that the methods are equal. A difference of "
+    f"{FAR:g} standard errors or more is never called a tie: among very many pairs it may need more scenes. "
+    "Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean and "
+    "all methods that are not told from it, rank 2 the best of the rest and all not told from that, and so "
+    "on; only methods that have a score of every scene and were handed nothing beyond the capture but "
+    "priors, which their rows name, are ranked."
 )
 
 
@@ -64,7 +66,7 @@ class Question:
     against: str = ""
     """Row that each other one is compared with; it was chosen before the scores were seen."""
     pair_intervals: bool = True
-    """Whether the difference of every two rows gets an interval; nearly all of the time goes into them."""
+    """True where the difference of every two rows gets an interval; nearly all of the time goes into them."""
 
 
 def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:

@@ -9,7 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from graycard.eval.statistics._correction import ASSURED_MARGIN, correct
+from graycard.eval.statistics._correction import FAR, correct
 from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL, LEVEL, mean_intervals
 from graycard.eval.statistics._signed_rank import holm, least_scenes
 from graycard.eval.statistics._student import signed_rank_ps, student_test
@@ -27,22 +27,11 @@ class Candidate:
 
     method: str
     competes: bool
-    """Whether it was handed nothing beyond the capture."""
+    """True if it was handed nothing beyond the capture."""
     by_scene: Mapping[str, float]
     """Mean over seeds; may be infinite."""
     variant: bool = False
-    """Whether it is another row of the table with other settings, as an ablation is."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Rule:
-    """What holds for all comparisons of a table."""
-
-    assured_margin: float
-    """See :func:`graycard.eval.statistics.correct`."""
-    higher_is_better: bool
-    intervals: bool
-    """Whether differences get an interval."""
+    """True for another row's method with other settings, as an ablation is."""
 
 
 _Two = tuple[Candidate, Candidate]
@@ -63,12 +52,11 @@ def compare_pairs(
         higher_is_better: Of that metric.
         intervals: Whether differences get an interval; most of the time goes into them.
     """
-    rule = _Rule(ASSURED_MARGIN, higher_is_better, intervals)
-    return _compared(list(combinations(candidates, 2)), rule)
+    return _compared(list(combinations(candidates, 2)), higher_is_better, intervals)
 
 
 def compare_against(
-    candidates: Sequence[Candidate], row: str, higher_is_better: bool
+    candidates: Sequence[Candidate], row: str, higher_is_better: bool, *, intervals: bool = True
 ) -> tuple[PairDifference, ...]:
     """Return the difference of each other method less one row that was chosen before the scores were seen.
 
@@ -79,14 +67,14 @@ def compare_against(
         candidates: One metric on one track.
         row: Name of the chosen one; a table without it has no comparisons.
         higher_is_better: Of that metric.
+        intervals: Whether differences get an interval.
     """
     chosen = [c for c in candidates if c.method == row]
     others = [c for c in candidates if c.method != row]
-    rule = _Rule(1.0, higher_is_better, intervals=True)
-    return _compared([(other, one) for one in chosen for other in others], rule)
+    return _compared([(other, one) for one in chosen for other in others], higher_is_better, intervals)
 
 
-def _compared(twos: Sequence[_Two], rule: _Rule) -> tuple[PairDifference, ...]:
+def _compared(twos: Sequence[_Two], higher_is_better: bool, intervals: bool) -> tuple[PairDifference, ...]:
     samples = [_differences(first, second) for first, second in twos]
     kept = [(two, sample) for two, sample in zip(twos, samples, strict=True) if len(sample)]
     families: dict[tuple[str, int], list[int]] = {}
@@ -98,10 +86,10 @@ def _compared(twos: Sequence[_Two], rule: _Rule) -> tuple[PairDifference, ...]:
             len(own) for (name, n), own in families.items() if name == family and n >= LEAST_SCENES
         )
         values = np.array([kept[i][1] for i in members]).T
-        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), rule)
+        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), intervals)
         found |= dict(zip(members, tested, strict=True))
     ordered = [found[i] for i in range(len(kept))]
-    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], rule.higher_is_better))
+    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], higher_is_better))
 
 
 def _family(first: Candidate, second: Candidate) -> str:
@@ -119,7 +107,9 @@ def _differences(first: Candidate, second: Candidate) -> list[float]:
     return [0.0 if a == b else a - b for a, b in known]
 
 
-def _tested(twos: Sequence[_Two], values: np.ndarray, comparisons: int, rule: _Rule) -> list[PairDifference]:
+def _tested(
+    twos: Sequence[_Two], values: np.ndarray, comparisons: int, intervals: bool
+) -> list[PairDifference]:
     """Return the pairs of one family and number of scenes, without verdicts; values of shape ``(N, K)``."""
     ranks = signed_rank_ps(values)
     finite = np.isfinite(values).all(axis=0)
@@ -128,8 +118,8 @@ def _tested(twos: Sequence[_Two], values: np.ndarray, comparisons: int, rule: _R
     ends = np.full((2, len(twos)), np.nan)
     if len(values) >= LEAST_FOR_INTERVAL and finite.any():
         test = student_test(values[:, finite])
-        means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons, rule.assured_margin)
-        if rule.intervals:
+        means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons)
+        if intervals:
             ends[:, finite] = _intervals(values[:, finite])
     known = [[None if math.isnan(x) else x for x in row] for row in (*means.tolist(), ranks.tolist())]
     spans = [None if math.isnan(low) else (low, high) for low, high in ends.T.tolist()]
@@ -171,8 +161,16 @@ def _verdict(pair: PairDifference, higher_is_better: bool) -> PairVerdict:
     if pair.scenes < LEAST_SCENES:
         return "too few scenes"
     if pair.difference is None or not _told_apart(pair):
-        return "tie"
+        return "too few scenes" if _is_far(pair) else "tie"
     return "better" if (pair.difference > 0) is higher_is_better else "worse"
+
+
+def _is_far(pair: PairDifference) -> bool:
+    """Return true for a gap that is no tie, though too few scenes tell it from chance among so many pairs."""
+    if not pair.difference or pair.error is None or pair.p_rank is None:
+        return False
+    gap = abs(pair.difference) * (1 + 1e-9)  # ten of them, up to rounding
+    return gap >= FAR * pair.error and pair.p_rank < 1 - LEVEL
 
 
 def _told_apart(pair: PairDifference) -> bool:

@@ -127,6 +127,18 @@ def test_too_few_scenes_say_how_many_are_needed() -> None:
     assert (found.lead, found.evidence) == ("1.00 dB ahead of b", "2 scenes")
 
 
+def test_a_lead_that_is_no_tie_but_needs_more_scenes_is_said_so() -> None:
+    found = compared(UP, [stands("a", 21.0), stands("b", 20.0)], pair("a", "b", "too few scenes"))
+    assert (found.kind, found.words) == ("too few", "too few scenes to tell: among so many pairs")
+
+
+def test_a_third_that_is_not_told_from_the_leader_is_named() -> None:
+    methods = [stands("a", 21.0), stands("b", 20.0), stands("c", 19.0)]
+    pairs = pair("a", "b", "better"), pair("a", "c", "too few scenes"), pair("b", "c", "tie")
+    found = compared(UP, methods, *pairs)
+    assert (found.kind, found.words, found.tied) == ("too few", "too few scenes to tell from c", ())
+
+
 def test_who_misses_a_scene_or_was_handed_truth_cannot_lead() -> None:
     methods = [
         stands("quitter", 50.0, None, scenes=7),
@@ -244,8 +256,9 @@ def comparison_of(record: RunRecord) -> Comparison:
         stands("truth", math.inf, None, competes=False),
     )  # fmt: skip
     albedo = MetricComparison("dark", "albedo.psnr.channel", methods, (pair("retinex", "gray", "better"),))
-    few = pair("retinex", "gray", "too few scenes")
-    light = MetricComparison("dark", "light.position", methods[:2], (few,))
+    few = pair("retinex", "gray", "too few scenes", scenes=5)
+    five = tuple(replace(method, scenes=5, expected=5) for method in methods[:2])
+    light = MetricComparison("dark", "light.position", five, (few,))
     leak = AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, "dB", ())
     handed = replace(leak, method="truth", handed=("radiance",))
     return Comparison(

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import tyro
 from rich.table import Table
 
+from graycard._errors import RecordError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
@@ -24,11 +25,9 @@ from graycard.records import (
     PairDifference,
     RunRecord,
     is_published,
+    read_comparison,
     read_run,
 )
-
-if TYPE_CHECKING:
-    from graycard.eval.statistics import Question
 
 SHOWN = 5
 """Lines of a rule that evidence is missing, of what may be hundreds alike."""
@@ -78,7 +77,8 @@ class CompareCommand:
     """Say which method of a run is better, by how much, and how sure that is."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder; its comparison.json is written anew from run.json. A published one is left as it is."""
+    """The run folder. Its comparison.json is written anew from run.json where it says something else.
+    A published folder is left as it is."""
     metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
     """Compare these metrics only; those of the leaderboard by default."""
     against: Annotated[str, optional("ROW")] = ""
@@ -87,10 +87,10 @@ class CompareCommand:
     pairs: bool = False
     """Also show every two methods."""
     json: Json = None
-    """Also write the comparison to this file."""
+    """Also write the comparison of all metrics to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Compare the methods."""
+        """Compare the methods; no more is computed than is printed or written."""
         from graycard.eval.statistics import Question, compare_run
 
         record = read_run(self.run_folder)
@@ -101,7 +101,7 @@ class CompareCommand:
         shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
-        self._write(record, Question(against=self.against))
+        self._write(record, found)
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
         _say_skipped(terminal, [table for table in found.metrics if table not in shown])
@@ -120,14 +120,14 @@ class CompareCommand:
         if self.against and self.against not in rows:
             raise UnknownNameError("row of this run", self.against, rows)
 
-    def _write(self, record: RunRecord, whole: Question) -> None:
-        """Write the comparison of all metrics where it belongs; a published folder is left as it is."""
-        from graycard.eval.statistics import compare_run
+    def _write(self, record: RunRecord, shown: Comparison) -> None:
+        """Write the comparison of all metrics where it lacks, is another, or is asked for."""
+        from graycard.eval.statistics import Question, compare_run
 
-        if not is_published(self.run_folder):
+        if not is_published(self.run_folder) and not _is_written(self.run_folder, shown):
             write_json(self.run_folder / COMPARISON, compare_run(record))
         if self.json is not None:
-            write_json(self.json, compare_run(record, whole))
+            write_json(self.json, compare_run(record, Question(against=self.against)))
 
     def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"
@@ -140,6 +140,26 @@ class CompareCommand:
             terminal.out.print(_pairs(table, table.against))
         if self.pairs and table.pairs:
             terminal.out.print(_pairs(table, table.pairs))
+
+
+def _is_written(run: Path, shown: Comparison) -> bool:
+    """Return true where comparison.json says what is shown, as far as that goes."""
+    try:
+        written = read_comparison(run)
+    except RecordError:  # unreadable, or of another version
+        return False
+    return written is not None and _outline(written, shown) == _outline(shown, shown)
+
+
+def _outline(comparison: Comparison, shown: Comparison) -> Comparison:
+    """Return what two comparisons have in common if one is of all metrics: no intervals, no chosen row."""
+    wanted = {(table.track, table.metric) for table in shown.metrics}
+    tables = (table for table in comparison.metrics if (table.track, table.metric) in wanted)
+    bare = (
+        replace(table, against=(), pairs=tuple(replace(pair, interval=None) for pair in table.pairs))
+        for table in tables
+    )
+    return replace(comparison, metrics=tuple(bare), against="")
 
 
 def _is_contested(table: MetricComparison) -> bool:
@@ -166,13 +186,15 @@ def _say(terminal: Terminal, found: Comparison) -> None:
             )
     every = [(table, pair) for table in found.metrics for pair in table.pairs]
     pairs = [pair for table, pair in every if _compete(table, pair)]
-    few = sum(pair.verdict == "too few scenes" for pair in pairs)
+    few = sum(pair.scenes < found.least_scenes for pair in pairs)
+    far = sum(pair.verdict == "too few scenes" for pair in pairs) - few
     tied = sum(pair.verdict == "tie" for pair in pairs)
-    decided = len(pairs) - few - tied
+    decided = len(pairs) - few - far - tied
     handed = len(every) - len(pairs)
     terminal.out.print(
         f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
         f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        + (f", {far} with too few for so many pairs" if far else "")
         + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
     )
 
