@@ -21,11 +21,17 @@ decide: with 8 scenes and 7 methods not even a method that is better on every sc
 Where a score is infinite there is no mean, and it decides alone.
 
 *Skew.* Student's test is too liberal where differences are skewed, the more so the smaller its p. The
-corrected p is multiplied by 4 therefore, and by 1.3 where the gap is 10 standard errors or more. Of tables
-with 5, 25 and 60 rows at most 5 % then have any false difference; ``docs/suites.md`` has the simulation.
+corrected p is multiplied by 4 therefore. Of tables with 5, 25 and 60 rows at most 5 % then have any false
+difference; ``docs/suites.md`` has the simulation, and the shape beyond which that does not hold.
+
+*Ties.* A tie says that these scenes do not tell which of two methods is better. A gap of 10 standard errors
+is never called one. Among very many pairs chance makes such gaps: then there are too few scenes.
+
+*A larger gap.* With the same differences but for a shift it is never less decided. Student's p falls, and so
+does that of ranks, as differences of 0 and of equal size count against the mean. No other pair has a say.
 
 *A chosen row.* Against a row that was chosen before its scores were seen, only the comparisons with it
-count. A gap of 10 standard errors on 6 scenes is decided so in each table of up to 301 rows.
+count. A gap of 10 standard errors on 6 scenes is decided so in each table of up to 73 rows.
 
 *Ranks.* The best method and all that cannot be told from it are group 1; they are taken away, and the best of
 the rest leads group 2. A method of group 1 may so be told from another of group 1, but not from the leader.

@@ -167,10 +167,10 @@ def _verdict(pair: PairDifference, higher_is_better: bool) -> PairVerdict:
 
 def _is_far(pair: PairDifference) -> bool:
     """Return true for a gap that is no tie, though too few scenes tell it from chance among so many pairs."""
-    if not pair.difference or pair.error is None or pair.p_rank is None:
+    if not pair.difference or pair.p_rank is None or pair.p_rank >= 1 - LEVEL:
         return False
     gap = abs(pair.difference) * (1 + 1e-9)  # ten of them, up to rounding
-    return gap >= FAR * pair.error and pair.p_rank < 1 - LEVEL
+    return math.isinf(gap) if pair.error is None else gap >= FAR * pair.error
 
 
 def _told_apart(pair: PairDifference) -> bool:

@@ -124,6 +124,14 @@ def test_a_gap_just_below_ten_standard_errors_may_be_a_tie():
         assert between(compare_pairs(rows, True, intervals=False), "r1", "r0") == verdict
 
 
+@pytest.mark.parametrize(("rows", "verdict"), [(2, "better"), (25, "too few scenes")])
+def test_a_gap_without_end_is_no_tie(rows: int, verdict: str):
+    """Only ranks can decide it, whose p has a floor."""
+    values = drawn(1, rows, 8)
+    values[0] = math.inf
+    assert between(compare_pairs(table(values), True, intervals=False), "r0", "r1") == verdict
+
+
 @pytest.mark.parametrize(("scenes", "rows"), [(6, 12), (7, 21), (8, 34), (12, 184)])
 def test_among_all_pairs_ten_standard_errors_are_decided_in_tables_of_so_many_rows(scenes: int, rows: int):
     others = drawn(1, rows - 2, scenes)
