@@ -31,7 +31,7 @@ is never called one. Among very many pairs chance makes such gaps: then there ar
 does that of ranks, as differences of 0 and of equal size count against the mean. No other pair has a say.
 
 *A chosen row.* Against a row that was chosen before its scores were seen, only the comparisons with it
-count. A gap of 10 standard errors on 6 scenes is decided so in each table of up to 73 rows.
+count. A gap of 10 standard errors on 6 scenes is decided so in each table of up to 74 rows.
 
 *Ranks.* The best method and all that cannot be told from it are group 1; they are taken away, and the best of
 the rest leads group 2. A method of group 1 may so be told from another of group 1, but not from the leader.
