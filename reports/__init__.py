@@ -5,7 +5,7 @@ method is most wrong, lights and the facts of the run; a scene as one contact sh
 The report reads run records and the folders that they name; how a score was made it does not know.
 """
 
-from graycard.reports._publish import is_published as is_published
+from graycard.records import is_published as is_published
 from graycard.reports._publish import publish_run as publish_run
 from graycard.reports._write import write_report as write_report
 from graycard.reports.history._changes import Change as Change

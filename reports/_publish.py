@@ -8,7 +8,7 @@ from pathlib import Path
 
 from graycard import OutputError
 from graycard.io import atomic_folder, sha256
-from graycard.records import CLAIMS
+from graycard.records import CLAIMS, PUBLISHED_PAGE
 from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
 
@@ -16,7 +16,6 @@ SUITE = "suite.json"
 RECORDS = ("run.json", SUITE, CLAIMS)
 """Files of a run that are kept. All but the first may be missing. The comparison is none of them: it follows
 from the first."""
-PAGE = "index.html"
 
 
 def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[str] | None = None) -> float:
@@ -40,7 +39,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         OutputError: It would be larger than the limit, or it cannot be written, or is in use.
     """
     files = {name: Path(run) / name for name in RECORDS}
-    content = {PAGE: report_of(Path(run), pictures)}
+    content = {PUBLISHED_PAGE: report_of(Path(run), pictures)}
     records = {name: json.loads(path.read_bytes()) for name, path in files.items() if path.is_file()}
     records["run.json"]["scenes"] = [
         scene | {"folder": f"dataset/{scene['track']}/{scene['scene']}"}
@@ -67,11 +66,6 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     if kept:
         kept.write()
     return whole
-
-
-def is_published(folder: Path) -> bool:
-    """Whether a folder is one that :func:`publish_run` wrote, and no run."""
-    return (Path(folder) / PAGE).is_file() and not (Path(folder) / "jobs").exists()
 
 
 def _continued(folder: Path, content: Mapping[str, bytes]) -> KeptHistory | None:

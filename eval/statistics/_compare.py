@@ -2,14 +2,15 @@
 """All that the score sheets of a run say about which method is better."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from graycard.eval.scoring._ceiling import MARGINS, excess, is_suspicious
+from graycard.eval.statistics._correction import FAR, MARGIN
 from graycard.eval.statistics._interval import LEVEL, mean_interval
-from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_pairs
+from graycard.eval.statistics._pairs import LEAST_SCENES, Candidate, compare_against, compare_pairs
 from graycard.eval.statistics._ranks import rank_groups
 from graycard.eval.statistics._variance import split_variance
 from graycard.records import (
@@ -27,13 +28,16 @@ from graycard.records import (
 
 RULE = (
     f"Means are over scenes, intervals hold {LEVEL:.0%} of the time for scenes like these. One method is "
-    "better than another if the exact Wilcoxon signed-rank test of their differences scene by scene has "
-    f"p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed, and the test of their mean "
-    f"difference has p < {1 - LEVEL:.2g} after Holm's correction over all pairs of the table; else they are "
-    "tied. Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean "
-    "and all methods tied with it, rank 2 the best of the rest and all tied with that, and so on; only "
-    "methods that have a score of every scene and were handed nothing beyond the capture but priors, which "
-    "their rows name, are ranked."
+    "better than another if two tests of their differences scene by scene agree. The exact Wilcoxon "
+    f"signed-rank test has p < {1 - LEVEL:.2g}, for which at least {LEAST_SCENES} scenes are needed. "
+    f"Student's test of the mean difference has p < {1 - LEVEL:.2g} after Šidák's correction over all pairs "
+    f"of the table, times {MARGIN:g} as differences may be skewed. Else they are tied: these scenes do not "
+    "say which is better, which does not mean that the methods are equal. A difference of "
+    f"{FAR:g} standard errors or more is never called a tie: among very many pairs it may need more scenes. "
+    "Variants of a method and rows that are handed truth are corrected apart. Rank 1 is the best mean and "
+    "all methods that are not told from it, rank 2 the best of the rest and all not told from that, and so "
+    "on; only methods that have a score of every scene and were handed nothing beyond the capture but "
+    "priors, which their rows name, are ranked."
 )
 
 
@@ -53,14 +57,29 @@ class _Row:
         return {scene: _mean(values) for scene, values in self.values.items()}
 
 
-def compare_run(run: RunRecord) -> Comparison:
-    """Standings, pairs and ranks of every track and metric; a pure function of the record.
+@dataclass(frozen=True, slots=True)
+class Question:
+    """The part of a comparison that is asked for."""
+
+    metrics: Collection[str] | None = None
+    """Ids; None for all of the run."""
+    against: str = ""
+    """Row that each other one is compared with; it was chosen before the scores were seen."""
+    pair_intervals: bool = True
+    """True where the difference of every two rows gets an interval; nearly all of the time goes into them."""
+
+
+def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
+    """Return standings, pairs and ranks of every track and metric; a pure function of the record.
 
     Args:
         run: Its score sheets are read, and nothing else on disk.
+        question: The whole comparison, as ``comparison.json`` holds it, by default.
     """
+    asked = question or Question()
     tracks = dict.fromkeys(result.job.track for result in run.results)
-    tables = [_table(run, track, metric) for track in tracks for metric in run.metrics]
+    metrics = [m for m in run.metrics if asked.metrics is None or m.id in asked.metrics]
+    tables = [_table(run, track, metric, asked) for track in tracks for metric in metrics]
     return Comparison(
         run.suite,
         run.suite_version,
@@ -70,25 +89,28 @@ def compare_run(run: RunRecord) -> Comparison:
         RULE,
         tuple(table for table in tables if table is not None),
         tuple(_above_ceiling(run)),
+        asked.against,
     )
 
 
-def _table(run: RunRecord, track: str, metric: MetricRecord) -> MetricComparison | None:
-    """One metric on one track; None where no scene of the track has it."""
+def _table(run: RunRecord, track: str, metric: MetricRecord, asked: Question) -> MetricComparison | None:
+    """Return one metric on one track; None where no scene of the track has it."""
     readings = _readings(run, track, metric.id)
     scenes = {scene for scene, _ in readings}
     if not any(score.value is not None for scores in readings.values() for score in scores if score):
         return None
     present = {result.job.method for result in run.results if result.job.track == track}
     rows = [_row(method, readings) for method in run.methods if method.name in present]
-    variants = run.variants_on(track)
-    candidates = [
-        Candidate(r.method.name, not r.method.sees, r.by_scene, r.method.name in variants) for r in rows
-    ]
-    pairs = compare_pairs(candidates, metric.higher_is_better)
+    candidates = _candidates(rows, run.variants_on(track))
+    pairs = compare_pairs(candidates, metric.higher_is_better, intervals=asked.pair_intervals)
+    against = compare_against(candidates, asked.against, metric.higher_is_better)
     ranks = _ranks(candidates, pairs, len(scenes), metric.higher_is_better)
     standings = tuple(_standing(row, len(scenes), ranks.get(row.method.name)) for row in rows)
-    return MetricComparison(track, metric.id, standings, pairs)
+    return MetricComparison(track, metric.id, standings, pairs, against)
+
+
+def _candidates(rows: Sequence[_Row], variants: Collection[str]) -> list[Candidate]:
+    return [Candidate(r.method.name, not r.method.sees, r.by_scene, r.method.name in variants) for r in rows]
 
 
 _Readings = Mapping[tuple[str, str], Sequence[Score | None]]

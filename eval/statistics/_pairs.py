@@ -1,18 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every two methods by one metric, on the scenes that both have scores of."""
+"""Rows by one metric, two at a time, on the scenes that both have scores of."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from itertools import combinations
 
 import numpy as np
 
-from graycard.eval.statistics._interval import LEVEL, mean_interval, mean_p
-from graycard.eval.statistics._signed_rank import holm, least_scenes, signed_rank_p
+from graycard.eval.statistics._correction import FAR, correct
+from graycard.eval.statistics._interval import LEAST_FOR_INTERVAL, LEVEL, mean_intervals
+from graycard.eval.statistics._signed_rank import holm, least_scenes
+from graycard.eval.statistics._student import signed_rank_ps, student_test
 from graycard.records import PairDifference, PairVerdict
 
 LEAST_SCENES = least_scenes(LEVEL)
 """The fewest scenes with which the rank test of a pair can fall below 0.05: six."""
+_AT_A_TIME = 64
+"""Pairs whose intervals are made together: always as many, so that a pair has equal bits in every table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,32 +27,69 @@ class Candidate:
 
     method: str
     competes: bool
-    """Whether it was handed nothing beyond the capture."""
+    """True if it was handed nothing beyond the capture."""
     by_scene: Mapping[str, float]
     """Mean over seeds; may be infinite."""
     variant: bool = False
-    """Whether it is another row of the table with other settings, as an ablation is."""
+    """True for another row's method with other settings, as an ablation is."""
 
 
-def compare_pairs(candidates: Sequence[Candidate], higher_is_better: bool) -> tuple[PairDifference, ...]:
-    """Every two methods that share a scene, the earlier first.
+_Two = tuple[Candidate, Candidate]
 
-    Holm's correction is over all pairs of methods that compete; apart from them over pairs in which one is a
+
+def compare_pairs(
+    candidates: Sequence[Candidate], higher_is_better: bool, *, intervals: bool = True
+) -> tuple[PairDifference, ...]:
+    """Return the difference of every two methods that share a scene, the earlier first.
+
+    The correction is over all pairs of methods that compete; apart from them over pairs in which one is a
     variant of another row; and apart over all others. A table with many ablations, or with a row that is
-    handed truth, must not cost the methods their evidence.
+    handed truth, must not cost the methods their evidence. As all pairs count, the best row may be chosen by
+    the same scores and compared with each other one.
 
     Args:
         candidates: One metric on one track.
         higher_is_better: Of that metric.
+        intervals: Whether differences get an interval; most of the time goes into them.
     """
-    both = [(a, b) for a, b in combinations(candidates, 2) if a.by_scene.keys() & b.by_scene.keys()]
-    pairs = [_difference(a, b) for a, b in both]
-    families = [_family(a, b) for a, b in both]
-    for family in sorted(set(families)):
-        members = [i for i, own in enumerate(families) if own == family]
-        for i, corrected in zip(members, _corrected([pairs[i] for i in members]), strict=True):
-            pairs[i] = replace(corrected, verdict=_verdict(corrected, higher_is_better))
-    return tuple(pairs)
+    return _compared(list(combinations(candidates, 2)), higher_is_better, intervals)
+
+
+def compare_against(
+    candidates: Sequence[Candidate], row: str, higher_is_better: bool, *, intervals: bool = True
+) -> tuple[PairDifference, ...]:
+    """Return the difference of each other method less one row that was chosen before the scores were seen.
+
+    The correction is over these comparisons alone, so that it asks for less than :func:`compare_pairs`. The
+    families are the same.
+
+    Args:
+        candidates: One metric on one track.
+        row: Name of the chosen one; a table without it has no comparisons.
+        higher_is_better: Of that metric.
+        intervals: Whether differences get an interval.
+    """
+    chosen = [c for c in candidates if c.method == row]
+    others = [c for c in candidates if c.method != row]
+    return _compared([(other, one) for one in chosen for other in others], higher_is_better, intervals)
+
+
+def _compared(twos: Sequence[_Two], higher_is_better: bool, intervals: bool) -> tuple[PairDifference, ...]:
+    samples = [_differences(first, second) for first, second in twos]
+    kept = [(two, sample) for two, sample in zip(twos, samples, strict=True) if len(sample)]
+    families: dict[tuple[str, int], list[int]] = {}
+    for i, (two, sample) in enumerate(kept):
+        families.setdefault((_family(*two), len(sample)), []).append(i)
+    found: dict[int, PairDifference] = {}
+    for (family, _), members in families.items():
+        testable = sum(
+            len(own) for (name, n), own in families.items() if name == family and n >= LEAST_SCENES
+        )
+        values = np.array([kept[i][1] for i in members]).T
+        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), intervals)
+        found |= dict(zip(members, tested, strict=True))
+    ordered = [found[i] for i in range(len(kept))]
+    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], higher_is_better))
 
 
 def _family(first: Candidate, second: Candidate) -> str:
@@ -56,45 +99,83 @@ def _family(first: Candidate, second: Candidate) -> str:
     return "variants" if first.variant or second.variant else "methods"
 
 
-def _difference(first: Candidate, second: Candidate) -> PairDifference:
-    common = [scene for scene in first.by_scene if scene in second.by_scene]
-    values = np.array([_less(first.by_scene[s], second.by_scene[s]) for s in common])
-    opposed = np.isposinf(values).any() and np.isneginf(values).any()
-    return PairDifference(
-        first.method,
-        second.method,
-        len(values),
-        difference=None if opposed else float(values.mean()),
-        interval=mean_interval(values),
-        p_rank=signed_rank_p(values),
-        p_rank_holm=None,
-        p_mean=mean_p(values),
-        p_mean_holm=None,
-        verdict="tie",
-    )
+def _differences(first: Candidate, second: Candidate) -> list[float]:
+    """Return first less second by scene, in an order that does not depend on which is first."""
+    common = sorted(first.by_scene.keys() & second.by_scene.keys())
+    values = ((first.by_scene[scene], second.by_scene[scene]) for scene in common)
+    known = [(a, b) for a, b in values if not (math.isnan(a) or math.isnan(b))]
+    return [0.0 if a == b else a - b for a, b in known]
 
 
-def _less(value: float, other: float) -> float:
-    """Their difference; equal infinities have none."""
-    return 0.0 if value == other else value - other
+def _tested(
+    twos: Sequence[_Two], values: np.ndarray, comparisons: int, intervals: bool
+) -> list[PairDifference]:
+    """Return the pairs of one family and number of scenes, without verdicts; values of shape ``(N, K)``."""
+    ranks = signed_rank_ps(values)
+    finite = np.isfinite(values).all(axis=0)
+    means = np.full((4, len(twos)), np.nan)
+    means[0] = _means(values)
+    ends = np.full((2, len(twos)), np.nan)
+    if len(values) >= LEAST_FOR_INTERVAL and finite.any():
+        test = student_test(values[:, finite])
+        means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons)
+        if intervals:
+            ends[:, finite] = _intervals(values[:, finite])
+    known = [[None if math.isnan(x) else x for x in row] for row in (*means.tolist(), ranks.tolist())]
+    spans = [None if math.isnan(low) else (low, high) for low, high in ends.T.tolist()]
+    return [
+        PairDifference(
+            first.method, second.method, len(values), mean, span, p_rank, None, p, corrected, "tie", error
+        )
+        for (first, second), span, mean, error, p, corrected, p_rank in zip(twos, spans, *known, strict=True)
+    ]
 
 
-def _corrected(pairs: Sequence[PairDifference]) -> list[PairDifference]:
-    ranks, means = holm([p.p_rank for p in pairs]), holm([p.p_mean for p in pairs])
-    return [replace(p, p_rank_holm=r, p_mean_holm=m) for p, r, m in zip(pairs, ranks, means, strict=True)]
+def _means(values: np.ndarray) -> np.ndarray:
+    """Return the mean of each column; of both infinities it is not a number."""
+    with np.errstate(invalid="ignore"):
+        return reduce(np.add, values) / len(values)
+
+
+def _intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the ends of the intervals of all columns, made of whole batches."""
+    count = values.shape[1]
+    padded = np.pad(values, ((0, 0), (0, -count % _AT_A_TIME)), mode="edge")
+    batches = np.split(padded, padded.shape[1] // _AT_A_TIME, axis=1)
+    ends = np.concatenate([np.stack(mean_intervals(batch)) for batch in batches], axis=1)[:, :count]
+    return ends[0], ends[1]
+
+
+def _judged(
+    pairs: Sequence[PairDifference], families: Sequence[str], higher_is_better: bool
+) -> list[PairDifference]:
+    ranks: dict[int, float | None] = {}
+    for family in set(families):
+        members = [i for i, own in enumerate(families) if own == family]
+        ranks |= dict(zip(members, holm([pairs[i].p_rank for i in members]), strict=True))
+    whole = [replace(pair, p_rank_holm=ranks[i]) for i, pair in enumerate(pairs)]
+    return [replace(pair, verdict=_verdict(pair, higher_is_better)) for pair in whole]
 
 
 def _verdict(pair: PairDifference, higher_is_better: bool) -> PairVerdict:
     if pair.scenes < LEAST_SCENES:
         return "too few scenes"
     if pair.difference is None or not _told_apart(pair):
-        return "tie"
+        return "too few scenes" if _is_far(pair) else "tie"
     return "better" if (pair.difference > 0) is higher_is_better else "worse"
+
+
+def _is_far(pair: PairDifference) -> bool:
+    """Return true for a gap that is no tie, though too few scenes tell it from chance among so many pairs."""
+    if not pair.difference or pair.p_rank is None or pair.p_rank >= 1 - LEVEL:
+        return False
+    gap = abs(pair.difference) * (1 + 1e-9)  # ten of them, up to rounding
+    return math.isinf(gap) if pair.error is None else gap >= FAR * pair.error
 
 
 def _told_apart(pair: PairDifference) -> bool:
     if pair.p_rank is None or pair.p_rank_holm is None:  # equal on every scene
         return False
-    if pair.p_mean_holm is None:  # infinite scores have no mean to test
+    if pair.p_mean_corrected is None:  # infinite scores have no mean to test
         return pair.p_rank_holm < 1 - LEVEL
-    return pair.p_rank < 1 - LEVEL and pair.p_mean_holm < 1 - LEVEL
+    return pair.p_rank < 1 - LEVEL and pair.p_mean_corrected < 1 - LEVEL

@@ -5,7 +5,14 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from graycard.records import Comparison, MethodStanding, MetricComparison, MetricRecord, PairDifference
+from graycard.records import (
+    Comparison,
+    MethodStanding,
+    MetricComparison,
+    MetricRecord,
+    PairDifference,
+    PairVerdict,
+)
 from graycard.reports._format import count, format_p, format_value
 
 Kind = Literal["clear", "tied", "too few", "alone", "open", "nobody"]
@@ -25,7 +32,7 @@ class LeaderVerdict:
     lead: str = ""
     """By how much, and over whom; empty without a rival."""
     evidence: str = ""
-    """The p value with and without Holm's correction, and the number of scenes."""
+    """The p value with and without the correction, and the number of scenes."""
     tied: tuple[str, ...] = ()
     """Those that cannot be told from the leader."""
 
@@ -56,14 +63,18 @@ def judge(
         return LeaderVerdict("alone", _alone(methods), first.method, value, evidence=n)
     pair = _pair(found, first.method, order[1].method)
     lead = _lead(metric, first, order[1], pair)
-    few = pair is not None and pair.verdict == "too few scenes"
-    if pair is None or few:
-        words = f"too few scenes to tell: {comparison.least_scenes} needed"
+    if pair is None or pair.verdict == "too few scenes":
+        least = comparison.least_scenes
+        more = f"{least} needed" if first.scenes < least else "among so many pairs"
+        words = f"too few scenes to tell: {more}"
         return LeaderVerdict("too few", words, first.method, value, lead, n)
-    tied = tuple(m.method for m in order[1:] if _ties(found, first.method, m.method))
     evidence = _evidence(pair, first.scenes)
+    tied = _told(found, order, "tie")
     if tied:
         return LeaderVerdict("tied", f"tied with {_list(tied)}", first.method, value, lead, evidence, tied)
+    if untold := _told(found, order, "too few scenes"):
+        words = f"too few scenes to tell from {_list(untold)}"
+        return LeaderVerdict("too few", words, first.method, value, lead, evidence)
     return LeaderVerdict("clear", "clear lead", first.method, value, lead, evidence)
 
 
@@ -112,10 +123,10 @@ def _mean(standing: MethodStanding) -> float:
     return float("nan") if standing.mean is None else standing.mean
 
 
-def _ties(found: MetricComparison, first: str, second: str) -> bool:
-    """Whether two methods cannot be told apart: ranks would say so of variants too."""
-    pair = _pair(found, first, second)
-    return pair is not None and pair.verdict == "tie"
+def _told(found: MetricComparison, order: Sequence[MethodStanding], verdict: PairVerdict) -> tuple[str, ...]:
+    """Return those of whom that is said against the first: ranks would say so of variants too."""
+    pairs = ((m.method, _pair(found, order[0].method, m.method)) for m in order[1:])
+    return tuple(method for method, pair in pairs if pair is not None and pair.verdict == verdict)
 
 
 def _pair(found: MetricComparison, first: str, second: str) -> PairDifference | None:
@@ -151,12 +162,12 @@ def _evidence(pair: PairDifference, scenes: int) -> str:
     It is told as it decides, and as it is of this pair alone where that is another number: intervals are of
     pairs alone, and so is what claims come down to.
     """
-    infinite = pair.p_mean_holm is None  # there is no mean then, and ranks alone decide
-    decides = _larger(pair.p_rank_holm if infinite else pair.p_rank, pair.p_mean_holm)
+    infinite = pair.p_mean_corrected is None  # there is no mean then, and ranks alone decide
+    decides = _larger(pair.p_rank_holm if infinite else pair.p_rank, pair.p_mean_corrected)
     own = _larger(pair.p_rank, pair.p_mean)
     if decides is None or own is None:
         return f"n = {scenes}"
-    told = f"{format_p(decides)} after Holm's correction"
+    told = f"{format_p(decides)} after correction for all pairs"
     if format_p(own) != format_p(decides):
         told += f", {format_p(own).removeprefix('p = ').removeprefix('p ')} for this pair alone"
     return f"{told}, n = {scenes}"

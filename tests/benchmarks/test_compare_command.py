@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """``graycard compare`` on a run made by hand."""
 
+import json
 import math
+import resource
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +15,7 @@ import pytest
 from graycard.cli import main
 from graycard.io import from_builtins, read_json, write_json
 from graycard.records import (
+    COMPARISON,
     Comparison,
     Job,
     JobResult,
@@ -124,6 +129,113 @@ def test_a_metric_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[
     )
     assert main(["compare", str(run), "--metrics", "ssim"]) == 0
     assert "PSNR" not in capsys.readouterr().out
+
+
+def test_a_chosen_row_is_compared_with_each_other_one(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--against", "theirs", "--json", str(run / "c.json")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "against theirs:" in lines
+    mine = next(x for x in lines if "mine - theirs" in x)
+    assert mine.split()[-1] == "better"
+    asked = from_builtins(Comparison, read_json(run / "c.json"))
+    assert asked.against == "theirs"
+    assert [(p.first, p.second) for p in asked.metrics[0].against] == [
+        ("mine", "theirs"),
+        ("truth", "theirs"),
+    ]
+    written = read_comparison(run)
+    assert written is not None
+    assert (written.against, written.metrics[0].against) == ("", ())
+    assert written.metrics[0].pairs == asked.metrics[0].pairs
+
+
+def test_a_row_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["compare", str(run), "--against", "their"]) == 2
+    said = capsys.readouterr()
+    assert "expected a row of this run that exists, got 'their' (did you mean 'theirs'?)" in said.err
+    assert said.out == ""
+    assert not (run / COMPARISON).exists()
+
+
+def test_the_published_dark_run_says_that_gray_is_worse(capsys: pytest.CaptureFixture[str]):
+    """By 14 dB on all eight scenes, among 25 rows: the first finding that a reader looks for."""
+    published = Path(__file__).parents[2] / "reports" / "published" / "dark"
+    asked = ["--metrics", "novel_view.psnr", "--pairs", "--against", "sunfaded"]
+    assert main(["compare", str(published), *asked]) == 0
+    lines = [x.split() for x in capsys.readouterr().out.splitlines()]
+    assert [x[-1] for x in lines if x[:3] in (["gray", "-", "sunfaded"], ["sunfaded", "-", "gray"])] in (
+        ["worse", "worse"], ["worse", "better"],
+    )  # fmt: skip
+    assert not (published / COMPARISON).exists()
+
+
+def test_a_comparison_that_is_written_is_not_made_again(run: Path):
+    """Intervals of pairs take nearly all of the time, and are not printed."""
+    assert main(["compare", str(run)]) == 0
+    whole = read_comparison(run)
+    assert whole is not None
+    (pair, *more), table = whole.metrics[0].pairs, whole.metrics[0]
+    marked = replace(table, pairs=(replace(pair, interval=(0.0, 0.0)), *more))
+    write_json(run / COMPARISON, replace(whole, metrics=(marked,)))
+    assert main(["compare", str(run), "--against", "theirs"]) == 0
+    kept = read_comparison(run)
+    assert kept is not None
+    assert kept.metrics[0].pairs[0].interval == (0.0, 0.0)
+    assert main(["compare", str(run), "--pairs"]) == 0
+
+
+@pytest.mark.parametrize("fault", ["verdict", "rule", "version", "damage"])
+def test_a_comparison_that_says_something_else_is_written_anew(run: Path, fault: str):
+    assert main(["compare", str(run)]) == 0
+    path = run / COMPARISON
+    right, text = read_json(path), path.read_text()
+    if fault == "verdict":
+        right["metrics"][0]["pairs"][0]["verdict"] = "tie"
+    elif fault == "rule":
+        right["rule"] = "Whoever is first is best."
+    elif fault == "version":
+        right["format_version"] -= 1
+    path.write_text("{" if fault == "damage" else json.dumps(right))
+    assert main(["compare", str(run)]) == 0
+    assert path.read_text() == text
+
+
+def test_the_published_dark_run_is_compared_in_three_seconds_of_cpu():
+    """A process of its own, with its imports."""
+    published = Path(__file__).parents[2] / "reports" / "published" / "dark"
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    asked = [sys.executable, "-m", "graycard", "compare", str(published), "--against", "sunfaded"]
+    said = subprocess.run(asked, check=True, capture_output=True, text=True).stdout
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 3
+    gray = next(x for x in said.splitlines() if x.startswith("gray - sunfaded"))
+    assert gray.split()[-1] == "worse"
+
+
+def test_a_gap_that_is_no_tie_but_needs_more_scenes_is_counted(run: Path, capsys: pytest.CaptureFixture[str]):
+    """Six scenes and a hundred rows: ten standard errors come up by chance."""
+    record = read_run(run)
+    scenes = [f"s{i}" for i in range(6)]
+    random = np.random.default_rng(4)
+    noise = random.normal(size=6)
+    noise = (noise - noise.mean()) / noise.std(ddof=1)
+    rows = {f"m{i:02}": np.full(6, 20.0) + random.normal(size=6) for i in range(30)}
+    rows["m01"] = rows["m00"] + noise + 11 / math.sqrt(6)
+    results = [
+        JobResult(
+            Job("dark", scene, name, 0, {}), "", "", "done",
+            sheet=ScoreSheet("dark", scene, name, "", "", (
+                Score("psnr", "graycard-1", "scored", float(value), "dB", True, math.inf),
+            )),
+        )
+        for name, values in rows.items() for scene, value in zip(scenes, values, strict=True)
+    ]  # fmt: skip
+    methods = tuple(MethodRecord(name, "", ()) for name in rows)
+    write_json(run / "run.json", replace(record, methods=methods, results=tuple(results)))
+    assert main(["compare", str(run), "--pairs"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert next(x for x in lines if x.startswith("m00 - m01")).endswith("too few scenes")
+    assert "0 with fewer than the 6 scenes that a p below 0.05 needs, 6 with too few for so many" in lines[-1]
 
 
 def test_too_few_scenes_are_said(run: Path, capsys: pytest.CaptureFixture[str]):

@@ -31,7 +31,7 @@ from graycard.reports.tables._verdicts import LeaderVerdict, judge, judge_withou
 
 UP = MetricRecord("a.up", "Up", "albedo", "dB", True, math.inf, "f", True, 0.1, ("global gain", "sign"))
 DOWN = MetricRecord("n.down", "Down", "normal", "°", False, 0.0, "g", True, 0.0)
-EVIDENCE = "p = 0.030 after Holm's correction, 0.010 for this pair alone, n = 8"
+EVIDENCE = "p = 0.030 after correction for all pairs, 0.010 for this pair alone, n = 8"
 SIDE = MetricRecord("a.side", "Side", "albedo", "1", False, 0.0, "h", False, 0.1)
 
 
@@ -43,7 +43,7 @@ def stands(method: str, mean: float | None, rank: int | None = 1, **more: Any) -
 def pair(first: str, second: str, verdict: Any, **more: Any) -> PairDifference:
     given: dict[str, Any] = {
         "scenes": 8, "difference": 1.0, "interval": (0.5, 2.0), "p_rank": 0.008, "p_rank_holm": 0.1,
-        "p_mean": 0.01, "p_mean_holm": 0.03, **more,
+        "p_mean": 0.01, "p_mean_corrected": 0.03, **more,
     }  # fmt: skip
     return PairDifference(first, second, verdict=verdict, **given)
 
@@ -61,18 +61,18 @@ def test_clear_lead_names_the_larger_of_both_p_values() -> None:
         "a",
         "21.00",
         "1.00 dB (0.50 to 2.00) ahead of b",
-        "p = 0.030 after Holm's correction, 0.010 for this pair alone, n = 8",
+        "p = 0.030 after correction for all pairs, 0.010 for this pair alone, n = 8",
     )
 
 
 @pytest.mark.parametrize(
     ("chances", "told"),
     [
-        ({"p_rank": 0.04}, "p = 0.040 after Holm's correction"),  # ranks decide uncorrected: no other number
-        ({"p_mean": 1e-5, "p_rank": 1e-6, "p_mean_holm": 0.12},
-         "p = 0.12 after Holm's correction, < 0.001 for this pair alone"),
-        ({"p_mean": None, "p_mean_holm": None, "p_rank": 0.008, "p_rank_holm": 0.06},
-         "p = 0.060 after Holm's correction, 0.008 for this pair alone"),  # a mean is infinite
+        ({"p_rank": 0.04}, "p = 0.040 after correction for all pairs"),  # ranks decide uncorrected
+        ({"p_mean": 1e-5, "p_rank": 1e-6, "p_mean_corrected": 0.12},
+         "p = 0.12 after correction for all pairs, < 0.001 for this pair alone"),
+        ({"p_mean": None, "p_mean_corrected": None, "p_rank": 0.008, "p_rank_holm": 0.06},
+         "p = 0.060 after correction for all pairs, 0.008 for this pair alone"),  # a mean is infinite
     ],
 )  # fmt: skip
 def test_p_is_told_as_it_decides_and_as_it_is_of_the_pair_alone(chances: dict[str, Any], told: str) -> None:
@@ -81,7 +81,7 @@ def test_p_is_told_as_it_decides_and_as_it_is_of_the_pair_alone(chances: dict[st
 
 
 def test_pair_without_any_test_has_its_scenes_alone() -> None:
-    level = pair("a", "b", "tie", p_rank=None, p_rank_holm=None, p_mean=None, p_mean_holm=None)
+    level = pair("a", "b", "tie", p_rank=None, p_rank_holm=None, p_mean=None, p_mean_corrected=None)
     assert compared(UP, [stands("b", 20.0), stands("a", 20.0)], level).evidence == "n = 8"
 
 
@@ -121,10 +121,22 @@ def test_variants_of_a_method_neither_lead_nor_are_rivals() -> None:
 
 def test_too_few_scenes_say_how_many_are_needed() -> None:
     methods = [stands("a", 9.0, scenes=2, expected=2), stands("b", 8.0, scenes=2, expected=2)]
-    few = pair("a", "b", "too few scenes", interval=None, p_mean=None, p_mean_holm=None)
+    few = pair("a", "b", "too few scenes", interval=None, p_mean=None, p_mean_corrected=None)
     found = compared(UP, methods, few)
     assert (found.kind, found.words) == ("too few", "too few scenes to tell: 6 needed")
     assert (found.lead, found.evidence) == ("1.00 dB ahead of b", "2 scenes")
+
+
+def test_a_lead_that_is_no_tie_but_needs_more_scenes_is_said_so() -> None:
+    found = compared(UP, [stands("a", 21.0), stands("b", 20.0)], pair("a", "b", "too few scenes"))
+    assert (found.kind, found.words) == ("too few", "too few scenes to tell: among so many pairs")
+
+
+def test_a_third_that_is_not_told_from_the_leader_is_named() -> None:
+    methods = [stands("a", 21.0), stands("b", 20.0), stands("c", 19.0)]
+    pairs = pair("a", "b", "better"), pair("a", "c", "too few scenes"), pair("b", "c", "tie")
+    found = compared(UP, methods, *pairs)
+    assert (found.kind, found.words, found.tied) == ("too few", "too few scenes to tell from c", ())
 
 
 def test_who_misses_a_scene_or_was_handed_truth_cannot_lead() -> None:
@@ -244,8 +256,9 @@ def comparison_of(record: RunRecord) -> Comparison:
         stands("truth", math.inf, None, competes=False),
     )  # fmt: skip
     albedo = MetricComparison("dark", "albedo.psnr.channel", methods, (pair("retinex", "gray", "better"),))
-    few = pair("retinex", "gray", "too few scenes")
-    light = MetricComparison("dark", "light.position", methods[:2], (few,))
+    few = pair("retinex", "gray", "too few scenes", scenes=5)
+    five = tuple(replace(method, scenes=5, expected=5) for method in methods[:2])
+    light = MetricComparison("dark", "light.position", five, (few,))
     leak = AboveCeiling("dark", "tiny-0000", "retinex", 0, "novel_view.psnr", 60.0, 48.5, 11.5, "dB", ())
     handed = replace(leak, method="truth", handed=("radiance",))
     return Comparison(

@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.table import Table
 
+from graycard._errors import RecordError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
@@ -21,6 +23,9 @@ from graycard.records import (
     MetricComparison,
     MetricRecord,
     PairDifference,
+    RunRecord,
+    is_published,
+    read_comparison,
     read_run,
 )
 
@@ -72,39 +77,57 @@ class CompareCommand:
     """Say which method of a run is better, by how much, and how sure that is."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder; its comparison.json is written anew from run.json. A published one is left as it is."""
+    """The run folder. Its comparison.json is written anew from run.json where it says something else.
+    A published folder is left as it is."""
     metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
     """Compare these metrics only; those of the leaderboard by default."""
+    against: Annotated[str, optional("ROW")] = ""
+    """Also compare each other method with this one, chosen before its scores were seen.
+    The correction is over these comparisons alone, so smaller differences are told from chance."""
     pairs: bool = False
     """Also show every two methods."""
     json: Json = None
-    """Also write the comparison to this file."""
+    """Also write the comparison of all metrics to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Compare the methods."""
-        from graycard._errors import UnknownNameError
-        from graycard.eval.statistics import compare_run
-        from graycard.reports import is_published
+        """Compare the methods; no more is computed than is printed or written."""
+        from graycard.eval.statistics import Question, compare_run
 
         record = read_run(self.run_folder)
         by_id = {metric.id: metric for metric in record.metrics}
-        for name in self.metrics:
-            if name not in by_id:
-                raise UnknownNameError("metric of this run", name, by_id)
+        self._check_names(record)
         wanted = self.metrics or tuple(metric.id for metric in record.metrics if metric.headline)
-        found = compare_run(record)
-        tables = [table for table in found.metrics if table.metric in wanted]
-        shown = [table for table in tables if self.metrics or _is_contested(table)]
+        found = compare_run(record, Question(wanted, self.against, pair_intervals=self.pairs))
+        shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
-        if not is_published(self.run_folder):
-            write_json(self.run_folder / COMPARISON, found)
-        write_optional_json(self.json, found)
+        self._write(record, found)
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
-        _say_skipped(terminal, [table for table in tables if table not in shown])
+        _say_skipped(terminal, [table for table in found.metrics if table not in shown])
         _say(terminal, found)
         return OK
+
+    def _check_names(self, record: RunRecord) -> None:
+        """Refuse a metric or a row that the run has not."""
+        from graycard._errors import UnknownNameError
+
+        metrics = [metric.id for metric in record.metrics]
+        for name in self.metrics:
+            if name not in metrics:
+                raise UnknownNameError("metric of this run", name, metrics)
+        rows = [method.name for method in record.methods]
+        if self.against and self.against not in rows:
+            raise UnknownNameError("row of this run", self.against, rows)
+
+    def _write(self, record: RunRecord, shown: Comparison) -> None:
+        """Write the comparison of all metrics where it lacks, is another, or is asked for."""
+        from graycard.eval.statistics import Question, compare_run
+
+        if not is_published(self.run_folder) and not _is_written(self.run_folder, shown):
+            write_json(self.run_folder / COMPARISON, compare_run(record))
+        if self.json is not None:
+            write_json(self.json, compare_run(record, Question(against=self.against)))
 
     def _show(self, terminal: Terminal, table: MetricComparison, metric: MetricRecord) -> None:
         better = "higher" if metric.higher_is_better else "lower"
@@ -112,8 +135,31 @@ class CompareCommand:
             f"\n{table.track}: {metric.title} ({metric.id}), {metric.unit}, {better} is better"
         )
         terminal.out.print(_standings(table, metric.higher_is_better))
+        if table.against:
+            terminal.out.print(f"against {self.against}:")
+            terminal.out.print(_pairs(table, table.against))
         if self.pairs and table.pairs:
-            terminal.out.print(_pairs(table))
+            terminal.out.print(_pairs(table, table.pairs))
+
+
+def _is_written(run: Path, shown: Comparison) -> bool:
+    """Return true where comparison.json says what is shown, as far as that goes."""
+    try:
+        written = read_comparison(run)
+    except RecordError:  # unreadable, or of another version
+        return False
+    return written is not None and _outline(written, shown) == _outline(shown, shown)
+
+
+def _outline(comparison: Comparison, shown: Comparison) -> Comparison:
+    """Return what two comparisons have in common if one is of all metrics: no intervals, no chosen row."""
+    wanted = {(table.track, table.metric) for table in shown.metrics}
+    tables = (table for table in comparison.metrics if (table.track, table.metric) in wanted)
+    bare = (
+        replace(table, against=(), pairs=tuple(replace(pair, interval=None) for pair in table.pairs))
+        for table in tables
+    )
+    return replace(comparison, metrics=tuple(bare), against="")
 
 
 def _is_contested(table: MetricComparison) -> bool:
@@ -140,13 +186,15 @@ def _say(terminal: Terminal, found: Comparison) -> None:
             )
     every = [(table, pair) for table in found.metrics for pair in table.pairs]
     pairs = [pair for table, pair in every if _compete(table, pair)]
-    few = sum(pair.verdict == "too few scenes" for pair in pairs)
+    few = sum(pair.scenes < found.least_scenes for pair in pairs)
+    far = sum(pair.verdict == "too few scenes" for pair in pairs) - few
     tied = sum(pair.verdict == "tie" for pair in pairs)
-    decided = len(pairs) - few - tied
+    decided = len(pairs) - few - far - tied
     handed = len(every) - len(pairs)
     terminal.out.print(
         f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
         f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        + (f", {far} with too few for so many pairs" if far else "")
         + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
     )
 
@@ -173,9 +221,11 @@ def _cells(row: MethodStanding) -> tuple[str, ...]:
     return rank, row.method, _number(row.mean), _interval(row.interval), counts, *spreads
 
 
-def _pairs(table: MetricComparison) -> Table:
-    shown = new_table("pair", "difference", "95 % interval", "scenes", "p rank", "p mean, Holm", "verdict")
-    for pair in table.pairs:
+def _pairs(table: MetricComparison, pairs: Sequence[PairDifference]) -> Table:
+    shown = new_table(
+        "pair", "difference", "95 % interval", "scenes", "p rank", "p mean, corrected", "verdict"
+    )
+    for pair in pairs:
         shown.add_row(*_pair_cells(pair, _compete(table, pair)))
     return shown
 
@@ -183,7 +233,7 @@ def _pairs(table: MetricComparison) -> Table:
 def _pair_cells(pair: PairDifference, compete: bool) -> tuple[str, ...]:
     """Return a row of the table; a pair with a row that is handed truth has no corrected p and no verdict."""
     names, difference = f"{pair.first} - {pair.second}", _number(pair.difference)
-    ends = (_number(pair.p_mean_holm), pair.verdict) if compete else ("", "is handed truth")
+    ends = (_number(pair.p_mean_corrected), pair.verdict) if compete else ("", "is handed truth")
     return names, difference, _interval(pair.interval), str(pair.scenes), _number(pair.p_rank), *ends
 
 

@@ -31,6 +31,7 @@ from graycard.records._ledger import read_ledger as read_ledger
 from graycard.records._looks import Edition as Edition
 from graycard.records._looks import Look as Look
 from graycard.records._looks import Looks as Looks
+from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance
@@ -43,5 +44,6 @@ from graycard.records._run import SceneRecord as SceneRecord
 from graycard.records._run import Score as Score
 from graycard.records._run import ScoreSheet as ScoreSheet
 from graycard.records._run import Status as Status
+from graycard.records._run import is_published as is_published
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet

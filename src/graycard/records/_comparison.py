@@ -12,10 +12,11 @@ from graycard.records._run import read_record
 
 COMPARISON = "comparison.json"
 """Beside ``run.json``; made from it alone."""
-COMPARISON_VERSION = 2
+COMPARISON_VERSION = 3
 
 PairVerdict = Literal["better", "worse", "tie", "too few scenes"]
-"""Of the first method of a pair against the second."""
+"""Of the first method of a pair against the second. A tie says that these scenes do not tell which is better;
+too few scenes, that they cannot, or not among so many pairs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +63,12 @@ class PairDifference:
     p_rank_holm: float | None
     """The same after Holm's correction over the compared pairs."""
     p_mean: float | None
-    """The test whose interval is ``interval``; None where that is None."""
-    p_mean_holm: float | None
-    """The same after Holm's correction over the compared pairs."""
+    """Student's test of that mean, of this pair alone; None for fewer than 3 scenes or infinite values."""
+    p_mean_corrected: float | None
+    """The same after Šidák's correction over the compared pairs and the margin for skewed differences."""
     verdict: PairVerdict
+    error: float | None = None
+    """Standard error of the mean difference; None where there is no test of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +81,8 @@ class MetricComparison:
     """In the order of the run."""
     pairs: tuple[PairDifference, ...]
     """Every two of the methods that share a scene, the earlier first."""
+    against: tuple[PairDifference, ...] = ()
+    """Each other method less the one that was chosen; empty where none was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +120,8 @@ class Comparison:
     """How verdicts and ranks are come by, in words for a reader."""
     metrics: tuple[MetricComparison, ...]
     above_ceiling: tuple[AboveCeiling, ...] = ()
+    against: str = ""
+    """Row that was chosen, for each other row to be compared with; empty for none."""
     format: str = "graycard-comparison"
     format_version: int = COMPARISON_VERSION
 

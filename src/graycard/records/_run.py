@@ -10,6 +10,8 @@ from graycard._errors import RecordError
 from graycard.io import check_version, from_builtins, read_json
 from graycard.records._looks import Edition, Looks
 
+PUBLISHED_PAGE = "index.html"
+"""The report in a published folder; a run has its own in a folder of that name."""
 RECORD_VERSION = 2
 
 Status = Literal["scored", "failed", "not provided"]
@@ -259,6 +261,11 @@ class RunRecord:
     def submitted(self) -> tuple[str, ...]:
         """Rows whose predictions other code has made: what that saw is not known."""
         return tuple(method.name for method in self.methods if method.predictions)
+
+
+def is_published(folder: Path) -> bool:
+    """Return true for a folder that `graycard publish` wrote, which is left as it is; false for a run."""
+    return (Path(folder) / PUBLISHED_PAGE).is_file() and not (Path(folder) / "jobs").exists()
 
 
 def read_score_sheet(path: Path) -> ScoreSheet:
