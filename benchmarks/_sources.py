@@ -17,7 +17,8 @@ from graycard.io import code_hash
 from graycard.synth import find_llvm
 
 PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
-PACKAGES += ("colour-science", "flip-evaluator")
+PACKAGES += ("colour-science",)
+"""Packages that every result stands on, none of them of an extra; no valid run lacks the version of one."""
 RECORDED = (*PACKAGES, "opencv-python-headless", "karellen-llvm-core")
 """What a run records; only the former are asked of one, for records of before have no more."""
 

@@ -15,7 +15,7 @@ from graycard.eval.scoring._ceiling import noise_as_displayed
 from graycard.eval.scoring._findings import Finding, SceneFacts, first_of, mean, pooled
 from graycard.eval.scoring._gauge import apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView
-from graycard.layers import find_fault
+from graycard.layers import find_fault, not_meant
 from graycard.records import Score, Status
 
 LAYER = "radiance"
@@ -168,14 +168,15 @@ def _predicted(picture: ChangedPicture, scene: SceneFacts, gauge: str | None) ->
         return None
     if LAYER not in layers:
         raise PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
-    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width):
+    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width, picture.mask):
         raise PredictionError(f"{where}: {fault}. Write this picture again")
+    values = np.where(not_meant(LAYER, layers[LAYER]), 0, layers[LAYER])  # outside of the mask
     if gauge is None:
-        return layers[LAYER].astype(np.float64)
+        return values.astype(np.float64)
     factors = scene.gauges[gauge]
     if isinstance(factors, str):
         raise PredictionError(factors)
-    return apply_gauge(layers[LAYER], factors)
+    return apply_gauge(values, factors)
 
 
 def _noise(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:

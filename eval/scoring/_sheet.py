@@ -58,6 +58,20 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         sha256(Path(scene) / "truth" / "manifest.json"),
         scores_of(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
+        warnings=_left_out(found),
+    )
+
+
+def _left_out(predictions: Predictions) -> tuple[str, ...]:
+    """Return a warning for each unknown layer that a folder has channels of."""
+    layers: dict[str, list[str]] = {}
+    meant = predictions.unknown_channels()
+    for channel in meant:
+        layers.setdefault(channel.rpartition(".")[0], []).append(channel)
+    return tuple(
+        f"channels of no known layer were left out: {', '.join(channels)}"
+        + (f" (did you mean {near}?)" if (near := meant[channels[0]]) else "")
+        for channels in layers.values()
     )
 
 

@@ -21,13 +21,15 @@ from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard.edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard.io import (
     IN_MEMORY,
+    KnownLayers,
     check_version,
     from_builtins,
     read_json,
-    read_layers,
+    read_known_layers,
     read_rgb,
     sha256,
     sha256_of_files,
+    unknown_channels,
     writable_folder,
     write_json,
     write_layers,
@@ -60,10 +62,20 @@ class Predictions:
         return sorted(p.stem for p in (self._root / VIEWS).glob("*.exr"))
 
     def layers(self, view: str) -> dict[str, np.ndarray]:
-        """All predicted layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
+        """Return all predicted layers of a view that can be used, each ``(H, W)`` or ``(H, W, 3)``, by name.
 
         Raises:
-            PredictionError: The file is missing or broken, has channels of no layer, or was changed
+            PredictionError: As for :meth:`known_layers`.
+        """
+        return dict(self.known_layers(view).layers)
+
+    def known_layers(self, view: str) -> KnownLayers:
+        """Return the predicted layers of a view, and why some cannot be used.
+
+        Channels that belong to no layer are passed over; :meth:`unknown_channels` names them.
+
+        Raises:
+            PredictionError: The file is missing or broken, has no layer that is known, or was changed
                 after its hash was taken.
         """
         path = self._root / VIEWS / f"{view}.exr"
@@ -73,10 +85,23 @@ class Predictions:
                 f"expected a prediction for view {view!r} at {path}, got none. Present: {have}"
             )
         self._check_hash(path)
-        return read_layers(path, PredictionError)
+        return read_known_layers(path, PredictionError)
+
+    def unknown_channels(self) -> dict[str, str]:
+        """Return the channels in files of views and changed views that belong to no layer.
+
+        Returns:
+            By name of the channel: the name that was perhaps meant, or an empty one.
+        """
+        folders = (self._root / folder for folder in (VIEWS, RELIGHTING, COMPOSITION))
+        files = (path for folder in folders for path in sorted(folder.rglob("*.exr")))
+        found: dict[str, str] = {}
+        for path in files:
+            found |= unknown_channels(path)
+        return found
 
     def relit(self, edit: str, view: str) -> dict[str, np.ndarray] | None:
-        """The predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
+        """Return the predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
 
         Args:
             edit: Name of the change, as in :attr:`graycard.Truth.edits`.
@@ -86,18 +111,18 @@ class Predictions:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`layers`.
+            PredictionError: As for :meth:`known_layers`, or a layer cannot be used.
         """
         return self._optional(relit_file(edit, view))
 
     def composed(self, view: str) -> dict[str, np.ndarray] | None:
-        """The predicted picture of a held-out view with an object of another scene: ``radiance``.
+        """Return the predicted picture of a held-out view with an object of another scene: ``radiance``.
 
         Returns:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`layers`.
+            PredictionError: As for :meth:`known_layers`, or a layer cannot be used.
         """
         return self._optional(composed_file(view))
 
@@ -106,7 +131,10 @@ class Predictions:
         if not path.is_file() and name not in self.files:
             return None
         self._check_hash(path)
-        return read_layers(path, PredictionError)
+        found = read_known_layers(path, PredictionError)
+        for fault in found.faults.values():
+            raise PredictionError(fault)
+        return dict(found.layers)
 
     def lights(self) -> tuple[Light, ...] | None:
         """The predicted lights; None where the method provides none.

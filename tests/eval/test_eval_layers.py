@@ -531,7 +531,7 @@ def cut(values: np.ndarray) -> np.ndarray:
 
 def spoilt(values: np.ndarray) -> np.ndarray:
     values = values.copy()
-    values[5, 7] = np.nan
+    values[5] = np.nan  # also where a lobe is seen: elsewhere f0 may be anything
     return values
 
 

@@ -27,25 +27,30 @@ class Warned:
     scores: list[str] = field(default_factory=list)
     """Metrics, or protocols, that it concerns."""
     views: list[str] = field(default_factory=list)
-    """Further views that say the like."""
+    """Views that say it."""
+    numbers: bool = False
+    """Whether some say so with other numbers."""
 
-    def __str__(self) -> str:
-        """Return the text, with the views that it holds of."""
-        return f"{self.says} (the like in {', '.join(self.views)})" if self.views else self.says
+    def lines(self) -> tuple[str, str]:
+        """Return the text, and all that it concerns."""
+        first = f" ({self.scores[0]}; with other numbers the others)" if self.numbers else ""
+        views = f"; views: {', '.join(self.views)}" if self.views[1:] else ""
+        return self.says + first, f"of {', '.join(self.scores)}{views}"
 
 
 def warned(sheet: ScoreSheet) -> tuple[Warned, ...]:
     """Return the warnings of a sheet, each once, in the order of its scores.
 
-    Views that say the same but for numbers are one warning, which has the numbers of the first.
+    Scores and views that say the same but for numbers are one warning, which has the numbers of the first.
     """
     found: dict[str, Warned] = {}
     for name, says in _told(sheet):
         view, rest = _parted(says)
-        entry = found.setdefault(_alike(rest) if view else rest, Warned(says))
+        entry = found.setdefault(_alike(rest), Warned(says))
         if name not in entry.scores:
             entry.scores.append(name)
-        if view not in {_parted(entry.says)[0], *entry.views}:
+            entry.numbers |= _parted(entry.says) != (view, rest)
+        if view and view not in entry.views:
             entry.views.append(view)
     return tuple(found.values())
 
@@ -66,7 +71,11 @@ def run_lines(record: RunRecord) -> list[list[str]]:
                 scenes.append(scene)
     every = _scenes_by_row(record.results)
     return [
-        [texts[key], ", ".join(key[1]), "; ".join(f"{row} on {_among(s, every[row])}" for row, s in of.items())]
+        [
+            texts[key],
+            ", ".join(key[1]),
+            "; ".join(f"{row} on {_among(s, every[row])}" for row, s in of.items()),
+        ]
         for key, of in places.items()
     ]
 

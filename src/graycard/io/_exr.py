@@ -19,7 +19,7 @@ from graycard.layers import Layer, all_layers, find_layer
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """Chromaticities of the primaries and of the white point D65 (ITU-R BT.709-6)."""
 _ALIKE = 0.6
-"""Likeness from which an unknown name counts as misspelt: the default of :func:`difflib.get_close_matches`."""
+"""Likeness from which an unknown name counts as misspelt: the default of difflib."""
 
 
 def write_layers(

@@ -142,16 +142,36 @@ def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
     return (height, width) if channels == 1 else (height, width, channels)
 
 
-def find_fault(name: str, values: np.ndarray, height: int, width: int) -> str | None:
-    """What is wrong with an array that is meant to be a layer, as "expected …, got …"; else None."""
+def find_fault(
+    name: str, values: np.ndarray, height: int, width: int, within: np.ndarray | None = None
+) -> str | None:
+    """Return the fault of an array that is meant to be a layer, as "expected …, got …"; None without one.
+
+    Args:
+        name: Of the layer.
+        values: The array.
+        height: Rows that it should have.
+        width: Columns that it should have.
+        within: shape ``(H, W)``, bool: pixels that have to be finite; all if None.
+    """
     expected = shape_of(name, height, width)
     if values.shape != expected:
         return f"expected {name} of shape {expected}, got {values.shape}"
-    bad = ~np.isfinite(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
-    if find_layer(name).may_be_infinite:
-        bad &= ~np.isposinf(values)
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        kind = f"{int(bad.sum())} of {values.size} values are not, the first at {where}"
-        return f"expected finite values in {name}, got {values[where]} ({kind})"
-    return None
+    bad = not_meant(name, values)
+    if within is not None:
+        bad &= within.reshape(within.shape + (1,) * (values.ndim - 2))
+    if not bad.any():
+        return None
+    where = tuple(int(i) for i in np.argwhere(bad)[0])
+    axes = ", ".join(("row", "column", "channel")[: bad.ndim])
+    among = values.size if within is None else int(within.sum()) * (values.size // within.size)
+    kind = f"{int(bad.sum())} of {among} values are not, the first at {where}: {axes}"
+    return f"expected finite values in {name}, got {values[where]} ({kind})"
+
+
+def not_meant(name: str, values: np.ndarray) -> np.ndarray:
+    """Mark values that mean nothing in a layer, same shape, bool: NaN and infinities, but a depth of +inf."""
+    if values.dtype.kind != "f":
+        return np.zeros(values.shape, bool)
+    bad = ~np.isfinite(values)
+    return bad & ~np.isposinf(values) if find_layer(name).may_be_infinite else bad

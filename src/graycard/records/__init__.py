@@ -18,6 +18,7 @@ from graycard.records._ledger import PaperResult as PaperResult
 from graycard.records._ledger import RowMean as RowMean
 from graycard.records._ledger import find_claim as find_claim
 from graycard.records._ledger import read_ledger as read_ledger
+from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost
 from graycard.records._run import Invariance as Invariance

@@ -11,6 +11,9 @@ from graycard.io import check_version, from_builtins, read_json
 
 RECORD_VERSION = 2
 
+HOLDS_NOISE = "the prediction holds the noise of the truth itself"
+"""End of the warning of a score that is better than the truth's noise allows."""
+
 Status = Literal["scored", "failed", "not provided"]
 
 Invariance = Literal["global gain", "channel gain", "sign"]
@@ -70,6 +73,8 @@ class ScoreSheet:
     """Base colour by published protocols, one score for each that was asked for."""
     format: str = "graycard-scores"
     format_version: int = RECORD_VERSION
+    warnings: tuple[str, ...] = ()
+    """Oddities of the whole folder, as channels that belong to no layer; each score has its own."""
 
     def score(self, metric: str) -> Score:
         """The score of a metric.
