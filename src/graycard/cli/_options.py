@@ -5,17 +5,14 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-import io
-import re
 import shutil
-import sys
 import textwrap
 from collections.abc import Collection, Iterable, Sequence
-from contextlib import redirect_stdout, suppress
+from contextlib import suppress
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TextIO, TypeVar, get_origin, get_type_hints, runtime_checkable
+from typing import Annotated, Any, Protocol, TypeVar, get_origin, get_type_hints, runtime_checkable
 
 import tyro
 
@@ -26,12 +23,6 @@ _NEAR = 0.6
 """Likeness from which an option counts as misspelt: the default of :func:`difflib.get_close_matches`."""
 _WIDEST = 100
 """Characters of the longest line of a docstring."""
-_SECTIONS = ("Args:", "Attributes:", "Example:", "Raises:", "Returns:", "Yields:")
-"""Beginnings of parts of a docstring that say nothing to whoever types a command."""
-_ROLE = re.compile(r":\w+:`~?([^`]+)`")
-"""Reference of a documentation, as :func:`name`."""
-_BORDER = re.compile(r"│(\x1b\[[0-9;]*m)*\s*$")
-"""Right border of a box, coloured or not."""
 Settings = TypeVar("Settings")
 
 
@@ -142,45 +133,17 @@ def show_help(kind: type[Any], command: str, terminal: Terminal) -> None:
     """Print the docstring of a dataclass of options, then its options."""
     if purpose := _wrapped_docstring(kind):
         terminal.out.print(purpose + "\n")
-    written = _Captured(sys.stdout)
-    with suppress(SystemExit), redirect_stdout(written):  # tyro writes a help only on its way out
+    with suppress(SystemExit):  # tyro writes a help only on its way out of the program
         tyro.cli(kind, args=["--help"], prog=command, description="")
-    sys.stdout.write("".join(_plain(line) for line in written.getvalue().splitlines(keepends=True)))
-
-
-class _Captured(io.StringIO):
-    """Text that is kept for a stream, with the colours and characters that the stream can show."""
-
-    def __init__(self, stream: TextIO) -> None:
-        super().__init__()
-        self._stream = stream
-
-    def isatty(self) -> bool:
-        """Tell whether the text goes to a terminal."""
-        return self._stream.isatty()
-
-    @property
-    def encoding(self) -> str:
-        """Encoding of the stream: without one tyro draws boxes in ASCII."""
-        return self._stream.encoding
-
-
-def _plain(text: str) -> str:
-    """Return a line of help without marks for a documentation's typesetter; the border of a box stays."""
-    plain = _ROLE.sub(r"`\1`", text).replace("``", "`")
-    return _BORDER.sub(lambda border: " " * (len(text) - len(plain)) + border[0], plain)
 
 
 def _wrapped_docstring(kind: type[Any]) -> str:
-    """Return the docstring of a dataclass, wrapped to the terminal; tyro would leave its lines long.
-
-    Sections for programmers are left out.
-    """
+    """Return the docstring of a dataclass, wrapped to the terminal; tyro would leave its lines long."""
     text = inspect.cleandoc(kind.__doc__ or "")
     if text.startswith(f"{kind.__name__}("):  # made by dataclass where there is none
         return ""
     width = min(shutil.get_terminal_size().columns, _WIDEST)
-    parts = (_plain(part) for part in text.split("\n\n") if not part.startswith(_SECTIONS))
     return "\n\n".join(
-        part if "\n " in part else textwrap.fill(part, width, break_on_hyphens=False) for part in parts
+        part if "\n " in part else textwrap.fill(part, width, break_on_hyphens=False)
+        for part in text.split("\n\n")
     )
