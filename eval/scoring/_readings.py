@@ -10,6 +10,7 @@ import numpy as np
 from graycard import DatasetError, GraycardError, PredictionError, Predictions, Truth, View, all_layers
 from graycard.eval.measures._chart import NAME as CHART
 from graycard.eval.scoring._mask import judged_mask
+from graycard.io import KnownLayers
 from graycard.layers import LOBES, find_fault, not_meant, with_derived, with_sums
 
 T = TypeVar("T")
@@ -162,11 +163,26 @@ def read_prediction(
         return PredictedView(view, fault=_gone(view.name) if listed else "", exists=False)
     try:
         found = predictions.known_layers(view.name)
-        layers, surplus = _renamed(with_sums(found.layers), names)
-        faults, _ = _renamed(found.faults, names)
-        return PredictedView(view, layers, faults=faults, surplus=surplus)
     except GraycardError as cause:
         return PredictedView(view, fault=f"{view.name}: {cause}")
+    faults = {**found.faults, **_faults_of_sums(found)}
+    summed = {name: values for name, values in with_sums(found.layers).items() if name not in faults}
+    layers, surplus = _renamed(summed, names)
+    return PredictedView(view, layers, faults=_renamed(faults, names)[0], surplus=surplus)
+
+
+def _faults_of_sums(found: KnownLayers) -> dict[str, str]:
+    """Return a fault for each sum of layers that would be without a part which cannot be used."""
+    if not found.faults:
+        return {}
+    parts = {name: np.array(float(name in found.faults)) for name in (*found.layers, *found.faults)}
+    counts = with_sums(parts)  # of faulty parts
+    first = next(iter(found.faults.values()))
+    return {
+        name: f"expected all parts of {name}, got one that cannot be used: {first}"
+        for name in counts.keys() - parts.keys()
+        if counts[name] > 0
+    }
 
 
 def with_darkness(

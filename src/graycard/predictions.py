@@ -111,7 +111,7 @@ class Predictions:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`known_layers`, or a layer cannot be used.
+            PredictionError: As for :meth:`known_layers`, or radiance cannot be used.
         """
         return self._optional(relit_file(edit, view))
 
@@ -122,7 +122,7 @@ class Predictions:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`known_layers`, or a layer cannot be used.
+            PredictionError: As for :meth:`known_layers`, or radiance cannot be used.
         """
         return self._optional(composed_file(view))
 
@@ -132,7 +132,7 @@ class Predictions:
             return None
         self._check_hash(path)
         found = read_known_layers(path, PredictionError)
-        for fault in found.faults.values():
+        if fault := found.faults.get("radiance"):
             raise PredictionError(fault)
         return dict(found.layers)
 
