@@ -19,7 +19,7 @@ from graycard import (
     View,
     find_layer,
 )
-from graycard.layers import find_fault, shape_of
+from graycard.layers import find_codes, find_fault, shape_of
 from graycard.methods._blame import blame
 from graycard.methods._contract import Composable, Decomposition, Guest, Relightable, Removable, Surrounded
 from graycard.predictions import (
@@ -159,8 +159,8 @@ def _checked(name: str, values: np.ndarray, view: View) -> np.ndarray:
             f"expected {name} of view {view.name} as real numbers of shape {shape}, "
             f"got {values.dtype} of shape {values.shape}"
         )
-    if stored == "float32":
-        _refuse_whole_numbers(f"{name} of view {view.name}", values)
+    if fault := find_codes(name, values):
+        raise MethodError(f"view {view.name}: {fault}")
     with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is refused as infinite
         written = values.astype(stored, copy=False)
     if fault := find_fault(name, written, height, width):
@@ -169,21 +169,6 @@ def _checked(name: str, values: np.ndarray, view: View) -> np.ndarray:
             "of `provides`"
         )
     return written
-
-
-def _refuse_whole_numbers(what: str, values: np.ndarray) -> None:
-    """Refuse an integer type, in which 0 to 255 would be taken for 0 to 1.
-
-    Raises:
-        MethodError: The type is one; bool, which is 0 or 1 in any unit, is none.
-    """
-    if values.dtype.kind in "iu" and values.size:
-        at = tuple(int(i) for i in np.argwhere(values == values.max())[0])
-        raise MethodError(
-            f"expected {what} in floating point, got {values.dtype}, the greatest {values.max()} at {at}. "
-            "Divide codes of 0 to 255 by 255 and undo their sRGB curve (graycard.srgb_decode), or convert "
-            "values that are linear already by .astype(np.float32)"
-        )
 
 
 def _check(method: str, decomposition: Decomposition) -> None:
@@ -224,7 +209,8 @@ def _environments(decomposition: Decomposition) -> dict[str, np.ndarray]:
                 f"expected the image of {name!r} as real numbers of shape (H, W, 3), got {image.dtype} of "
                 f"shape {image.shape}"
             )
-        _refuse_whole_numbers(f"the image of {name!r}", image)
+        if fault := find_codes("radiance", image):
+            raise MethodError(f"image of {name!r}: {fault}")
         if fault := find_fault("radiance", image, *image.shape[:2]):
             raise MethodError(f"image of {name!r}: {fault}. Give finite radiance of 0 or more")
     return found

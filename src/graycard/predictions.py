@@ -35,6 +35,7 @@ from graycard.io import (
     write_layers,
     write_rgb,
 )
+from graycard.layers import find_codes
 from graycard.lights import EnvironmentLight, Light, read_lights, write_lights
 
 INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"
@@ -254,14 +255,23 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
     Args:
         folder: The predictions folder.
         view: Name of the view, as in the capture.
-        layers: By layer name, each ``(H, W)`` or ``(H, W, 3)``, linear.
+        layers: By layer name, each ``(H, W)`` or ``(H, W, 3)``, linear. Pixels that are not judged may hold
+            anything; one that is judged and not finite fails the scores of its layer.
 
     Raises:
         UnknownNameError: A layer is not in the vocabulary.
-        ValueError: An array has a shape that its layer has not.
+        ValueError: An array has a shape that its layer has not, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    for name, values in layers.items():
+        _refuse_codes(view, name, values)
     write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
+
+
+def _refuse_codes(where: str, layer: str, values: np.ndarray) -> None:
+    """Raise ValueError for an image of whole numbers, in which 0 to 255 would be taken for 0 to 1."""
+    if fault := find_codes(layer, np.asarray(values)):
+        raise ValueError(f"{where}: {fault}")
 
 
 def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) -> EnvironmentLight:
@@ -276,9 +286,10 @@ def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) 
         The light with the path of its image: what belongs into ``lights.json``.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(light.name, "radiance", image)
     path = f"{ENVIRONMENTS}/{light.name}.exr"
     write_rgb(Path(folder) / path, image)
     return replace(light, image=path)
@@ -294,9 +305,10 @@ def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> Non
         radiance: ``(H, W, 3)``, linear, W/m²/sr.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(f"{edit}, {view}", "radiance", radiance)
     write_layers(Path(folder) / relit_file(edit, view), {"radiance": radiance})
 
 
@@ -309,9 +321,10 @@ def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
         radiance: ``(H, W, 3)``, linear, W/m²/sr.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(f"composition, {view}", "radiance", radiance)
     write_layers(Path(folder) / composed_file(view), {"radiance": radiance})
 
 

@@ -6,6 +6,7 @@ from graycard.layers._derived import glossy_mask as glossy_mask
 from graycard.layers._derived import with_derived as with_derived
 from graycard.layers._layer import Layer as Layer
 from graycard.layers._layer import all_layers as all_layers
+from graycard.layers._layer import find_codes as find_codes
 from graycard.layers._layer import find_fault as find_fault
 from graycard.layers._layer import find_layer as find_layer
 from graycard.layers._layer import not_meant as not_meant

@@ -169,6 +169,30 @@ def find_fault(
     return f"expected finite values in {name}, got {values[where]} ({kind})"
 
 
+def find_codes(name: str, values: np.ndarray) -> str | None:
+    """Return the fault of whole numbers in place of measured ones, as "expected …, got …. Do …"; else None.
+
+    An image of 0 to 255 would be taken for one of 0 to 1. A layer of ids is whole numbers, and 0 and 1 are
+    the same in any type: neither is a fault.
+
+    Args:
+        name: Of the layer.
+        values: The array.
+    """
+    if values.dtype.kind not in "iu" or find_layer(name).dtype == "uint32" or not values.size:
+        return None
+    far = np.abs(values.astype(np.float64) - 0.5)
+    if far.max() <= 0.5:
+        return None
+    where = tuple(int(i) for i in np.unravel_index(far.argmax(), values.shape))
+    axes = ", ".join(("row", "column", "channel")[: values.ndim])
+    return (
+        f"expected {name} in floating point, got {values.dtype}, as {values[where]} at {where}: {axes}. "
+        "Divide codes of 0 to 255 by 255 and undo their sRGB curve (graycard.srgb_decode), or convert values "
+        "that are linear already by .astype(np.float32)"
+    )
+
+
 def not_meant(name: str, values: np.ndarray) -> np.ndarray:
     """Mark values that mean nothing in a layer, same shape, bool: NaN and infinities, but a depth of +inf."""
     if values.dtype.kind != "f":
