@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from graycard import EditKind, PredictionError, Predictions, Truth, View
+from graycard import DatasetError, EditKind, PredictionError, Predictions, Truth, View
 from graycard.eval.kinds._metric import Metric, Rule, Scorer
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display, same
@@ -155,7 +155,11 @@ def _judge(
     parts = {}
     if rule.finish is psnr:
         parts = {n: rule.measure(*images, at) for n, at in picture.parts.items() if at.any()}
-    return Finding(rule.measure(*images, picture.mask), noise=noise, parts=parts)
+    try:
+        value = rule.measure(*images, picture.mask)
+    except DatasetError as cause:  # the picture is smaller than a window
+        return Finding(reason=str(cause), noise=noise)
+    return Finding(value, noise=noise, parts=parts)
 
 
 def predicted_picture(picture: ChangedPicture) -> np.ndarray | None:
