@@ -13,7 +13,7 @@ from graycard.records import HOLDS_NOISE, JobResult, RunRecord, ScoreSheet
 FOLDER = "the whole folder"
 """Stands in the place of a score for a warning that concerns none."""
 _VIEW = re.compile(r"([\w./-]+): ")
-_NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+(\.\d+)?(e[-+]?\d+)?|inf)(?!\w)")
+_NUMBER = re.compile(r"(?<![\w.+-])[-+]?(\d+(\.\d+)?(e[-+]?\d+)?|inf)(?!\w)")
 _FEW = 2
 """Scenes of a track up to which each is named even where they are all."""
 
@@ -29,7 +29,7 @@ class Warned:
     views: list[str] = field(default_factory=list)
     """Views that say it."""
     numbers: bool = False
-    """Whether some say so with other numbers."""
+    """True if some scores say so with other numbers."""
 
     def lines(self) -> tuple[str, str]:
         """Return the text, and all that it concerns."""
@@ -81,7 +81,7 @@ def run_lines(record: RunRecord) -> list[list[str]]:
 
 
 def _of_result(result: JobResult, handed: Collection[str]) -> dict[str, tuple[str, list[str]]]:
-    """Return text and scores of the warnings of a fit, by what is the same of those that are alike."""
+    """Return text and scores of the warnings of a fit, by the part that is the same of those alike."""
     assert result.sheet is not None
     found: dict[str, tuple[str, list[str]]] = {}
     for name, says in _told(result.sheet):
@@ -94,7 +94,7 @@ def _of_result(result: JobResult, handed: Collection[str]) -> dict[str, tuple[st
 
 
 def _told(sheet: ScoreSheet) -> Iterator[tuple[str, str]]:
-    """Yield what each warning concerns, and its text."""
+    """Yield each warning: the score that it concerns, and its text."""
     yield from ((FOLDER, says) for says in sheet.warnings)
     for name, score in [(s.metric, s) for s in sheet.scores] + [(s.protocol, s) for s in sheet.protocols]:
         yield from ((name, says) for says in score.warnings)
