@@ -174,7 +174,7 @@ def predicted_picture(picture: ChangedPicture) -> np.ndarray | None:
         return None
     if LAYER not in layers:
         raise PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
-    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width, picture.mask):
+    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width, within=picture.mask):
         raise PredictionError(f"{where}: {fault}. Write this picture again")
     values = np.where(not_meant(LAYER, layers[LAYER]), 0, layers[LAYER])  # outside of the mask
     return values.astype(np.float64)

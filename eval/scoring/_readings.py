@@ -67,7 +67,7 @@ class PredictedView:
                 f"{name}: expected {layer} in views/{name}.exr, got {have}. Write this layer in every view"
             )
         values = self.layers[layer]
-        if found := find_fault(layer, values, camera.height, camera.width, within):
+        if found := find_fault(layer, values, camera.height, camera.width, within=within):
             raise PredictionError(f"{name}: {found}. Write this view again")
         return values if within is None else _finite(layer, values)
 

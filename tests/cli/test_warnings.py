@@ -7,15 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
 
 from graycard import Predictions, View, open_truth
 from graycard.cli import main
 from graycard.cli._warnings import FOLDER, run_lines, warned
-from graycard.io import read_layers
 from graycard.predictions import finish_predictions, write_view
 from graycard.records import HOLDS_NOISE, MethodRecord, RunRecord, ScoreSheet, read_score_sheet
+from odd_files import rewrite
 from planted_mistakes import MISTAKES, Layers, Mistake
 from runs_by_hand import METRICS, result_of, run_of, score_of
 
@@ -97,21 +96,9 @@ def test_published_protocols_do_not_hide_warnings(
     assert MISTAKES[4].says in capsys.readouterr().out
 
 
-def add_channels(path: Path, more: Mapping[str, np.ndarray], without: tuple[str, ...] = ()) -> None:
-    """Write a file of layers again with other channels."""
-    channels = {}
-    for name, values in read_layers(path).items():
-        suffixes = {"normal": "XYZ", "depth": "Z"}.get(name, "RGB")
-        planes = values[..., None] if values.ndim == 2 else values
-        channels |= {f"{name}.{s}": np.ascontiguousarray(planes[..., i]) for i, s in enumerate(suffixes)}
-    kept = {name: plane for name, plane in channels.items() if name not in without}
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, kept | dict(more)).write(str(path))
-
-
 def change_files(folder: Path, more: tuple[str, ...], without: tuple[str, ...] = ()) -> None:
     for path in folder.glob("views/*.exr"):
-        add_channels(path, {name: np.full((24, 28), 0.5, np.float32) for name in more}, without)
+        rewrite(path, {name: np.full((24, 28), 0.5, np.float32) for name in more}, without)
     index = '{"method": "mine", "track": "dark", "scene": "tiny-0000"}'
     (folder / "predictions.json").write_text(index)
 
@@ -201,9 +188,10 @@ def run_that_warns(*places: tuple[str, int, str]) -> RunRecord:
     texts = {(row, f"s{number}"): text for row, number, text in places}
     results = []
     for result in run.results:
-        (score,) = result.sheet.scores if result.sheet else ()
+        assert result.sheet is not None
+        (score,) = result.sheet.scores
         says = texts.get((result.job.method, result.job.scene))
-        sheet = replace(result.sheet, scores=(replace(score, warnings=(says,) if says else ()),))  # pyright: ignore
+        sheet = replace(result.sheet, scores=(replace(score, warnings=(says,) if says else ()),))
         results.append(replace(result, sheet=sheet))
     return replace(run, results=tuple(results))
 

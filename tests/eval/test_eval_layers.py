@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of depth, material, the three reflectances and light on surfaces, on a scene that has them all."""
 
+import json
 import math
 import shutil
 from collections.abc import Callable, Mapping
@@ -24,6 +25,7 @@ from graycard.io import read_rgb, write_layers, write_manifest, write_rgb
 from graycard.layers import LOBES, PARTS, with_derived, with_sums
 from graycard.predictions import finish_predictions, write_view
 from graycard.records import ScoreSheet
+from odd_files import rewrite
 from rich_layers import EXACT, LAMPS, NAMES, PATCHES, SKY, enriched, glossy_in, write_rich
 
 Layers = dict[str, np.ndarray]
@@ -515,3 +517,25 @@ def test_a_fault_in_one_view_is_a_failed_score(
 def test_what_shines_need_not_be_told(score: Callable[..., ScoreSheet], metric: str) -> None:
     found = score(only("radiance"), None).score(metric)
     assert (found.status, found.reason) == ("not provided", f"no view has {metric.partition('.')[0]}")
+
+
+@pytest.mark.parametrize("views", ["all", "one"])
+def test_a_sum_fails_with_a_part_that_cannot_be_used(
+    scene: Path, score: Callable[..., ScoreSheet], tmp_path: Path, views: str
+) -> None:
+    parts = [f"{part}.{name}" for part in PARTS for name in NAMES]
+    score(only("radiance", *parts))
+    files = sorted((tmp_path / "predicted-0").glob("views/*.exr"))
+    for path in files if views == "all" else [p for p in files if p.stem == "test_003"]:
+        rewrite(path, {}, without=("direct.diffuse.right.B",))
+    index = {"method": "t", "track": "multilight", "scene": "tiny-0000"}
+    (tmp_path / "predicted-0" / "predictions.json").write_text(json.dumps(index))
+    sheet = ge.score_predictions(tmp_path / "predicted-0", scene)
+    failed = {s.metric: s.reason for s in sheet.scores if s.status == "failed"}
+    of_shares = {"light_share.psnr", "light_off.psnr", "light_off.better"}
+    assert failed.keys() == {"direct.diffuse.psnr", "diffuse.psnr", *of_shares}
+    for sum_of, metric in (("direct.diffuse", "direct.diffuse.psnr"), ("diffuse", "diffuse.psnr")):
+        assert f"expected all parts of {sum_of}, got one that cannot be used" in failed[metric]
+        assert "expected channels direct.diffuse.right.R, direct.diffuse.right.G" in failed[metric]
+    for metric in ("indirect.diffuse.psnr", "specular.psnr"):
+        assert sheet.score(metric).value == math.inf

@@ -143,7 +143,7 @@ def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
 
 
 def find_fault(
-    name: str, values: np.ndarray, height: int, width: int, within: np.ndarray | None = None
+    name: str, values: np.ndarray, height: int, width: int, *, within: np.ndarray | None = None
 ) -> str | None:
     """Return the fault of an array that is meant to be a layer, as "expected …, got …"; None without one.
 
