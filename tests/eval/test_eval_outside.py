@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Predictions may hold anything outside the mask: scores under a mask keep every bit."""
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -162,6 +163,12 @@ def test_scores_do_not_look_outside(judged: Judged, tmp_path: Path, fill: Fill) 
     assert differing(found.scores, judged.sheet.scores) == set()
     assert differing(found.protocols, judged.sheet.protocols) <= LOOK_OUTSIDE
     assert hints(found) == set()
+
+
+def test_the_docs_name_those_that_do() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "scores.md").read_text()
+    (named,) = re.findall(r"^whole picture as it was predicted: (.*?)\. For them", page, re.M | re.S)
+    assert set(re.findall(r"`([^`]+)`", named)) == LOOK_OUTSIDE
 
 
 def test_six_protocols_look_outside(judged: Judged, tmp_path: Path) -> None:
