@@ -35,10 +35,18 @@ class ScoreCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
         from graycard.dataset import check_scene
-        from graycard.eval import NEIGHBOURS, score_predictions
+        from graycard.eval import score_predictions
 
         check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
+        self._show(terminal, sheet)
+        write_optional_json(self.json, sheet)
+        return _conclude(sheet, terminal)
+
+    def _show(self, terminal: Terminal, sheet: ScoreSheet) -> None:
+        """Print all tables, then the warnings by the numbers that stand beside the scores."""
+        from graycard.eval import NEIGHBOURS
+
         told = warned(sheet)
         self._show_scores(terminal, sheet, told)
         if any(score.breakdown.keys() & NEIGHBOURS for score in sheet.scores):
@@ -51,19 +59,6 @@ class ScoreCommand:
         for number, entry in enumerate(told, 1):
             first, more = entry.lines()
             terminal.say(f"warning {number}: {first}", more)
-        write_optional_json(self.json, sheet)
-        scores = (*sheet.scores, *sheet.protocols)
-        failed = [score for score in scores if score.status == "failed"]
-        for reason in dict.fromkeys(score.reason for score in failed):
-            terminal.err.print(f"failed: {reason}")
-        scored = sum(score.status == "scored" for score in scores)
-        if not scored and not failed:
-            terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
-        terminal.out.print(
-            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
-            f"{len(scores) - scored - len(failed)} not provided"
-        )
-        return OK if scored and not failed else FAILED
 
     def _show_scores(self, terminal: Terminal, sheet: ScoreSheet, told: Sequence[Warned]) -> None:
         shown = [score for score in sheet.scores if self.all or score.status != "not provided"]
@@ -74,6 +69,22 @@ class ScoreCommand:
             terminal.out.print(f"{what} not provided by these predictions: --all lists them")
         for note in _notes(shown):
             terminal.out.print(note)
+
+
+def _conclude(sheet: ScoreSheet, terminal: Terminal) -> int:
+    """Print why scores failed and how many did, and return the exit code."""
+    scores = (*sheet.scores, *sheet.protocols)
+    failed = [score for score in scores if score.status == "failed"]
+    for reason in dict.fromkeys(score.reason for score in failed):
+        terminal.err.print(f"failed: {reason}")
+    scored = sum(score.status == "scored" for score in scores)
+    if not scored and not failed:
+        terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
+    terminal.out.print(
+        f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
+        f"{len(scores) - scored - len(failed)} not provided"
+    )
+    return OK if scored and not failed else FAILED
 
 
 def _notes(scores: Sequence[Score]) -> list[str]:
