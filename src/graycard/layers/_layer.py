@@ -158,7 +158,7 @@ def find_fault(
     if values.shape != expected:
         return f"expected {name} of shape {expected}, got {values.shape}"
     bad = not_meant(name, values)
-    if within is not None:
+    if within is not None and bad.any():
         bad &= within.reshape(within.shape + (1,) * (values.ndim - 2))
     if not bad.any():
         return None
