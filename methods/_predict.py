@@ -19,7 +19,7 @@ from graycard import (
     View,
     find_layer,
 )
-from graycard.layers import shape_of
+from graycard.layers import find_codes, find_fault, shape_of
 from graycard.methods._blame import blame
 from graycard.methods._contract import Composable, Decomposition, Guest, Relightable, Removable, Surrounded
 from graycard.predictions import (
@@ -134,20 +134,41 @@ def _layers(decomposition: Decomposition, without: Decomposition | None, view: V
 
 
 def _render(decomposition: Decomposition, view: View, names: list[str]) -> dict[str, np.ndarray]:
-    """Exactly the layers that were asked for, of the right shape; whether they are finite, the score says."""
+    """Return exactly the layers that were asked for, of the right shape and type, and finite.
+
+    Raises:
+        MethodError: The decomposition gives others, or values that no file of predictions should hold.
+    """
     rendered = decomposition.render(view.camera, names)
     if not isinstance(rendered, Mapping) or set(rendered) != set(names):
         got = sorted(rendered) if isinstance(rendered, Mapping) else rendered
         raise MethodError(f"expected the layers {names} of view {view.name}, got {got!r}")
-    layers = {name: np.asarray(rendered[name]) for name in names}
-    for name, values in layers.items():
-        shape = shape_of(name, view.camera.height, view.camera.width)
-        if values.shape != shape or values.dtype.kind not in "fiub":
-            raise MethodError(
-                f"expected {name} of view {view.name} as real numbers of shape {shape}, "
-                f"got {values.dtype} of shape {values.shape}"
-            )
-    return layers
+    return {name: _checked(name, np.asarray(rendered[name]), view) for name in names}
+
+
+def _checked(name: str, values: np.ndarray, view: View) -> np.ndarray:
+    """Return the values of a layer in the type that is stored.
+
+    Raises:
+        MethodError: They have another shape, are whole numbers in place of measured ones, or not finite.
+    """
+    height, width = view.camera.height, view.camera.width
+    shape, stored = shape_of(name, height, width), find_layer(name).dtype
+    if values.shape != shape or values.dtype.kind not in "fiub":
+        raise MethodError(
+            f"expected {name} of view {view.name} as real numbers of shape {shape}, "
+            f"got {values.dtype} of shape {values.shape}"
+        )
+    if fault := find_codes(name, values):
+        raise MethodError(f"view {view.name}: {fault}")
+    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is refused as infinite
+        written = values.astype(stored, copy=False)
+    if fault := find_fault(name, written, height, width):
+        raise MethodError(
+            f"view {view.name}: {fault}. Write 0 where nothing is seen (+inf in depth), or leave {name} out "
+            "of `provides`"
+        )
+    return written
 
 
 def _check(method: str, decomposition: Decomposition) -> None:
@@ -188,4 +209,8 @@ def _environments(decomposition: Decomposition) -> dict[str, np.ndarray]:
                 f"expected the image of {name!r} as real numbers of shape (H, W, 3), got {image.dtype} of "
                 f"shape {image.shape}"
             )
+        if fault := find_codes("radiance", image):
+            raise MethodError(f"image of {name!r}: {fault}")
+        if fault := find_fault("radiance", image, *image.shape[:2]):
+            raise MethodError(f"image of {name!r}: {fault}. Give finite radiance of 0 or more")
     return found

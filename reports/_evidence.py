@@ -21,7 +21,7 @@ from graycard import (
     open_truth,
 )
 from graycard.dataset import manifest_of
-from graycard.layers import find_fault
+from graycard.layers import find_fault, not_meant
 from graycard.records import JobResult, SceneRecord
 from graycard.reports._format import count
 from graycard.reports._scores import find_score
@@ -151,16 +151,26 @@ def open_method(
     )
 
 
-def usable_layer(method: MethodEvidence, view: View, name: str) -> tuple[np.ndarray, str] | tuple[None, str]:
-    """A predicted layer that can be shown, the gauge applied; else None and why."""
+def usable_layer(
+    method: MethodEvidence, view: View, name: str, mask: np.ndarray
+) -> tuple[np.ndarray, str] | tuple[None, str]:
+    """Return a predicted layer that can be shown, the gauge applied; else None and why.
+
+    Args:
+        method: Whose layer.
+        view: Of which view.
+        name: Of the layer.
+        mask: Shape ``(H, W)``, bool: where values must be finite; elsewhere what is not is shown as 0.
+    """
     if method.fault or view.name in method.faults:
         return None, "failed"
     values = method.layer(view.name, name)
     if values is None:
         return None, "not provided"
-    fault = find_fault(name, values, view.camera.height, view.camera.width)
+    fault = find_fault(name, values, view.camera.height, view.camera.width, within=mask)
     if fault:
         return None, f"failed: {fault}"
+    values = np.where(not_meant(name, values), 0, values)
     if name == method.gauged and method.gauge:
         return values * np.array(method.gauge), "× " + " ".join(f"{g:.3g}" for g in method.gauge)
     return values, ""

@@ -102,7 +102,7 @@ def scene_section(
     """
     results = [r for r in track_results if r.job.scene == scene.scene]
     here = tuple(m for m in methods if any(r.job.method == m.name for r in results))
-    competing = {m.name for m in here if not m.sees}  # that the truth is too good is no news
+    competing = {m.name for m in here if not m.sees}
     drawn = tuple(m for m in here if shown is None or m.name in shown)
     pictures, reason, faults = _pictures(run, scene, results, drawn)
     rows, silent = told_rows(metric_rows(results, here, metrics))
@@ -119,7 +119,7 @@ def scene_section(
         spreads=protocol_spreads(results, [m.name for m in here if m.name in competing]),
         viewed=drawn,
         view_rows=view_rows(results, drawn, metrics),
-        warnings=warnings([r for r in results if r.job.method in competing]),
+        warnings=warnings(results, {m.name for m in here if m.sees}),
     )
 
 

@@ -103,6 +103,7 @@ def write_scene(
     train: int = 3,
     test: int = 2,
     sigma: float = 1e-3,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Path:
     """Write the tiny scene as a whole dataset folder and return ``DATASET/<track>/<scene>``."""
     folder = Path(dataset) / track / scene
@@ -110,8 +111,7 @@ def write_scene(
     angles = np.linspace(0, 1.2, train + test)
     cameras = [
         Camera.from_fov(
-            WIDTH,
-            HEIGHT,
+            *size,
             50,
             look_at(np.array([3 * np.sin(a), -3 * np.cos(a), 1.6]), np.array([0, 0, 0.4])),
         )

@@ -204,7 +204,7 @@ def _values(
         return None
     mask = true.mask(layer)
     try:
-        values = predicted.take(layer)
+        values = predicted.take(layer, mask)
     except PredictionError:
         return None
     if layer == "depth":

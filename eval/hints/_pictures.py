@@ -26,7 +26,7 @@ class Looks:
 
     view: str
     thumbnails: tuple[np.ndarray, np.ndarray] | None = None
-    """Predicted and true, each ``(8, 8)``; None without radiance."""
+    """Predicted and true, each ``(8, 8)``, less for a tiny picture; None without radiance."""
     flips: tuple[float, ...] = ()
     """Error as it is, and mirrored in each way."""
     moves: tuple[tuple[tuple[float, float], float], ...] = ()
@@ -40,7 +40,7 @@ def look(predicted: PredictedView, true: TrueView, exposure: float) -> Looks:
     says = tuple(
         _rounded("base_color", predicted, true) + _clipped(predicted, true) + _inverted(predicted, true)
     )
-    p = _fit(predicted, "radiance")
+    p = _fit(predicted, true, "radiance")
     if p is None or "radiance" not in true.layers:
         return Looks(true.view.name, says=says)
     a, b = (srgb_encode(luminance(image) * exposure) for image in (p, true.take("radiance")))
@@ -60,11 +60,12 @@ def picture_hints(looks: Sequence[Looks]) -> list[tuple[str, str]]:
     ]
 
 
-def _fit(predicted: PredictedView, layer: str) -> np.ndarray | None:
+def _fit(predicted: PredictedView, true: TrueView, layer: str) -> np.ndarray | None:
+    """Return a layer that is fit to be scored, ``(H, W)`` or ``(H, W, 3)``, float64; None without one."""
     if layer not in predicted.layers:
         return None
     try:
-        return np.asarray(predicted.take(layer), np.float64)
+        return np.asarray(predicted.take(layer, true.mask(layer)), np.float64)
     except PredictionError:
         return None
 
@@ -133,9 +134,10 @@ def _along(image: np.ndarray, axis: int, step: float) -> np.ndarray:
 
 
 def _thumbnail(image: np.ndarray) -> np.ndarray:
-    """Means over the cells of a grid."""
-    rows = np.array_split(image, _GRID, axis=0)
-    return np.array([[cell.mean() for cell in np.array_split(row, _GRID, axis=1)] for row in rows])
+    """Return the means over the cells of a grid, shape ``(8, 8)``; less where there are fewer pixels."""
+    down, right = (min(_GRID, size) for size in image.shape)
+    rows = np.array_split(image, down, axis=0)
+    return np.array([[cell.mean() for cell in np.array_split(row, right, axis=1)] for row in rows])
 
 
 def _rms(values: np.ndarray) -> float:
@@ -144,7 +146,7 @@ def _rms(values: np.ndarray) -> float:
 
 def _rounded(layer: str, predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
     """Return a hint if all values are whole numbers of 255, which the true ones are not."""
-    values = _fit(predicted, layer)
+    values = _fit(predicted, true, layer)
     if values is None or layer not in true.layers:
         return []
     mask = true.mask(layer)
@@ -164,7 +166,7 @@ def _whole(codes: np.ndarray) -> bool:
 
 def _clipped(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
     """Return a hint if radiance ends at exactly 1 where the true one goes on."""
-    values = _fit(predicted, "radiance")
+    values = _fit(predicted, true, "radiance")
     if values is None or "radiance" not in true.layers or abs(float(values.max()) - 1) > 1e-6:
         return []
     top = values >= values.max()
@@ -177,7 +179,7 @@ def _clipped(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
 def _inverted(predicted: PredictedView, true: TrueView) -> list[tuple[str, str]]:
     """Return a hint if the object is kept as it is and all else was changed."""
     layer = "counterfactual.radiance"
-    values = _fit(predicted, layer)
+    values = _fit(predicted, true, layer)
     if values is None or not {layer, "effect.footprint"} <= true.layers.keys():
         return []
     inside = true.take("effect.footprint") > 0.5

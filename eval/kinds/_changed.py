@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from graycard import EditKind, PredictionError, Predictions, Truth, View
+from graycard import DatasetError, EditKind, PredictionError, Predictions, Truth, View
 from graycard.eval.kinds._metric import Metric, Rule, Scorer
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display, same
@@ -15,7 +15,7 @@ from graycard.eval.scoring._ceiling import noise_as_displayed
 from graycard.eval.scoring._findings import Finding, SceneFacts, first_of, mean, pooled
 from graycard.eval.scoring._gauge import Factors, apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView
-from graycard.layers import find_fault
+from graycard.layers import find_fault, not_meant
 from graycard.records import Score, Status
 
 LAYER = "radiance"
@@ -155,7 +155,11 @@ def _judge(
     parts = {}
     if rule.finish is psnr:
         parts = {n: rule.measure(*images, at) for n, at in picture.parts.items() if at.any()}
-    return Finding(rule.measure(*images, picture.mask), noise=noise, parts=parts)
+    try:
+        value = rule.measure(*images, picture.mask)
+    except DatasetError as cause:  # the picture is smaller than a window
+        return Finding(reason=str(cause), noise=noise)
+    return Finding(value, noise=noise, parts=parts)
 
 
 def predicted_picture(picture: ChangedPicture) -> np.ndarray | None:
@@ -170,9 +174,10 @@ def predicted_picture(picture: ChangedPicture) -> np.ndarray | None:
         return None
     if LAYER not in layers:
         raise PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
-    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width):
+    if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width, within=picture.mask):
         raise PredictionError(f"{where}: {fault}. Write this picture again")
-    return layers[LAYER].astype(np.float64)
+    values = np.where(not_meant(LAYER, layers[LAYER]), 0, layers[LAYER])  # outside of the mask
+    return values.astype(np.float64)
 
 
 def _factors(scene: SceneFacts, gauge: str) -> Factors:

@@ -86,7 +86,7 @@ class ImageScorer(Scorer):
         if self.table is None:
             self.table = _applicable(self.metrics, true)
             self.findings = {m: {} for m in self.table}
-        self.provided |= predicted.layers.keys()
+        self.provided |= predicted.provided
         self.unreadable += [predicted.fault] if predicted.fault else []
         self.surplus |= predicted.surplus
         lit = with_darkness(predicted, [m.layer for m in self.table], scene.light_names)
@@ -166,7 +166,7 @@ def judge(
     mask, reference = true.mask(metric.layer, metric.rule.chart), _checked(metric.layer, true)
     gauge = scene.gauges.get(metric.gauge, "") if metric.gauge else (1.0, 1.0, 1.0)
     try:
-        values = predicted.take(metric.layer)
+        values = predicted.take(metric.layer, true.mask(metric.layer))
         if isinstance(gauge, str):
             return Finding(reason=gauge)
         key = metric.layer, gauge, metric.rule.chart

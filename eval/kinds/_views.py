@@ -62,7 +62,7 @@ class ViewScorer(Scorer):
 
     def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Judge a test view; see :class:`Scorer`."""
-        self.provided |= predicted.layers.keys()
+        self.provided |= predicted.provided
         self.unreadable += [predicted.fault] if predicted.fault else []
         for metric in self.metrics:
             finding = judge_view(metric, predicted, true, scene)
@@ -102,7 +102,7 @@ def judge_view(
         return None
     noise, gauge = rule.noise(prepared), scene.gauges[metric.gauge] if metric.gauge else (1.0, 1.0, 1.0)
     try:
-        values = predicted.take(metric.layer)
+        values = predicted.take(metric.layer, true.mask(metric.layer))
     except PredictionError as cause:
         return Finding(reason=str(cause), noise=noise)
     if isinstance(gauge, str):

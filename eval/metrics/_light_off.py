@@ -96,13 +96,13 @@ class LightsOffScorer(Scorer):
         self.provided |= self._has_shares(predicted, scene)
         try:
             lit = with_darkness(predicted, layers, scene.light_names)
-            self.found[true.view.name] = _errors(lit, visible, mask, scene.exposure)
+            self.found[true.view.name] = _errors(lit, true, visible, scene.exposure)
         except PredictionError as cause:
             self.found[true.view.name] = str(cause)
 
     def _has_shares(self, predicted: PredictedView, scene: SceneFacts) -> bool:
         """Tell whether a view has the share of a true light, or of any where the lights are listed."""
-        shares = {name.removeprefix(f"{PART}.") for name in predicted.layers if name.startswith(f"{PART}.")}
+        shares = {n.removeprefix(f"{PART}.") for n in predicted.provided if n.startswith(f"{PART}.")}
         names = scene.light_names
         return bool(shares & ({*self.lights} if names is None else {*names.values()}))
 
@@ -121,12 +121,14 @@ class LightsOffScorer(Scorer):
 
 
 def _errors(
-    predicted: PredictedView, visible: Mapping[str, np.ndarray], mask: np.ndarray, exposure: float
+    predicted: PredictedView, true: TrueView, visible: Mapping[str, np.ndarray], exposure: float
 ) -> Errors:
-    whole = predicted.take(PART)[mask].astype(np.float64)
+    mask = true.mask("shading")
+    whole = predicted.take(PART, true.mask(PART))[mask].astype(np.float64)
     found = Errors([], [], [])
     for name, left in visible.items():
-        found.off.append(_error(np.maximum(whole - predicted.take(name)[mask], 0), left, exposure))
+        share = predicted.take(name, mask)[mask]
+        found.off.append(_error(np.maximum(whole - share, 0), left, exposure))
         found.on.append(_error(whole, left, exposure))
         found.dimmed.append(_error(_dimming(whole, left, exposure) * whole, left, exposure))
     return found

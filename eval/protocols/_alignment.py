@@ -110,12 +110,12 @@ class Alignment:
     def _filled(
         self, predicted: np.ndarray, true: np.ndarray, inside: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return both pictures with what the rules have outside the mask; a NaN there is black."""
+        """Return both pictures with what the rules have outside the mask; what is not finite is black."""
         match self.outside:
             case "as it is":
-                return np.nan_to_num(predicted), true
+                return np.where(np.isfinite(predicted), predicted, 0.0), true
             case "prediction on black":
-                return np.nan_to_num(predicted), np.where(inside, true, 0.0)
+                return np.where(np.isfinite(predicted), predicted, 0.0), np.where(inside, true, 0.0)
             case "black" | "white":
                 fill = float(self.outside == "white")
                 return np.where(inside, predicted, fill), np.where(inside, true, fill)

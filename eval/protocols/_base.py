@@ -75,7 +75,7 @@ class JudgedView:
 
     name: str
     predicted: np.ndarray
-    """May hold anything outside the mask."""
+    """May hold anything outside the mask, NaN and infinities too."""
     true: np.ndarray
     mask: np.ndarray
     """Shape ``(H, W)``, bool: where the truth sees an object; for base colour, one that is no light."""

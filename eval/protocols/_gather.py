@@ -72,7 +72,7 @@ def _absence(
 ) -> tuple[Status, str]:
     """Tell a layer that some view lacks from one that no view has; a broken file may hold it."""
     found = (read_prediction(predictions, view) for view in truth.views)
-    if any(p.fault or subject in p.layers for p in found):
+    if any(p.fault or subject in p.provided for p in found):
         return "failed", str(cause)
     return "not provided", f"no view has {subject}"
 
@@ -80,11 +80,9 @@ def _absence(
 def _view(subject: Subject, predictions: Predictions, truth: Truth, view: View) -> JudgedView:
     true = read_truth(truth, view)
     exposure = truth.exposure if subject == LAYER else 1.0
-    predicted = read_prediction(predictions, view).take(subject)
-    wanted = true.take(subject)
-    return JudgedView(
-        view.name, _exposed(predicted, exposure), _exposed(wanted, exposure), true.mask(subject)
-    )
+    mask, wanted = true.mask(subject), true.take(subject)
+    predicted = read_prediction(predictions, view).take(subject, mask)
+    return JudgedView(view.name, _exposed(predicted, exposure), _exposed(wanted, exposure), mask)
 
 
 def _exposed(image: np.ndarray, exposure: float) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from graycard.eval.measures._spaces import display
 from graycard.eval.scoring._readings import TrueView
 from graycard.io import blocks
+from graycard.records import HOLDS_NOISE
 
 MARGINS: Mapping[str, float] = {"dB": 1.0, "σ": 0.1}
 """By unit: a score that is better than its ceiling by as much owes it to more than chance.
@@ -134,5 +135,5 @@ def ceiling_warnings(
     score, by, best = (f"{number:.{digits}f}{named}" for number in (value, above, ceiling))
     return (
         f"{score} is {by} {way} the {best} that the noise of the truth allows, and chance makes up for less "
-        f"than {MARGINS[unit]:g}{named}: the prediction holds the noise of the truth itself",
+        f"than {MARGINS[unit]:g}{named}: {HOLDS_NOISE}",
     )

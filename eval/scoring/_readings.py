@@ -10,7 +10,8 @@ import numpy as np
 from graycard import DatasetError, GraycardError, PredictionError, Predictions, Truth, View, all_layers
 from graycard.eval.measures._chart import NAME as CHART
 from graycard.eval.scoring._mask import judged_mask
-from graycard.layers import LOBES, find_fault, with_derived, with_sums
+from graycard.io import KnownLayers
+from graycard.layers import LOBES, find_fault, not_meant, with_derived, with_sums
 
 T = TypeVar("T")
 
@@ -29,31 +30,46 @@ class PredictedView:
     layers: Mapping[str, np.ndarray] = field(default_factory=dict)
     fault: str = ""
     """Why its file cannot be read; empty where it can, or where there is none."""
+    faults: Mapping[str, str] = field(default_factory=dict)
+    """By layer of the file that cannot be used by itself: why not."""
     exists: bool = True
     dark: Mapping[str, np.ndarray] = field(default_factory=dict)
     """Layers of lights that the prediction says are not there, black."""
     surplus: frozenset[str] = frozenset()
     """Names of layers of lights that stand for no true one."""
 
-    def take(self, layer: str) -> np.ndarray:
-        """A layer that is fit to be scored.
+    @property
+    def provided(self) -> frozenset[str]:
+        """Names of the layers that the view has, fit to be scored or not."""
+        return frozenset({*self.layers, *self.faults})
+
+    def take(self, layer: str, within: np.ndarray | None = None) -> np.ndarray:
+        """Return a layer that is fit to be scored.
+
+        Args:
+            layer: Which.
+            within: Judged pixels, shape ``(H, W)``, bool; None for all. What is not finite elsewhere is 0 in
+                the result: it may be anything, and no metric looks at it.
 
         Raises:
-            PredictionError: It is missing, of another size, or not finite.
+            PredictionError: It is missing, of another size, or not finite at a judged pixel.
         """
         name, camera = self.view.name, self.view.camera
         if self.fault:
             raise PredictionError(self.fault)
         if layer in self.dark:
             return self.dark[layer]
+        if layer in self.faults:
+            raise PredictionError(f"{name}: {self.faults[layer]}")
         if layer not in self.layers:
             have = ", ".join(self.layers) if self.exists else "no file"
             raise PredictionError(
                 f"{name}: expected {layer} in views/{name}.exr, got {have}. Write this layer in every view"
             )
-        if found := find_fault(layer, self.layers[layer], camera.height, camera.width):
+        values = self.layers[layer]
+        if found := find_fault(layer, values, camera.height, camera.width, within=within):
             raise PredictionError(f"{name}: {found}. Write this view again")
-        return self.layers[layer]
+        return values if within is None else _finite(layer, values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,10 +162,27 @@ def read_prediction(
         listed = f"views/{view.name}.exr" in predictions.files
         return PredictedView(view, fault=_gone(view.name) if listed else "", exists=False)
     try:
-        layers, surplus = _renamed(with_sums(predictions.layers(view.name)), names)
-        return PredictedView(view, layers, surplus=surplus)
+        found = predictions.known_layers(view.name)
     except GraycardError as cause:
         return PredictedView(view, fault=f"{view.name}: {cause}")
+    faults = {**found.faults, **_faults_of_sums(found)}
+    summed = {name: values for name, values in with_sums(found.layers).items() if name not in faults}
+    layers, surplus = _renamed(summed, names)
+    return PredictedView(view, layers, faults=_renamed(faults, names)[0], surplus=surplus)
+
+
+def _faults_of_sums(found: KnownLayers) -> dict[str, str]:
+    """Return a fault for each sum of layers that would be without a part which cannot be used."""
+    if not found.faults:
+        return {}
+    parts = {name: np.array(float(name in found.faults)) for name in (*found.layers, *found.faults)}
+    counts = with_sums(parts)  # of faulty parts
+    first = next(iter(found.faults.values()))
+    return {
+        name: f"expected all parts of {name}, got one that cannot be used: {first}"
+        for name in counts.keys() - parts.keys()
+        if counts[name] > 0
+    }
 
 
 def with_darkness(
@@ -169,7 +202,7 @@ def with_darkness(
     if names is None:
         return predicted
     split = {layer: layer.rpartition(".") for layer in judged}
-    there = {name.rpartition(".")[0] for name in predicted.layers} & _stems()
+    there = {name.rpartition(".")[0] for name in predicted.provided} & _stems()
     camera = predicted.view.camera
     black = np.zeros((camera.height, camera.width, 3), np.float32)
     dark = {
@@ -188,14 +221,20 @@ def read_truth(truth: Truth, view: View) -> TrueView:
     return TrueView(view, with_derived(truth.layers(view)), truth.emitter_ids(), charts)
 
 
+def _finite(layer: str, values: np.ndarray) -> np.ndarray:
+    """Return values with 0 in place of those that mean nothing in the layer; the array itself without any."""
+    bad = not_meant(layer, values)
+    return np.where(bad, values.dtype.type(0), values) if bad.any() else values
+
+
 def _renamed(
-    layers: Mapping[str, np.ndarray], names: Mapping[str, str] | None
-) -> tuple[Mapping[str, np.ndarray], frozenset[str]]:
-    """Layers by the true names of lights, and the names of those that stand for none."""
+    layers: Mapping[str, T], names: Mapping[str, str] | None
+) -> tuple[Mapping[str, T], frozenset[str]]:
+    """Return values of layers by the true names of lights, and the names of those that stand for none."""
     if names is None:
         return layers, frozenset()
     stems = _stems()
-    found: dict[str, np.ndarray] = {}
+    found: dict[str, T] = {}
     surplus = set()
     for name, values in layers.items():
         stem, _, light = name.rpartition(".")

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a predictions folder and a scene folder to a sheet of scores."""
 
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ from graycard.eval.scoring._readings import WITH_LIGHTS, read_prediction, read_t
 from graycard.eval.scoring._training import fit_gauges, survey_training
 from graycard.io import sha256
 from graycard.records import Score, ScoreSheet
+
+_NAMED = 5
+"""Unknown layers up to which a warning names all."""
 
 
 def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) -> ScoreSheet:
@@ -58,7 +62,22 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         sha256(Path(scene) / "truth" / "manifest.json"),
         scores_of(found, truth) if len(published) < len(chosen) else (),
         score_protocols(published, found, truth) if published else (),
+        warnings=_left_out(found),
     )
+
+
+def _left_out(predictions: Predictions) -> tuple[str, ...]:
+    """Return a warning that names the channels of a folder which belong to no layer; nothing without any."""
+    layers: dict[str, list[str]] = {}
+    meant = predictions.unknown_channels()
+    for channel in meant:
+        layers.setdefault(channel.rpartition(".")[0] or channel, []).append(channel)
+    named = [
+        f"{', '.join(channels)}{f' (did you mean {near}?)' if (near := meant[channels[0]]) else ''}"
+        for channels in islice(layers.values(), _NAMED)
+    ]
+    named += [f"those of {len(layers) - _NAMED} more names"] if len(layers) > _NAMED else []
+    return (f"channels of no known layer were left out: {'; '.join(named)}",) if named else ()
 
 
 def training_gauges(predictions: Path, scene: Path) -> dict[str, Factors]:

@@ -77,7 +77,7 @@ def survey_training(
     known = {GAUGED}
     for view in (v for v in truth.views if v.split == "train"):
         predicted, true = read_prediction(predictions, view, names), read_truth(truth, view)
-        provided |= predicted.layers.keys()
+        provided |= predicted.provided
         unreadable += [predicted.fault] if predicted.fault else []
         known |= true.layers.keys()
         if true.mask(PICTURE).any():
@@ -120,7 +120,7 @@ def _gauge(training: Training, kind: Kind, layer: str) -> Factors | str:
 def _picture_error(predicted: PredictedView, true: TrueView, exposure: float) -> float | str:
     """Mean square error of the displayed picture, or why there is none."""
     try:
-        p = display(predicted.take(PICTURE), exposure)
+        p = display(predicted.take(PICTURE, true.mask(PICTURE)), exposure)
     except PredictionError as cause:
         return str(cause)
     return mean_square_error(p, display(true.take(PICTURE), exposure), true.mask(PICTURE))
@@ -128,5 +128,5 @@ def _picture_error(predicted: PredictedView, true: TrueView, exposure: float) ->
 
 def _moments(layer: str, predicted: PredictedView, true: TrueView) -> list[LinearMoments]:
     mask = true.mask(layer)
-    values = predicted.take(layer)
+    values = predicted.take(layer, mask)
     return [moments(values, true.take(layer), mask)] if mask.any() else []

@@ -105,7 +105,7 @@ def judged_layer(name: str, scene: SceneEvidence, methods: Sequence[MethodEviden
         true, mask = scene.layers[view.name][name], scene.mask(name, view)
         variance = scene.layers[view.name].get(f"{name}.var")
         for method in methods:
-            values, _ = usable_layer(method, view, name)
+            values, _ = usable_layer(method, view, name, mask)
             if values is None:
                 continue
             errors[view.name, method.method] = error_image(name, values, true, mask, scene.truth.exposure)
@@ -133,7 +133,7 @@ def layer_row(
         title,
         f"{_unit_of(layer.name)}, at the exposure of the scene" if layer.still else _unit_of(layer.name),
         Tile(truth),
-        tuple(_prediction(layer, view, method, title) for method in methods),
+        tuple(_prediction(layer, view, method, scene.mask(layer.name, view), title) for method in methods),
         tuple(_error(layer, view, method, title) for method in methods),
         ratios,
         _scale("error", 0, layer.error_high, error_unit(layer.name), "≥ "),
@@ -162,8 +162,8 @@ def _reflected(name: str) -> float:
     return GRAY_CARD if name == "shading" else 1.0
 
 
-def _prediction(layer: JudgedLayer, view: View, method: MethodEvidence, title: str) -> Tile:
-    values, note = usable_layer(method, view, layer.name)
+def _prediction(layer: JudgedLayer, view: View, method: MethodEvidence, mask: np.ndarray, title: str) -> Tile:
+    values, note = usable_layer(method, view, layer.name, mask)
     if values is None:
         status, _, reason = note.partition(": ")
         return Tile(missing=status, note=reason)

@@ -135,7 +135,7 @@ def _candidates(
     """The worst tile of each layer in one view."""
     for name in TILED_LAYERS:
         true = scene.layers[view.name].get(name)
-        values, _ = usable_layer(method, view, name)
+        values, _ = usable_layer(method, view, name, scene.mask(name, view))
         if true is None or values is None:
             continue
         error = error_image(name, values, true, scene.mask(name, view), scene.truth.exposure)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of a track and of a scene, driven by the metric records alone."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from graycard.records import JobResult, MetricRecord, RunRecord
+from graycard.records import HOLDS_NOISE, JobResult, MetricRecord, RunRecord
 from graycard.reports._format import format_value
 from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._scores import find_score
@@ -186,14 +186,22 @@ def failures(results: Sequence[JobResult], metrics: Sequence[MetricRecord]) -> t
     return tuple(found)
 
 
-def warnings(results: Sequence[JobResult]) -> tuple[Trouble, ...]:
-    """Everything that the scores of these jobs warn of, the metrics of one warning in one line."""
+def warnings(results: Sequence[JobResult], handed: Collection[str] = ()) -> tuple[Trouble, ...]:
+    """Return everything that the scores of these jobs warn of, the metrics of one warning in one line.
+
+    Args:
+        results: Of the jobs.
+        handed: Names of methods that are handed truth: that they are too good is no news, and left out.
+    """
     found: dict[tuple[str, str, str], list[str]] = {}
-    for result in results:
-        for score in result.sheet.scores if result.sheet else ():
-            where = f"{result.job.scene}, seed {result.job.seed}"
-            for warning in dict.fromkeys(score.warnings):
-                found.setdefault((result.job.method, where, warning), []).append(score.metric)
+    for result in (r for r in results if r.sheet):
+        assert result.sheet is not None
+        where = f"{result.job.scene}, seed {result.job.seed}"
+        told = [("the whole folder", warning) for warning in result.sheet.warnings]
+        told += [(s.metric, warning) for s in result.sheet.scores for warning in dict.fromkeys(s.warnings)]
+        for what, warning in told:
+            if not (warning.endswith(HOLDS_NOISE) and result.job.method in handed):
+                found.setdefault((result.job.method, where, warning), []).append(what)
     return tuple(Trouble(name, where, ", ".join(ids), why) for (name, where, why), ids in found.items())
 
 

@@ -21,18 +21,21 @@ from graycard._errors import GraycardError, OutputError, PredictionError
 from graycard.edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard.io import (
     IN_MEMORY,
+    KnownLayers,
     check_version,
     from_builtins,
     read_json,
-    read_layers,
+    read_known_layers,
     read_rgb,
     sha256,
     sha256_of_files,
+    unknown_channels,
     writable_folder,
     write_json,
     write_layers,
     write_rgb,
 )
+from graycard.layers import find_codes
 from graycard.lights import EnvironmentLight, Light, read_lights, write_lights
 
 INDEX, LIGHTS, VIEWS, ENVIRONMENTS = "predictions.json", "lights.json", "views", "environments"
@@ -60,10 +63,20 @@ class Predictions:
         return sorted(p.stem for p in (self._root / VIEWS).glob("*.exr"))
 
     def layers(self, view: str) -> dict[str, np.ndarray]:
-        """All predicted layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
+        """Return all predicted layers of a view that can be used, each ``(H, W)`` or ``(H, W, 3)``, by name.
 
         Raises:
-            PredictionError: The file is missing or broken, has channels of no layer, or was changed
+            PredictionError: As for :meth:`known_layers`.
+        """
+        return dict(self.known_layers(view).layers)
+
+    def known_layers(self, view: str) -> KnownLayers:
+        """Return the predicted layers of a view, and why some cannot be used.
+
+        Channels that belong to no layer are passed over; :meth:`unknown_channels` names them.
+
+        Raises:
+            PredictionError: The file is missing or broken, has no layer that is known, or was changed
                 after its hash was taken.
         """
         path = self._root / VIEWS / f"{view}.exr"
@@ -73,10 +86,23 @@ class Predictions:
                 f"expected a prediction for view {view!r} at {path}, got none. Present: {have}"
             )
         self._check_hash(path)
-        return read_layers(path, PredictionError)
+        return read_known_layers(path, PredictionError)
+
+    def unknown_channels(self) -> dict[str, str]:
+        """Return the channels in files of views and changed views that belong to no layer.
+
+        Returns:
+            By name of the channel: the name that was perhaps meant, or an empty one.
+        """
+        folders = (self._root / folder for folder in (VIEWS, RELIGHTING, COMPOSITION))
+        files = (path for folder in folders for path in sorted(folder.rglob("*.exr")))
+        found: dict[str, str] = {}
+        for path in files:
+            found |= unknown_channels(path)
+        return found
 
     def relit(self, edit: str, view: str) -> dict[str, np.ndarray] | None:
-        """The predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
+        """Return the predicted picture of a held-out view under changed lights: ``radiance``, ``(H, W, 3)``.
 
         Args:
             edit: Name of the change, as in :attr:`graycard.Truth.edits`.
@@ -86,18 +112,18 @@ class Predictions:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`layers`.
+            PredictionError: As for :meth:`known_layers`, or radiance cannot be used.
         """
         return self._optional(relit_file(edit, view))
 
     def composed(self, view: str) -> dict[str, np.ndarray] | None:
-        """The predicted picture of a held-out view with an object of another scene: ``radiance``.
+        """Return the predicted picture of a held-out view with an object of another scene: ``radiance``.
 
         Returns:
             None where the method provides none.
 
         Raises:
-            PredictionError: As for :meth:`layers`.
+            PredictionError: As for :meth:`known_layers`, or radiance cannot be used.
         """
         return self._optional(composed_file(view))
 
@@ -106,7 +132,10 @@ class Predictions:
         if not path.is_file() and name not in self.files:
             return None
         self._check_hash(path)
-        return read_layers(path, PredictionError)
+        found = read_known_layers(path, PredictionError)
+        if fault := found.faults.get("radiance"):
+            raise PredictionError(fault)
+        return dict(found.layers)
 
     def lights(self) -> tuple[Light, ...] | None:
         """The predicted lights; None where the method provides none.
@@ -226,14 +255,23 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
     Args:
         folder: The predictions folder.
         view: Name of the view, as in the capture.
-        layers: By layer name, each ``(H, W)`` or ``(H, W, 3)``, linear.
+        layers: By layer name, each ``(H, W)`` or ``(H, W, 3)``, linear. Pixels that are not judged may hold
+            anything; one that is judged and not finite fails the scores of its layer.
 
     Raises:
         UnknownNameError: A layer is not in the vocabulary.
-        ValueError: An array has a shape that its layer has not.
+        ValueError: An array has a shape that its layer has not, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    for name, values in layers.items():
+        _refuse_codes(view, name, values)
     write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
+
+
+def _refuse_codes(where: str, layer: str, values: np.ndarray) -> None:
+    """Raise ValueError for an image of whole numbers, in which 0 to 255 would be taken for 0 to 1."""
+    if fault := find_codes(layer, np.asarray(values)):
+        raise ValueError(f"{where}: {fault}")
 
 
 def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) -> EnvironmentLight:
@@ -248,9 +286,10 @@ def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) 
         The light with the path of its image: what belongs into ``lights.json``.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(light.name, "radiance", image)
     path = f"{ENVIRONMENTS}/{light.name}.exr"
     write_rgb(Path(folder) / path, image)
     return replace(light, image=path)
@@ -266,9 +305,10 @@ def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> Non
         radiance: ``(H, W, 3)``, linear, W/m²/sr.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(f"{edit}, {view}", "radiance", radiance)
     write_layers(Path(folder) / relit_file(edit, view), {"radiance": radiance})
 
 
@@ -281,9 +321,10 @@ def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
         radiance: ``(H, W, 3)``, linear, W/m²/sr.
 
     Raises:
-        ValueError: The array has another shape.
+        ValueError: The array has another shape, or holds whole numbers, as 8-bit codes.
         OutputError: The folder cannot be written to, or the disk is full.
     """
+    _refuse_codes(f"composition, {view}", "radiance", radiance)
     write_layers(Path(folder) / composed_file(view), {"radiance": radiance})
 
 

@@ -86,7 +86,7 @@ def edit(layer: str, change: Callable[[np.ndarray], np.ndarray | None], view: st
 
 def spoil(value: float) -> Callable[[np.ndarray], np.ndarray]:
     def apply(values: np.ndarray) -> np.ndarray:
-        values[3, 4, 1] = value
+        values[14, 12, 1] = value  # where an object is seen
         return values
 
     return apply
@@ -97,7 +97,7 @@ def test_values_that_are_not_finite(scene: Path, predict: Predict, value: float,
     sheet = ge.score_predictions(predict(scene, edit("normal", spoil(value), "test_003")), scene)
     words = (
         f"test_003: expected finite values in normal, got {shown}",
-        "first at (3, 4, 1)",
+        "first at (14, 12, 1)",
         "Write this view",
     )
     expect(sheet, "failed", NORMAL, *words)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Scores of depth, material, the three reflectances and light on surfaces, on a scene that has them all."""
 
+import json
 import math
 import shutil
 from collections.abc import Callable, Mapping
@@ -12,76 +13,29 @@ import pytest
 
 import graycard.eval as ge
 from graycard import (
-    EnvironmentLight,
     Light,
     PointLight,
     Predictions,
-    RectangleLight,
-    SpotLight,
     View,
     open_truth,
     srgb_encode,
 )
-from graycard.dataset import manifest_of, write_index
+from graycard.dataset import manifest_of
 from graycard.io import read_rgb, write_layers, write_manifest, write_rgb
-from graycard.layers import LOBES, PARTS, glossy_mask, with_derived, with_sums
-from graycard.lights import write_lights
+from graycard.layers import LOBES, PARTS, with_derived, with_sums
 from graycard.predictions import finish_predictions, write_view
 from graycard.records import ScoreSheet
+from odd_files import rewrite
+from rich_layers import EXACT, LAMPS, NAMES, PATCHES, SKY, enriched, glossy_in, write_rich
 
 Layers = dict[str, np.ndarray]
 Change = Callable[[View, Layers], Layers]
-RNG = np.random.default_rng(12)
-LAMPS = (
-    SpotLight("left", (-1.0, 0.0, 2.0), (0.5, 0.0, -1.0), (5.0, 4.0, 3.0), 20, 40),
-    RectangleLight("right", (1.0, 0.5, 2.0), (0.2, 0, 0), (0, -0.2, 0), (30.0, 20.0, 10.0)),
-)
-SKY = EnvironmentLight("sky", "sky.exr")
-NAMES = ("left", "right", "sky")
-PATCHES = np.array([(0.6, 0.1, 0.1), (0.1, 0.5, 0.2), (0.1, 0.2, 0.6)])
-EXACT = ("object_id", "pure", "radiance.var", "counterfactual.radiance.var")
-
-
-def enriched(layers: Layers) -> Layers:
-    """More true layers for a view of the tiny scene: a mixed metal, and three lights with uneven shares."""
-    color, metal = layers["base_color"].copy(), (layers["object_id"] == 1).astype(np.float32)
-    ball, columns = layers["object_id"] == 2, np.arange(color.shape[1])[None] + 0 * layers["object_id"]
-    color[ball] = PATCHES[(columns[ball] * 3 // color.shape[1]).astype(int)]
-    rough = np.where(metal > 0, 0.3, 1.0).astype(np.float32)
-    more = {
-        "base_color": color,
-        "diffuse_reflectance": color * (1 - 0.5 * metal[..., None]),
-        "albedo": color * 0.9 + 0.02,
-        "f0": np.repeat(metal[..., None], 3, axis=-1) * 0.5,
-        "roughness": rough,
-        "metallic": metal,
-        "shading": layers["radiance"] * 2 + 0.1,
-    }
-    for share, name in zip((0.5, 0.3, 0.2), NAMES, strict=True):
-        more[f"irradiance.{name}"] = layers["radiance"] * (share * 6)
-        for part, of in zip(PARTS, (0.5, 0.15, 0.3, 0.05), strict=True):
-            more[f"{part}.{name}"] = layers["radiance"] * (share * of)
-    return layers | {k: v.astype(np.float32) for k, v in more.items()}
-
-
-def glossy_in(layers: Layers) -> np.ndarray:
-    return glossy_mask(layers["object_id"], layers["roughness"], layers["f0"])
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory, tiny_scenes: dict[str, Path]) -> Path:
     """The tiny multilight scene with every layer, three lights, and a ball that is a colour chart."""
-    folder = tmp_path_factory.mktemp("rich") / "multilight" / "tiny-0000"
-    shutil.copytree(tiny_scenes["multilight"], folder)
-    truth = open_truth(folder / "truth")
-    for view in truth.views:
-        write_layers(folder / "truth" / "views" / f"{view.name}.exr", enriched(truth.layers(view)))
-    objects = tuple(replace(o, name="color chart") if o.id == 2 else o for o in truth.objects)
-    write_index(folder / "truth", replace(truth, objects=objects))
-    write_rgb(folder / "truth" / "sky.exr", RNG.uniform(0.2, 2, (8, 16, 3)))
-    write_lights(folder / "truth" / "lights.json", (*LAMPS, SKY))
-    write_manifest(folder / "truth", manifest_of(truth))
-    return folder
+    return write_rich(tiny_scenes["multilight"], tmp_path_factory.mktemp("rich") / "multilight" / "tiny-0000")
 
 
 @pytest.fixture
@@ -531,7 +485,7 @@ def cut(values: np.ndarray) -> np.ndarray:
 
 def spoilt(values: np.ndarray) -> np.ndarray:
     values = values.copy()
-    values[5, 7] = np.nan
+    values[20] = np.nan  # of the floor, which shines: elsewhere f0 may be anything
     return values
 
 
@@ -563,3 +517,25 @@ def test_a_fault_in_one_view_is_a_failed_score(
 def test_what_shines_need_not_be_told(score: Callable[..., ScoreSheet], metric: str) -> None:
     found = score(only("radiance"), None).score(metric)
     assert (found.status, found.reason) == ("not provided", f"no view has {metric.partition('.')[0]}")
+
+
+@pytest.mark.parametrize("views", ["all", "one"])
+def test_a_sum_fails_with_a_part_that_cannot_be_used(
+    scene: Path, score: Callable[..., ScoreSheet], tmp_path: Path, views: str
+) -> None:
+    parts = [f"{part}.{name}" for part in PARTS for name in NAMES]
+    score(only("radiance", *parts))
+    files = sorted((tmp_path / "predicted-0").glob("views/*.exr"))
+    for path in files if views == "all" else [p for p in files if p.stem == "test_003"]:
+        rewrite(path, {}, without=("direct.diffuse.right.B",))
+    index = {"method": "t", "track": "multilight", "scene": "tiny-0000"}
+    (tmp_path / "predicted-0" / "predictions.json").write_text(json.dumps(index))
+    sheet = ge.score_predictions(tmp_path / "predicted-0", scene)
+    failed = {s.metric: s.reason for s in sheet.scores if s.status == "failed"}
+    of_shares = {"light_share.psnr", "light_off.psnr", "light_off.better"}
+    assert failed.keys() == {"direct.diffuse.psnr", "diffuse.psnr", *of_shares}
+    for sum_of, metric in (("direct.diffuse", "direct.diffuse.psnr"), ("diffuse", "diffuse.psnr")):
+        assert f"expected all parts of {sum_of}, got one that cannot be used" in failed[metric]
+        assert "expected channels direct.diffuse.right.R, direct.diffuse.right.G" in failed[metric]
+    for metric in ("indirect.diffuse.psnr", "specular.psnr"):
+        assert sheet.score(metric).value == math.inf

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a method gives is checked where it is written, before it is taken for a prediction."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from graycard import (
+    Camera,
     EnvironmentLight,
     GraycardError,
     MethodError,
@@ -20,6 +22,8 @@ from graycard import (
     open_predictions,
 )
 from graycard.io import silent
+from graycard.layers import shape_of
+from graycard.predictions import write_composed, write_environment, write_relit, write_view
 
 LIGHT = PointLight("lamp", (0, 0, 0), (1, 1, 1))
 
@@ -107,3 +111,95 @@ def test_a_method_that_cannot_write_is_told_from_an_output_that_cannot_be_writte
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):
         write(make_scene(), tmp_path / "file", make())
+
+
+def flat(**changes: float) -> SimpleNamespace:
+    """A decomposition that provides flat layers, some of them with other values."""
+
+    def render(camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
+        made = {n: np.full(shape_of(n, camera.height, camera.width), 0.5) for n in layers}
+        for name, value in changes.items():
+            made[name].reshape(-1)[value_at(made[name])] = value
+        return made
+
+    return make(provides=frozenset(changes), render=render)
+
+
+def value_at(values: np.ndarray) -> int:
+    """Place of row 3, column 4, and channel 1 where there are channels."""
+    return int(np.ravel_multi_index((3, 4, 1)[: values.ndim], values.shape))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e39])
+@pytest.mark.parametrize(("layer", "where"), [("base_color", "(3, 4, 1)"), ("roughness", "(3, 4)")])
+def test_a_fit_writes_no_value_that_is_not_finite(
+    make_scene: Callable[..., Path], tmp_path: Path, layer: str, where: str, value: float
+):
+    shown = "inf" if value == 1e39 else str(value)  # more than float32 can hold
+    message = f"view train_000: expected finite values in {layer}, got {shown} (1 of "
+    with pytest.raises(MethodError, match=re.escape(message)) as caught:
+        write(make_scene(), tmp_path / "p", flat(**{layer: value}))
+    axes = "row, column, channel" if "1)" in where else "row, column"
+    assert f"the first at {where}: {axes}). Write 0 where nothing is seen" in str(caught.value)
+    assert not (tmp_path / "p" / "predictions.json").exists()
+
+
+def test_depth_may_end_nowhere_but_not_before_the_camera(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene()
+    assert write(scene, tmp_path / "p", flat(depth=np.inf)).is_whole()
+    with pytest.raises(MethodError, match="expected finite values in depth, got -inf"):
+        write(scene, tmp_path / "q", flat(depth=-np.inf))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int64])
+def test_a_fit_writes_no_codes_of_0_to_255(make_scene: Callable[..., Path], tmp_path: Path, dtype: type):
+    def render(camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
+        codes = np.full((camera.height, camera.width, 3), 7, dtype)
+        codes[3, 4, 1] = 200
+        return {"base_color": codes}
+
+    message = (
+        f"view train_000: expected base_color in floating point, got {np.dtype(dtype)}, as 200 at (3, 4, 1): "
+        "row, column, channel. Divide codes of 0 to 255 by 255 and undo their sRGB curve"
+    )
+    with pytest.raises(MethodError, match=re.escape(message)):
+        write(make_scene(), tmp_path / "p", make(render=render))
+
+
+def test_a_mask_may_be_of_any_type(make_scene: Callable[..., Path], tmp_path: Path):
+    def render(camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
+        mask = np.arange(camera.height * camera.width).reshape(camera.height, camera.width) % 2
+        return {"glossy": mask, "metallic": mask > 0}
+
+    mine = make(provides=frozenset({"glossy", "metallic"}), render=render)
+    found = write(make_scene(), tmp_path / "p", mine).layers("test_001")
+    assert (found["glossy"][0, 1], found["metallic"][0, 1], found["glossy"].dtype) == (1, 1, np.float32)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (np.full((4, 8, 3), 9, np.uint8), "image of 'sky': expected radiance in floating point, got uint8"),
+        (np.full((4, 8, 3), np.nan), "image of 'sky': expected finite values in radiance, got nan"),
+    ],
+)
+def test_the_image_of_an_environment_is_held_to_the_same(
+    make_scene: Callable[..., Path], tmp_path: Path, image: np.ndarray, message: str
+):
+    with pytest.raises(MethodError, match=message):
+        write(make_scene(), tmp_path / "p", make(lights=lambda: [SKY], environment=lambda light: image))
+
+
+def test_writers_of_predictions_take_no_codes(tmp_path: Path):
+    codes = np.full((4, 6, 3), 200, np.uint8)
+    writers: dict[str, Callable[[], object]] = {
+        "test_001": lambda: write_view(tmp_path, "test_001", {"base_color": codes}),
+        "without-lamp, test_001": lambda: write_relit(tmp_path, "without-lamp", "test_001", codes),
+        "composition, test_001": lambda: write_composed(tmp_path, "test_001", codes),
+        "sky": lambda: write_environment(tmp_path, SKY, codes),
+    }
+    for where, writer in writers.items():
+        with pytest.raises(ValueError, match=rf"^{where}: expected \w+ in floating point, got uint8, as 200"):
+            writer()
+    write_view(tmp_path, "test_001", {"object_id": codes[..., 0].astype(np.uint32)})
+    assert not list(tmp_path.glob("relighting")) + list(tmp_path.glob("environments"))

@@ -235,7 +235,7 @@ def test_layer_of_another_size_or_with_nan_has_its_reason_in_its_place(make_run:
     first, second = found.view_names()
     write_view(folder, first, {"normal": np.zeros((4, 5, 3))})
     layers = found.layers(second)
-    layers["depth"][2, 3] = np.nan
+    layers["depth"][14, 12] = np.nan  # where an object is seen
     write_view(folder, second, layers)
     finish_predictions(folder, Predictions(found.method, found.track, found.scene))
     words = report_of(run).words

@@ -104,13 +104,29 @@ def test_gauge_is_applied_to_base_colour_only(scene: SceneEvidence) -> None:
     view = scene.shown[0]
     layers = {view.name: {k: scene.layers[view.name][k] for k in ("base_color", "radiance")}}
     method = MethodEvidence("m", layers=layers, gauge=(2.0, 1.0, 0.5))
-    values, note = usable_layer(method, view, "base_color")
+    mask = scene.mask("base_color", view)
+    values, note = usable_layer(method, view, "base_color", mask)
     assert values is not None
     np.testing.assert_allclose(values, layers[view.name]["base_color"] * np.array([2.0, 1.0, 0.5]))
     assert note == "× 2 1 0.5"
-    assert usable_layer(method, view, "radiance")[1] == ""
-    assert usable_layer(method, view, "normal") == (None, "not provided")
-    assert usable_layer(replace(method, fault="boom"), view, "radiance") == (None, "failed")
+    assert usable_layer(method, view, "radiance", mask)[1] == ""
+    assert usable_layer(method, view, "normal", mask) == (None, "not provided")
+    assert usable_layer(replace(method, fault="boom"), view, "radiance", mask) == (None, "failed")
+
+
+def test_what_is_not_finite_outside_the_mask_is_shown_as_0(scene: SceneEvidence) -> None:
+    view = scene.shown[0]
+    mask, values = scene.mask("normal", view), scene.layers[view.name]["normal"].copy()
+    values[~mask] = np.nan
+    method = MethodEvidence("m", layers={view.name: {"normal": values}})
+    shown, note = usable_layer(method, view, "normal", mask)
+    assert shown is not None
+    assert note == ""
+    np.testing.assert_array_equal(shown[mask], values[mask])
+    assert not mask.all()
+    assert (shown[~mask] == 0).all()
+    values[mask] = np.nan
+    assert "expected finite values in normal, got nan" in usable_layer(method, view, "normal", mask)[1]
 
 
 def test_scene_without_test_views_has_no_pictures_but_a_plan(scene: SceneEvidence) -> None:

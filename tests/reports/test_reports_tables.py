@@ -7,7 +7,16 @@ import pytest
 
 import graycard.eval as ge
 from graycard import TRACKS
-from graycard.records import Job, JobResult, MethodRecord, MetricRecord, RunRecord, Score, ScoreSheet
+from graycard.records import (
+    HOLDS_NOISE,
+    Job,
+    JobResult,
+    MethodRecord,
+    MetricRecord,
+    RunRecord,
+    Score,
+    ScoreSheet,
+)
 from graycard.reports._tracks import headline_of, words_of
 from graycard.reports.tables._cells import Reading, pool, read_metric
 from graycard.reports.tables._compared import compare_track
@@ -237,6 +246,21 @@ def test_warnings_are_told_once() -> None:
     assert [w.reason for w in warnings([make_result("x", "a", warned)])] == ["careful"]
     both = make_result("x", "a", warned, make_score(DOWN, 1.0, warnings=("careful", "late")))
     assert [(w.what, w.reason) for w in warnings([both])] == [("a.up, b.down", "careful"), ("b.down", "late")]
+
+
+def test_what_concerns_the_whole_folder_is_told() -> None:
+    result = make_result("x", "a", make_score(UP, 1.0, warnings=("careful",)))
+    assert result.sheet is not None
+    odd = replace(result, sheet=replace(result.sheet, warnings=("left out: z.Y",)))
+    told = [(w.what, w.reason) for w in warnings([odd])]
+    assert told == [("the whole folder", "left out: z.Y"), ("a.up", "careful")]
+
+
+def test_that_what_is_handed_truth_is_too_good_is_no_news() -> None:
+    too_good = make_score(UP, 1.0, warnings=(f"1 dB is above: {HOLDS_NOISE}", "careful"))
+    results = [make_result(name, "a", too_good) for name in ("oracle", "rival")]
+    told = [(w.method, w.reason.startswith("1 dB")) for w in warnings(results, {"oracle"})]
+    assert told == [("oracle", False), ("rival", True), ("rival", False)]
 
 
 def test_scene_without_this_metric_is_no_failure() -> None:

@@ -12,6 +12,7 @@ import tyro
 from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
+from graycard.cli._warnings import run_lines
 from graycard.io import Progress
 from graycard.records import Looks, RunRecord, read_run
 
@@ -157,6 +158,8 @@ class BenchCommand:
         with terminal.progress() as progress:
             run, record = (self._pursue if self.until_decided else self._bench)(jobs, progress)
         report = write_report(run)
+        for first, *more in run_lines(record):
+            terminal.say(f"warning: {first}", *more)
         failures = _failures(record)
         for line in failures:
             terminal.err.print(f"failed: {line}")

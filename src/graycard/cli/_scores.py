@@ -13,6 +13,7 @@ from rich.table import Table
 
 from graycard.cli._options import Json
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
+from graycard.cli._warnings import Warned, warned
 from graycard.records import Score, ScoreSheet
 
 
@@ -34,11 +35,20 @@ class ScoreCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
         from graycard.dataset import check_scene
-        from graycard.eval import NEIGHBOURS, score_predictions
+        from graycard.eval import score_predictions
 
         check_scene(self.scene)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
-        self._show_scores(terminal, sheet)
+        self._show(terminal, sheet)
+        write_optional_json(self.json, sheet)
+        return _conclude(sheet, terminal)
+
+    def _show(self, terminal: Terminal, sheet: ScoreSheet) -> None:
+        """Print all tables, then the warnings by the numbers that stand beside the scores."""
+        from graycard.eval import NEIGHBOURS
+
+        told = warned(sheet)
+        self._show_scores(terminal, sheet, told)
         if any(score.breakdown.keys() & NEIGHBOURS for score in sheet.scores):
             terminal.out.print(_breakdown_table(sheet, NEIGHBOURS))
         if any(score.breakdown.keys() - NEIGHBOURS for score in sheet.scores):
@@ -46,29 +56,35 @@ class ScoreCommand:
         if sheet.protocols:
             terminal.out.print(_protocol_table(sheet))
             _say_spread(sheet, terminal)
-        write_optional_json(self.json, sheet)
-        scores = (*sheet.scores, *sheet.protocols)
-        failed = [score for score in scores if score.status == "failed"]
-        for reason in dict.fromkeys(score.reason for score in failed):
-            terminal.err.print(f"failed: {reason}")
-        scored = sum(score.status == "scored" for score in scores)
-        if not scored and not failed:
-            terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
-        terminal.out.print(
-            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
-            f"{len(scores) - scored - len(failed)} not provided"
-        )
-        return OK if scored and not failed else FAILED
+        for number, entry in enumerate(told, 1):
+            first, more = entry.lines()
+            terminal.say(f"warning {number}: {first}", more)
 
-    def _show_scores(self, terminal: Terminal, sheet: ScoreSheet) -> None:
+    def _show_scores(self, terminal: Terminal, sheet: ScoreSheet, told: Sequence[Warned]) -> None:
         shown = [score for score in sheet.scores if self.all or score.status != "not provided"]
         if shown:
-            terminal.out.print(_score_table(shown))
+            terminal.out.print(_score_table(shown, told))
         if left := len(sheet.scores) - len(shown):
             what = "1 metric is" if left == 1 else f"{left} metrics are"
             terminal.out.print(f"{what} not provided by these predictions: --all lists them")
         for note in _notes(shown):
             terminal.out.print(note)
+
+
+def _conclude(sheet: ScoreSheet, terminal: Terminal) -> int:
+    """Print why scores failed and how many did, and return the exit code."""
+    scores = (*sheet.scores, *sheet.protocols)
+    failed = [score for score in scores if score.status == "failed"]
+    for reason in dict.fromkeys(score.reason for score in failed):
+        terminal.err.print(f"failed: {reason}")
+    scored = sum(score.status == "scored" for score in scores)
+    if not scored and not failed:
+        terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
+    terminal.out.print(
+        f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
+        f"{len(scores) - scored - len(failed)} not provided"
+    )
+    return OK if scored and not failed else FAILED
 
 
 def _notes(scores: Sequence[Score]) -> list[str]:
@@ -78,14 +94,19 @@ def _notes(scores: Sequence[Score]) -> list[str]:
     return [note for note in dict.fromkeys(find_metric(score.metric).note for score in scores) if note]
 
 
-def _score_table(scores: Sequence[Score]) -> Table:
-    table = new_table("metric", "score", "unit", "optimum", "ceiling", "views", "gauge")
+def _score_table(scores: Sequence[Score], told: Sequence[Warned]) -> Table:
+    """Return a row for each score, with the numbers of its warnings if any score has some."""
+    table = new_table(
+        "metric", "score", "unit", "optimum", "ceiling", "views", "gauge", *["warning"] * bool(told)
+    )
     for score in scores:
+        numbers = ", ".join(str(n) for n, entry in enumerate(told, 1) if score.metric in entry.scores)
         value = f"{score.value:.4g}" if score.value is not None else score.status
         ceiling = f"{score.noise_ceiling:.4g}" if score.noise_ceiling is not None else ""
         gauge = " ".join(f"{g:.4g}" for g in score.gauge) if score.gauge else ""
         counts = f"{score.scored}/{score.expected}"
-        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", ceiling, counts, gauge)
+        cells = score.unit, f"{score.optimum:g}", ceiling, counts, gauge
+        table.add_row(score.metric, value, *cells, *[numbers] * bool(told))
     return table
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from rich.console import Console
@@ -35,6 +36,20 @@ class Terminal:
 
     out: Console = field(default_factory=lambda: _console(stderr=False))
     err: Console = field(default_factory=lambda: _console(stderr=True))
+
+    def say(self, first: str, *more: str) -> None:
+        """Print a line on stdout, and further ones indented; a terminal has them wrapped between words."""
+        for text, indent in ((first, ""), *((line, "  ") for line in more)):
+            whole = indent + text
+            if self.out.is_terminal:
+                whole = fill(
+                    whole,
+                    self.out.width,
+                    subsequent_indent=f"{indent}  ",
+                    break_long_words=False,
+                    break_on_hyphens=False,
+                )
+            self.out.print(whole)
 
     def advise(self, advice: str) -> None:
         """Say how to get more out of this machine; an empty advice says nothing."""

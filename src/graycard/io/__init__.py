@@ -4,8 +4,11 @@
 from graycard.io._code import code_hash as code_hash
 from graycard.io._code import reached_code as reached_code
 from graycard.io._decode import IN_MEMORY as IN_MEMORY
+from graycard.io._exr import KnownLayers as KnownLayers
+from graycard.io._exr import read_known_layers as read_known_layers
 from graycard.io._exr import read_layers as read_layers
 from graycard.io._exr import read_rgb as read_rgb
+from graycard.io._exr import unknown_channels as unknown_channels
 from graycard.io._exr import write_layers as write_layers
 from graycard.io._exr import write_rgb as write_rgb
 from graycard.io._files import atomic_folder as atomic_folder

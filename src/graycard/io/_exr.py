@@ -3,7 +3,9 @@
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +14,12 @@ import OpenEXR
 
 from graycard._errors import DatasetError, GraycardError, OutputError, UnknownNameError
 from graycard.io._files import atomic_path, free_mib
-from graycard.layers import Layer, find_layer
+from graycard.layers import Layer, all_layers, find_layer
 
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """Chromaticities of the primaries and of the white point D65 (ITU-R BT.709-6)."""
+_ALIKE = 0.6
+"""Likeness from which an unknown name counts as misspelt: the default of difflib."""
 
 
 def write_layers(
@@ -44,19 +48,108 @@ def write_layers(
 
 
 def read_layers(path: Path, error: type[GraycardError] = DatasetError) -> dict[str, np.ndarray]:
-    """All layers in an EXR file, each of shape ``(H, W)`` or ``(H, W, 3)``, float32 or uint32.
+    """Return all layers in an EXR file, each of shape ``(H, W)`` or ``(H, W, 3)``, float32 or uint32.
 
     Raises:
         DatasetError: (or ``error``) The file is missing or broken, or has channels of no layer.
     """
     pieces = _read(path, error)
     planes = _planes_of(pieces)
-    names = dict.fromkeys(channel.rpartition(".")[0] for channel in planes)
+    names = _stems(planes)
     if "" in names:
-        raise error(
-            f"expected channels named <layer>.<suffix> in {path}, got {', '.join(planes)}. Rename them"
-        )
+        raise error(_nameless(path, planes))
     return {name: _assemble(path, name, planes, pieces.get(name), error) for name in names}
+
+
+@dataclass(frozen=True, slots=True)
+class KnownLayers:
+    """Layers in an EXR file that anybody may have written."""
+
+    layers: Mapping[str, np.ndarray]
+    """By name, each ``(H, W)`` or ``(H, W, 3)``, float32 or uint32."""
+    faults: Mapping[str, str]
+    """By the name of a layer that cannot be used: why not."""
+
+
+def read_known_layers(path: Path, error: type[GraycardError] = DatasetError) -> KnownLayers:
+    """Return the layers in an EXR file that are known; channels of no layer are passed over.
+
+    A layer that lacks a channel, or has one of another type, is a fault of its own and of no other layer.
+    :func:`unknown_channels` names what is passed over.
+
+    Raises:
+        DatasetError: (or ``error``) The file is missing or broken, or has no layer that is known.
+    """
+    pieces = _read(path, error)
+    planes = _planes_of(pieces)
+    known = [name for name in _stems(planes) if _is_layer(name)]
+    if not known:
+        raise error(_nameless(path, planes))
+    kept = {c: plane for c, plane in planes.items() if not _is_extra(c, planes)}
+    layers: dict[str, np.ndarray] = {}
+    faults: dict[str, str] = {}
+    for name in known:
+        try:
+            layers[name] = _assemble(path, name, kept, pieces.get(name), error)
+        except GraycardError as cause:
+            faults[name] = str(cause)
+    return KnownLayers(layers, faults)
+
+
+def unknown_channels(path: Path) -> dict[str, str]:
+    """Return the channels of an EXR file that no layer has: by name, the name that was perhaps meant.
+
+    Only the header is read. Nothing is found in a file that is missing or broken.
+
+    Returns:
+        An empty name where none is like it.
+    """
+    sys.audit("graycard.read", str(path))
+    try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            channels = [channel.name for channel in file.header()["channels"]]
+    except (RuntimeError, ValueError, OSError):
+        return {}
+    strangers = [c for c in channels if not _is_layer(c.rpartition(".")[0]) or _is_extra(c, channels)]
+    return {c: _meant(c) for c in strangers}
+
+
+def _meant(channel: str) -> str:
+    """Return the known layer, or for a channel without a suffix the channel, that a name is like."""
+    stem, _, _ = channel.rpartition(".")
+    if _is_layer(stem):
+        return ""
+    if not stem and _is_layer(channel):
+        return f"{channel}.{find_layer(channel).channels[0]}"
+    near = get_close_matches(stem or channel, [layer.name for layer in all_layers()], n=1, cutoff=_ALIKE)
+    return next(iter(near), "")
+
+
+def _stems(channels: Iterable[str]) -> list[str]:
+    """Return the names of layers that channels are of, each once; empty for one without a suffix."""
+    return list(dict.fromkeys(channel.rpartition(".")[0] for channel in channels))
+
+
+def _is_layer(name: str) -> bool:
+    try:
+        find_layer(name)
+    except UnknownNameError:
+        return False
+    return True
+
+
+def _is_extra(channel: str, channels: Iterable[str]) -> bool:
+    """Tell whether a layer is whole without a channel of its name that it does not have."""
+    name, _, suffix = channel.rpartition(".")
+    if not _is_layer(name):
+        return False
+    own = find_layer(name).channels
+    return suffix not in own and {f"{name}.{c}" for c in own} <= {*channels}
+
+
+def _nameless(path: Path, channels: Iterable[str]) -> str:
+    named = {f"{c} (did you mean {near}?)" if (near := _meant(c)) else c: None for c in channels}
+    return f"expected channels named <layer>.<suffix> in {path}, got {', '.join(named)}. Rename them"
 
 
 def write_rgb(path: Path, values: np.ndarray) -> None:
@@ -70,7 +163,7 @@ def write_rgb(path: Path, values: np.ndarray) -> None:
 
 
 def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarray:
-    """A linear image of shape ``(H, W, 3)``, float32, from plain ``R``, ``G``, ``B``.
+    """Return a linear image of shape ``(H, W, 3)``, float32, from plain ``R``, ``G``, ``B``.
 
     Raises:
         DatasetError: (or ``error``) The file is missing or broken, or has other channels.
@@ -170,7 +263,7 @@ def _assemble(
     stored = {str(planes[f"{name}.{c}"].dtype.kind) for c in kind.channels}
     if (kind.dtype == "uint32") != (stored == {"u"}):
         raise error(f"expected {kind.dtype} channels for {name} in {path}, got other ones. Convert them")
-    if piece is not None and piece.ndim == 3:  # its channels are R, G, B, or they would not have fitted
+    if piece is not None and piece.shape[2:] == (3,):  # R, G, B, or they would not have fitted
         return piece.astype(kind.dtype, copy=False)
     found = [planes[f"{name}.{c}"].astype(kind.dtype, copy=False) for c in kind.channels]
     return found[0] if len(found) == 1 else np.stack(found, axis=-1)

@@ -142,16 +142,60 @@ def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
     return (height, width) if channels == 1 else (height, width, channels)
 
 
-def find_fault(name: str, values: np.ndarray, height: int, width: int) -> str | None:
-    """What is wrong with an array that is meant to be a layer, as "expected …, got …"; else None."""
+def find_fault(
+    name: str, values: np.ndarray, height: int, width: int, *, within: np.ndarray | None = None
+) -> str | None:
+    """Return the fault of an array that is meant to be a layer, as "expected …, got …"; None without one.
+
+    Args:
+        name: Of the layer.
+        values: The array.
+        height: Rows that it should have.
+        width: Columns that it should have.
+        within: shape ``(H, W)``, bool: pixels that have to be finite; all if None.
+    """
     expected = shape_of(name, height, width)
     if values.shape != expected:
         return f"expected {name} of shape {expected}, got {values.shape}"
-    bad = ~np.isfinite(values) if values.dtype.kind == "f" else np.zeros(values.shape, bool)
-    if find_layer(name).may_be_infinite:
-        bad &= ~np.isposinf(values)
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        kind = f"{int(bad.sum())} of {values.size} values are not, the first at {where}"
-        return f"expected finite values in {name}, got {values[where]} ({kind})"
-    return None
+    bad = not_meant(name, values)
+    if within is not None and bad.any():
+        bad &= within.reshape(within.shape + (1,) * (values.ndim - 2))
+    if not bad.any():
+        return None
+    where = tuple(int(i) for i in np.argwhere(bad)[0])
+    axes = ", ".join(("row", "column", "channel")[: bad.ndim])
+    among = values.size if within is None else int(within.sum()) * (values.size // within.size)
+    kind = f"{int(bad.sum())} of {among} values are not, the first at {where}: {axes}"
+    return f"expected finite values in {name}, got {values[where]} ({kind})"
+
+
+def find_codes(name: str, values: np.ndarray) -> str | None:
+    """Return the fault of whole numbers in place of measured ones, as "expected …, got …. Do …"; else None.
+
+    An image of 0 to 255 would be taken for one of 0 to 1. A layer of ids is whole numbers, and 0 and 1 are
+    the same in any type: neither is a fault.
+
+    Args:
+        name: Of the layer.
+        values: The array.
+    """
+    if values.dtype.kind not in "iu" or find_layer(name).dtype == "uint32" or not values.size:
+        return None
+    far = np.abs(values.astype(np.float64) - 0.5)
+    if far.max() <= 0.5:
+        return None
+    where = tuple(int(i) for i in np.unravel_index(far.argmax(), values.shape))
+    axes = ", ".join(("row", "column", "channel")[: values.ndim])
+    return (
+        f"expected {name} in floating point, got {values.dtype}, as {values[where]} at {where}: {axes}. "
+        "Divide codes of 0 to 255 by 255 and undo their sRGB curve (graycard.srgb_decode), or convert values "
+        "that are linear already by .astype(np.float32)"
+    )
+
+
+def not_meant(name: str, values: np.ndarray) -> np.ndarray:
+    """Mark values that mean nothing in a layer, same shape, bool: NaN and infinities, but a depth of +inf."""
+    if values.dtype.kind != "f":
+        return np.zeros(values.shape, bool)
+    bad = ~np.isfinite(values)
+    return bad & ~np.isposinf(values) if find_layer(name).may_be_infinite else bad

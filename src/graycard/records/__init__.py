@@ -31,6 +31,7 @@ from graycard.records._ledger import read_ledger as read_ledger
 from graycard.records._looks import Edition as Edition
 from graycard.records._looks import Look as Look
 from graycard.records._looks import Looks as Looks
+from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import Access as Access
 from graycard.records._run import Cost as Cost

@@ -14,6 +14,9 @@ PUBLISHED_PAGE = "index.html"
 """The report in a published folder; a run has its own in a folder of that name."""
 RECORD_VERSION = 2
 
+HOLDS_NOISE = "the prediction holds the noise of the truth itself"
+"""End of the warning of a score that is better than the truth's noise allows."""
+
 Status = Literal["scored", "failed", "not provided"]
 
 Invariance = Literal["global gain", "channel gain", "sign"]
@@ -73,6 +76,8 @@ class ScoreSheet:
     """Base colour by published protocols, one score for each that was asked for."""
     format: str = "graycard-scores"
     format_version: int = RECORD_VERSION
+    warnings: tuple[str, ...] = ()
+    """Oddities of the whole folder, as channels that belong to no layer; each score has its own."""
 
     def score(self, metric: str) -> Score:
         """The score of a metric.
