@@ -101,16 +101,10 @@ def _sets(group: str, title: str, layer: str, after: str) -> tuple[SetMetric, Se
     )
 
 
-def _of(group: str, title: str, layer: str, after: str) -> tuple[ImageMetric | SetMetric, ...]:
-    """Return all metrics of a layer, behind the metric of an id."""
-    return (
-        _lpips(group, title, layer, "alex", after),
-        _lpips(group, title, layer, "vgg", f"{group}.lpips"),
-        *_sets(group, title, layer, f"{group}.lpips.vgg"),
-    )
-
-
 METRICS = (
-    *_of("novel_view", "Novel view", "radiance", "novel_view.flip_hdr"),
-    *_of("counterfactual", "Removal", "counterfactual.radiance", "counterfactual.flip"),
+    _lpips("novel_view", "Novel view", "radiance", "alex", "novel_view.flip_hdr"),
+    _lpips("novel_view", "Novel view", "radiance", "vgg", "novel_view.lpips"),
+    *_sets("novel_view", "Novel view", "radiance", "novel_view.lpips.vgg"),
+    _lpips("counterfactual", "Removal", "counterfactual.radiance", "alex", "counterfactual.flip"),
+    *_sets("counterfactual", "Removal", "counterfactual.radiance", "counterfactual.lpips"),
 )
