@@ -40,7 +40,7 @@ R = TypeVar("R")
 
 DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
 
-PROTOCOLS = "all"
+PROTOCOLS = "albedo"
 """A bench scores by graycard's rules and puts the published albedo protocols beside them."""
 
 

@@ -287,7 +287,7 @@ def test_one_prediction_by_every_protocol(tiny_scenes: dict[str, Path], tmp_path
     assert float(spread) == pytest.approx(max(values) - min(values), abs=0.051)
     assert main(["score", out, scene, "--protocol", "gs-ir"]) == 0
     shown = capsys.readouterr().out
-    assert "gs-ir-1" in shown
+    assert "gs-ir-2" in shown
     assert "spread" not in shown
     assert shown.endswith("score: input on dark/tiny-0000: 1 scored, 0 failed, 0 not provided\n")
     assert main(["score", out, scene, "--protocol", "gsir"]) == 2

@@ -13,7 +13,7 @@ from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display, same
 from graycard.eval.scoring._ceiling import noise_as_displayed
 from graycard.eval.scoring._findings import Finding, SceneFacts, first_of, mean, pooled
-from graycard.eval.scoring._gauge import apply_gauge
+from graycard.eval.scoring._gauge import Factors, apply_gauge
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.layers import find_fault
 from graycard.records import Score, Status
@@ -134,16 +134,18 @@ def judge_picture(
     radiance = true.take(LAYER)
     noise = {m.id: _noise(m, true, picture.mask, scene.exposure) for m in metrics}
     try:
-        values = _predicted(picture, scene, metrics[0].gauge if metrics else None)
+        values = predicted_picture(picture)
+        if values is not None and metrics and metrics[0].gauge:
+            values = apply_gauge(values, _factors(scene, metrics[0].gauge))
     except PredictionError as cause:
         return {name: Finding(reason=str(cause), noise=best) for name, best in noise.items()}
     if values is None:
-        return {name: Finding(reason=_ABSENT, noise=best) for name, best in noise.items()}
+        return {name: Finding(reason=ABSENT, noise=best) for name, best in noise.items()}
     images = display(values, scene.exposure), display(radiance, scene.exposure)
     return {m.id: _judge(m.rule, picture, images, noise[m.id]) for m in metrics}
 
 
-_ABSENT = ""
+ABSENT = ""
 """Reason of a picture that was not provided."""
 
 
@@ -156,11 +158,11 @@ def _judge(
     return Finding(rule.measure(*images, picture.mask), noise=noise, parts=parts)
 
 
-def _predicted(picture: ChangedPicture, scene: SceneFacts, gauge: str | None) -> np.ndarray | None:
-    """Return the predicted picture, in the gauge of the truth where it has one; None where there is none.
+def predicted_picture(picture: ChangedPicture) -> np.ndarray | None:
+    """Return the predicted radiance of a picture, shape ``(H, W, 3)``, float64; None where there is none.
 
     Raises:
-        PredictionError: It is unreadable, of another size or not finite, or there is no gauge.
+        PredictionError: It is unreadable, of another size or not finite.
     """
     where, camera = f"{picture.change}, {picture.view.name}", picture.view.camera
     layers = picture.predicted()
@@ -170,12 +172,19 @@ def _predicted(picture: ChangedPicture, scene: SceneFacts, gauge: str | None) ->
         raise PredictionError(f"{where}: expected radiance, got {', '.join(layers)}. Write this layer")
     if fault := find_fault(LAYER, layers[LAYER], camera.height, camera.width):
         raise PredictionError(f"{where}: {fault}. Write this picture again")
-    if gauge is None:
-        return layers[LAYER].astype(np.float64)
+    return layers[LAYER].astype(np.float64)
+
+
+def _factors(scene: SceneFacts, gauge: str) -> Factors:
+    """Return the factors of a gauge.
+
+    Raises:
+        PredictionError: They cannot be fitted.
+    """
     factors = scene.gauges[gauge]
     if isinstance(factors, str):
         raise PredictionError(factors)
-    return apply_gauge(layers[LAYER], factors)
+    return factors
 
 
 def _noise(metric: ChangedMetric, true: TrueView, mask: np.ndarray, exposure: float) -> float | None:
@@ -188,7 +197,7 @@ def _pool(
     kinds: Mapping[str, EditKind | None],
     scene: SceneFacts,
 ) -> Score:
-    status, reason = _status(findings, kinds)
+    status, reason = status_of_changes(findings, kinds)
     finish, gauge = metric.rule.finish, scene.fitted(metric.gauge)
     score = pooled(metric.record, finish, findings, status=status, reason=reason, gauge=gauge)
     if status != "scored":
@@ -206,9 +215,16 @@ def _by_change(findings: Mapping[str, Finding]) -> dict[str, list[float]]:
     return values
 
 
-def _status(findings: Mapping[str, Finding], kinds: Mapping[str, EditKind | None]) -> tuple[Status, str]:
-    """Return "not provided" for a kind of change without any picture, "failed" for one that lacks some."""
-    faults = [f.reason for f in findings.values() if f.value is None and f.reason != _ABSENT]
+def status_of_changes(
+    findings: Mapping[str, Finding], kinds: Mapping[str, EditKind | None]
+) -> tuple[Status, str]:
+    """Return "not provided" for a kind of change without any picture, "failed" for one that lacks some.
+
+    Args:
+        findings: By picture; one that was not provided has the reason :data:`ABSENT`.
+        kinds: Kind of change by picture.
+    """
+    faults = [f.reason for f in findings.values() if f.value is None and f.reason != ABSENT]
     if faults:
         return "failed", first_of(faults)
     absent = [key for key, f in findings.items() if f.value is None]

@@ -22,7 +22,7 @@ GRAY = 0.18
 
 
 def render_spheres(environment: np.ndarray) -> dict[str, np.ndarray]:
-    """The radiance of each pixel that shows a sphere.
+    """Return the radiance of each pixel that shows a sphere.
 
     Args:
         environment: shape ``(H, W, 3)``, latitude-longitude, radiance, linear; rows from +z down, columns
@@ -55,8 +55,25 @@ def sphere_normals() -> np.ndarray:
     return np.stack([x, -np.sqrt(1 - x**2 - z**2), z], axis=-1)
 
 
+def scale_invariant_rmse(predicted: np.ndarray, true: np.ndarray) -> float:
+    """Return the root of min_k Σ (k p - t)² / N over the N pixels of a sphere; the sum is over channels, too.
+
+    StyleLight, evaluation/fast_rmse.py, si_rmse, 44eb430, where k may also be negative; so it may here.
+
+    Args:
+        predicted: p, shape ``(N, 3)``, linear radiance; not black.
+        true: t, shape ``(N, 3)``, in the unit of the result.
+
+    Example:
+        >>> scale_invariant_rmse(np.array([[1.0, 0, 0]]), np.array([[2.0, 0.5, 0]]))
+        0.5
+    """
+    scale = (predicted * true).sum() / (predicted * predicted).sum()
+    return float(np.sqrt(((scale * predicted - true) ** 2).sum() / len(true)))
+
+
 def exposure_for(diffuse: np.ndarray) -> float:
-    """The factor that shows a diffuse sphere, ``(N, 3)``, at a mean luminance of :data:`GRAY`; 1 if black."""
+    """Return the factor that shows a diffuse sphere, ``(N, 3)``, at luminance :data:`GRAY`; 1 if black."""
     mean = float(luminance(diffuse).mean())
     return GRAY / mean if mean > 0 else 1.0
 

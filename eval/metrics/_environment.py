@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from graycard import PredictionError, Predictions, Truth
+from graycard import PredictionError, Predictions, Truth, angles
 from graycard.eval.kinds._lights import light_score
 from graycard.eval.kinds._metric import LIGHTS, Metric, Rule, Scorer
-from graycard.eval.kinds._records import GLOBAL, decibels
+from graycard.eval.kinds._records import GLOBAL, decibels, error
 from graycard.eval.kinds._references import Reference
 from graycard.eval.lights._read import INDEX, distant
-from graycard.eval.lights._spheres import SPHERES, exposure_for, render_spheres
+from graycard.eval.lights._spheres import SPHERES, exposure_for, render_spheres, scale_invariant_rmse
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import display
 from graycard.eval.scoring._ceiling import EXACT_LIGHTS
@@ -88,9 +88,7 @@ def compare_spheres(predicted: Spheres, true: Spheres) -> Measurement:
     Raises:
         PredictionError: No positive scale brings the prediction to the truth.
     """
-    p, t = (np.concatenate(list(spheres.values())) for spheres in (predicted, true))
-    if not (p * t).sum() > 0:
-        raise PredictionError("expected an environment that shines, got a black one. Leave it out instead")
+    p, t = _shining(predicted, true)
     scale, exposure = float((p * t).sum() / (p * p).sum()), exposure_for(true["diffuse"])
     squares = {
         name: float(
@@ -100,6 +98,51 @@ def compare_spheres(predicted: Spheres, true: Spheres) -> Measurement:
     }
     value = psnr(float(np.mean(list(squares.values()))))
     return Measurement(value, {name: psnr(square) for name, square in squares.items()})
+
+
+def compare_scale_invariant(predicted: Spheres, true: Spheres) -> Measurement:
+    """Return the mean over spheres of the scale-invariant root mean square error, and that of each.
+
+    Args:
+        predicted: By name, each ``(N, 3)``, linear radiance.
+        true: The same. The exposure that shows the diffuse sphere with mean luminance 0.18 gives the unit.
+
+    Raises:
+        PredictionError: The prediction is black, or below 0.
+    """
+    _shining(predicted, true)
+    exposure = exposure_for(true["diffuse"])
+    return _mean_over({n: exposure * scale_invariant_rmse(predicted[n], true[n]) for n in true})
+
+
+def compare_colours(predicted: Spheres, true: Spheres) -> Measurement:
+    """Return the mean over spheres and pixels of the angle between (R, G, B), degrees, and that of each.
+
+    Args:
+        predicted: By name, each ``(N, 3)``, linear radiance; a black pixel counts 90°.
+        true: The same.
+
+    Raises:
+        PredictionError: The prediction is black, or below 0.
+    """
+    _shining(predicted, true)
+    return _mean_over({n: float(angles(predicted[n], true[n]).mean()) for n in true})
+
+
+def _shining(predicted: Spheres, true: Spheres) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pixels of all spheres, each ``(N, 3)``.
+
+    Raises:
+        PredictionError: No positive scale brings the prediction to the truth.
+    """
+    p, t = (np.concatenate(list(spheres.values())) for spheres in (predicted, true))
+    if not (p * t).sum() > 0:
+        raise PredictionError("expected an environment that shines, got a black one. Leave it out instead")
+    return p, t
+
+
+def _mean_over(parts: Mapping[str, float]) -> Measurement:
+    return Measurement(float(np.mean(list(parts.values()))), parts)
 
 
 def _together(lit: Sequence[Spheres]) -> Spheres:
@@ -129,6 +172,41 @@ METRICS: tuple[Metric[EnvironmentRule], ...] = (
             ),
             Reference("glossy sphere", "Gauss and Legendre over facets, two digits", 5e-3),
         ),
+        breakdown=SPHERES,
+    ),
+    Metric(
+        record=error(
+            "environment",
+            "si_rmse",
+            "Environment on three spheres, si-RMSE",
+            "mean over the spheres of environment.psnr of k·sqrt(min_s Σ(s·p - t)² / N), linear, N pixels of "
+            "one sphere, channels summed, k as there (StyleLight, fast_rmse.py, without its tone mapping)",
+            tolerance=0.02,
+            ignores=GLOBAL,
+        ),
+        rule=EnvironmentRule(compare_scale_invariant),
+        layers=(LIGHTS,),
+        refuses=("sign",),
+        ceiling=EXACT_LIGHTS,
+        references=(Reference("si-RMSE of spheres", "numpy.linalg.lstsq, sphere by sphere", 1e-9),),
+        breakdown=SPHERES,
+    ),
+    Metric(
+        record=error(
+            "environment",
+            "angle",
+            "Environment on three spheres, colour",
+            "mean over the spheres of environment.psnr, and their pixels, of the angle between (R, G, B) "
+            "under p and under t; a black pixel counts 90° (StyleLight, fast_rmse.py, where it counts 0°)",
+            unit="°",
+            tolerance=0.5,
+            ignores=GLOBAL,
+        ),
+        rule=EnvironmentRule(compare_colours),
+        layers=(LIGHTS,),
+        refuses=("sign",),
+        ceiling=EXACT_LIGHTS,
+        references=(Reference("colour of spheres", "scipy.spatial.distance, cosine", 1e-6, "°"),),
         breakdown=SPHERES,
     ),
 )

@@ -4,10 +4,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from graycard.records import Invariance, MetricRecord
+
+Subject = Literal["base_color", "radiance", "relit", "normal", "depth", "roughness"]
+"""Images that a protocol judges: a layer of the test views, or the pictures under changed lights."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,23 +56,27 @@ class Protocol(ABC):
 
 
 @dataclass(frozen=True, slots=True)
-class AlbedoView:
-    """One view of a predicted base colour; images linear, shape ``(H, W, 3)``."""
+class JudgedView:
+    """One predicted image beside the true one, linear; light is at the exposure of the scene.
+
+    Images of colour and of directions have the shape ``(H, W, 3)``, of depth and roughness ``(H, W)``.
+    """
 
     name: str
     predicted: np.ndarray
+    """May hold anything outside the mask."""
     true: np.ndarray
     mask: np.ndarray
-    """shape ``(H, W)``, bool: where the truth sees an object that is no light."""
+    """Shape ``(H, W)``, bool: where the truth sees an object; for base colour, one that is no light."""
 
 
 @dataclass(frozen=True, slots=True)
-class AlbedoViews:
-    """The views that an albedo protocol may look at."""
+class JudgedViews:
+    """The images that a published protocol may look at."""
 
-    test: tuple[AlbedoView, ...]
+    test: tuple[JudgedView, ...]
     """The scored ones."""
-    validation: AlbedoView | None = None
+    validation: JudgedView | None = None
     """One that is not scored: the first training view. None where its prediction cannot be used."""
 
 
@@ -83,9 +91,10 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AlbedoProtocol(Protocol, ABC):
-    """A protocol that judges base colour."""
+class PublishedProtocol(Protocol, ABC):
+    """A protocol that judges images of one subject, as published code does."""
 
+    subject: Subject = "base_color"
     ignores: tuple[Invariance, ...] = ()
     """The gauge groups under which its score does not change."""
     refuses: tuple[Invariance, ...] = ()
@@ -97,10 +106,12 @@ class AlbedoProtocol(Protocol, ABC):
         """Record of its number: unit, direction, optimum."""
 
     @abstractmethod
-    def score(self, views: AlbedoViews) -> Outcome:
+    def score(self, views: JudgedViews) -> Outcome:
         """Judge the test views.
 
         Raises:
-            PredictionError: No factor can be fitted, or the view that it is fitted on cannot be used.
+            PredictionError: A prediction is not finite inside the mask, no factor can be fitted, or the view
+                that it is fitted on cannot be used.
             DatasetError: The views are too small, or the mask is too narrow, for the definition.
+            WeightsError: It needs the weights of a network, and there are none.
         """

@@ -19,6 +19,7 @@ Estimator = Literal[
     "least squares, per channel, black as white",
     "median ratio, per channel",
     "median ratio, per channel, prediction cut at 1",
+    "median ratio, per channel, where the truth is above 0",
     "median ratio of red",
     "ratio of means",
     "least absolute error, exposure and balance",
@@ -31,7 +32,7 @@ _GAMMA = 2.2
 
 
 def estimate(kind: Estimator, predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """The factors of one fit, shape ``(3,)``.
+    """Return the factors of one fit, shape ``(3,)``.
 
     Raises:
         PredictionError: The prediction is black, or the fit gives a factor that is negative.
@@ -47,7 +48,7 @@ def estimate(kind: Estimator, predicted: np.ndarray, true: np.ndarray) -> np.nda
 
 
 def lower_median(values: np.ndarray) -> np.ndarray:
-    """Median over the first axis; of an even number of values the lower middle one, as torch has it."""
+    """Return the median over the first axis; of two middle values the lower one, as torch has it."""
     middle = (len(values) - 1) // 2
     return np.partition(values, middle, axis=0)[middle]
 
@@ -77,6 +78,11 @@ def _median_ratio_cut(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     return lower_median(true / np.clip(predicted, _FAINT, 1))
 
 
+def _median_ratio_of_coloured(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
+    coloured = (true > 0).all(axis=1)
+    return _median_ratio(predicted[coloured], true[coloured]) if coloured.any() else np.full(3, np.nan)
+
+
 def _median_ratio_of_red(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
     return np.repeat(_median_ratio(predicted[:, :1], true[:, :1]), 3)
 
@@ -86,25 +92,24 @@ def _ratio_of_means(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def _exposure_and_balance(predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """First one exposure, then a balance of each channel in [0.5, 2], by least mean |difference|.
+    """Return one exposure, then a balance of each channel in [0.5, 2], of least mean |difference|.
 
     Both images are compared as displayed, ``min(x^(1/2.2), 1)``. Pixels in which the truth is white do not
-    enter, and the exposure goes no further than to where the faintest pixel becomes 0.95.
+    enter.
     """
     fair = true.max(axis=1) < 1
     shown, goal = np.maximum(predicted[fair], 0) ** (1 / _GAMMA), true[fair] ** (1 / _GAMMA)
-    brightest = shown.min(axis=1)
-    if not fair.any() or not (brightest > 0).any():
+    if not (shown.min(axis=1) > 0).any():
         return np.full(3, np.nan)
-    most = 0.95 / brightest[brightest > 0].min()
-    exposure = least_absolute_factor(shown.ravel(), goal.ravel(), 2 ** (-10 / _GAMMA), most)
+    most = 1 / shown[shown > 0].min()  # beyond it every pixel is white
+    exposure = least_absolute_factor(shown.ravel(), goal.ravel(), 0.0, most)
     bounds = 0.5 ** (1 / _GAMMA), 2 ** (1 / _GAMMA)
     balance = [least_absolute_factor(exposure * shown[:, c], goal[:, c], *bounds) for c in range(3)]
     return (exposure * np.array(balance)) ** _GAMMA
 
 
 def least_absolute_factor(values: np.ndarray, goal: np.ndarray, low: float, high: float) -> float:
-    """The factor u in [low, high] of least ``Σ |min(u v, 1) - g|``, exactly.
+    """Return the factor u in [low, high] of least ``Σ |min(u v, 1) - g|``, exactly.
 
     The sum is piecewise linear in u: each term falls with slope -v up to u = g / v, rises with slope v up
     to u = 1 / v, and stays. So its least value lies at one of these places or at a bound.
@@ -136,6 +141,7 @@ ESTIMATORS: Mapping[Estimator, Estimate] = {
     "least squares, per channel, black as white": _black_as_white,
     "median ratio, per channel": _median_ratio,
     "median ratio, per channel, prediction cut at 1": _median_ratio_cut,
+    "median ratio, per channel, where the truth is above 0": _median_ratio_of_coloured,
     "median ratio of red": _median_ratio_of_red,
     "ratio of means": _ratio_of_means,
     "least absolute error, exposure and balance": _exposure_and_balance,

@@ -6,14 +6,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard.eval.kinds._records import error
-from graycard.eval.measures._lmse import SHIFT, WINDOW, lmse
-from graycard.eval.protocols._base import AlbedoProtocol, AlbedoViews, Outcome, Rules
+from graycard.eval.measures._lmse import SHIFT, WINDOW, Total, lmse
+from graycard.eval.protocols._alignment import check_finite
+from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules
 from graycard.records import MetricRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LmseProtocol(AlbedoProtocol):
+class LmseProtocol(PublishedProtocol):
     """Local mean square error of the gray base colour: every window may have a brightness of its own."""
+
+    total: Total = "each window"
+    """Windows whose power is added up in the denominator."""
 
     @property
     def record(self) -> MetricRecord:
@@ -27,12 +31,14 @@ class LmseProtocol(AlbedoProtocol):
             gauge="least squares, one factor",
             fitted_on=f"each window of {WINDOW}x{WINDOW}, step {SHIFT}",
             space="linear",
-            pooling="mean of LMSEs",
+            pooling=f"mean of LMSEs, over the power of {self.total}",
             channels="their mean, gray",
             exposure="1 is white",
         )
 
-    def score(self, views: AlbedoViews) -> Outcome:
-        """Judge the test views; see :class:`AlbedoProtocol`."""
-        each = {v.name: lmse(v.predicted, v.true, v.mask) for v in views.test}
+    def score(self, views: JudgedViews) -> Outcome:
+        """Judge the test views; see :class:`PublishedProtocol`."""
+        for view in views.test:
+            check_finite(view.name, view.predicted, view.mask)
+        each = {v.name: lmse(v.predicted, v.true, v.mask, self.total) for v in views.test}
         return Outcome(float(np.mean(list(each.values()))), each)

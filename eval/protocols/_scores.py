@@ -1,43 +1,43 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the base colour of a predictions folder to one score for each albedo protocol."""
+"""From a predictions folder to one score for each published protocol."""
 
+import math
 from collections.abc import Sequence
 
-from graycard import DatasetError, GraycardError, PredictionError, Predictions, Truth, View
-from graycard.eval.protocols._base import AlbedoProtocol, AlbedoView, AlbedoViews
-from graycard.eval.scoring._readings import read_prediction, read_truth
+from graycard import GraycardError, Predictions, Truth
+from graycard.eval.protocols._base import JudgedViews, PublishedProtocol, Subject
+from graycard.eval.protocols._gather import Gathered, gather
 from graycard.records import Score, Status
-
-LAYER = "base_color"
 
 
 def score_protocols(
-    protocols: Sequence[AlbedoProtocol], predictions: Predictions, truth: Truth
+    protocols: Sequence[PublishedProtocol], predictions: Predictions, truth: Truth
 ) -> tuple[Score, ...]:
-    """Judge base colour by each protocol; a fault of the prediction is in the scores, not raised.
+    """Judge a predictions folder by each protocol; a fault of the prediction is in the scores, not raised.
+
+    Images of one subject are read once, and kept no longer than its protocols need them.
 
     Raises:
         DatasetError: The truth of a view is missing or broken, or no test view sees an object.
     """
-    tests = [v for v in truth.views if v.split == "test" and read_truth(truth, v).mask(LAYER).any()]
-    if not tests:
-        raise DatasetError("expected a test view that sees an object, got none. Render the scene again")
-    try:
-        seen = tuple(_view(predictions, truth, view) for view in tests)
-    except PredictionError as cause:
-        status, reason = _absence(predictions, truth, cause)
-        return tuple(_unscored(p, status, reason, len(tests)) for p in protocols)
-    views = AlbedoViews(seen, _validation(predictions, truth))
-    return tuple(score_views(protocol, views) for protocol in protocols)
+    found: dict[str, Score] = {}
+    subjects: list[Subject] = list(dict.fromkeys(protocol.subject for protocol in protocols))
+    for subject in subjects:
+        gathered = gather(subject, predictions, truth)
+        found |= {p.id: _score(p, gathered) for p in protocols if p.subject == subject}
+    return tuple(found[protocol.id] for protocol in protocols)
 
 
-def score_views(protocol: AlbedoProtocol, views: AlbedoViews) -> Score:
-    """The score of views by a protocol; what the protocol cannot judge is a failed score."""
+def score_views(protocol: PublishedProtocol, views: JudgedViews) -> Score:
+    """Return the score of views by a protocol; one that cannot be judged, or is not a number, has failed."""
     expected = len(views.test)
     try:
         found = protocol.score(views)
     except GraycardError as cause:
         return _unscored(protocol, "failed", str(cause), expected)
+    if math.isnan(found.value):
+        reason = f"expected a number from {protocol.name}, got nan. Look for values that are not finite"
+        return _unscored(protocol, "failed", reason, expected)
     record = protocol.record
     return Score(
         record.id,
@@ -54,32 +54,13 @@ def score_views(protocol: AlbedoProtocol, views: AlbedoViews) -> Score:
     )
 
 
-def _absence(predictions: Predictions, truth: Truth, cause: PredictionError) -> tuple[Status, str]:
-    """Tell base colour that some view lacks from one that no view has; a broken file may hold it."""
-    found = (read_prediction(predictions, view) for view in truth.views)
-    if any(p.fault or LAYER in p.layers for p in found):
-        return "failed", str(cause)
-    return "not provided", f"no view has {LAYER}"
+def _score(protocol: PublishedProtocol, gathered: Gathered) -> Score:
+    if gathered.views is None:
+        return _unscored(protocol, gathered.status, gathered.reason, gathered.expected)
+    return score_views(protocol, gathered.views)
 
 
-def _view(predictions: Predictions, truth: Truth, view: View) -> AlbedoView:
-    true = read_truth(truth, view)
-    values = read_prediction(predictions, view).take(LAYER)
-    return AlbedoView(view.name, values, true.take(LAYER), true.mask(LAYER))
-
-
-def _validation(predictions: Predictions, truth: Truth) -> AlbedoView | None:
-    """The first training view that sees an object; None where its prediction cannot be used."""
-    for view in (v for v in truth.views if v.split == "train"):
-        if read_truth(truth, view).mask(LAYER).any():
-            try:
-                return _view(predictions, truth, view)
-            except PredictionError:
-                return None
-    return None
-
-
-def _unscored(protocol: AlbedoProtocol, status: Status, reason: str, expected: int) -> Score:
+def _unscored(protocol: PublishedProtocol, status: Status, reason: str, expected: int) -> Score:
     record = protocol.record
     ranking = record.unit, record.higher_is_better, record.optimum
     return Score(record.id, protocol.id, status, None, *ranking, expected=expected, reason=reason)

@@ -11,7 +11,7 @@ from graycard.eval.kinds._images import is_in_every_view
 from graycard.eval.kinds._metric import Metric, Scorer
 from graycard.eval.lights._read import true_names
 from graycard.eval.metrics._registry import gauge_names, registry
-from graycard.eval.protocols import AlbedoProtocol, find_protocols, score_protocols
+from graycard.eval.protocols import PublishedProtocol, find_protocols, score_protocols
 from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._gauge import Factors
 from graycard.eval.scoring._readings import WITH_LIGHTS, read_prediction, read_truth
@@ -29,9 +29,9 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         predictions: The predictions folder.
         scene: The scene's folder, ``DATASET/<track>/<scene>``; each file of its truth is first
             compared with its SHA-256.
-        protocol: Name or id. By graycard's own, ``scores`` holds one score for each metric that the scene
-            has, in the order of :func:`graycard.eval.registry`; a published one judges base colour
-            alone, into ``protocols``; ``"all"`` fills both.
+        protocol: Name, id or group, as of :func:`graycard.eval.find_protocols`. By graycard's own, ``scores``
+            holds one score for each metric that the scene has, in the order of
+            :func:`graycard.eval.registry`; published ones fill ``protocols``; ``"all"`` fills both.
 
     Returns:
         What is wrong with a layer is in its scores; it raises nothing.
@@ -42,7 +42,7 @@ def score_predictions(predictions: Path, scene: Path, protocol: str = PROTOCOL) 
         DatasetError: The truth is missing or damaged.
     """
     chosen = find_protocols(protocol)
-    published = [p for p in chosen if isinstance(p, AlbedoProtocol)]
+    published = [p for p in chosen if isinstance(p, PublishedProtocol)]
     truth = open_truth(Path(scene) / "truth")
     found, digest = open_predictions(Path(predictions)).hashed()
     if (found.track, found.scene) != (truth.track, truth.scene):

@@ -22,7 +22,7 @@ from graycard.eval.metrics._environment import EnvironmentRule
 from graycard.eval.metrics._light_off import LightsOffRule, LightsOffScorer
 from graycard.eval.metrics._removal import EFFECTS
 from graycard.eval.metrics._training_view import TrainingRule, TrainingScorer
-from graycard.eval.protocols import PUBLISHED, AlbedoProtocol, AlbedoView, AlbedoViews
+from graycard.eval.protocols import PUBLISHED, JudgedView, JudgedViews, PublishedProtocol
 from graycard.eval.scoring._findings import SceneFacts
 from graycard.eval.scoring._readings import PredictedView, TrueView
 from graycard.eval.scoring._training import REFLECTANCES, Fit, Training, fit_gauges
@@ -201,11 +201,12 @@ SCORES: dict[type, Callable[..., float | None]] = {
 """How a made-up prediction is judged, by the kind of metric."""
 
 
-def protocol_score(protocol: AlbedoProtocol, factors: np.ndarray) -> float | None:
+def protocol_score(protocol: PublishedProtocol, factors: np.ndarray) -> float | None:
     mask = np.ones(SHAPE[:2], bool)
-    view = AlbedoView("v", PREDICTED["base_color"] * factors, TRUE["base_color"], mask)
+    layer = "radiance" if protocol.subject == "relit" else protocol.subject
+    view = JudgedView("v", acted_on(layer, PREDICTED[layer], factors), TRUE[layer], mask)
     try:
-        return protocol.score(AlbedoViews((view,), view)).value
+        return protocol.score(JudgedViews((view,), view)).value
     except PredictionError:
         return None
 
@@ -256,7 +257,7 @@ def test_a_metric_ignores_and_refuses_what_it_declares_and_nothing_else(
 @pytest.mark.parametrize("group", CASES)
 @pytest.mark.parametrize("protocol", PUBLISHED, ids=lambda p: p.name)
 def test_a_protocol_ignores_what_it_declares_and_nothing_else(
-    protocol: AlbedoProtocol, group: Invariance
+    protocol: PublishedProtocol, group: Invariance
 ) -> None:
     refused = group in protocol.refuses
     prove(lambda factors: protocol_score(protocol, factors), protocol.ignores, group, refused=refused)

@@ -9,12 +9,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import cosine
 
 import graycard.eval as ge
 from graycard import EnvironmentLight, Light, PointLight, PredictionError, Predictions, luminance, open_truth
 from graycard.dataset import manifest_of
-from graycard.eval.lights._spheres import ALPHA, exposure_for, render_spheres, sphere_normals
-from graycard.eval.metrics._environment import compare_spheres
+from graycard.eval.lights._spheres import (
+    ALPHA,
+    exposure_for,
+    render_spheres,
+    scale_invariant_rmse,
+    sphere_normals,
+)
+from graycard.eval.metrics._environment import compare_colours, compare_scale_invariant, compare_spheres
 from graycard.io import read_rgb, write_manifest, write_rgb
 from graycard.lights import write_lights
 from graycard.predictions import clear_predictions, finish_predictions, write_environment
@@ -107,6 +114,64 @@ def test_no_light_at_all() -> None:
     true = render_spheres(np.ones((4, 8, 3)))
     with pytest.raises(PredictionError, match="expected an environment that shines, got a black one"):
         compare_spheres(render_spheres(np.zeros((4, 8, 3))), true)
+
+
+def two_skies() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    true = np.random.default_rng(31).uniform(0.1, 3, (8, 16, 3))
+    return render_spheres(np.roll(true, 1, axis=1) * (1.2, 1, 0.8)), render_spheres(true)
+
+
+def rmse_of_spheres() -> tuple[np.ndarray, np.ndarray]:
+    predicted, true = two_skies()
+    k = exposure_for(true["diffuse"])
+    each = []
+    for name, t in true.items():
+        rest = np.linalg.lstsq(predicted[name].reshape(-1, 1), k * t.ravel())[1]
+        each.append(np.sqrt(rest.item() / len(t)))
+    found = compare_scale_invariant(predicted, true)
+    return np.array([*found.parts.values(), found.value]), np.array([*each, np.mean(each)])
+
+
+def colours_of_spheres() -> tuple[np.ndarray, np.ndarray]:
+    predicted, true = two_skies()
+    pairs = [zip(predicted[name], true[name], strict=True) for name in true]
+    each = [np.mean([np.degrees(np.arccos(1 - cosine(p, t))) for p, t in pair]) for pair in pairs]
+    found = compare_colours(predicted, true)
+    return np.array([*found.parts.values(), found.value]), np.array([*each, np.mean(each)])
+
+
+COMPUTED = {"si-RMSE of spheres": rmse_of_spheres, "colour of spheres": colours_of_spheres}
+
+
+def test_errors_of_spheres_ignore_a_gain_and_see_a_tint() -> None:
+    _, true = two_skies()
+    dimmed = {name: 0.3 * values for name, values in true.items()}
+    tinted = {name: values * (1.5, 1, 1) for name, values in true.items()}
+    for compare in (compare_scale_invariant, compare_colours):
+        assert compare(true, true).value == 0
+        assert compare(dimmed, true).value == pytest.approx(0, abs=1e-6)
+        assert compare(tinted, true).value > 0.01
+        with pytest.raises(PredictionError, match="expected an environment that shines, got a black one"):
+            compare({name: 0 * values for name, values in true.items()}, true)
+
+
+def test_a_black_pixel_of_a_sphere_is_no_colour() -> None:
+    one = {name: np.ones((4, 3)) for name in ("mirror", "glossy", "diffuse")}
+    half = {name: np.repeat([[1.0] * 3, [0.0] * 3], 2, axis=0) for name in one}
+    assert compare_colours(half, one).value == pytest.approx(45)
+
+
+def test_spheres_give_what_the_published_functions_gave() -> None:
+    """Figures of StyleLight, evaluation/fast_rmse.py, 44eb430, on the pictures of test_eval_originals."""
+    rng, errors, turns = np.random.default_rng(20261124), [], []
+    for _ in range(3):
+        true = rng.uniform(0.05, 0.95, (32, 32, 3)).astype(np.float32)
+        off = np.clip(true * [1.3, 1, 0.7] + rng.normal(0, 0.05, true.shape), 0, None).astype(np.float32)
+        p, t = (x[4:29, 5:30].reshape(-1, 3).astype(np.float64) for x in (off, true))
+        errors.append(scale_invariant_rmse(p, t))
+        turns.append(compare_colours({"diffuse": p}, {"diffuse": t}).value)
+    assert np.mean(errors) == pytest.approx(0.2460682338, abs=1e-9)
+    assert np.mean(turns) == pytest.approx(12.1757108655, abs=1e-6)
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ class ScoreCommand:
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
-    """A published protocol for albedo, or all: how far apart they put the one prediction."""
+    """A published protocol, a group (albedo, appearance, views, relighting, geometry, materials), or all."""
     all: bool = False
     """Also list metrics that the predictions do not provide."""
     json: Json = None
@@ -124,8 +124,9 @@ def _protocol_table(sheet: ScoreSheet) -> Table:
 
 
 def _say_spread(sheet: ScoreSheet, terminal: Terminal) -> None:
-    """Say how far apart the protocols are, where more than one gave a number in dB."""
-    found = [(s.value, s.protocol) for s in _by_protocols(sheet) if s.value is not None and s.unit == "dB"]
+    """Say how far apart the protocols put the albedo, where more than one gave a number in dB."""
+    albedo = (s for s in _by_protocols(sheet) if s.unit == "dB" and s.metric.startswith("albedo."))
+    found = [(score.value, score.protocol) for score in albedo if score.value is not None]
     if len(found) > 1:
         (low, lowest), (high, highest) = min(found), max(found)
         apart = 0.0 if low == high else high - low
@@ -136,7 +137,7 @@ def _say_spread(sheet: ScoreSheet, terminal: Terminal) -> None:
 
 
 def _by_protocols(sheet: ScoreSheet) -> Iterator[Score]:
-    """Yield graycard's own PSNRs of albedo, where there are some, and the published ones."""
+    """Yield graycard's own PSNRs of albedo, where there are some, and the published scores."""
     from graycard.eval import find_metric
 
     own = (score for score in sheet.scores if score.unit == "dB")
