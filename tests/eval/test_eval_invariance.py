@@ -16,6 +16,7 @@ from graycard.eval.kinds._changed import ChangedMetric, ChangedPicture, ChangedR
 from graycard.eval.kinds._images import ImageMetric, ImageRule, judge
 from graycard.eval.kinds._lights import LightRule, score_lights
 from graycard.eval.kinds._metric import Metric
+from graycard.eval.kinds._sets import SetMetric, SetRule, SetScorer
 from graycard.eval.kinds._views import ViewRule, judge_view
 from graycard.eval.lights._spheres import render_spheres
 from graycard.eval.metrics._environment import EnvironmentRule
@@ -135,6 +136,20 @@ def changed_score(metric: ChangedMetric, factors: np.ndarray) -> float | None:
     return judge_picture([metric], picture, scene_of(layers))[metric.id].value
 
 
+def set_score(metric: SetMetric, factors: np.ndarray) -> float | None:
+    """The value of three views, each turned another way."""
+    layers = multiplied(factors)
+    scorer = SetScorer([metric], scene_of(layers))
+    for turn in range(3):
+        view = replace(VIEW, name=f"test_{turn:03d}")
+        predicted, true = (
+            {name: np.roll(values, 9 * turn, axis=1) for name, values in each.items()} for each in (layers, TRUE)
+        )
+        scorer.observe(PredictedView(view, predicted), TrueView(view, true, frozenset()), scorer.scene)
+    (score,) = scorer.scores()
+    return score.value
+
+
 def off_score(metric: Metric[LightsOffRule], factors: np.ndarray) -> float | None:
     """The value of one view with the lamp switched off."""
     layers = multiplied(factors)
@@ -192,6 +207,7 @@ def environment_score(metric: Metric[EnvironmentRule], factors: np.ndarray) -> f
 SCORES: dict[type, Callable[..., float | None]] = {
     ImageRule: image_score,
     ViewRule: view_score,
+    SetRule: set_score,
     LightsOffRule: off_score,
     ChangedRule: changed_score,
     TrainingRule: training_score,
