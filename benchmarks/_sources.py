@@ -16,10 +16,20 @@ import graycard
 from graycard.io import code_hash
 from graycard.synth import find_llvm
 
-PACKAGES = ("graycard", "mitsuba", "drjit", "torch", "numpy", "scipy", "scikit-image", "OpenEXR")
-PACKAGES += ("colour-science", "flip-evaluator")
-RECORDED = (*PACKAGES, "opencv-python-headless", "karellen-llvm-core")
-"""What a run records; only the former are asked of one, for records of before have no more."""
+PACKAGES = (
+    "graycard",
+    "mitsuba",
+    "drjit",
+    "torch",
+    "numpy",
+    "scipy",
+    "scikit-image",
+    "OpenEXR",
+    "colour-science",
+)
+"""Packages whose versions a valid run must record; an installation without extras has them all."""
+RECORDED = (*PACKAGES, "flip-evaluator", "opencv-python-headless", "karellen-llvm-core")
+"""Packages whose versions a run records where they are installed."""
 
 SCORING = ("graycard.eval:score_predictions", "graycard.eval.metrics.*")
 """Code that scores come from; metrics are named in full, for a table may list the modules of their folder."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What it costs to score a view with all its layers, on one core, in a process of its own."""
+"""Cost of scoring a view with all its layers, on one core, in a process of its own."""
 
 import time
 from collections.abc import Callable
@@ -34,13 +34,13 @@ class ScoreCost:
     scores: int
     """Numbers that came out."""
     seconds: float
-    """Of the whole sheet, wall time of one core; here and below the least of the repeats, since what disturbs
-    a machine only adds."""
+    """CPU time of the whole sheet on one core, waiting for the disk left out. Here and below it is the least
+    of the repeats, as other programs only add to it."""
     view_s: float
-    """What one more held-out view adds to a sheet, from its files to its scores. The rest is once a scene:
-    lights, environments, and the two training views, which the gauge is fitted to."""
+    """CPU time that one more held-out view adds to a sheet, from its files to its scores. The rest is once a
+    scene: lights, environments, and the two training views, which the gauge is fitted to."""
     reading_s: float
-    """Of that, to read all layers of the view, true and predicted."""
+    """The part of it that reads all layers of the view, true and predicted."""
     peak_mib: float
     """Largest resident memory of the process, Python and its libraries among it."""
 
@@ -106,6 +106,7 @@ def _read(predictions: Predictions, truth: Truth) -> None:
 
 
 def _seconds(run: Callable[[], object]) -> float:
-    start = time.perf_counter()
+    """Return the CPU time of a call in this process, which other processes hardly change."""
+    start = time.process_time()
     run()
-    return time.perf_counter() - start
+    return time.process_time() - start

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How published code brings a predicted picture to the true one before it compares them."""
+"""Steps by which published code makes a predicted picture comparable with the true one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -14,24 +14,35 @@ Subject = Literal["base_color", "radiance", "relit", "normal", "depth", "roughne
 """Images that a protocol judges: a layer of the test views, or the pictures under changed lights."""
 
 
-@dataclass(frozen=True, slots=True)
+GROUPS: Mapping[Subject, tuple[str, str]] = {
+    "base_color": ("albedo", "Albedo"),
+    "radiance": ("novel_view", "Novel view"),
+    "relit": ("relighting", "Relighting"),
+    "normal": ("normal", "Normal"),
+    "depth": ("depth", "Depth"),
+    "roughness": ("roughness", "Roughness"),
+}
+"""By subject: the first part of the ids of its metrics, and the first word of their titles."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Rules:
     """The steps of a protocol, in words for a table."""
 
     pixels: str
-    """Which pixels the error is averaged over."""
-    gauge: str
-    """Which factors are taken off, and by which fit."""
-    fitted_on: str
-    """Which views the fit sees."""
+    """Pixels that the error is averaged over."""
+    gauge: str = "none"
+    """Factors that are taken off, and the fit that gives them."""
+    fitted_on: str = "no view"
+    """Views that the fit sees."""
     space: str
-    """Colour space of the comparison."""
-    pooling: str
-    """How views become one number."""
-    channels: str
-    """How channels become one number."""
-    exposure: str
-    """What scales light to display range."""
+    """Colour space of the comparison, or the quantity compared."""
+    pooling: str = "mean of views"
+    """Step from views to one number."""
+    channels: str = "together"
+    """Step from channels to one number."""
+    exposure: str = "1 is white"
+    """Factor that brings light to display range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +99,16 @@ class Outcome:
     per_view: Mapping[str, float] = field(default_factory=dict)
     gauge: tuple[float, ...] | None = None
     """The factors for R, G, B where all views share them; None where each view has its own, or none."""
+
+
+def mean_of_views(each: Mapping[str, float], gauge: tuple[float, ...] | None = None) -> Outcome:
+    """Return the mean over views as the outcome.
+
+    Args:
+        each: Values by view, at least one.
+        gauge: As in :class:`Outcome`.
+    """
+    return Outcome(float(np.mean(list(each.values()))), each, gauge)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

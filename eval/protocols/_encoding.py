@@ -9,9 +9,10 @@ import numpy as np
 from graycard import srgb_decode, srgb_encode
 
 Storage = Literal["float", "8 bits", "8 bits, sRGB", "8 bits, gamma 2.2", "8 bits, gamma 2.2, rounded down"]
-"""How a script's files hold an image that is linear; an 8-bit file cuts off what is outside [0, 1]."""
+"""Formats in which a script's files hold a linear image; 8-bit files cut it to [0, 1]."""
 Space = Literal["linear", "sRGB", "gamma 2.2"]
-_GAMMA = 2.2
+GAMMA = 2.2
+"""Exponent of displays as many scripts have it, in place of sRGB."""
 
 
 def _as_float(values: np.ndarray) -> np.ndarray:
@@ -27,15 +28,15 @@ def _in_8_bits_of_srgb(values: np.ndarray) -> np.ndarray:
 
 
 def _in_8_bits_of_gamma(values: np.ndarray) -> np.ndarray:
-    return _in_8_bits(_gamma(values)) ** _GAMMA
+    return _in_8_bits(_gamma(values)) ** GAMMA
 
 
 def _in_8_bits_of_gamma_rounded_down(values: np.ndarray) -> np.ndarray:
-    return (np.floor(np.clip(_gamma(values), 0, 1) * 255) / 255) ** _GAMMA
+    return (np.floor(np.clip(_gamma(values), 0, 1) * 255) / 255) ** GAMMA
 
 
 def _gamma(values: np.ndarray) -> np.ndarray:
-    return np.maximum(values, 0) ** (1 / _GAMMA)
+    return np.maximum(values, 0) ** (1 / GAMMA)
 
 
 STORED: Mapping[Storage, Callable[[np.ndarray], np.ndarray]] = {

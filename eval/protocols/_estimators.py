@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 
 from graycard import PredictionError
+from graycard.eval.protocols._encoding import ENCODED, GAMMA
 
 Estimator = Literal[
     "none",
@@ -28,7 +29,6 @@ Estimate = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 _FAINT = 1e-6
 """Least prediction that a ratio is formed with, and most of a sum of squares that is called black."""
-_GAMMA = 2.2
 
 
 def estimate(kind: Estimator, predicted: np.ndarray, true: np.ndarray) -> np.ndarray:
@@ -98,14 +98,14 @@ def _exposure_and_balance(predicted: np.ndarray, true: np.ndarray) -> np.ndarray
     enter.
     """
     fair = true.max(axis=1) < 1
-    shown, goal = np.maximum(predicted[fair], 0) ** (1 / _GAMMA), true[fair] ** (1 / _GAMMA)
+    shown, goal = (ENCODED["gamma 2.2"](image[fair]) for image in (predicted, true))
     if not (shown.min(axis=1) > 0).any():
         return np.full(3, np.nan)
     most = 1 / shown[shown > 0].min()  # beyond it every pixel is white
     exposure = least_absolute_factor(shown.ravel(), goal.ravel(), 0.0, most)
-    bounds = 0.5 ** (1 / _GAMMA), 2 ** (1 / _GAMMA)
+    bounds = 0.5 ** (1 / GAMMA), 2 ** (1 / GAMMA)
     balance = [least_absolute_factor(exposure * shown[:, c], goal[:, c], *bounds) for c in range(3)]
-    return (exposure * np.array(balance)) ** _GAMMA
+    return (exposure * np.array(balance)) ** GAMMA
 
 
 def least_absolute_factor(values: np.ndarray, goal: np.ndarray, low: float, high: float) -> float:

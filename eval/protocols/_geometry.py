@@ -8,7 +8,15 @@ import numpy as np
 
 from graycard.eval.kinds._records import error
 from graycard.eval.protocols._alignment import check_finite, eroded
-from graycard.eval.protocols._base import JudgedView, JudgedViews, Outcome, PublishedProtocol, Rules, Subject
+from graycard.eval.protocols._base import (
+    JudgedView,
+    JudgedViews,
+    Outcome,
+    PublishedProtocol,
+    Rules,
+    Subject,
+    mean_of_views,
+)
 from graycard.eval.protocols._encoding import STORED
 from graycard.records import MetricRecord
 
@@ -35,7 +43,7 @@ class AngleProtocol(PublishedProtocol):
 
     subject: Subject = "normal"
     stored_as: Directions = "float"
-    """How the files hold both: 8 bits hold (n + 1) / 2."""
+    """Format of the files of both; 8 bits hold (n + 1) / 2."""
 
     @property
     def record(self) -> MetricRecord:
@@ -52,11 +60,11 @@ class AngleProtocol(PublishedProtocol):
 
     def rules_of(self, metric: str) -> Rules:
         """Return the steps in words for a table."""
-        return _rules("whole image, background (0, 0, 1)", f"world, {self.stored_as}")
+        return Rules(pixels="whole image, background (0, 0, 1)", space=f"world, {self.stored_as}")
 
     def score(self, views: JudgedViews) -> Outcome:
         """Judge the test views; see :class:`PublishedProtocol`."""
-        return _mean_of_views({view.name: self._angle(view) for view in views.test})
+        return mean_of_views({view.name: self._angle(view) for view in views.test})
 
     def _angle(self, view: JudgedView) -> float:
         check_finite(view.name, view.predicted, view.mask)
@@ -85,11 +93,11 @@ class CosineProtocol(PublishedProtocol):
 
     def rules_of(self, metric: str) -> Rules:
         """Return the steps in words for a table."""
-        return _rules(f"mask, eroded {ORB_EROSION}x{ORB_EROSION}", "world")
+        return Rules(pixels=f"mask, eroded {ORB_EROSION}x{ORB_EROSION}", space="world")
 
     def score(self, views: JudgedViews) -> Outcome:
         """Judge the test views; see :class:`PublishedProtocol`."""
-        return _mean_of_views({view.name: _distance(view) for view in views.test})
+        return mean_of_views({view.name: _distance(view) for view in views.test})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +119,9 @@ class DepthProtocol(PublishedProtocol):
     def rules_of(self, metric: str) -> Rules:
         """Return the steps in words for a table."""
         pixels = f"whole image, eroded {ORB_EROSION}x{ORB_EROSION}"
-        return _rules(pixels, "depth", "least squares, one factor", "all scored views")
+        return Rules(
+            pixels=pixels, gauge="least squares, one factor", fitted_on="all scored views", space="depth"
+        )
 
     def score(self, views: JudgedViews) -> Outcome:
         """Judge the test views; see :class:`PublishedProtocol`."""
@@ -120,15 +130,7 @@ class DepthProtocol(PublishedProtocol):
         each = [
             ((scale * p - t) ** 2).sum() / v.mask.size for v, (p, t) in zip(views.test, pairs, strict=True)
         ]
-        return _mean_of_views({v.name: float(e) for v, e in zip(views.test, each, strict=True)})
-
-
-def _rules(pixels: str, space: str, gauge: str = "none", fitted_on: str = "no view") -> Rules:
-    return Rules(pixels, gauge, fitted_on, space, "mean of views", "together", "1 is white")
-
-
-def _mean_of_views(each: dict[str, float]) -> Outcome:
-    return Outcome(float(np.mean(list(each.values()))), each)
+        return mean_of_views({v.name: float(e) for v, e in zip(views.test, each, strict=True)})
 
 
 def _with_background(normals: np.ndarray) -> np.ndarray:

@@ -3,12 +3,10 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from graycard.eval.kinds._records import error
 from graycard.eval.measures._lmse import SHIFT, WINDOW, Total, lmse
 from graycard.eval.protocols._alignment import check_finite
-from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules
+from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules, mean_of_views
 from graycard.records import MetricRecord
 
 
@@ -33,7 +31,6 @@ class LmseProtocol(PublishedProtocol):
             space="linear",
             pooling=f"mean of LMSEs, over the power of {self.total}",
             channels="their mean, gray",
-            exposure="1 is white",
         )
 
     def score(self, views: JudgedViews) -> Outcome:
@@ -41,4 +38,4 @@ class LmseProtocol(PublishedProtocol):
         for view in views.test:
             check_finite(view.name, view.predicted, view.mask)
         each = {v.name: lmse(v.predicted, v.true, v.mask, self.total) for v in views.test}
-        return Outcome(float(np.mean(list(each.values()))), each)
+        return mean_of_views(each)

@@ -7,7 +7,15 @@ import numpy as np
 
 from graycard.eval.kinds._records import error
 from graycard.eval.protocols._alignment import check_finite
-from graycard.eval.protocols._base import JudgedView, JudgedViews, Outcome, PublishedProtocol, Rules, Subject
+from graycard.eval.protocols._base import (
+    JudgedView,
+    JudgedViews,
+    Outcome,
+    PublishedProtocol,
+    Rules,
+    Subject,
+    mean_of_views,
+)
 from graycard.eval.protocols._encoding import STORED
 from graycard.records import MetricRecord
 
@@ -29,20 +37,12 @@ class RoughnessProtocol(PublishedProtocol):
 
     def rules_of(self, metric: str) -> Rules:
         """Return the steps in words for a table."""
-        return Rules(
-            pixels="whole image",
-            gauge="none",
-            fitted_on="no view",
-            space="roughness",
-            pooling="mean of views",
-            channels="together",
-            exposure="1 is white",
-        )
+        return Rules(pixels="whole image", space="roughness")
 
     def score(self, views: JudgedViews) -> Outcome:
         """Judge the test views; see :class:`PublishedProtocol`."""
         each = {view.name: _square(view) for view in views.test}
-        return Outcome(float(np.mean(list(each.values()))), each)
+        return mean_of_views(each)
 
 
 def _square(view: JudgedView) -> float:

@@ -9,8 +9,7 @@ import numpy as np
 from graycard.eval.kinds._records import decibels
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.protocols._alignment import Aligned, Alignment
-from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules
-from graycard.eval.protocols._subjects import GROUPS
+from graycard.eval.protocols._base import GROUPS, JudgedViews, Outcome, PublishedProtocol, Rules
 from graycard.records import MetricRecord
 
 Pixels = Literal["mask", "whole image"]

@@ -3,14 +3,18 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from graycard.eval.kinds._records import share
 from graycard.eval.measures._window_ssim import Window, window_ssim
 from graycard.eval.protocols._alignment import Alignment
-from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules
+from graycard.eval.protocols._base import (
+    GROUPS,
+    JudgedViews,
+    Outcome,
+    PublishedProtocol,
+    Rules,
+    mean_of_views,
+)
 from graycard.eval.protocols._psnr import alignment_rules
-from graycard.eval.protocols._subjects import GROUPS
 from graycard.records import MetricRecord
 
 
@@ -38,4 +42,4 @@ class SsimProtocol(PublishedProtocol):
         aligned = self.alignment.apply(views, self.name)
         each = {v.name: window_ssim(v.predicted, v.true, self.window) for v in aligned}
         shared = aligned[0].factors if self.alignment.shares_factors else None
-        return Outcome(float(np.mean(list(each.values()))), each, shared)
+        return mean_of_views(each, shared)

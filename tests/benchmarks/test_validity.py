@@ -3,9 +3,11 @@
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from importlib.metadata import requires
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,26 @@ def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[st
     assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
     digest = sha256(made_run / "suite.json")
     assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
+
+
+def test_a_run_of_an_installation_without_extras_is_valid(run: Path):
+    """``make bench`` installs what the project requires; extras are recorded only where they are there."""
+    lines = requires("graycard") or []
+    extra, required = (
+        {_package(r) for r in lines if ("extra ==" in r) is wanted} for wanted in (True, False)
+    )
+
+    def leave_out_extras(data: Any) -> None:
+        packages = data["environment"]["packages"]
+        data["environment"]["packages"] = {n: v for n, v in packages.items() if n not in extra - required}
+
+    change(run, leave_out_extras)
+    assert "origin" not in breaches(run)
+
+
+def _package(requirement: str) -> str:
+    """Return the name in a requirement, as ``numpy`` of ``numpy>=2.0``."""
+    return re.split(r"[^\w.-]", requirement, maxsplit=1)[0]
 
 
 def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Published protocols against figures that their authors' own code gave on made-up pictures.
+"""Published protocols against figures of their authors' code on made-up pictures.
 
 ``original_figures.json`` holds the figures and how each was obtained. A test that restates our reading of a
 rule would pass with a misreading; these do not.
