@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """LPIPS with the weights that a user has; scoring never downloads any."""
 
+from typing import Literal
+
 import numpy as np
 
 from graycard import DatasetError
 from graycard.eval.scoring._mask import with_true_background
 from graycard.networks import Net, least_side, lpips_layers, lpips_weights
+
+Fed = Literal["from -1 to 1", "as it is"]
+"""Range that values in [0, 1] are brought to for the network: that of its training, or none."""
 
 
 def lpips(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray, net: Net = "alex") -> float:
@@ -32,11 +37,7 @@ def lpips(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray, net: Net = 
     import torch
     from torch.nn.functional import interpolate
 
-    if min(true.shape[:2]) < (least := least_side(net)):
-        raise DatasetError(
-            f"expected images of at least {least}x{least} pixels for LPIPS, got "
-            f"{true.shape[1]}x{true.shape[0]}. Render the scene larger"
-        )
+    _check_size(true, net)
     weights = lpips_weights(net)
     with torch.inference_mode():
         pair = np.stack([with_true_background(predicted, true, mask), np.asarray(true, np.float64)])
@@ -45,3 +46,37 @@ def lpips(predicted: np.ndarray, true: np.ndarray, mask: np.ndarray, net: Net = 
             for error in lpips_layers(torch.from_numpy(pair).float().permute(0, 3, 1, 2), net, weights)
         ]
         return float(torch.cat(errors).sum(dim=(0, 1)).numpy()[mask].mean(dtype=np.float64))
+
+
+def plain_lpips(predicted: np.ndarray, true: np.ndarray, net: Net, fed: Fed) -> float:
+    """Return the LPIPS of two whole pictures: version 0.1, the sum over layers of the mean error.
+
+    Args:
+        predicted: shape ``(H, W, 3)``; 0 is black and 1 white.
+        true: shape ``(H, W, 3)``, the same.
+        net: The trunk.
+        fed: The range of [0, 1] at the network. Scripts that forget to stretch it feed it as it is.
+
+    Returns:
+        [0, ∞); 0 for equal images.
+
+    Raises:
+        WeightsError: The weights are neither named nor fetched, or damaged.
+        DatasetError: The images are too small for the network.
+    """
+    import torch
+
+    _check_size(true, net)
+    weights = lpips_weights(net)
+    with torch.inference_mode():
+        pair = torch.from_numpy(np.stack([predicted, true]).astype(np.float32)).permute(0, 3, 1, 2)
+        shown = pair if fed == "from -1 to 1" else (pair + 1) / 2  # which the network's input undoes
+        return float(sum(layer.mean(dtype=torch.float64) for layer in lpips_layers(shown, net, weights)))
+
+
+def _check_size(image: np.ndarray, net: Net) -> None:
+    if min(image.shape[:2]) < (least := least_side(net)):
+        raise DatasetError(
+            f"expected images of at least {least}x{least} pixels for LPIPS, got "
+            f"{image.shape[1]}x{image.shape[0]}. Render the scene larger"
+        )

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Sequence
 
-from graycard import GraycardError, Predictions, Truth
+from graycard import GraycardError, Predictions, Truth, WeightsError
 from graycard.eval.protocols._base import JudgedViews, PublishedProtocol, Subject
 from graycard.eval.protocols._gather import Gathered, gather
 from graycard.records import Score, Status
@@ -29,10 +29,15 @@ def score_protocols(
 
 
 def score_views(protocol: PublishedProtocol, views: JudgedViews) -> Score:
-    """Return the score of views by a protocol; one that cannot be judged, or is not a number, has failed."""
+    """Return the score of views by a protocol; one that cannot be judged, or is not a number, has failed.
+
+    Without the weights of a network that it needs, a protocol's score is not provided.
+    """
     expected = len(views.test)
     try:
         found = protocol.score(views)
+    except WeightsError as cause:  # it says nothing of the prediction
+        return _unscored(protocol, "not provided", str(cause), expected)
     except GraycardError as cause:
         return _unscored(protocol, "failed", str(cause), expected)
     if math.isnan(found.value):

@@ -20,12 +20,14 @@ from graycard.eval.protocols import (
     JudgedView,
     JudgedViews,
     LmseProtocol,
+    LpipsProtocol,
     Outcome,
     PsnrProtocol,
     PublishedProtocol,
     Subject,
     score_views,
 )
+from graycard.networks import has_lpips
 
 ORIGINALS = json.loads((Path(__file__).parent / "original_figures.json").read_text(encoding="utf-8"))
 FIGURES: dict[str, dict[str, float]] = ORIGINALS["figures"]
@@ -103,9 +105,17 @@ def pins() -> Iterator[Any]:
             yield pytest.param(name, case, id=f"{name}, {case}")
 
 
+def with_weights(name: str) -> PublishedProtocol:
+    """The protocol of a name; a test is skipped if it needs weights that are not there."""
+    judge = protocol(name)
+    if isinstance(judge, LpipsProtocol) and not has_lpips(judge.net):
+        pytest.skip("no weights of VGG-16: run `graycard weights lpips`")
+    return judge
+
+
 @pytest.mark.parametrize(("name", "case"), list(pins()))
 def test_a_protocol_gives_what_its_authors_code_gave(name: str, case: str) -> None:
-    judge = protocol(name)
+    judge = with_weights(name)
     tolerance = TOLERANCES.get(judge.record.unit, 1e-5)
     assert judge.score(views(judge.subject, case)).value == pytest.approx(FIGURES[case][name], abs=tolerance)
 
@@ -162,6 +172,7 @@ def with_nan(found: JudgedViews, where: tuple[int, int]) -> JudgedViews:
 
 @pytest.mark.parametrize("judge", PUBLISHED, ids=lambda p: p.name)
 def test_a_value_that_is_not_finite_inside_the_mask_has_failed(judge: PublishedProtocol) -> None:
+    with_weights(judge.name)
     score = score_views(judge, with_nan(views(judge.subject, "fixed"), (16, 16)))
     assert (score.status, score.value, score.expected, score.scored) == ("failed", None, 3, 0)
     assert "view_0: expected finite values inside the mask, got" in score.reason
@@ -170,9 +181,18 @@ def test_a_value_that_is_not_finite_inside_the_mask_has_failed(judge: PublishedP
 
 @pytest.mark.parametrize("judge", PUBLISHED, ids=lambda p: p.name)
 def test_a_value_outside_the_mask_may_be_anything(judge: PublishedProtocol) -> None:
+    with_weights(judge.name)
     black = views(judge.subject, "black outside")
     score = score_views(judge, with_nan(black, (0, 0)))
     assert score == score_views(judge, black)
+
+
+def test_without_weights_a_score_is_not_provided(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("GRAYCARD_LPIPS", raising=False)
+    monkeypatch.setenv("GRAYCARD_WEIGHTS", str(tmp_path))
+    score = score_views(protocol("orb-albedo-lpips"), views("base_color", "fixed"))
+    assert (score.status, score.value, score.expected) == ("not provided", None, 3)
+    assert "graycard weights lpips" in score.reason
 
 
 class Broken(LmseProtocol):

@@ -25,7 +25,7 @@ class ScoreCommand:
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
-    """A published protocol, a group (albedo, appearance, views, relighting, geometry, materials), or all."""
+    """A published protocol, a group such as albedo, appearance or relighting, or all."""
     all: bool = False
     """Also list metrics that the predictions do not provide."""
     json: Json = None
