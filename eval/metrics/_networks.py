@@ -31,8 +31,8 @@ def _lpips(group: str, title: str, layer: str, net: Net, after: str) -> ImageMet
             group,
             "lpips" if net == "alex" else f"lpips.{net}",
             f"{title} LPIPS" if net == "alex" else f"{title} LPIPS, {trunk}",
-            f"mean over the mask of the LPIPS map (version 0.1, {trunk}, spatial) of srgb(L·exposure) in [-1, 1]; "
-            "only where weights are fetched or named",
+            f"mean over the mask of the LPIPS map (version 0.1, {trunk}, spatial) of srgb(L·exposure) "
+            "in [-1, 1]; only where weights are fetched or named",
             tolerance=0.01,
         ),
         rule=ImageRule(display, partial(lpips, net=net)),
@@ -56,7 +56,7 @@ def _fid(predicted: np.ndarray, true: np.ndarray) -> Measurement:
 
 
 def _kid(predicted: np.ndarray, true: np.ndarray) -> Measurement:
-    parts = {"standard_error": kid_error(predicted, true)} if len(true) > 2 else {}  # noqa: PLR2004
+    parts = {"standard_error": kid_error(predicted, true)} if len(true) > 2 else {}
     return Measurement(kid(predicted, true), parts)
 
 

@@ -3,14 +3,18 @@
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from graycard.eval.kinds._records import error
 from graycard.eval.measures._lpips import Fed, plain_lpips
 from graycard.eval.protocols._alignment import Alignment
-from graycard.eval.protocols._base import JudgedViews, Outcome, PublishedProtocol, Rules
+from graycard.eval.protocols._base import (
+    GROUPS,
+    JudgedViews,
+    Outcome,
+    PublishedProtocol,
+    Rules,
+    mean_of_views,
+)
 from graycard.eval.protocols._psnr import alignment_rules
-from graycard.eval.protocols._subjects import GROUPS
 from graycard.networks import Net
 from graycard.records import MetricRecord
 
@@ -39,4 +43,4 @@ class LpipsProtocol(PublishedProtocol):
         aligned = self.alignment.apply(views, self.name)
         each = {v.name: plain_lpips(v.predicted, v.true, self.net, self.fed) for v in aligned}
         shared = aligned[0].factors if self.alignment.shares_factors else None
-        return Outcome(float(np.mean(list(each.values()))), each, shared)
+        return mean_of_views(each, shared)

@@ -1,18 +1,33 @@
 # SPDX-License-Identifier: Apache-2.0
 """The appearance loss of GOR-IS: LPIPS between what is drawn in a hole and what was inpainted there."""
 
+from collections.abc import Mapping
+
 import torch
 
+from graycard import WeightsError
 from graycard.networks import lpips_layers, published_lpips
 
 WEIGHT = 0.2
-"""Of the appearance loss beside that of materials (the paper's supplement, S1.5)."""
+"""Of the appearance loss, beside 1 of the loss of materials (the paper's supplement, S1.5)."""
 LEAST_SIDE = 32
 """Side in pixels to which smaller pictures are padded with black, as in the released code."""
 NET = "vgg"
-"""The released code trains with VGG-16; scores are of AlexNet."""
+"""The released code trains with VGG-16; the paper names no trunk."""
 
 Box = tuple[slice, slice]
+
+
+def appearance_weights() -> Mapping[str, torch.Tensor]:
+    """Return the weights of VGG-16 and of LPIPS, by name.
+
+    Raises:
+        WeightsError: They were not fetched, or are damaged.
+    """
+    try:
+        return published_lpips(NET)
+    except WeightsError as cause:
+        raise WeightsError(f'{cause}, or fit with hole_loss "photometric"') from cause
 
 
 def box_around(hole: torch.Tensor) -> Box:
@@ -47,4 +62,4 @@ def appearance_loss(drawn: torch.Tensor, painted: torch.Tensor, rough: torch.Ten
     short = [max(LEAST_SIDE - side, 0) for side in rough.shape]
     around = [short[1] // 2, short[1] - short[1] // 2, short[0] // 2, short[0] - short[0] // 2]
     pair = torch.nn.functional.pad(pair, around)
-    return WEIGHT * torch.stack([e.mean() for e in lpips_layers(pair, NET, published_lpips(NET))]).sum()
+    return WEIGHT * torch.stack([e.mean() for e in lpips_layers(pair, NET, appearance_weights())]).sum()

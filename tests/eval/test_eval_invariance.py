@@ -144,7 +144,8 @@ def set_score(metric: SetMetric, factors: np.ndarray) -> float | None:
     for turn in range(3):
         view = replace(VIEW, name=f"test_{turn:03d}")
         predicted, true = (
-            {name: np.roll(values, 9 * turn, axis=1) for name, values in each.items()} for each in (layers, TRUE)
+            {name: np.roll(values, 9 * turn, axis=1) for name, values in each.items()}
+            for each in (layers, TRUE)
         )
         scorer.observe(PredictedView(view, predicted), TrueView(view, true, frozenset()), scorer.scene)
     (score,) = scorer.scores()

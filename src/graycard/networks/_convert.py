@@ -144,7 +144,9 @@ def _unpickled(
     try:
         return _Restricted(file, known, storage).load()
     except (pickle.UnpicklingError, EOFError, ValueError, TypeError, AttributeError, IndexError) as cause:
-        raise WeightsError(f"expected a pickle of arrays alone, got one of which: {cause}. Do not use it") from cause
+        raise WeightsError(
+            f"expected a pickle of arrays alone, got one of which: {cause}. Do not use it"
+        ) from cause
 
 
 def _named(tree: Mapping[str, Any], prefix: str = "") -> dict[str, np.ndarray]:

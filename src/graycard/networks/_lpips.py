@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""LPIPS (Zhang et al. 2018, version 0.1): the error of two pictures after each of five layers of a network."""
+"""LPIPS (Zhang et al. 2018, version 0.1): errors of two pictures after each of five layers of a network."""
 
 import os
 from collections.abc import Mapping
@@ -98,7 +98,6 @@ def lpips_weights(net: Net) -> "Mapping[str, torch.Tensor]":
     return published_lpips(net)
 
 
-@lru_cache(maxsize=2)
 def published_lpips(net: Net) -> "Mapping[str, torch.Tensor]":
     """Return the fetched weights, whose digest the code states; what a fit uses is the same everywhere.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sets of weights that a package registry carries: where they come from, and the hashes that they must have."""
+"""Sets of weights that a package registry carries: where they come from, and the hashes they must have."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -17,7 +17,7 @@ from graycard.io import atomic_path
 from graycard.networks._sources import find_file
 
 HOME = "GRAYCARD_WEIGHTS"
-"""Environment variable that names the folder of fetched weights, where it is not to be in the user's cache."""
+"""Environment variable that names the folder of fetched weights; without it they are in the user's cache."""
 
 
 def weights_home() -> Path:
