@@ -104,7 +104,7 @@ class GorisSettings(RemovalSettings):
     """Whether holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""
     hole_loss: Literal["photometric", "lpips"] = "photometric"
     """Loss of what is inpainted as radiance. ``lpips``, the paper's equation 8: 0.2 times LPIPS of pictures
-    that are black elsewhere. As in the released code it is of VGG-16 and of the hole's bounding box, over which
+    that are black elsewhere. As in the released code it is of VGG-16 and of the hole's bounding box, in which
     materials are then averaged, too; there ``hole_weight`` is 0.01, in the paper 1. It needs the weights of
     ``graycard weights lpips``, and of no other origin, so that a fit is the same everywhere."""
     distilled: bool = False

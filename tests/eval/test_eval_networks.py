@@ -111,7 +111,7 @@ def test_kid_has_no_bias_where_views_come_in_pairs():
 
 def test_the_error_of_kid_is_the_jackknife():
     every = np.arange(len(FIRST))
-    without = [ge.kid(FIRST[every != i], SECOND[every != i]) for i in every]
+    without = np.array([ge.kid(FIRST[every != i], SECOND[every != i]) for i in every])
     expected = np.sqrt(6 / 7 * np.sum((without - np.mean(without)) ** 2))
     assert ge.kid_error(FIRST, SECOND) == pytest.approx(expected)
     assert np.isnan(ge.kid_error(FIRST[:2], SECOND[:2]))
