@@ -15,16 +15,17 @@ def score_protocols(
 ) -> tuple[Score, ...]:
     """Judge a predictions folder by each protocol; a fault of the prediction is in the scores, not raised.
 
-    Images of one subject are read once, and kept no longer than its protocols need them.
+    Each test view is read once, and images of a subject are kept no longer than its protocols need them.
 
     Raises:
         DatasetError: The truth of a view is missing or broken, or no test view sees an object.
     """
     found: dict[str, Score] = {}
     subjects: list[Subject] = list(dict.fromkeys(protocol.subject for protocol in protocols))
+    gathered = gather(subjects, predictions, truth)
     for subject in subjects:
-        gathered = gather(subject, predictions, truth)
-        found |= {p.id: _score(p, gathered) for p in protocols if p.subject == subject}
+        images = gathered.pop(subject)
+        found |= {p.id: _score(p, images) for p in protocols if p.subject == subject}
     return tuple(found[protocol.id] for protocol in protocols)
 
 
