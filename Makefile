@@ -6,6 +6,7 @@
 #   make coverage             run every test and ask for 90 % coverage
 #   make check                lint, format, types, and `make test`
 #   make gate                 run the smoke suite and compare it with the committed baseline
+#   make weights              fetch the weights of LPIPS, FID and KID, so that their tests run
 #   make docs                 write the tables and pictures that the docs take from code
 
 SUITE ?= demo
@@ -13,7 +14,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all coverage kernels check lint gate docs clean
+.PHONY: help bench test test-all coverage kernels check lint gate weights docs clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -47,6 +48,10 @@ lint: .venv/installed-dev
 gate: .venv/installed
 	$(BIN)/graycard bench smoke --out runs/smoke
 	$(BIN)/graycard gate runs/smoke --baseline benchmarks/baselines/smoke.json
+
+weights: .venv/installed
+	$(BIN)/graycard weights lpips
+	$(BIN)/graycard weights inception
 
 docs: .venv/installed-test
 	GRAYCARD_WRITE_DOCS=1 $(BIN)/python -m pytest -q tests/test_architecture.py tests/eval/test_eval_docs.py \

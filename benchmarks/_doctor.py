@@ -9,6 +9,7 @@ import psutil
 
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
 from graycard.io import free_mib
+from graycard.networks import LPIPS_VARIABLE, SETS, is_whole, weights_home
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
@@ -38,7 +39,7 @@ def findings(folder: Path) -> list[Finding]:
         Finding("processor", f"{cpu_model()}, {usable_cores()} cores, {_memory_gib():.0f} GiB"),
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
-        Finding("weights", _weights(), ""),
+        _weights(),
         _disk(folder),
     ]
 
@@ -54,12 +55,16 @@ def _memory_gib() -> float:
     return psutil.virtual_memory().total / 2**30
 
 
-def _weights() -> str:
-    """Pretrained weights where torch keeps them, which nothing reads, and those that scores are told of."""
-    home = Path(os.environ.get("TORCH_HOME", Path.home() / ".cache" / "torch")) / "hub" / "checkpoints"
-    found = sorted(path.name for path in home.glob("*.pth")) if home.is_dir() else []
-    lpips = os.environ.get("GRAYCARD_LPIPS") or "absent (GRAYCARD_LPIPS names no folder)"
-    return f"LPIPS: {lpips}; {', '.join(found) or 'none'} in {home} (nothing in this version needs any)"
+def _weights() -> Finding:
+    """Weights of networks that scores and losses use; those that were fetched are checked."""
+    here = {one.name: all(is_whole(file.name) for file in one.files) for one in SETS}
+    found = [f"{name} {'fetched' if whole else 'not fetched'}" for name, whole in here.items()]
+    if own := os.environ.get(LPIPS_VARIABLE):
+        found.append(f"LPIPS uses {own}, which {LPIPS_VARIABLE} names")
+    lacking = [one for one in SETS if not here[one.name] and not (own and one.name == "lpips")]
+    advice = [f"`graycard weights {one.name}` for {one.purpose}" for one in lacking]
+    where = f" in {weights_home()}" if any(here.values()) else ""
+    return Finding("weights", f"{', '.join(found)}{where}", f"run {' and '.join(advice)}" if advice else "")
 
 
 def _disk(folder: Path) -> Finding:

@@ -12,7 +12,11 @@ from graycard.eval.lights._errors import match_lights as match_lights
 from graycard.eval.measures._colour_difference import ciede2000 as ciede2000
 from graycard.eval.measures._flip import flip as flip
 from graycard.eval.measures._flip import flip_map as flip_map
+from graycard.eval.measures._inception import fid as fid
+from graycard.eval.measures._inception import kid as kid
+from graycard.eval.measures._inception import kid_error as kid_error
 from graycard.eval.measures._lmse import lmse as lmse
+from graycard.eval.measures._lpips import lpips as lpips
 from graycard.eval.measures._psnr import mean_square_error as mean_square_error
 from graycard.eval.measures._psnr import psnr as psnr
 from graycard.eval.measures._ssim import ssim as ssim
@@ -24,6 +28,7 @@ from graycard.eval.metrics._registry import find_metric as find_metric
 from graycard.eval.metrics._registry import references as references
 from graycard.eval.metrics._registry import registered as registered
 from graycard.eval.metrics._registry import registry as registry
+from graycard.eval.metrics._registry import unavailable as unavailable
 from graycard.eval.metrics._removal import residual_energy as residual_energy
 from graycard.eval.metrics._removal_lobes import are_apart as are_apart
 from graycard.eval.metrics._removal_lobes import effect_sums as effect_sums

@@ -25,10 +25,17 @@ from graycard import (
 from graycard.dataset import write_index
 from graycard.io import Manifest, write_layers, write_manifest, write_rgb
 from graycard.lights import write_lights
+from graycard.networks import HOME, LPIPS_VARIABLE, SETS, is_whole, weights_home
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 """Let threads of OpenMP sleep while they wait for work. With a test on each core they take the cores from
 each other: a fit of 20 s takes 340 s. PyTorch and Numba, which read this, are not loaded yet."""
+
+REAL_WEIGHTS = "GRAYCARD_TEST_WEIGHTS"
+"""Environment variable that keeps where this machine's weights are; tests do not see them unless they ask."""
+os.environ.setdefault(REAL_WEIGHTS, str(weights_home()))
+os.environ[HOME] = os.path.join(os.path.dirname(__file__), "no-weights-here")
+os.environ.pop(LPIPS_VARIABLE, None)
 
 CHEAP = {"run_python", "loaded", "in_process", "world"}
 """Fixtures of a session that cost next to nothing."""
@@ -208,3 +215,15 @@ def llvm() -> str:
         return use_renderer(variant=LLVM_RGB).variant
     except RenderError as reason:
         pytest.skip(str(reason))
+
+
+@pytest.fixture
+def real_weights(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The fetched weights, in use; without all of them the test is skipped, but in CI it fails."""
+    folder = Path(os.environ[REAL_WEIGHTS])
+    monkeypatch.setenv(HOME, str(folder))
+    lacking = [one.name for one in SETS if not all(is_whole(file.name) for file in one.files)]
+    if lacking:
+        reason = f"needs weights: run {' and '.join(f'`graycard weights {name}`' for name in lacking)}"
+        (pytest.fail if os.environ.get("GRAYCARD_REQUIRE_WEIGHTS") else pytest.skip)(reason)
+    return folder

@@ -174,7 +174,8 @@ def judge(
             values = apply_gauge(values, gauge) if metric.gauge else values.astype(np.float64)
             images, exposure = (values, reference.astype(np.float64)), scene.exposure * metric.rule.brightness
             variance = _variance(true, metric.layer)
-            comparisons[key] = LayerComparison(*images, mask, exposure, variance, true.pure())
+            shown = next((c.true_shown for c in comparisons.values() if c.exposure == exposure), {})
+            comparisons[key] = LayerComparison(*images, mask, exposure, variance, true.pure(), shown)
         seen = comparisons[key]
         value, parts = measure(metric, seen)
     except GraycardError as cause:

@@ -93,6 +93,8 @@ class Metric(Generic[R]):
     """Id of the metric behind which it stands; empty: behind the metric before it in its module."""
     available: Callable[[], bool] = always
     """Tell whether it can be computed here; a sheet goes without what cannot."""
+    advice: str = ""
+    """Advice to whoever lacks what it needs: where it is not available."""
 
     @property
     def id(self) -> str:

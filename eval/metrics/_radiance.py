@@ -6,12 +6,11 @@ import numpy as np
 from graycard.eval.kinds._images import ImageMetric, ImageRule
 from graycard.eval.kinds._records import decibels, error, share
 from graycard.eval.kinds._references import FLIP, PSNR, SSIM, Reference
-from graycard.eval.measures._lpips import VARIABLE, has_weights, lpips
 from graycard.eval.measures._pixelwise import Bracketed, Pixelwise, flip_errors, square_errors
 from graycard.eval.measures._psnr import psnr
 from graycard.eval.measures._spaces import Space, display, exposed
 from graycard.eval.measures._ssim import ssim
-from graycard.eval.scoring._ceiling import AS_DISPLAYED, NEIGHBOURHOODS, TOO_COSTLY
+from graycard.eval.scoring._ceiling import AS_DISPLAYED, NEIGHBOURHOODS
 from graycard.eval.scoring._comparison import REGIONS
 
 STOPS = 0, 3
@@ -89,27 +88,9 @@ _FLIP_HDR = ImageMetric(
     ),
     breakdown=REGIONS,
 )
-_LPIPS = ImageMetric(
-    record=error(
-        "novel_view",
-        "lpips",
-        "Novel view LPIPS",
-        "mean over the mask of the LPIPS map (version 0.1, AlexNet, spatial) of srgb(L·exposure) in [-1, 1]; "
-        f"only where {VARIABLE} names a folder of its weights",
-        tolerance=0.01,
-    ),
-    rule=ImageRule(display, lpips),
-    layers=("radiance",),
-    ceiling=TOO_COSTLY,
-    references=(
-        Reference("LPIPS", "its equations in numpy, float64, small random weights, five digits", 1e-5),
-    ),
-    available=has_weights,
-)
 
 METRICS: tuple[ImageMetric, ...] = (
     *_pictures("novel_view", "Novel view", "radiance", "radiance"),
     _FLIP_HDR,
-    _LPIPS,
     *_pictures("counterfactual", "Removal", "counterfactual.radiance", "radiance without the target object"),
 )

@@ -20,6 +20,7 @@ from graycard.records import MetricRecord
 
 _ORDER = (
     "_radiance",
+    "_networks",
     "_albedo",
     "_materials",
     "_geometry",
@@ -84,6 +85,11 @@ def registered(*metrics: Metric[Any]) -> Iterator[None]:
         yield
     finally:
         _added.reset(token)
+
+
+def unavailable() -> Mapping[str, str]:
+    """Return what the metrics need that cannot be computed here, by id: advice to whoever wants them."""
+    return {metric.id: metric.advice for metric in registry() if not metric.available()}
 
 
 def references() -> tuple[Reference, ...]:

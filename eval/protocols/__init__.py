@@ -21,6 +21,7 @@ from graycard.eval.protocols._geometry import DepthProtocol as DepthProtocol
 from graycard.eval.protocols._graycard import GRAYCARD as GRAYCARD
 from graycard.eval.protocols._lmse import LmseProtocol as LmseProtocol
 from graycard.eval.protocols._materials import RoughnessProtocol as RoughnessProtocol
+from graycard.eval.protocols._perceptual import LpipsProtocol as LpipsProtocol
 from graycard.eval.protocols._psnr import PsnrProtocol as PsnrProtocol
 from graycard.eval.protocols._scores import score_protocols as score_protocols
 from graycard.eval.protocols._scores import score_views as score_views

@@ -23,8 +23,8 @@ def find_protocols(name: str) -> tuple[Protocol, ...]:
     Args:
         name: ``"all"`` stands for every protocol, ``"albedo"`` for graycard's own and every published one
             that ends in an error of base colour. The other groups hold published ones alone:
-            ``"appearance"`` (SSIM of base colour), ``"views"``, ``"relighting"``, ``"geometry"`` and
-            ``"materials"``.
+            ``"appearance"`` and ``"perceptual"`` (SSIM and LPIPS of base colour), ``"views"``,
+            ``"relighting"``, ``"geometry"`` and ``"materials"``.
 
     Raises:
         UnknownNameError: There is none, or none of that version any more.

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Sequence
 
-from graycard import GraycardError, Predictions, Truth
+from graycard import GraycardError, Predictions, Truth, WeightsError
 from graycard.eval.protocols._base import JudgedViews, PublishedProtocol, Subject
 from graycard.eval.protocols._gather import Gathered, gather
 from graycard.records import Score, Status
@@ -15,24 +15,30 @@ def score_protocols(
 ) -> tuple[Score, ...]:
     """Judge a predictions folder by each protocol; a fault of the prediction is in the scores, not raised.
 
-    Images of one subject are read once, and kept no longer than its protocols need them.
+    Each test view is read once, and images of a subject are kept no longer than its protocols need them.
 
     Raises:
         DatasetError: The truth of a view is missing or broken, or no test view sees an object.
     """
     found: dict[str, Score] = {}
     subjects: list[Subject] = list(dict.fromkeys(protocol.subject for protocol in protocols))
+    gathered = gather(subjects, predictions, truth)
     for subject in subjects:
-        gathered = gather(subject, predictions, truth)
-        found |= {p.id: _score(p, gathered) for p in protocols if p.subject == subject}
+        images = gathered.pop(subject)
+        found |= {p.id: _score(p, images) for p in protocols if p.subject == subject}
     return tuple(found[protocol.id] for protocol in protocols)
 
 
 def score_views(protocol: PublishedProtocol, views: JudgedViews) -> Score:
-    """Return the score of views by a protocol; one that cannot be judged, or is not a number, has failed."""
+    """Return the score of views by a protocol; one that cannot be judged, or is not a number, has failed.
+
+    Without the weights of a network that it needs, a protocol's score is not provided.
+    """
     expected = len(views.test)
     try:
         found = protocol.score(views)
+    except WeightsError as cause:  # it says nothing of the prediction
+        return _unscored(protocol, "not provided", str(cause), expected)
     except GraycardError as cause:
         return _unscored(protocol, "failed", str(cause), expected)
     if math.isnan(found.value):

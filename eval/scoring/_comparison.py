@@ -31,13 +31,17 @@ class LayerComparison:
     """shape ``(H, W, 3)``: of the truth, in its unit squared; None where the truth is exact, or no part."""
     pure: np.ndarray | None = None
     """shape ``(H, W)``, bool: pixels of one surface and colour; None where the truth does not say."""
+    true_shown: dict[Space, np.ndarray] = field(default_factory=dict, repr=False, compare=False)
+    """The truth in spaces of comparison; comparisons of one layer under several gauges share it."""
     kept: dict[Any, Any] = field(default_factory=dict, repr=False, compare=False)
     """Encoded images and errors of pixels that were computed before."""
 
     def shown(self, space: Space) -> tuple[np.ndarray, np.ndarray]:
         """Return prediction and truth in a space of comparison."""
         if space not in self.kept:
-            self.kept[space] = space(self.predicted, self.exposure), space(self.true, self.exposure)
+            if space not in self.true_shown:
+                self.true_shown[space] = space(self.true, self.exposure)
+            self.kept[space] = space(self.predicted, self.exposure), self.true_shown[space]
         return self.kept[space]
 
     def errors(self, of: Errors, space: Space) -> np.ndarray:
@@ -60,5 +64,7 @@ class LayerComparison:
         """Return which judged pixels belong to each region, ``(N,)``, bool; empty without pure pixels."""
         if self.pure is None:
             return {}
-        inside = self.pure[self.mask]
-        return dict(zip(REGIONS, (inside, ~inside), strict=True))
+        if REGIONS not in self.kept:
+            inside = self.pure[self.mask]
+            self.kept[REGIONS] = dict(zip(REGIONS, (inside, ~inside), strict=True))
+        return self.kept[REGIONS]

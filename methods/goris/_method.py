@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``goris`` (GOR-IS, CVPR 2026): an object is removed together with its reflection."""
 
+from graycard.methods.goris._appearance import appearance_weights
 from graycard.methods.goris._distil import distilled
 from graycard.methods.goris._fit import as_glossy_as_told, fit_colours, fit_light
 from graycard.methods.goris._flat import flat_surface
@@ -26,6 +27,8 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
 
     def _fitted(self, task: FitTask[GorisSettings]) -> GorisScene:
         """Fit surfels and light transport, remove the object's surfels, and fit what is left."""
+        if task.settings.hole_loss == "lpips":
+            appearance_weights()  # a fit that lacks them fails here, not after its first stage
         capture, priors, seed, progress = task.capture, task.priors, task.seed, task.progress
         masks = checked_for_removal(task, METHOD, task.settings.first)
         shots = training_views(capture, priors, masks, task.settings)

@@ -10,6 +10,7 @@ import torch
 from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
 from graycard.methods._tensors import float_tensor
+from graycard.methods.goris._appearance import appearance_loss, box_around
 from graycard.methods.goris._fit import light_rates, own_stage
 from graycard.methods.goris._model import (
     BRIGHTEST,
@@ -307,18 +308,23 @@ class RemovalObjective:
 
 
 def painted_loss(picture: GlossyPicture, aim: RemovalTarget, settings: GorisSettings) -> torch.Tensor:
-    """Difference of holes from the inpainting: of radiance where they are rough, else of materials.
+    """Return the difference of holes from the inpainting: of radiance where rough, else of materials.
 
-    The paper compares radiance by LPIPS, whose weights do not come with it; here as photographs are compared.
+    Radiance is compared as photographs are, or as in the paper by LPIPS; ``hole_loss`` says which.
     """
+    perceptual = settings.hole_loss == "lpips"
+    box = box_around(aim.rough + aim.glossy) if perceptual else (slice(None), slice(None))
     loss = torch.zeros(())
     for drawn in (picture.encoded, picture.buffers.rough):
+        if perceptual:
+            loss = loss + appearance_loss(drawn[box], aim.encoded[box], aim.rough[box])
+            continue
         differs = photometric_map(drawn, aim.encoded, settings.ssim_share)
         loss = loss + (differs * aim.rough[..., None]).mean()
-    if not aim.layers:
+    if not aim.layers or not aim.glossy[box].numel():
         return loss
     layers = material_layers(picture) | {"diffuse": srgb_encode_tensor(picture.buffers.diffuse)}
     for name, layer in layers.items():
         differs = (layer - aim.layers[name]).abs().reshape(*aim.glossy.shape, -1).mean(dim=-1)
-        loss = loss + (differs * aim.glossy).mean()
+        loss = loss + (differs * aim.glossy)[box].mean()
     return loss

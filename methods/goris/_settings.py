@@ -18,7 +18,7 @@ step on one core."""
 
 _LATER = (
     "grow", "least_inside", "second_share", "references", "hole_weight", "effect_mask", "least_effect",
-    "doubtful_go", "material_inpainting", "distilled",
+    "doubtful_go", "material_inpainting", "hole_loss", "distilled",
 )  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
@@ -102,6 +102,11 @@ class GorisSettings(RemovalSettings):
     with it; False, the paper: only what is labelled as the object."""
     material_inpainting: bool = True
     """Whether holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""
+    hole_loss: Literal["photometric", "lpips"] = "photometric"
+    """Loss of what is inpainted as radiance. ``lpips``, the paper's equation 8: 0.2 times LPIPS of pictures
+    that are black elsewhere. As in the released code it is of VGG-16 and of the hole's bounding box, in which
+    materials are then averaged, too; there ``hole_weight`` is 0.01, in the paper 1. It needs the weights of
+    ``graycard weights lpips``, and of no other origin, so that a fit is the same everywhere."""
     distilled: bool = False
     """Whether a radiance-only scene is fitted to pictures of the result, so that no ray has to be traced to
     draw it."""

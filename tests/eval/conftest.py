@@ -9,7 +9,7 @@ import pytest
 
 from graycard import Light, Predictions, View, open_truth
 from graycard.predictions import finish_predictions, write_view
-from layer_references import write_random_weights
+from layer_references import random_inception, write_random_weights
 
 Layers = dict[str, np.ndarray]
 Change = Callable[[View, Layers], Mapping[str, np.ndarray] | None]
@@ -18,9 +18,11 @@ PREDICTED = ("radiance", "base_color", "normal", "depth", "counterfactual.radian
 
 @pytest.fixture
 def random_lpips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder of small random weights for LPIPS, named as the user's would be."""
+    """A folder of small random weights for LPIPS, named as the user's would be; Inception has some, too."""
     folder = tmp_path / "weights"
     write_random_weights(folder)
+    inception = random_inception()
+    monkeypatch.setattr("graycard.eval.measures._inception.inception_weights", lambda: inception)
     monkeypatch.setenv("GRAYCARD_LPIPS", str(folder))
     return folder
 

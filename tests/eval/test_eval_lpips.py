@@ -9,7 +9,8 @@ import pytest
 
 import graycard.eval as ge
 from graycard import DatasetError, WeightsError
-from graycard.eval.measures._lpips import load_weights, lpips
+from graycard.eval.measures._lpips import lpips
+from graycard.networks import load_lpips as load_weights
 from layer_references import write_random_weights
 
 RNG = np.random.default_rng(6)

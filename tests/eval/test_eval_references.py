@@ -200,6 +200,7 @@ COMPUTED: dict[str, Callable[[], Pair]] = {
     "bootstrap-t interval": statistics_references.bootstrap_t,
     "test of the mean": statistics_references.test_of_mean,
     "LPIPS": layer_references.lpips,
+    "LPIPS, VGG-16": layer_references.lpips_vgg,
 }
 
 

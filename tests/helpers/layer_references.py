@@ -4,8 +4,10 @@
 import os
 import tempfile
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 from unittest import mock
 
 import flip_evaluator
@@ -36,6 +38,7 @@ from graycard.eval.measures._lpips import lpips as our_lpips
 from graycard.eval.metrics._glossy import overlap
 from graycard.eval.scoring._comparison import LayerComparison
 from graycard.layers import PARTS, with_sums
+from graycard.networks import Net
 
 RNG = np.random.default_rng(32)
 TRUE = RNG.uniform(0.02, 0.95, (50, 42, 3))
@@ -53,57 +56,159 @@ def colour_science() -> ModuleType:
     return colour
 
 
-CHANNELS, KERNELS = (3, 6, 8, 10, 7, 5), (11, 5, 3, 3, 3)
-STRIDES, PADDINGS, INDICES = (4, 1, 1, 1, 1), (2, 2, 1, 1, 1), (0, 3, 6, 8, 10)
+class Layer(NamedTuple):
+    """A convolution of a trunk of LPIPS."""
+
+    place: int
+    """Index in torchvision's network."""
+    channels: int
+    kernel: int
+    stride: int
+    padding: int
+    window: int
+    """Of the maximum before it, every 2 pixels; 0: none."""
+    compared: bool
+    """Whether pictures are compared after it."""
 
 
-def random_weights() -> dict[str, np.ndarray]:
-    """AlexNet with a few channels, and LPIPS on top, at random."""
-    rng, found = np.random.default_rng(5), {}
-    for i, (index, kernel) in enumerate(zip(INDICES, KERNELS, strict=True)):
-        shape = CHANNELS[i + 1], CHANNELS[i], kernel, kernel
-        found[f"features.{index}.weight"] = rng.normal(0, (2 / np.prod(shape[1:])) ** 0.5, shape)
-        found[f"features.{index}.bias"] = rng.normal(0, 0.1, shape[0])
-        found[f"lin{i}.model.1.weight"] = rng.uniform(0, 1, (1, shape[0], 1, 1))
+ALEX = [
+    Layer(0, 6, 11, 4, 2, 0, True),
+    Layer(3, 8, 5, 1, 2, 3, True),
+    Layer(6, 10, 3, 1, 1, 3, True),
+    Layer(8, 7, 3, 1, 1, 0, True),
+    Layer(10, 5, 3, 1, 1, 0, True),
+]
+VGG = [
+    Layer(index, 4 + index % 5, 3, 1, 1, 2 * (index in (5, 10, 17, 24)), index in (2, 7, 14, 21, 28))
+    for index in (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
+]
+"""Trunks of LPIPS with a few channels."""
+
+
+def random_weights(layers: Sequence[Layer] = ALEX) -> dict[str, np.ndarray]:
+    """A trunk with a few channels, and LPIPS on top, at random."""
+    rng, found, before, head = np.random.default_rng(5), {}, 3, 0
+    for layer in layers:
+        shape = layer.channels, before, layer.kernel, layer.kernel
+        found[f"features.{layer.place}.weight"] = rng.normal(0, (2 / np.prod(shape[1:])) ** 0.5, shape)
+        found[f"features.{layer.place}.bias"] = rng.normal(0, 0.1, shape[0])
+        before = layer.channels
+        if layer.compared:
+            found[f"lin{head}.model.1.weight"] = rng.uniform(0, 1, (1, shape[0], 1, 1))
+            head += 1
     return {name: values.astype(np.float32) for name, values in found.items()}
 
 
 def write_random_weights(folder: Path) -> None:
     """As their authors publish them: one file each, and more in them than is needed."""
     folder.mkdir()
-    tensors = {name: torch.from_numpy(values) for name, values in random_weights().items()}
-    backbone = {name: x for name, x in tensors.items() if name.startswith("features")}
-    torch.save(backbone | {"classifier.1.weight": torch.zeros(2, 2)}, folder / "alexnet-owt.pth")
-    save_file({name: x for name, x in tensors.items() if name.startswith("lin")}, folder / "alex.safetensors")
+    for layers, trunk, heads in ((ALEX, "alexnet-owt", "alex"), (VGG, "vgg16-397923af", "vgg")):
+        tensors = {name: torch.from_numpy(values) for name, values in random_weights(layers).items()}
+        backbone = {name: x for name, x in tensors.items() if name.startswith("features")}
+        torch.save(backbone | {"classifier.1.weight": torch.zeros(2, 2)}, folder / f"{trunk}.pth")
+        rest = {name: x for name, x in tensors.items() if name.startswith("lin")}
+        save_file(rest, folder / f"{heads}.safetensors")
 
 
 def lpips() -> Pair:
     """Zhang et al. 2018, equation 1, with windows cut out one by one."""
-    weights, features, total = random_weights(), [], 0.0
-    for image in (PREDICTED, TRUE):
+    return _lpips(ALEX, "alex")
+
+
+def lpips_vgg() -> Pair:
+    """The same on VGG-16."""
+    return _lpips(VGG, "vgg")
+
+
+def _windows(x: np.ndarray, size: int, step: int) -> np.ndarray:
+    return np.lib.stride_tricks.sliding_window_view(x, (size, size), (1, 2))[:, ::step, ::step]
+
+
+def layer_errors(predicted: np.ndarray, true: np.ndarray, layers: Sequence[Layer]) -> list[np.ndarray]:
+    """Error of two pictures after each layer that is compared, by random weights."""
+    weights, features, found = random_weights(layers), [], []
+    for image in (predicted, true):
         x = (2 * image - 1 - (-0.030, -0.088, -0.188)) / (0.458, 0.448, 0.450)
         features.append(x.transpose(2, 0, 1))
-    for i, (index, kernel) in enumerate(zip(INDICES, KERNELS, strict=True)):
+    for layer in layers:
         for j, x in enumerate(features):
-            if i in (1, 2):
-                x = np.lib.stride_tricks.sliding_window_view(x, (3, 3), (1, 2))[:, ::2, ::2].max(
-                    axis=(-1, -2)
-                )
-            p, s = PADDINGS[i], STRIDES[i]
-            seen = np.lib.stride_tricks.sliding_window_view(
-                np.pad(x, ((0, 0), (p, p), (p, p))), (kernel, kernel), (1, 2)
-            )
-            y = np.einsum("cyxij,ocij->oyx", seen[:, ::s, ::s], weights[f"features.{index}.weight"])
-            features[j] = np.maximum(y + weights[f"features.{index}.bias"][:, None, None], 0)
-        a, b = (x / (np.sqrt((x**2).sum(axis=0)) + 1e-10) for x in features)
-        error = np.einsum("cyx,c->yx", (a - b) ** 2, weights[f"lin{i}.model.1.weight"].ravel())
-        total += np.mean(enlarged(error, TRUE.shape[0], TRUE.shape[1]))
+            if layer.window:
+                x = _windows(x, layer.window, 2).max(axis=(-1, -2))
+            p = layer.padding
+            seen = _windows(np.pad(x, ((0, 0), (p, p), (p, p))), layer.kernel, layer.stride)
+            y = np.einsum("cyxij,ocij->oyx", seen, weights[f"features.{layer.place}.weight"])
+            features[j] = np.maximum(y + weights[f"features.{layer.place}.bias"][:, None, None], 0)
+        if layer.compared:
+            a, b = (x / (np.sqrt((x**2).sum(axis=0)) + 1e-10) for x in features)
+            by_channel = weights[f"lin{len(found)}.model.1.weight"].ravel()
+            found.append(np.einsum("cyx,c->yx", (a - b) ** 2, by_channel))
+    return found
+
+
+def _lpips(layers: Sequence[Layer], net: Net) -> Pair:
+    errors = layer_errors(PREDICTED, TRUE, layers)
+    total = sum(np.mean(enlarged(error, TRUE.shape[0], TRUE.shape[1])) for error in errors)
     with (
         tempfile.TemporaryDirectory() as folder,
         mock.patch.dict(os.environ, {"GRAYCARD_LPIPS": f"{folder}/w"}),
     ):
         write_random_weights(Path(folder) / "w")
-        return our_lpips(PREDICTED, TRUE, EVERYWHERE), float(total)
+        return our_lpips(PREDICTED, TRUE, EVERYWHERE, net), float(total)
+
+
+def random_inception() -> dict[str, torch.Tensor]:
+    """Inception with two channels a convolution, at random; its blocks in the order of the network."""
+    generator = torch.Generator().manual_seed(9)
+    found: dict[str, torch.Tensor] = {}
+
+    def add(name: str, channels: int, kernel: tuple[int, int] = (1, 1)) -> None:
+        shape = (2, channels, *kernel)
+        scale = (6 / np.prod(shape[1:])) ** 0.5
+        found[f"{name}.weight"] = torch.randn(shape, generator=generator) * scale
+        found[f"{name}.beta"] = torch.randn(2, generator=generator) * 0.3
+        found[f"{name}.mean"], found[f"{name}.var"] = torch.zeros(2), torch.ones(2)
+
+    def chain(prefix: str, channels: int, *kernels: tuple[int, int]) -> None:
+        for number, kernel in enumerate(kernels):
+            add(f"{prefix}.conv{f'_{number}' if number else ''}", 2 if number else channels, kernel)
+
+    one, three, five, wide, high = (1, 1), (3, 3), (5, 5), (1, 7), (7, 1)
+    for name, channels, kernel in (
+        ("conv", 3, three), ("conv_1", 2, three), ("conv_2", 2, three), ("conv_3", 2, one),
+        ("conv_4", 2, three),
+    ):  # fmt: skip
+        add(name, channels, kernel)
+    channels = 2
+    for block in ("mixed", "mixed_1", "mixed_2"):
+        add(f"{block}.conv", channels)
+        chain(f"{block}.tower", channels, one, five)
+        chain(f"{block}.tower_1", channels, one, three, three)
+        add(f"{block}.tower_2.conv", channels)
+        channels = 8
+    add("mixed_3.conv", channels, three)
+    chain("mixed_3.tower", channels, one, three, three)
+    channels = 4 + channels
+    for block in ("mixed_4", "mixed_5", "mixed_6", "mixed_7"):
+        add(f"{block}.conv", channels)
+        chain(f"{block}.tower", channels, one, wide, high)
+        chain(f"{block}.tower_1", channels, one, high, wide, high, wide)
+        add(f"{block}.tower_2.conv", channels)
+        channels = 8
+    chain("mixed_8.tower", channels, one, three)
+    chain("mixed_8.tower_1", channels, one, wide, high, three)
+    channels = 4 + channels
+    for block in ("mixed_9", "mixed_10"):
+        add(f"{block}.conv", channels)
+        add(f"{block}.tower_conv", channels)
+        add(f"{block}.tower_mixed_conv", 2, (1, 3))
+        add(f"{block}.tower_mixed_conv_1", 2, (3, 1))
+        add(f"{block}.tower_1_conv", channels)
+        add(f"{block}.tower_1_conv_1", 2, three)
+        add(f"{block}.tower_1_mixed_conv", 2, (1, 3))
+        add(f"{block}.tower_1_mixed_conv_1", 2, (3, 1))
+        add(f"{block}.tower_2_conv", channels)
+        channels = 12
+    return found
 
 
 def enlarged(image: np.ndarray, height: int, width: int) -> np.ndarray:

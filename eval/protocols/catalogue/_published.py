@@ -6,18 +6,21 @@ from collections.abc import Mapping
 from graycard.eval.protocols._base import PublishedProtocol
 from graycard.eval.protocols.catalogue._albedo import ALBEDO
 from graycard.eval.protocols.catalogue._appearance import APPEARANCE
+from graycard.eval.protocols.catalogue._perceptual import PERCEPTUAL
 from graycard.eval.protocols.catalogue._pictures import RELIGHTING, VIEWS
 from graycard.eval.protocols.catalogue._surfaces import GEOMETRY, MATERIALS
 
 GROUPS_OF_PROTOCOLS: Mapping[str, tuple[PublishedProtocol, ...]] = {
     "albedo": ALBEDO,
     "appearance": APPEARANCE,
+    "perceptual": PERCEPTUAL,
     "views": VIEWS,
     "relighting": RELIGHTING,
     "geometry": GEOMETRY,
     "materials": MATERIALS,
 }
-"""By name: errors of base colour, its SSIM, held-out views, relit pictures, normals and depth, roughness."""
+"""By name: errors of base colour, its SSIM, its LPIPS, held-out views, relit pictures, normals and depth,
+and roughness."""
 PUBLISHED: tuple[PublishedProtocol, ...] = tuple(
     protocol for group in GROUPS_OF_PROTOCOLS.values() for protocol in group
 )

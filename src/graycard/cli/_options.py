@@ -55,7 +55,7 @@ def option_names(kind: type[Any], prefix: str = "--") -> list[str]:
     """Return the options that tyro makes of a dataclass, as ``--hold-out-every`` and ``--capture.bits``."""
     names = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        option = prefix + name.replace("_", "-")
+        option = prefix + name.rstrip("_").replace("_", "-")  # from_ is --from
         if dataclasses.is_dataclass(hint):
             names += option_names(kind=hint, prefix=f"{option}.")  # pyright: ignore[reportArgumentType]
         elif not _is_positional(hint):

@@ -26,7 +26,7 @@ class ScoreCommand:
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
-    """A published protocol, a group (albedo, appearance, views, relighting, geometry, materials), or all."""
+    """A published protocol, a group such as albedo, appearance or relighting, or all."""
     all: bool = False
     """Also list metrics that the predictions do not provide."""
     json: Json = None
@@ -69,6 +69,8 @@ class ScoreCommand:
             terminal.out.print(f"{what} not provided by these predictions: --all lists them")
         for note in _notes(shown):
             terminal.out.print(note)
+        for advice, names in _lacking().items() if sheet.scores else ():
+            terminal.advise(f"{advice} to score {', '.join(names)} as well")
 
 
 def _conclude(sheet: ScoreSheet, terminal: Terminal) -> int:
@@ -92,6 +94,16 @@ def _notes(scores: Sequence[Score]) -> list[str]:
     from graycard.eval import find_metric
 
     return [note for note in dict.fromkeys(find_metric(score.metric).note for score in scores) if note]
+
+
+def _lacking() -> dict[str, list[str]]:
+    """Return the metrics that lack what they need on this machine, by the advice how to get it."""
+    from graycard.eval import unavailable
+
+    found: dict[str, list[str]] = {}
+    for name, advice in unavailable().items():
+        found.setdefault(advice, []).append(name)
+    return found
 
 
 def _score_table(scores: Sequence[Score], told: Sequence[Warned]) -> Table:

@@ -170,6 +170,14 @@ VERBS = (
         example="graycard export data/dark/corridor-1234 --format colmap --out away",
     ),
     Verb(
+        name="weights",
+        group="this machine",
+        module="_weights",
+        command="WeightsCommand",
+        help="Fetch weights of networks that LPIPS, FID and KID need",
+        example="graycard weights lpips",
+    ),
+    Verb(
         name="doctor",
         group="this machine",
         module="_doctor",
