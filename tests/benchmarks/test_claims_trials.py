@@ -2,6 +2,7 @@
 """The rule of verdicts on random tables: it is monotone, and its words are seldom false."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -38,9 +39,15 @@ def random_check(random: np.random.Generator) -> Check:
     )  # fmt: skip
 
 
-def judged(check: Check, effects: np.ndarray, levels: Levels, by: str) -> ClaimVerdict:
-    found, strict = locate(effects, levels.usual), locate(effects, levels.strict)
-    return verdict_of(check, Effect(found.estimate, found.interval, strict.interval), by)
+def verdict_on(
+    checks: Sequence[Check], effects: Sequence[np.ndarray], levels: Levels, by: str
+) -> ClaimVerdict:
+    """Return the verdict on a claim of some checks."""
+    found: list[ClaimVerdict] = []
+    for check, values in zip(checks, effects, strict=True):
+        usual, strict = locate(values, levels.usual), locate(values, levels.strict)
+        found.append(verdict_of(check, Effect(usual.estimate, usual.interval, strict.interval), by))
+    return combined(found, by)
 
 
 def random_effects(random: np.random.Generator, count: int) -> np.ndarray:
@@ -66,11 +73,8 @@ def test_no_scene_that_is_more_favourable_makes_a_verdict_less_so() -> None:
         raised = after[random.integers(len(checks))]
         places = np.argsort(raised)[: random.integers(1, count + 1)]
         raised[places if random.random() < 0.5 else random.permutation(places)[:1]] += random.choice(RAISES)
-        found = [
-            [judged(check, e, levels, by) for check, e in zip(checks, found, strict=True)]
-            for found in (before, after)
-        ]
-        old, new = combined(found[0], by), combined(found[1], by)
+        old = verdict_on(checks, before, levels, by)
+        new = verdict_on(checks, after, levels, by)
         assert RANK[new] >= RANK[old], (checks, before, after, old, new)
         found_words |= {old, new}
     assert found_words == set(RANK)
