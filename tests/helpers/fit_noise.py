@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Keep the scores of a run of a suite ``noise-<track>`` where verdicts read the noise of fits from.
 
-``graycard bench noise-dark && python tests/helpers/fit_noise.py runs/noise-dark``. Single views and what was not scored
-are left out.
+``graycard bench noise-dark && python tests/helpers/fit_noise.py runs/noise-dark``. Single views and what was
+not scored are left out.
 """
 
 import json
