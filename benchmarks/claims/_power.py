@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from graycard.benchmarks.claims._claim import Check, Claim, Paper
-from graycard.benchmarks.claims._rules import OPEN
+from graycard.benchmarks.claims._rules import OPEN, levels_for
 from graycard.eval.statistics import rank_limit
 from graycard.records import CheckResult, ClaimResult, Ledger, RunRecord
 
@@ -77,7 +77,8 @@ class _Rule:
     """A check as statements about the ends of an interval, on the scale on which effects are averaged."""
 
     check: Check
-    level: float
+    levels: tuple[float, float]
+    """Of words for the claim, and of words against it."""
     decided: Callable[["_Ends"], np.ndarray]
     reproduced: Callable[["_Ends"], np.ndarray]
     none: Callable[["_Ends"], np.ndarray] | None
@@ -91,19 +92,22 @@ class _Rule:
 class _Ends:
     """Interval ends of many samples, asked by comparison: above a value is a count of signed ranks."""
 
-    def __init__(self, samples: np.ndarray, level: float) -> None:
+    def __init__(self, samples: np.ndarray, level: float, against: float | None = None) -> None:
         self._samples = samples
         count = samples.shape[1]
-        self._limit, self._all = rank_limit(count, level), count * (count + 1) // 2
+        self._limits = [rank_limit(count, level), rank_limit(count, against or level)]
+        self._all = count * (count + 1) // 2
         self._known: dict[float, np.ndarray] = {}
 
-    def above(self, value: float) -> np.ndarray:
-        """Tell which intervals lie above a value."""
-        return self._statistic(value) >= self._all - self._limit if self._limit >= 0 else self._never()
+    def above(self, value: float, *, against: bool = False) -> np.ndarray:
+        """Tell which intervals lie above a value, at the level of words against the claim or for it."""
+        limit = self._limits[against]
+        return self._statistic(value) >= self._all - limit if limit >= 0 else self._never()
 
-    def below(self, value: float) -> np.ndarray:
-        """Tell which intervals lie below a value."""
-        return self._statistic(value) <= self._limit if self._limit >= 0 else self._never()
+    def below(self, value: float, *, against: bool = False) -> np.ndarray:
+        """Tell which intervals lie below a value, at the level of words against the claim or for it."""
+        limit = self._limits[against]
+        return self._statistic(value) <= limit if limit >= 0 else self._never()
 
     def _never(self) -> np.ndarray:
         return np.zeros(len(self._samples), bool)
@@ -119,7 +123,8 @@ class _Ends:
 
 
 def claims_power(ledger: Ledger, record: RunRecord, papers: Sequence[Paper]) -> list[CheckPower]:
-    """What each undecided claim of a ledger needs, one entry for each deciding check that leaves it open.
+    """Return what each undecided claim of a ledger needs, one entry for each deciding check that leaves it
+    open.
 
     Checks along a knob are left out: their scenes are not repetitions of one effect.
 
@@ -159,7 +164,7 @@ def _power(
     estimate = float(scale(result.estimate if result.estimate is not None else 1.0))
     rows = {*check.rows, *check.minus, *_beside(source, claim.id)}
     hours = _hours(record, rows)
-    rule = _rule(check, level)
+    rule = _rule(check, _levels(source, claim.id, level))
     asked = _Asked(rule, effects, estimate, result.seed_sd, _seeds(record), hours)
     paper = None if check.rule == "within" else check.paper
     return CheckPower(
@@ -173,9 +178,20 @@ def _power(
     )  # fmt: skip
 
 
+def _levels(paper: Paper, claim: str, level: float) -> tuple[float, float]:
+    """Return the levels of words for a claim and against it."""
+    found = _claim_of(paper, claim)
+    strict = levels_for(sum(check.decides for check in found.checks), level)
+    return (level, strict) if found.verdict_by == "all" else (strict, level)
+
+
+def _claim_of(paper: Paper, claim: str) -> Claim:
+    return next(c for c in paper.claims if c.id == claim)
+
+
 def _beside(paper: Paper, claim: str) -> set[str]:
     """Return the rows of the bound and of what is trivial."""
-    found = next(c for c in paper.claims if c.id == claim)
+    found = _claim_of(paper, claim)
     return {found.bound or paper.bound, found.trivial or paper.trivial}
 
 
@@ -193,39 +209,41 @@ def _log(value: float) -> float:
     return math.log(value) if value > 0 else -math.inf
 
 
-def _rule(check: Check, level: float) -> _Rule:
+def _rule(check: Check, levels: tuple[float, float]) -> _Rule:
     """Return the rule of a check on the scale on which its effects are averaged."""
     scale = _log if check.scale == "ratio" else float
     if check.rule == "within":
         assert check.accepted is not None, "the file was refused without"
-        return _within(check, level, *map(scale, check.accepted))
+        return _within(check, levels, *map(scale, check.accepted))
     small, large = map(scale, check.range or (check.neutral, math.inf))
     margins = scale(check.neutral - check.negligible), scale(check.neutral + check.negligible)
-    none = _inside(*margins) if check.negligible else None
+    none = _inside(*margins, against=True) if check.negligible else None
 
     def decided(ends: _Ends) -> np.ndarray:
-        found = ends.above(0.0) | ends.below(max(small, 0.0)) | ends.above(large)
+        found = ends.above(0.0) | ends.below(max(small, margins[1]), against=True)
         return found | none(ends) if none else found
 
     def reproduced(ends: _Ends) -> np.ndarray:
         return ends.above(0.0) & ~ends.below(small) & ~ends.above(large)
 
-    return _Rule(check, level, decided, reproduced, none, margins[1])
+    return _Rule(check, levels, decided, reproduced, none, margins[1])
 
 
-def _within(check: Check, level: float, low: float, high: float) -> _Rule:
+def _within(check: Check, levels: tuple[float, float], low: float, high: float) -> _Rule:
     """Return the rule of a check that asks for a small effect."""
     inside, scale = _inside(low, high), _log if check.scale == "ratio" else float
     ends = tuple(end for end in (low, high) if math.isfinite(end))
     reach = min(abs(end - _nothing(check, scale)) for end in ends)
-    return _Rule(
-        check, level, lambda e: inside(e) | e.below(low) | e.above(high), inside, inside, reach, ends
-    )
+
+    def decided(e: _Ends) -> np.ndarray:
+        return inside(e) | e.below(low, against=True) | e.above(high, against=True)
+
+    return _Rule(check, levels, decided, inside, inside, reach, ends)
 
 
-def _inside(low: float, high: float) -> Callable[[_Ends], np.ndarray]:
+def _inside(low: float, high: float, *, against: bool = False) -> Callable[[_Ends], np.ndarray]:
     """Return the question which intervals lie between two values."""
-    return lambda ends: ends.above(low) & ends.below(high)
+    return lambda ends: ends.above(low, against=against) & ends.below(high, against=against)
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +277,7 @@ class _Asked:
         samples = effect + self._residuals()
 
         def power(count: int) -> float:
-            return float(says(_Ends(samples[:, :count], self.rule.level)).mean())
+            return float(says(_Ends(samples[:, :count], *self.rule.levels)).mean())
 
         scenes = least_count(power)
         normal = _normal(distance, self.sd, both=both)
@@ -291,7 +309,7 @@ class _Asked:
 
 
 def least_count(power: Callable[[int], float]) -> int | None:
-    """The least number of scenes with the power that is wanted, by bisection; None above :data:`MOST`.
+    """Return the least number of scenes with the power that is wanted, by bisection; None above :data:`MOST`.
 
     Args:
         power: Of a number of scenes; taken to rise with it.

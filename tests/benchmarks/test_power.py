@@ -130,7 +130,7 @@ def test_the_command_shows_and_writes_it(run: Path, capsys: pytest.CaptureFixtur
 
 def asked(check: Check, effects: np.ndarray, **facts: Any) -> module._Asked:
     values = {"seed_sd": None, "seeds": 1, "hours": 1.0} | facts
-    return module._Asked(module._rule(check, 0.95), effects, float(np.median(effects)), **values)
+    return module._Asked(module._rule(check, (0.95, 0.95)), effects, float(np.median(effects)), **values)
 
 
 def check_of(**facts: Any) -> Check:
@@ -221,3 +221,14 @@ def test_the_least_count_is_found(least: int) -> None:
 
 def test_no_count_is_enough() -> None:
     assert least_count(lambda count: 0.5) is None
+
+
+def test_words_against_a_claim_of_several_checks_ask_for_more() -> None:
+    """An interval above the claimed smallness refutes at the stricter level alone."""
+    samples = np.random.default_rng(1).normal(1.0, 1.0, (500, 12))
+    usual, strict = module._Ends(samples, 0.95), module._Ends(samples, 0.95, 0.9925)
+    assert (strict.above(0.0) == usual.above(0.0)).all()
+    assert strict.above(0.0, against=True).sum() < usual.above(0.0, against=True).sum()
+    expected = [(signed_rank_p(row) or 1.0) <= 0.0075 for row in samples]
+    refuted = strict.above(0.0, against=True) | strict.below(0.0, against=True)
+    assert refuted.tolist() == expected
