@@ -90,8 +90,8 @@ class Pursued:
         for paper, claim in self.claims.values():
             found |= {claim.bound or paper.bound, claim.trivial or paper.trivial}
             found |= {row for check in _deciding(claim) for row in (*check.rows, *check.minus)}
-        nested = [(pair.inner, pair.outer) for paper in self.papers for pair in paper.nested]
-        return found.union(*(pair for pair in nested if found.intersection(pair)))
+        nested = [pair for paper in self.papers for pair in paper.nested]
+        return found | {pair.inner for pair in nested if pair.outer in found}
 
     def concerns(self, spec: SceneSpec) -> bool:
         """Tell whether a deciding check of an open claim is about a scene."""

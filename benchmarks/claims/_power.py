@@ -181,7 +181,7 @@ def _power(
 def _levels(paper: Paper, claim: str, level: float) -> tuple[float, float]:
     """Return the levels of words for a claim and against it."""
     found = _claim_of(paper, claim)
-    strict = levels_for(sum(check.decides for check in found.checks), level)
+    strict = levels_for(found.statements, level)
     return (level, strict) if found.verdict_by == "all" else (strict, level)
 
 

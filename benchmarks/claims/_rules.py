@@ -80,14 +80,14 @@ def is_decided(verdict: ClaimVerdict) -> bool:
     return verdict not in OPEN and verdict != "not testable here"
 
 
-def levels_for(deciding: int, level: float) -> float:
-    """Return the stricter level of words that one of several checks is enough for.
+def levels_for(statements: int, level: float) -> float:
+    """Return the stricter level of words that one of several intervals is enough for.
 
-    Three quarters of the error are divided by the number of checks. Each end then errs with half of that
-    where effects are symmetric; the rest is left for skew, which signed ranks bear with errors of up to twice
-    as much.
+    Three quarters of the error are divided by their number. Each end then errs with half of that where
+    effects are symmetric; the rest is left for skew, which signed ranks bear with errors of up to twice as
+    much.
     """
-    return level if deciding < 2 else 1 - _SHARED * (1 - level) / deciding
+    return level if statements < 2 else 1 - _SHARED * (1 - level) / statements
 
 
 def verdict_of(check: Check, effect: Effect, by: str) -> ClaimVerdict:
@@ -113,7 +113,7 @@ def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
 
 def is_negligible(check: Check, interval: Interval) -> bool:
     """Tell if the whole interval is so near to no effect that the check calls it none."""
-    return max(abs(end - check.neutral) for end in interval) <= check.negligible
+    return bool(check.negligible) and max(abs(e - check.neutral) for e in interval) <= check.negligible
 
 
 def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
@@ -128,7 +128,7 @@ def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
         return "no effect"
     if high < check.neutral:
         return "contradicted"
-    if high <= check.neutral + check.negligible:
+    if check.negligible and high <= check.neutral + check.negligible:
         return "smaller than claimed"
     return "smaller than claimed" if check.range and high < check.range[0] else None
 
