@@ -173,7 +173,7 @@ class ClaimsCommand:
 
 
 def _claims(claims: Sequence[ClaimResult]) -> Table:
-    table = new_table("", "claim", "verdict", "stability", "why")
+    table = new_table("", "claim", "verdict", "refits that agree", "why")
     for claim in claims:
         stability = "" if claim.stability is None else f"{claim.stability:.0%}"
         table.add_row(claim.id, claim.sentence, claim.verdict, stability, _why(claim))
@@ -193,7 +193,7 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         "",
         "effect",
         "estimate",
-        "95 % interval",
+        "interval",
         "p of ranks",
         "n",
         "paper",
