@@ -214,7 +214,7 @@ def test_a_verdict_that_is_held_back_says_why_and_what_it_needs(run: Path) -> No
     told = (
         "By the checks <em>reproduced</em>, but held back: mine has not converged.",
         "<strong>To decide it:</strong> 12 more scenes.",
-        "82% of simulated refits give this verdict.",
+        "82% of simulated refits agree with the checks.",
         "SD of scenes 1.00 dB, SD of fits 0.20 dB, stability 82%",
         "half the steps 1.00 dB",
     )
