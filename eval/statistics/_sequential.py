@@ -20,6 +20,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from graycard.eval.statistics._null_distribution import two_sided
+
 ERROR = 0.05
 """Greatest chance that any of the looks is wrong."""
 _KEPT = 0.005
@@ -103,32 +105,3 @@ def p_after_each(samples: np.ndarray) -> np.ndarray:
         statistic += positive[:, last] * (last + 1 - np.count_nonzero(larger, axis=1))
         found[:, last] = two_sided(last + 1)[statistic]
     return found
-
-
-@cache
-def two_sided(count: int) -> np.ndarray:
-    """Return the exact two-sided p of each signed-rank statistic of so many values without ties.
-
-    Returns:
-        By the sum of the ranks of positive values, shape ``(count * (count + 1) / 2 + 1,)``.
-    """
-    shares = np.zeros(count * (count + 1) // 2 + 1)
-    shares[0] = 1
-    for rank in range(1, count + 1):
-        shares[rank:] = shares[rank:] + shares[:-rank]
-        shares /= 2
-    lower = np.cumsum(shares)
-    return np.minimum(1, 2 * np.minimum(lower, lower[::-1]))
-
-
-def rank_limit(count: int, level: float) -> int:
-    """Return the largest sum of ranks that an interval of a level leaves out at either end; -1 for none.
-
-    So many of the mean of every two values, sorted, lie outside of the interval on each side.
-
-    Example:
-        >>> rank_limit(6, 0.95), rank_limit(5, 0.95)
-        (0, -1)
-    """
-    lower = two_sided(count)[: count * (count + 1) // 4 + 1]
-    return int(np.searchsorted(lower, (1 - level) * (1 + 1e-12), side="right")) - 1
