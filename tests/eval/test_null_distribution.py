@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One distribution of the signed-rank statistic: by counting, by scipy, and of more values than 2^n can count."""
+"""The one distribution of the signed-rank statistic: by counting, by scipy, and of more than 1,023 values."""
 
 from itertools import product
 
