@@ -40,7 +40,5 @@ class Edition:
     """Of git, or the version of a release as ``v1.0.0``."""
     commit: str
     """Of the tag, in full; empty for an installed release."""
-    sealed: bool = True
-    """Whether the scenes are those of a sealed range."""
     claims: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file of claims at the tag, by its name."""
