@@ -30,7 +30,7 @@ from graycard.networks import (
     weights_path,
 )
 from graycard.networks._convert import inception_tensors, lpips_tensors
-from graycard.networks._store import digest_of
+from graycard.networks._store import digest_of, read_weights
 
 RNG = np.random.default_rng(4)
 KERNELS = {0: (3, 5, 3, 4), 3: (1, 1, 4, 6)}
@@ -181,6 +181,35 @@ def test_a_file_of_the_cache_that_was_changed_is_not_used(
     kept.write_bytes(content[:40])
     with pytest.raises(WeightsError, match=r"got a damaged file .*Run `graycard weights lpips`"):
         published_lpips("alex")
+
+
+@pytest.mark.usefixtures("home")
+def test_a_file_that_was_read_and_is_gone_or_spoiled_is_not_whole(made_up: tuple[WeightSet, Path]) -> None:
+    """In one process: what was read before says nothing of the file as it is now."""
+    (kept,) = fetch_weights("lpips", made_up[1])
+    content = kept.read_bytes()
+    assert is_whole("lpips-alex")
+    kept.unlink()
+    assert not is_whole("lpips-alex")
+    with pytest.raises(WeightsError, match="got none. Run `graycard weights lpips`"):
+        published_lpips("alex")
+    assert fetch_weights("lpips", made_up[1]) == (kept,)
+    assert kept.is_file()
+    assert is_whole("lpips-alex")
+    kept.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    assert not is_whole("lpips-alex")
+
+
+@pytest.mark.usefixtures("home")
+def test_weights_that_were_read_cannot_be_spoiled(made_up: tuple[WeightSet, Path]) -> None:
+    """Arrays are shared by all who read them; tensors are copies."""
+    fetch_weights("lpips", made_up[1])
+    shared = read_weights("lpips-alex")
+    with pytest.raises(ValueError, match="read-only"):
+        shared["features.0.bias"][:] = 0
+    before = shared["features.0.bias"].copy()
+    published_lpips("alex")["features.0.bias"].zero_()
+    np.testing.assert_array_equal(published_lpips("alex")["features.0.bias"].numpy(), before)
 
 
 @pytest.mark.usefixtures("home")
