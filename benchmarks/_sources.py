@@ -134,7 +134,7 @@ def gpu_name() -> str | None:
 
 
 def _output(command: list[str]) -> str:
-    """What a command prints; empty if it fails, hangs or cannot be run."""
+    """Return what a command prints; empty if it fails, hangs or cannot be run."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
     except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
