@@ -10,7 +10,7 @@ from typing import Final, get_args
 
 from graycard import GraycardError
 from graycard.io import sha256
-from graycard.records import CheckResult, ClaimResult, ClaimVerdict, PaperResult, RowMean, read_ledger
+from graycard.records import CheckResult, ClaimResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_ledger
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._effects import EffectPlot, effect_plot
 from graycard.reports._format import count, format_number, format_p, format_value
@@ -105,6 +105,11 @@ def claims_section(run: Path) -> ClaimsSection | None:
         return ClaimsSection((), {}, stale=False, legend=LEGEND, fault=str(cause))
     if ledger is None:
         return None
+    return section_of(ledger, run)
+
+
+def section_of(ledger: Ledger, run: Path) -> ClaimsSection:
+    """Return the section of a ledger, whose run lies in a folder."""
     stale = ledger.run_sha256 != sha256(run / "run.json")
     level = f"{100 * ledger.level:.4g} %"
     return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale, LEGEND, level)
