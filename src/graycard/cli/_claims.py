@@ -58,6 +58,7 @@ class ClaimsCommand:
     Without it, graycard's own."""
     republish: bool = False
     """Also write the verdicts into a published folder, its page and the history above it.
+    The page follows today's rules, tables and all; its pictures stay.
     Without a run: into the file of --json, and the history beside that."""
     json: Json = None
     """Also write the ledger to this file; what undecided claims need with --power, the changes with
@@ -98,6 +99,7 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
+        from graycard.eval.statistics import compare_run
         from graycard.reports import is_published, republish_claims, write_report
 
         record = read_run(run)
@@ -109,7 +111,7 @@ class ClaimsCommand:
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
         if is_published(run) and self.republish:
-            republish_claims(run, found)
+            republish_claims(run, found, compare_run(record))
             return found, f"; published anew in {run}"
         if is_published(run):
             return found, "; the folder is a published one and left as it is"
