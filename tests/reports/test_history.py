@@ -14,8 +14,8 @@ import pytest
 
 from graycard import RecordError
 from graycard.cli import main
-from graycard.io import read_json, write_json
-from graycard.records import CLAIMS, HISTORY, LedgerEntry, VerdictHistory, read_history
+from graycard.io import from_builtins, read_json, sha256, write_json
+from graycard.records import CLAIMS, HISTORY, Ledger, LedgerEntry, VerdictHistory, read_history
 from graycard.reports import HISTORY_PAGE, publish_run, verdict_changes
 from graycard.reports.history._changes import changes_of, open_changes
 from graycard.reports.history._entries import entry_of, rules_hash
@@ -75,6 +75,17 @@ def ledger_json(
     told |= {"checks": checks or [check_json(verdict)]} | claim
     paper = {"name": "mine", "version": 1, "claims_sha256": "cd", "claims": [told]}
     return {"suite": "mine", "suite_version": 1, "run_sha256": run, "rules": dict(rules), "papers": [paper]}
+
+
+def whole_ledger(verdict: str, run: Path) -> Ledger:
+    """Return the same as a run folder has it."""
+    told = ledger_json(verdict, [check_json(verdict)], run=sha256(run / "run.json"), source="", rule="")
+    (paper,) = told["papers"]
+    (claim,) = paper["claims"]
+    (check,) = claim["checks"]
+    del check["mean"]
+    check |= {"says": "", "rule": "", "reason": "", "estimate": 1.23456789}
+    return from_builtins(Ledger, told | {"level": 0.95, "methods": {}, "papers": [paper | {"title": ""}]})
 
 
 @pytest.fixture
@@ -276,7 +287,7 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
     run = kept / "run"
     shutil.copytree(tiny_run, run)
-    write_json(run / CLAIMS, ledger_json("contradicted", run="of another run"))
+    write_json(run / CLAIMS, whole_ledger("contradicted", run))
     with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
         publish_run(run, kept / "mine", 100)
     assert not (kept / "mine").exists()

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from graycard._errors import GraycardError
+from graycard._errors import GraycardError, RecordError
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
@@ -261,10 +261,15 @@ class ReportCommand:
     """The run folder."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the report."""
-        from graycard.reports import write_report
+        """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.reports import ledger_of_run, write_report
 
-        terminal.out.print(f"report: {write_report(self.run_folder).resolve()}")
+        path = write_report(self.run_folder)
+        try:
+            ledger_of_run(self.run_folder)
+        except RecordError as fault:
+            terminal.err.print(f"claims: {fault}")
+        terminal.out.print(f"report: {path.resolve()}")
         return OK
 
 
