@@ -301,6 +301,62 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
     assert "Scenes were fitted again." in (kept / HISTORY_PAGE).read_text()
 
 
+def test_a_history_begins_as_the_docs_say(tmp_path: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    assert '`history.json` with `{"entries": []}`' in (ROOT / "docs" / "results.md").read_text(
+        encoding="utf-8"
+    )
+    run, there = tmp_path / "run", tmp_path / "there"
+    shutil.copytree(tiny_run, run)
+    there.mkdir()
+    (there / HISTORY).write_text('{"entries": []}')
+    parts = (OWN / REASONS).read_text(encoding="utf-8").split("[[")
+    editions = "".join(f"[[{part}" for part in parts if part.startswith("editions"))
+    (there / REASONS).write_text(editions, encoding="utf-8")
+    newest = load_reasons(OWN).editions[-1]
+    monkeypatch.setattr("graycard.reports.history._entries.rules_hash", lambda rules: newest.rules[-1])
+    write_json(run / CLAIMS, whole_ledger("reproduced", run))
+    publish_run(run, there / "mine", 100)
+    assert [entry.file for entry in read_history(there).entries] == ["mine/claims.json"]
+    assert "M1" in (there / HISTORY_PAGE).read_text()
+
+
+def test_the_history_of_a_published_run_stands_above_it(
+    tiny_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert verdict_changes(OWN / "matte") == tuple(c for c in verdict_changes() if c.suite == "claims-matte")
+    assert verdict_changes(OWN / "dark") != verdict_changes(OWN / "matte")
+    assert main(["claims", str(OWN / "matte"), "--history"]) == 0
+    shown = capsys.readouterr().out
+    assert "claims-matte" in shown
+    assert "claims-dark" not in shown
+    with pytest.raises(
+        RecordError, match=r"expected history.json in .*, or in the folder above a published run"
+    ):
+        verdict_changes(tiny_run)
+    shutil.copy(OWN / HISTORY, tmp_path)
+    (tmp_path / "other").mkdir()
+    shutil.copy(tiny_run / "run.json", tmp_path / "other")
+    (tmp_path / "other" / "index.html").touch()
+    with pytest.raises(
+        RecordError, match=r"expected a suite of .*history.json \(claims-.*Publish its run there"
+    ):
+        verdict_changes(tmp_path / "other")
+
+
+def test_options_that_judge_are_refused_beside_the_history(capsys: pytest.CaptureFixture[str]):
+    for options in (
+        ["--power"],
+        ["--checks", "--republish"],
+        ["--half", "x", "--twice", "y"],
+        ["--claims", "gsid"],
+    ):
+        assert main(["claims", "--history", *options]) == 2
+        named = ", ".join(sorted(option for option in options if option.startswith("--")))
+        said = " ".join(capsys.readouterr().err.split())
+        assert f"expected --history without {named}, got both" in said
+
+
 def test_a_history_that_is_damaged_is_told(kept: Path):
     (kept / HISTORY).write_text('{"entries": 3}')
     with pytest.raises(RecordError, match="history.json"):

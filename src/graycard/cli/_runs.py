@@ -280,7 +280,8 @@ class PublishCommand:
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder, with its scenes and predictions."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Write to this folder, new or empty."""
+    """Write to this folder, new or empty. The folder above may keep a history of verdicts (history.json),
+    which then grows."""
     pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
     """Embed pictures and values of single views of these rows only; of all by default."""
     limit_mib: float = 20.0
