@@ -184,8 +184,8 @@ def test_new_words_for_the_same_finding_are_counted_apart_and_tables_once():
     assert [(row.suite, row.claim) for row in rows] == [*(("dark", claim) for claim in run), ("", "T1")]
     assert edition_table(history, reasons).splitlines()[0] == (
         "By the rules 'second', on the same fits as before, 2 of 5 verdicts tell another finding, 2 have a "
-        "new word for the same one (not checkable → not testable here, contradicted → inconsistent), 1 stayed "
-        "as before."
+        "new word for the same one (not checkable → not testable here, contradicted → inconsistent), 1 "
+        "stayed as before."
     )
 
 
