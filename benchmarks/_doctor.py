@@ -9,7 +9,7 @@ import psutil
 
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
 from graycard.io import free_mib
-from graycard.networks import LPIPS_VARIABLE, SETS, is_whole, weights_home
+from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
@@ -56,14 +56,14 @@ def _memory_gib() -> float:
 
 
 def _weights() -> Finding:
-    """Weights of networks that scores and losses use; those that were fetched are checked."""
-    here = {one.name: all(is_whole(file.name) for file in one.files) for one in SETS}
-    found = [f"{name} {'fetched' if whole else 'not fetched'}" for name, whole in here.items()]
+    """Return the weights of networks that scores and losses use; those that were fetched are checked."""
+    states = {one.name: state_of(one) for one in SETS}
+    found = [f"{name} {state}" for name, state in states.items()]
     if own := os.environ.get(LPIPS_VARIABLE):
         found.append(f"LPIPS uses {own}, which {LPIPS_VARIABLE} names")
-    lacking = [one for one in SETS if not here[one.name] and not (own and one.name == "lpips")]
+    lacking = [o for o in SETS if states[o.name] != "fetched" and not (own and o.name == "lpips")]
     advice = [f"`graycard weights {one.name}` for {one.purpose}" for one in lacking]
-    where = f" in {weights_home()}" if any(here.values()) else ""
+    where = f" in {weights_home()}" if set(states.values()) != {"not fetched"} else ""
     return Finding("weights", f"{', '.join(found)}{where}", f"run {' and '.join(advice)}" if advice else "")
 
 

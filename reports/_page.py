@@ -80,15 +80,21 @@ class Page:
     """Of the codes of linear light."""
 
 
-def build_page(record: RunRecord, run: Path, pictures: Collection[str] | None = None) -> Page:
-    """The content of the report of a run; reads the folders that the record names.
+def build_page(
+    record: RunRecord,
+    run: Path,
+    pictures: Collection[str] | None = None,
+    comparison: Comparison | None = None,
+) -> Page:
+    """Return the content of the report of a run; reads the folders that the record names.
 
     Args:
         record: The run.
         run: Its folder.
         pictures: Names of the methods whose pictures are embedded; None for all.
+        comparison: Of its methods; None for that in the folder.
     """
-    comparison, fault = _read_comparison(run)
+    comparison, fault = (comparison, "") if comparison else _read_comparison(run)
     names = dict.fromkeys([s.track for s in record.scenes] + [r.job.track for r in record.results])
     tracks = tuple(
         _track(record, comparison, run, name, f"track-{i + 1}", pictures) for i, name in enumerate(names)

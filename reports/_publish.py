@@ -4,18 +4,17 @@
 import hashlib
 import json
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from graycard import OutputError
-from graycard.io import atomic_folder, sha256
-from graycard.records import CLAIMS, PUBLISHED_PAGE
+from graycard import OutputError, RecordError
+from graycard.io import atomic_folder, read_json, sha256, to_builtins
+from graycard.records import CLAIMS, PUBLISHED_PAGE, Ledger, read_ledger, read_run
 from graycard.reports._write import report_of
 from graycard.reports.history._keep import KeptHistory, continue_history
 
+RUN = "run.json"
 SUITE = "suite.json"
-RECORDS = ("run.json", SUITE, CLAIMS)
-"""Files of a run that are kept. All but the first may be missing. The comparison is none of them: it follows
-from the first."""
 
 
 def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[str] | None = None) -> float:
@@ -34,23 +33,14 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
         Its size in MiB.
 
     Raises:
-        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name; or a verdict
-            changed and the history says no reason.
+        RecordError: There is no ``run.json``, it is damaged, or it has no method of such a name. The ledger
+            is damaged, of an older format or of another run. A verdict changed and the history says no
+            reason.
         OutputError: It would be larger than the limit, or it cannot be written, or is in use.
     """
-    files = {name: Path(run) / name for name in RECORDS}
-    content = {PUBLISHED_PAGE: report_of(Path(run), pictures)}
-    records = {name: json.loads(path.read_bytes()) for name, path in files.items() if path.is_file()}
-    records["run.json"]["scenes"] = [
-        scene | {"folder": f"dataset/{scene['track']}/{scene['scene']}"}
-        for scene in records["run.json"]["scenes"]
-    ]
-    content |= {name: _packed(record) for name, record in records.items()}
-    if SUITE in records:
-        content[SUITE] = files[SUITE].read_bytes()  # run.json has its hash
-    if CLAIMS in records and records[CLAIMS].get("run_sha256") == sha256(files["run.json"]):
-        beside = hashlib.sha256(content["run.json"]).hexdigest()  # the same numbers, laid out otherwise
-        content[CLAIMS] = _packed(records[CLAIMS] | {"run_sha256": beside})
+    run = Path(run)
+    started, ledger = read_run(run).started, ledger_of_run(run)
+    content = {PUBLISHED_PAGE: report_of(run, pictures), **_kept_records(run, ledger)}
     sizes = {name: len(data) / 2**20 for name, data in content.items()}
     whole = sum(sizes.values())
     if whole > limit_mib:
@@ -59,7 +49,7 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
             f"expected {limit_mib:g} MiB at most, got {whole:.1f} ({parts}). Name fewer methods for "
             "--pictures, or raise --limit-mib"
         )
-    kept = _continued(Path(folder), content)
+    kept = _continued(Path(folder), content, started)
     with atomic_folder(folder) as partial:
         for name, data in content.items():
             (partial / name).write_bytes(data)
@@ -68,11 +58,39 @@ def publish_run(run: Path, folder: Path, limit_mib: float, pictures: Collection[
     return whole
 
 
-def _continued(folder: Path, content: Mapping[str, bytes]) -> KeptHistory | None:
+def ledger_of_run(run: Path) -> Ledger | None:
+    """Return the ledger beside a ``run.json``, of which it must be; None where claims were not judged.
+
+    Raises:
+        RecordError: It is damaged or of another format, or ``run.json`` is not the one that it was made from.
+    """
+    ledger = read_ledger(run)
+    if ledger is None or ledger.run_sha256 == (found := sha256(Path(run) / RUN)):
+        return ledger
+    of = f"run.json {ledger.run_sha256[:12]}" if ledger.run_sha256 else "no run"
+    raise RecordError(
+        f"expected {Path(run) / CLAIMS} to be of run.json {found[:12]}, got one of {of}. "
+        f"Judge the run again: graycard claims {run}"
+    )
+
+
+def _kept_records(run: Path, ledger: Ledger | None) -> dict[str, bytes]:
+    """Return the files that are kept, by name; the comparison is none of them, as it follows from the run."""
+    record = read_json(run / RUN)
+    record["scenes"] = [s | {"folder": f"dataset/{s['track']}/{s['scene']}"} for s in record["scenes"]]
+    found = {RUN: _packed(record)}
+    if (run / SUITE).is_file():
+        found[SUITE] = (run / SUITE).read_bytes()  # run.json has its hash
+    if ledger is not None:
+        beside = hashlib.sha256(found[RUN]).hexdigest()  # the same numbers, laid out otherwise
+        found[CLAIMS] = _packed(to_builtins(replace(ledger, run_sha256=beside)))
+    return found
+
+
+def _continued(folder: Path, content: Mapping[str, bytes], started: str) -> KeptHistory | None:
     """Return the history above a folder with the ledger to lie in it; None where there is none of either."""
     if CLAIMS not in content:
         return None
-    started = json.loads(content["run.json"]).get("started", "")
     return continue_history(folder.parent, f"{folder.name}/{CLAIMS}", json.loads(content[CLAIMS]), started)
 
 

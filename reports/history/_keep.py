@@ -10,7 +10,7 @@ from typing import Any
 
 from graycard import RecordError
 from graycard.io import to_builtins, write_bytes
-from graycard.records import HISTORY, LedgerEntry, VerdictHistory, read_history
+from graycard.records import HISTORY, LedgerEntry, VerdictHistory, is_published, read_history, read_run
 from graycard.reports.history._changes import TABLES, Change, changes_of, open_changes
 from graycard.reports.history._entries import entry_of
 from graycard.reports.history._page import render_history
@@ -82,13 +82,31 @@ def continue_history(
 
 
 def verdict_changes(folder: Path | None = None) -> tuple[Change, ...]:
-    """Return every change that a history tells; of graycard's own where no folder is named.
+    """Return every change that a history tells.
+
+    Args:
+        folder: Folder of a history; graycard's own by default. A published run stands for the folder above,
+            with the changes of its suite alone.
 
     Raises:
         RecordError: The folder keeps no history, a file is damaged, or a reason does not fit the ledgers.
     """
-    where = Path(folder or OWN)
-    return changes_of(read_history(where), load_reasons(where))
+    where = Path(folder or OWN).resolve()
+    if (where / HISTORY).is_file():
+        return changes_of(read_history(where), load_reasons(where))
+    above = where.parent
+    if not (is_published(where) and (above / HISTORY).is_file()):
+        raise RecordError(
+            f"expected {HISTORY} in {where}, or in the folder above a published run, got none. Name a folder "
+            "that keeps a history"
+        )
+    history, suite = read_history(above), read_run(where).suite
+    if suite not in history.suites:
+        told = ", ".join(filter(None, history.suites)) or "none"
+        raise RecordError(
+            f"expected a suite of {above / HISTORY} ({told}), got {suite}. Publish its run there"
+        )
+    return tuple(change for change in changes_of(history, load_reasons(above)) if change.suite == suite)
 
 
 def missing_reasons(changes: tuple[Change, ...], folder: Path) -> str:

@@ -1,58 +1,44 @@
 # SPDX-License-Identifier: Apache-2.0
-"""New verdicts in what is published already: the run stays, its ledger, page and history follow the rules."""
+"""New verdicts in what is published already: run and pictures stay, ledger, page and history follow rules."""
 
 import json
-import re
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Final
-
-from markupsafe import escape
 
 from graycard import RecordError
 from graycard.io import to_builtins, write_bytes, write_json
-from graycard.records import CLAIMS, Ledger, read_run
-from graycard.reports._claims import section_of
-from graycard.reports._templates import asset, content_policy, environment
+from graycard.records import CLAIMS, PUBLISHED_PAGE, Comparison, Ledger, read_run
 from graycard.reports.history._keep import KeptHistory, continue_history
-
-_SECTION: Final = re.compile(r'<section class="claims".*?</section>', re.DOTALL)
-_STYLE: Final = re.compile(r"(?<=<style>)(.*?)(?=</style>)", re.DOTALL)
-_SCRIPT: Final = re.compile(r"<script>(.*?)</script>", re.DOTALL)
-_POLICY: Final = re.compile(r'(?<=http-equiv="Content-Security-Policy" content=")[^"]*')
-_OF_PAGE: Final = re.compile(r"^\.bar\.", re.MULTILINE)
-"""Begin of the rules that a page has for itself, after those of all pages."""
+from graycard.reports.history._remake import picture_parts, remade_page
 
 
-def republish_claims(folder: Path, ledger: Ledger) -> KeptHistory | None:
+def republish_claims(folder: Path, ledger: Ledger, comparison: Comparison) -> KeptHistory | None:
     """Write new verdicts of a published run into its ledger, its page and the history above it.
 
+    The whole page is made anew by today's rules; only the pictures, with the scores of their scenes, stay.
     All is rendered before the first file is written, so what is refused leaves the folder as it was.
 
     Args:
         folder: A published folder.
         ledger: Verdicts of its run.
+        comparison: Of the methods of its run.
 
     Returns:
         The history as it is now; None where the folder above keeps none.
 
     Raises:
         RecordError: A verdict changed and the history says no reason, or the page has no section of claims or
-            no style and script of a report.
+            lacks another part.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    data, page = to_builtins(ledger), Path(folder) / "index.html"
-    packed = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"
-    file = f"{Path(folder).resolve().name}/{CLAIMS}"
-    kept = continue_history(Path(folder).resolve().parent, file, data, read_run(folder).started)
+    folder = Path(folder).resolve()
+    record, data, page = read_run(folder), to_builtins(ledger), folder / PUBLISHED_PAGE
+    kept = continue_history(folder.parent, f"{folder.name}/{CLAIMS}", data, record.started)
     old = page.read_text(encoding="utf-8")
-    if not _SECTION.search(old):
+    if '<section class="claims"' not in old:
         raise RecordError(f"expected a section of claims in {page}, got a page without. Publish the run anew")
-    files = {
-        Path(folder) / CLAIMS: packed.encode(),
-        page: with_claims(old, Path(folder), ledger).encode(),
-        **(kept.files() if kept else {}),
-    }
+    packed = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"
+    remade = remade_page(picture_parts(old, record), record, folder, comparison, ledger)
+    files = {folder / CLAIMS: packed.encode(), page: remade.encode(), **(kept.files() if kept else {})}
     for path, content in files.items():
         write_bytes(path, content)
     return kept
@@ -70,17 +56,3 @@ def republish_tables(path: Path, ledger: Ledger) -> KeptHistory | None:
     if kept:
         kept.write()
     return kept
-
-
-def with_claims(page: str, run: Path, ledger: Ledger) -> str:
-    """Return the published page of a run with new verdicts, and the style that they need."""
-    template = environment().get_template("claims.html.j2")
-    claims = template.render(page=SimpleNamespace(claims=section_of(ledger, run)))
-    page = _SECTION.sub(lambda _: claims.rstrip(), page, count=1)
-    found, scripts = _STYLE.search(page), _SCRIPT.search(page)
-    own = _OF_PAGE.search(found[0]) if found else None
-    if not (found and own and scripts):
-        raise RecordError("expected a report with style and script, got a page without. Publish the run anew")
-    style = asset("report.css") + found[0][own.start() :]
-    page = _STYLE.sub(lambda _: style, page, count=1)
-    return _POLICY.sub(lambda _: str(escape(content_policy(style, scripts[1]))), page, count=1)

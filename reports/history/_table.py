@@ -1,11 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The verdicts before and after the newest edition of the rules, as a table of Markdown."""
 
+from collections import Counter
 from dataclasses import dataclass
+from typing import Final
 
 from graycard.records import VerdictHistory
+from graycard.reports._format import count
 from graycard.reports.history._changes import TABLES, changes_of
 from graycard.reports.history._reasons import Edition, Reasons
+
+_RENAMED: Final = {
+    ("reproduced", "consistent"),
+    ("contradicted", "inconsistent"),
+    ("reproduced", "holds"),
+    ("contradicted", "does not hold"),
+    ("not checkable", "not testable here"),
+}
+"""Words before and after that tell the same finding: tables and own questions got words of their own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +30,13 @@ class EditionRow:
     after: str
     why: str
     """Reason for the change; empty where the verdict stayed and nothing is told."""
+
+    @property
+    def found(self) -> str:
+        """Return what became of the verdict: another finding, another word for the same one, or nothing."""
+        if self.before == self.after:
+            return "stayed"
+        return "renamed" if (self.before, self.after) in _RENAMED else "another finding"
 
 
 def newest_edition(history: VerdictHistory, reasons: Reasons) -> Edition:
@@ -33,7 +52,8 @@ def newest_edition(history: VerdictHistory, reasons: Reasons) -> Edition:
 def edition_rows(history: VerdictHistory, reasons: Reasons) -> tuple[EditionRow, ...]:
     """Return all claims of suites that were judged by the newest edition and by one before.
 
-    Compared are the first ledger of the newest edition and the one before it.
+    Compared are the first ledger of the newest edition and the one before it. A paper's own table needs no
+    run: it is a row once, though ledgers of runs repeat its verdict.
 
     Raises:
         RecordError: A ledger's rules are of no edition, or a reason does not fit the ledgers.
@@ -55,16 +75,16 @@ def edition_rows(history: VerdictHistory, reasons: Reasons) -> tuple[EditionRow,
             for name, claim in after.items()
             if name in before
         ]
-    return tuple(rows)
+    tables = {(row.claim, row.before, row.after) for row in rows if not row.suite}
+    return tuple(r for r in rows if not (r.suite and (r.claim, r.before, r.after) in tables))
 
 
 def edition_table(history: VerdictHistory, reasons: Reasons) -> str:
     """Return these rows as a table of Markdown, below a line that counts them."""
     rows = edition_rows(history, reasons)
-    turned = sum(row.before != row.after for row in rows)
     name = newest_edition(history, reasons).name
     lines = [
-        f"By the rules {name!r}, on the same fits as before: {turned} of {len(rows)} verdicts are others.",
+        f"By the rules {name!r}, on the same fits as before, {_counted(rows)}.",
         "",
         "| suite | claim | before | by these rules | why |",
         "| --- | --- | --- | --- | --- |",
@@ -74,3 +94,13 @@ def edition_table(history: VerdictHistory, reasons: Reasons) -> str:
         for row in rows
     ]
     return "\n".join(lines) + "\n"
+
+
+def _counted(rows: tuple[EditionRow, ...]) -> str:
+    """Return how many verdicts are another finding, and how many the same finding by another word."""
+    found = Counter(row.found for row in rows)
+    words = dict.fromkeys(f"{row.before} → {row.after}" for row in rows if row.found == "renamed")
+    renamed = f"{found['renamed']} have a new word for the same one ({', '.join(words)})" if words else ""
+    parts = [f"{found['another finding']} of {count(len(rows), 'verdict')} tell another finding", renamed]
+    parts += [f"{found['stayed']} stayed as before"] if found["stayed"] else []
+    return ", ".join(filter(None, parts))

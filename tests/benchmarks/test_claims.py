@@ -18,9 +18,11 @@ from claims_by_hand import (
     check_of,
     course,
     estimate_of,
+    fitted,
     interval_of,
     judged,
     run_with,
+    seeded,
     values,
     verdict,
 )
@@ -152,6 +154,55 @@ def test_along_a_knob() -> None:
     level = check_of("within", along=along, accepted=(-0.5, 0.5))
     assert verdict(along_knob(0.0), level) == "reproduced"
     assert verdict(along_knob(4.0), level) == "contradicted"
+
+
+@pytest.mark.parametrize(
+    ("knobs", "expected"),
+    [
+        ((0.0, 0.1, 0.26, 0.3, 0.4, 0.44, 0.6, 0.7), "reproduced"),
+        ((0.0, 0.1, 0.27, 0.3, 0.4, 0.44, 0.6, 0.7), "undecided"),  # the outer thirds end at 0.267
+        ((0.0, 0.1, 0.26, 0.3, 0.4, 0.43, 0.6, 0.7), "undecided"),  # and begin at 0.433
+        ((0.0, 0.1, 0.2, 0.25, 0.26, 0.2, 0.1, 0.7), "undecided"),
+    ],
+)
+def test_a_line_needs_three_scenes_in_each_outer_third(knobs: tuple[float, ...], expected: str) -> None:
+    """Between 0.1 and 0.6 or beyond; the line itself is as certain in all of them."""
+    lead = 3 + 40 * np.array(knobs)
+    rows = {"mine": {"psnr": list(BASE + lead + SPREAD / 100)}, "theirs": {"psnr": list(BASE)}}
+    run = run_of(rows, [scene_of(i, offset=k) for i, k in enumerate(knobs)])
+    found = judged(run, check_of(along=Along("offset", 0.1, 0.6))).checks[0]
+    line: Any = stats.linregress(knobs, lead + SPREAD / 100)
+    assert found.verdict == expected
+    assert found.estimate == pytest.approx(0.5 * line.slope)
+    said = "a line needs 3 scenes towards either value of offset"
+    assert (said in found.reason) == (expected == "undecided")
+    assert (found.interval == (-math.inf, math.inf)) == (expected == "undecided")
+
+
+def test_a_row_that_is_not_fitted_is_the_same_with_every_seed() -> None:
+    """It is run once; beside two seeds of the other row it is as if it were run twice."""
+    effects = np.stack([5 + SPREAD, 5.4 + 2 * SPREAD], axis=1)
+    twice = fitted(seeded(effects))
+    once = replace(
+        twice, results=tuple(r for r in twice.results if r.job.method == "mine" or r.job.seed == 0)
+    )
+    assert len(once.results) < len(twice.results)
+    found = judged(once, check_of())
+    assert found == judged(twice, check_of())
+    assert found.checks[0].noise_from == "2 seeds of this run"
+    assert list(found.checks[0].scenes.values()) == pytest.approx(list(effects.mean(axis=1)))
+
+
+def test_fitted_rows_of_unlike_numbers_of_seeds_are_compared_by_their_means() -> None:
+    effects = np.stack([5 + SPREAD, 5.4 + 2 * SPREAD], axis=1)
+    twice = fitted(seeded(effects), rows=("mine", "theirs"))
+    uneven = replace(
+        twice, results=tuple(r for r in twice.results if r.job.method == "mine" or r.job.seed == 0)
+    )
+    found = judged(uneven, check_of())
+    assert list(found.checks[0].scenes.values()) == pytest.approx(list(effects.mean(axis=1)))
+    assert (found.checks[0].noise_from, found.stability) == ("", None)
+    assert found.suspended == "nobody measured how far fits of these rows differ"
 
 
 def test_a_knob_that_no_scene_differs_in() -> None:

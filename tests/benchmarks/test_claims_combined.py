@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from claims_by_hand import (
+    LEVELS,
     SPREAD,
     against,
     check_of,
@@ -17,11 +18,13 @@ from claims_by_hand import (
     interval_of,
     judged,
     led_by,
+    paper_of,
     run_with,
     values,
     verdict,
 )
 from graycard.benchmarks.claims import RULES, Check
+from graycard.benchmarks.claims._rules import levels_for
 from graycard.records import ClaimVerdict, RunRecord
 
 OF_PAPERS = {
@@ -43,7 +46,7 @@ GOOD, WEAK, OPEN, BAD = (check_of(paper=p, rows=r) for p, r in (
 ))  # fmt: skip
 GONE = check_of(rows=("mine", "nobody"))
 TWELVE = np.linspace(-0.5, 0.5, 12)
-SHARED = re.findall(r"100 % less ([\d.]+) % over their number", RULES["several checks"])
+SHARED = re.findall(r"100 % less ([\d.]+) % over the number of their intervals", RULES["several checks"])
 """Percent of error that several checks share, as the rule says."""
 
 
@@ -100,6 +103,41 @@ def test_several_checks_share_an_error_of_five_percent_at_most() -> None:
     """Whatever their number, as the errors of all of them are added."""
     assert len(SHARED) == 1
     assert 0 < float(SHARED[0]) <= 5
+
+
+@pytest.mark.parametrize(("statements", "level"), [(2, 0.98125), (3, 0.9875), (4, 0.990625), (10, 0.99625)])
+def test_three_quarters_of_the_error_are_divided(statements: int, level: float) -> None:
+    assert levels_for(statements, 0.95) == pytest.approx(level)
+    assert levels_for(1, 0.95) == 0.95
+
+
+def test_a_course_makes_a_statement_of_its_effect_and_one_of_each_step() -> None:
+    three, six = check_of("monotone", LEVELS, id="b"), check_of("monotone", tuple("abcdef"), id="c")
+    assert [check.statements for check in (check_of(), three, six)] == [1, 3, 6]
+    (claim,) = paper_of(check_of(), three, replace(six, decides=False)).claims
+    assert claim.statements == 4
+
+
+@pytest.mark.parametrize("by", ["all", "any"])
+def test_a_word_that_is_certain_at_the_usual_level_alone_is_told(by: str) -> None:
+    usual_end, strict_end = (interval_of(TWELVE, level)[1] for level in (0.95, strict(2)))
+    lead = (usual_end + strict_end) / 2 * (-1 if by == "all" else 1)
+    word = "contradicted" if by == "all" else "reproduced"
+    two = judged(run_of_twelve(lead), *copies(check_of(), 2), verdict_by=by)
+    level = f"{100 * strict(2):.4g} %"
+    told = f"; {word} at 95 %, but one of several checks has to be certain at {level}; "
+    assert (two.verdict, [told in check.reason for check in two.checks]) == ("undecided", [True, True])
+    assert "has to be certain" not in judged(run_of_twelve(lead), check_of(), verdict_by=by).text
+    assert "has to be certain" not in judged(run_of_twelve(0.0), *copies(check_of(), 2), verdict_by=by).text
+
+
+def test_scenes_that_the_stricter_level_needs_are_told() -> None:
+    """Six of one sign have p = 2/64, seven 2/128: 98.125 % asks for less than 0.01875."""
+    six, seven = ([-1.0 - 0.1 * i for i in range(count)] for count in (6, 7))
+    found = judged(led_by(six), *copies(check_of(), 2))
+    assert found.verdict == "undecided"
+    assert f"has to be certain at {100 * strict(2):.4g} %, which needs 7 scenes; " in found.text
+    assert verdict(led_by(seven), *copies(check_of(), 2)) == "contradicted"
 
 
 def test_told_checks_make_no_level_stricter() -> None:

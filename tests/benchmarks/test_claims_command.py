@@ -81,7 +81,7 @@ def test_verdicts_are_said_and_kept(run: Path, claims: str, capsys: pytest.Captu
     assert "reproduced" in first
     assert "PSNR, mine − theirs = 5 dB (4.5 to 5.5, 6 scenes); the paper: 5 dB" in first
     told = next(line for line in lines if line.startswith("told"))
-    assert "contradicted (decides nothing)" in told
+    assert "does not hold (decides nothing)" in told
     assert "-5.5 to -4.5" in told
     assert "bound: 50" in told
     assert lines[-1].startswith("claims: 1 reproduced, 1 not testable here; report: ")

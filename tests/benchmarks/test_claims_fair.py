@@ -74,6 +74,18 @@ def test_every_paper_says_what_it_worked_with(name: str) -> None:
     assert all(budget.values())
 
 
+@pytest.mark.parametrize("name", claims_names())
+def test_a_row_that_a_loss_besides_photographs_holds_contains_no_trivial_one(name: str) -> None:
+    """Doing nothing, and what a prior alone says, explain photographs better than a fit is allowed to."""
+    pairs = load_claims(name).nested
+    assert not {"do-nothing", "gsid-prior-only"} & {pair.inner for pair in pairs}
+
+
+def test_a_fit_without_a_prior_contains_that_without_ambient_light() -> None:
+    pairs = {(pair.inner, pair.outer) for pair in load_claims("sunfaded").nested}
+    assert ("sunfaded-no-ambient", "sunfaded-no-prior") in pairs
+
+
 def is_meant(check: Check, scene: SceneSpec) -> bool:
     wanted, knobs = check.scenes, resolved_knobs(scene)
     return (not wanted.families or scene.family in wanted.families) and all(

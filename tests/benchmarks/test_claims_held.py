@@ -2,6 +2,7 @@
 """Verdicts that the rule gives and that are held back: fits cut short, other budgets, refits."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -247,6 +248,20 @@ def test_noise_that_nobody_measured_holds_no_open_verdict_back() -> None:
 def test_a_row_is_not_contained_in_itself() -> None:
     with pytest.raises(ValueError, match="expected two rows in nested, got 'mine' twice"):
         Nested("mine", "mine")
+
+
+def test_other_budgets_and_the_priors_of_each_row_stand_beside_the_verdict() -> None:
+    run = fitted(against(5.0), rows=("mine", "theirs"))
+    priors = {"mine": {"source": "oracle", "severity": 2}, "theirs": {"source": "oracle", "severity": 0}}
+    results = [replace(r, job=replace(r.job, priors=priors.get(r.job.method, {}))) for r in run.results]
+    budgets = {2.0: against(5.0), 0.5: against(5.0)}
+    here = judged(replace(run, results=tuple(results)), check_of(), budgets=budgets).budget.here
+    assert here["other budgets"] == "0.5 times the steps, 2 times the steps"
+    assert here["priors"] == "the truth made wrong, severity 2 (mine); the truth (theirs)"
+    alike = {**priors, "theirs": priors["mine"]}
+    results = [replace(r, job=replace(r.job, priors=alike.get(r.job.method, {}))) for r in run.results]
+    here = judged(replace(run, results=tuple(results)), check_of()).budget.here
+    assert here["priors"] == "the truth made wrong, severity 2 (mine, theirs)"
 
 
 def test_the_means_stand_beside_the_verdict() -> None:

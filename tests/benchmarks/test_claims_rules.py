@@ -268,17 +268,17 @@ def test_a_level_passes_through() -> None:
     [
         ((0, -1, -2), "reproduced"),
         ((0, -0.1, -2), "reproduced"),
-        ((0, 0.14, -2), "undecided"),  # the first step may go as claimed
-        ((0, 0.16, -2), "contradicted"),  # it certainly does not
+        ((0, 0.19, -2), "undecided"),  # the first step may go as claimed
+        ((0, 0.21, -2), "contradicted"),  # it certainly does not
         ((0, -3, -2), "contradicted"),
         ((0, 0.05, 0), "undecided"),
         ((0, 1, 2), "contradicted"),
     ],
 )
 def test_monotone(means: tuple[float, ...], expected: str) -> None:
-    """The change of the line is the last less the first, ± 0.3; both steps are ± 0.15, at 97.5 % each."""
+    """The change of the line is the last less the first, ± 0.3; both steps are ± 0.2, at 98.75 % each."""
     check = check_of("monotone", LEVELS, expects="lower")
-    assert interval_of(SPREAD / 2, 0.975) == pytest.approx((-0.15, 0.15))
+    assert interval_of(SPREAD / 2, 1 - 0.0375 / 3) == pytest.approx((-0.2, 0.2))
     found = judged(course(*means), check).checks[0]
     assert found.verdict == expected
     assert found.estimate == pytest.approx(means[0] - means[2])

@@ -12,7 +12,7 @@ from graycard.benchmarks.claims._effects import Effect, Levels
 from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
 from graycard.eval.statistics import LEVEL, locate
 from graycard.records import ClaimVerdict
-from verdict_trials import COUNTS, FALSE, SHAPES, SIZE, share_of, shares, wrong_claims
+from verdict_trials import COUNTS, FALSE, SHAPES, SIZE, share_of, shares, wrong_claims, wrong_courses
 
 RANK: dict[ClaimVerdict, int] = {
     "contradicted": 0,
@@ -33,10 +33,10 @@ def random_check(random: np.random.Generator) -> Check:
     if rule == "within":
         return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=(-size, math.inf))
     bands = None, (size / 2, 2 * size), (-size, size), (0.0, math.inf), (size, math.inf)
-    return Check(
-        "a", "", rule, Quantity("m"), ("a", "b"), "higher",
-        accepted=bands[random.integers(len(bands))], negligible=float(random.choice([0.0, 0.1, 1.0])),
-    )  # fmt: skip
+    band, margin = bands[random.integers(len(bands))], float(random.choice([0.0, 0.1, 1.0]))
+    if band is not None and band[1] <= margin:
+        margin = 0.9 * band[1]  # one that covers the band is refused
+    return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=band, negligible=margin)
 
 
 def verdict_on(
@@ -95,6 +95,15 @@ def test_claims_of_several_checks_are_refuted_falsely_in_five_percent_at_most(sh
     slack = 4 * math.sqrt(0.05 * 0.95 / 2000)
     for checks in (2, 5):
         assert wrong_claims(checks, shape, 12, trials=2000) <= 0.05 + slack
+
+
+@pytest.mark.parametrize("rows", [3, 6])
+@pytest.mark.parametrize("shape", ["lognormal", "exponential"])
+def test_flat_courses_are_contradicted_in_five_percent_at_most(shape: str, rows: int) -> None:
+    """Each of their steps is enough to contradict, and is drawn apart from the others."""
+    for count in (8, 12):
+        assert wrong_courses(rows, shape, count) <= 0.05
+    assert wrong_courses(rows, shape, 20, trials=1000, fall=1.0) > 0.99, "courses that fall are found"
 
 
 def test_what_is_claimed_and_true_is_found() -> None:

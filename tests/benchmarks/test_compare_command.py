@@ -149,6 +149,37 @@ def test_a_chosen_row_is_compared_with_each_other_one(run: Path, capsys: pytest.
     assert written.metrics[0].pairs == asked.metrics[0].pairs
 
 
+def test_the_last_line_counts_what_was_asked(run: Path, capsys: pytest.CaptureFixture[str]):
+    """Not all pairs of the run: those with the chosen row, by the metrics that are shown."""
+    record = read_run(run)
+    results = [r for r in record.results if r.sheet]
+    more = [replace(r, job=replace(r.job, method="third")) for r in results if r.job.method == "theirs"]
+    lamp = replace(METRICS[0], id="lamp", title="Lamp")
+    for i, result in enumerate(results):
+        assert result.sheet is not None
+        (score,) = result.sheet.scores
+        if result.job.method == "truth":
+            scores = score, replace(score, metric="lamp")
+            results[i] = replace(result, sheet=replace(result.sheet, scores=scores))
+    methods = (*record.methods, MethodRecord("third", "", ()))
+    made = replace(record, methods=methods, metrics=(*METRICS, lamp), results=(*results, *more))
+    write_json(run / "run.json", made)
+    for options, told in (
+        ([], ["compare: 3 pairs, 2 decided, 1 tied", "; 3 more with a row that is handed truth"]),
+        (["--against", "mine"], ["compare against mine: 2 pairs, 2 decided, 0 tied", "; 1 more with a row"]),
+        (["--against", "mine", "--pairs"], ["compare: 3 pairs, 2 decided, 1 tied", "; 3 more with a row"]),
+        (
+            ["--metrics", "psnr", "--against", "theirs"],
+            ["compare against theirs: 2 pairs, 1 decided, 1 tied"],
+        ),
+        (["--metrics", "ssim"], ["compare: 0 pairs, 0 decided, 0 tied"]),
+    ):
+        assert main(["compare", str(run), *options]) == 0
+        last = capsys.readouterr().out.splitlines()[-1]
+        assert last.startswith(told[0])
+        assert all(part in last for part in told)
+
+
 def test_a_row_that_the_run_has_not(run: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["compare", str(run), "--against", "their"]) == 2
     said = capsys.readouterr()

@@ -4,7 +4,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from safetensors.numpy import save_file
 
 from graycard import WeightsError, networks
 from graycard.cli import main
@@ -35,6 +37,29 @@ def test_doctor_says_how_to_get_weights(tmp_path: Path, monkeypatch: pytest.Monk
     found = weights_of_doctor(tmp_path)
     assert f"LPIPS uses {tmp_path}, which GRAYCARD_LPIPS names" in found["found"]
     assert found["advice"] == "run `graycard weights inception` for FID and KID"
+
+
+@pytest.mark.parametrize("damage", ["cut off", "other tensors"])
+def test_damaged_weights_are_told_alike_by_doctor_list_and_score(
+    nowhere: Path, tmp_path: Path, capsys: Capture, damage: str
+) -> None:
+    path = networks.weights_path("lpips-alex")
+    path.parent.mkdir(parents=True)
+    if damage == "cut off":
+        path.write_bytes(b"half")
+    else:
+        save_file({"features.0.weight": np.zeros((1, 3), np.float32)}, path)
+    found = weights_of_doctor(tmp_path)
+    assert found["found"] == f"lpips damaged, inception not fetched in {nowhere}"
+    assert found["advice"].startswith(ADVICE)
+    capsys.readouterr()
+    assert main(["weights"]) == 0
+    listed = next(x for x in capsys.readouterr().out.splitlines() if x.startswith("lpips"))
+    assert "damaged" in listed
+    assert "run `graycard weights lpips`" in listed
+    told = "got a damaged file" if damage == "cut off" else "expected the tensors of lpips-alex with digest"
+    with pytest.raises(WeightsError, match=f"{told}.*Run `graycard weights lpips`"):
+        networks.lpips_weights("alex")
 
 
 def test_without_a_name_all_sets_are_listed(nowhere: Path, tmp_path: Path, capsys: Capture) -> None:

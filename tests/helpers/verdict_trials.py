@@ -8,7 +8,7 @@ of standard deviation 1. The band of the claim is 0.5 to 2 times its size.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,9 +87,41 @@ def wrong_claims(checks: int, shape: str, count: int, trials: int = 4_000, seed:
     )
 
 
+def wrong_courses(
+    rows: int, shape: str, count: int, trials: int = 4_000, seed: int = 0, fall: float = 0.0
+) -> float:
+    """Return how often a course that is claimed to rise, and is flat, is contradicted.
+
+    Args:
+        rows: Its levels.
+        shape: Name of the distribution of each step over scenes; steps are drawn apart.
+        count: Scenes.
+        trials: Number of draws.
+        seed: Of the draws.
+        fall: By which each step goes down in truth, in standard deviations.
+    """
+    check = replace(
+        CHECK, rule="monotone", rows=tuple(f"row {k}" for k in range(rows)), paper=None, negligible=0.0
+    )
+    levels = Levels(LEVEL, levels_for(check.statements, LEVEL))
+    random = np.random.default_rng([seed, count, rows])
+    steps = np.stack([SHAPES[shape](random, (count, trials)) for _ in range(rows - 1)]) - fall
+    values = np.concatenate([np.zeros_like(steps[:1]), steps.cumsum(axis=0)])
+    places = np.arange(rows) - (rows - 1) / 2
+    change = np.tensordot(places, values, 1) / (places @ places) * (rows - 1)
+    middle, *usual = locations(change, levels.usual)
+    _, *strict = locations(change, levels.strict)
+    ends = [locations(step, levels.strict)[::2] for step in steps]
+    found = (
+        Effect(m, (a, b), (c, d), tuple((estimate[k], high[k]) for estimate, high in ends))
+        for k, (m, a, b, c, d) in enumerate(zip(middle, *usual, *strict, strict=True))
+    )
+    return sum(verdict_of(check, effect, "all") == "contradicted" for effect in found) / trials
+
+
 def main() -> None:
     """Print coverage, false words and power by distribution and number of scenes, then claims of several
-    checks."""
+    checks, then courses."""
     heads = "distribution", "n", "covered", *(f"false {word}" for word in FALSE)
     _row(*heads, "reproduced at 1.5", "reproduced at 2", "refuted at 0")
     _row(*["---"] * (len(heads) + 3))
@@ -109,6 +141,13 @@ def main() -> None:
     for shape in SHAPES:
         for count in (8, 20):
             _row(shape, str(count), *(_percent(wrong_claims(number, shape, count)) for number in checks))
+    sys.stdout.write("\n")
+    rows = 3, 4, 6
+    _row("distribution", "n", *(f"{number} levels" for number in rows))
+    _row(*["---"] * (len(rows) + 2))
+    for shape in SHAPES:
+        for count in (8, 12, 20):
+            _row(shape, str(count), *(_percent(wrong_courses(number, shape, count)) for number in rows))
 
 
 def share_of(words: Mapping[str, float], word: str) -> float:

@@ -14,8 +14,8 @@ import pytest
 
 from graycard import RecordError
 from graycard.cli import main
-from graycard.io import read_json, write_json
-from graycard.records import CLAIMS, HISTORY, LedgerEntry, VerdictHistory, read_history
+from graycard.io import from_builtins, read_json, sha256, write_json
+from graycard.records import CLAIMS, HISTORY, Ledger, LedgerEntry, VerdictHistory, read_history
 from graycard.reports import HISTORY_PAGE, publish_run, verdict_changes
 from graycard.reports.history._changes import changes_of, open_changes
 from graycard.reports.history._entries import entry_of, rules_hash
@@ -75,6 +75,17 @@ def ledger_json(
     told |= {"checks": checks or [check_json(verdict)]} | claim
     paper = {"name": "mine", "version": 1, "claims_sha256": "cd", "claims": [told]}
     return {"suite": "mine", "suite_version": 1, "run_sha256": run, "rules": dict(rules), "papers": [paper]}
+
+
+def whole_ledger(verdict: str, run: Path) -> Ledger:
+    """Return the same as a run folder has it."""
+    told = ledger_json(verdict, [check_json(verdict)], run=sha256(run / "run.json"), source="", rule="")
+    (paper,) = told["papers"]
+    (claim,) = paper["claims"]
+    (check,) = claim["checks"]
+    del check["mean"]
+    check |= {"says": "", "rule": "", "reason": "", "estimate": 1.23456789}
+    return from_builtins(Ledger, told | {"level": 0.95, "methods": {}, "papers": [paper | {"title": ""}]})
 
 
 @pytest.fixture
@@ -276,7 +287,7 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
     run = kept / "run"
     shutil.copytree(tiny_run, run)
-    write_json(run / CLAIMS, ledger_json("contradicted", run="of another run"))
+    write_json(run / CLAIMS, whole_ledger("contradicted", run))
     with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
         publish_run(run, kept / "mine", 100)
     assert not (kept / "mine").exists()
@@ -288,6 +299,62 @@ def test_publishing_continues_the_history_above(kept: Path, tiny_run: Path, monk
     assert (last.file, last.claims["M1"].verdict, last.commit) == ("mine/claims.json", "contradicted", "")
     assert last.started == read_json(run / "run.json")["started"]
     assert "Scenes were fitted again." in (kept / HISTORY_PAGE).read_text()
+
+
+def test_a_history_begins_as_the_docs_say(tmp_path: Path, tiny_run: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
+    assert '`history.json` with `{"entries": []}`' in (ROOT / "docs" / "results.md").read_text(
+        encoding="utf-8"
+    )
+    run, there = tmp_path / "run", tmp_path / "there"
+    shutil.copytree(tiny_run, run)
+    there.mkdir()
+    (there / HISTORY).write_text('{"entries": []}')
+    parts = (OWN / REASONS).read_text(encoding="utf-8").split("[[")
+    editions = "".join(f"[[{part}" for part in parts if part.startswith("editions"))
+    (there / REASONS).write_text(editions, encoding="utf-8")
+    newest = load_reasons(OWN).editions[-1]
+    monkeypatch.setattr("graycard.reports.history._entries.rules_hash", lambda rules: newest.rules[-1])
+    write_json(run / CLAIMS, whole_ledger("reproduced", run))
+    publish_run(run, there / "mine", 100)
+    assert [entry.file for entry in read_history(there).entries] == ["mine/claims.json"]
+    assert "M1" in (there / HISTORY_PAGE).read_text()
+
+
+def test_the_history_of_a_published_run_stands_above_it(
+    tiny_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert verdict_changes(OWN / "matte") == tuple(c for c in verdict_changes() if c.suite == "claims-matte")
+    assert verdict_changes(OWN / "dark") != verdict_changes(OWN / "matte")
+    assert main(["claims", str(OWN / "matte"), "--history"]) == 0
+    shown = capsys.readouterr().out
+    assert "claims-matte" in shown
+    assert "claims-dark" not in shown
+    with pytest.raises(
+        RecordError, match=r"expected history.json in .*, or in the folder above a published run"
+    ):
+        verdict_changes(tiny_run)
+    shutil.copy(OWN / HISTORY, tmp_path)
+    (tmp_path / "other").mkdir()
+    shutil.copy(tiny_run / "run.json", tmp_path / "other")
+    (tmp_path / "other" / "index.html").touch()
+    with pytest.raises(
+        RecordError, match=r"expected a suite of .*history.json \(claims-.*Publish its run there"
+    ):
+        verdict_changes(tmp_path / "other")
+
+
+def test_options_that_judge_are_refused_beside_the_history(capsys: pytest.CaptureFixture[str]):
+    for options in (
+        ["--power"],
+        ["--checks", "--republish"],
+        ["--half", "x", "--twice", "y"],
+        ["--claims", "gsid"],
+    ):
+        assert main(["claims", "--history", *options]) == 2
+        named = ", ".join(sorted(option for option in options if option.startswith("--")))
+        said = " ".join(capsys.readouterr().err.split())
+        assert f"expected --history without {named}, got both" in said
 
 
 def test_a_history_that_is_damaged_is_told(kept: Path):

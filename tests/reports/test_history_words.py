@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from graycard.records import CheckEntry, ClaimEntry, read_history
+from graycard.records import CheckEntry, ClaimEntry, LedgerEntry, PaperEntry, VerdictHistory, read_history
 from graycard.reports.history._explain import check_words, explain
 from graycard.reports.history._keep import OWN
-from graycard.reports.history._reasons import load_reasons
+from graycard.reports.history._reasons import Edition, Reasons, load_reasons
 from graycard.reports.history._table import edition_rows, edition_table
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results.md"
@@ -153,3 +153,44 @@ def test_every_verdict_that_an_edition_changed_has_a_reason_in_the_table():
     rows = edition_rows(read_history(OWN), load_reasons(OWN))
     assert rows
     assert all(row.why for row in rows if row.before != row.after)
+
+
+def history_of(verdicts: dict[str, dict[str, tuple[str, str]]]) -> tuple[VerdictHistory, Reasons]:
+    """Return suites whose claims were judged by two editions, one after the other."""
+    entries = tuple(
+        LedgerEntry(suite, 1, f"{suite}.json", f"2026-01-0{number + 1}", "ab", f"rules{number}", (paper,))
+        for suite, claims in verdicts.items()
+        for number in (0, 1)
+        for paper in [PaperEntry("p", 1, "cd", tuple(told(c, words[number]) for c, words in claims.items()))]
+    )
+    editions = tuple(Edition(name, "", (), (f"rules{i}",)) for i, name in enumerate(("first", "second")))
+    return VerdictHistory(entries), Reasons(editions)
+
+
+def told(name: str, verdict: str) -> ClaimEntry:
+    return ClaimEntry(name, "Mine is better.", verdict, (replace(CHECK, verdict=verdict),))
+
+
+def test_new_words_for_the_same_finding_are_counted_apart_and_tables_once():
+    table = {"T1": ("contradicted", "inconsistent")}
+    run = {
+        "A": ("not supported", "undecided"),
+        "B": ("not checkable", "not testable here"),
+        "C": ("reproduced", "reproduced"),
+        "D": ("reproduced", "undecided"),
+    }
+    history, reasons = history_of({"dark": run | table, "": table})
+    rows = edition_rows(history, reasons)
+    assert [(row.suite, row.claim) for row in rows] == [*(("dark", claim) for claim in run), ("", "T1")]
+    assert edition_table(history, reasons).splitlines()[0] == (
+        "By the rules 'second', on the same fits as before, 2 of 5 verdicts tell another finding, 2 have a "
+        "new word for the same one (not checkable → not testable here, contradicted → inconsistent), 1 "
+        "stayed as before."
+    )
+
+
+def test_a_table_that_a_run_judges_otherwise_is_a_row_of_its_own():
+    """Planted: as if a run had a say in it."""
+    table = {"T1": ("contradicted", "inconsistent")}
+    rows = edition_rows(*history_of({"dark": {"T1": ("contradicted", "undecided")}, "": table}))
+    assert [(row.suite, row.found) for row in rows] == [("dark", "another finding"), ("", "renamed")]

@@ -3,13 +3,15 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from graycard import OutputError, RecordError
+from graycard.benchmarks import Validity
 from graycard.cli import main
-from graycard.io import read_json, sha256, write_json
-from graycard.records import CLAIMS, read_ledger, read_run
+from graycard.io import read_json, sha256, to_builtins, write_json
+from graycard.records import CLAIMS, Ledger, read_ledger, read_run
 from graycard.reports import publish_run, write_report
 
 
@@ -52,18 +54,73 @@ def test_where_the_dataset_stood_is_nobodys_business(
     assert [scene["folder"] for scene in kept] == folders
 
 
-def test_the_ledger_is_of_the_run_beside_it_as_it_was_of_the_run(
-    tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def write_ledger(run: Path, **changed: Any) -> None:
+    """Write a ledger without papers beside a run."""
+    ledger = Ledger("hand", 1, sha256(run / "run.json"), 0.95, {}, {}, ())
+    write_json(run / CLAIMS, to_builtins(ledger) | changed)
+
+
+@pytest.fixture
+def run_alone(tiny_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a run folder of its own; its report is not made."""
     monkeypatch.setattr("graycard.reports._publish.report_of", lambda run, pictures: b"")
-    for made_for, then in ((sha256(tiny_run / "run.json"), True), ("ab" * 32, False)):
-        write_json(tiny_run / CLAIMS, {"run_sha256": made_for})
-        folder = tmp_path / made_for[:4]
-        publish_run(tiny_run, folder, 100)
-        kept = read_json(folder / CLAIMS)["run_sha256"]
-        assert (kept == sha256(folder / "run.json")) is then
-        assert then or kept == made_for
-    (tiny_run / CLAIMS).unlink()
+    (tmp_path / "run").mkdir()
+    shutil.copy(tiny_run / "run.json", tmp_path / "run")
+    return tmp_path / "run"
+
+
+def test_the_ledger_is_of_the_run_beside_it_as_it_was_of_the_run(run_alone: Path, tmp_path: Path):
+    write_ledger(run_alone)
+    publish_run(run_alone, tmp_path / "out", 100)
+    kept = read_ledger(tmp_path / "out")
+    assert kept is not None
+    assert kept.run_sha256 == sha256(tmp_path / "out" / "run.json") != sha256(run_alone / "run.json")
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (
+            {"run_sha256": "ab" * 32},
+            "to be of run.json .*, got one of run.json abababababab. Judge the run again",
+        ),
+        ({"run_sha256": ""}, "got one of no run. Judge the run again: graycard claims .*run"),
+        ({"format_version": 1}, "got version 1, whose verdicts mean something else. Judge the run again"),
+        ({"papers": 3}, "expected a Ledger with suite, .*claims.json, got: "),
+    ],
+)
+def test_a_ledger_that_is_not_of_the_run_is_not_published(
+    run_alone: Path, tmp_path: Path, changed: dict[str, Any], told: str
+):
+    write_ledger(run_alone, **changed)
+    with pytest.raises(RecordError, match=told):
+        publish_run(run_alone, tmp_path / "out", 100)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_ledger_that_breaks_off_is_told_and_never_a_traceback(
+    run_alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    valid = Validity((), ("counts",), "hand", "", 1)
+    monkeypatch.setattr("graycard.benchmarks.check_result", lambda run, progress: valid)
+    (run_alone / CLAIMS).write_text('{"suite": "hand", ')
+    assert main(["publish", str(run_alone), "--out", str(tmp_path / "out")]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "claims.json, got text that breaks off or is none" in said
+    assert "Judge the run again: graycard claims RUN" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_report_warns_of_a_ledger_of_another_run(run_alone: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["report", str(run_alone)]) == 0
+    assert capsys.readouterr().err == ""
+    write_ledger(run_alone, run_sha256="ab" * 32)
+    assert main(["report", str(run_alone)]) == 0
+    said = capsys.readouterr()
+    assert "got one of run.json abababababab. Judge the run again: graycard claims" in " ".join(
+        said.err.split()
+    )
+    assert said.out.startswith("report: ")
 
 
 def test_the_whole_page_is_that_of_the_report(tiny_run: Path, tmp_path: Path):

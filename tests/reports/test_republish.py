@@ -1,25 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
 """New verdicts in a published folder."""
 
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 
 from graycard import RecordError
 from graycard.cli import main
+from graycard.eval.statistics import RULE, compare_run
 from graycard.io import sha256, write_json
 from graycard.records import (
     CLAIMS,
+    COMPARISON,
     HISTORY,
     CheckResult,
     ClaimResult,
     ClaimVerdict,
+    Comparison,
     Ledger,
     PaperResult,
     VerdictHistory,
     read_history,
+    read_run,
 )
 from graycard.reports import HISTORY_PAGE, publish_run, republish_claims, republish_tables
 from graycard.reports.history._entries import rules_hash
@@ -53,12 +59,17 @@ def ledger_of(verdict: ClaimVerdict, run: Path, rival: str = "theirs") -> Ledger
     return Ledger("hand", 1, sha256(run / "run.json"), 0.95, RULES, {}, (paper,))
 
 
+def comparison_of(run: Path) -> Comparison:
+    return compare_run(read_run(run))
+
+
 @pytest.fixture
 def published(tiny_run: Path, tmp_path: Path) -> Path:
     """Return a published folder with a verdict, below a history that is empty."""
     run = tmp_path / "run"
     shutil.copytree(tiny_run, run)
     write_json(run / CLAIMS, ledger_of("contradicted", run))
+    write_json(run / COMPARISON, comparison_of(run))
     folder = tmp_path / "out" / "mine"
     folder.parent.mkdir()
     (folder.parent / HISTORY).write_text(history_text(VerdictHistory(())))
@@ -70,10 +81,10 @@ def published(tiny_run: Path, tmp_path: Path) -> Path:
 def test_ledger_page_and_history_have_the_new_verdict(published: Path):
     page = (published / "index.html").read_text()
     with pytest.raises(RecordError, match="expected a reason for each verdict that changed"):
-        republish_claims(published, changed_ledger(published))
+        republish_claims(published, changed_ledger(published), comparison_of(published))
     assert (published / "index.html").read_text() == page
     (published.parent / REASONS).write_text(EDITION + REASON)
-    republish_claims(published, changed_ledger(published))
+    republish_claims(published, changed_ledger(published), comparison_of(published))
     found = (published / "index.html").read_text()
     assert '<span class="verdict reproduced">reproduced</span>' in found
     assert '<span class="verdict contradicted">contradicted</span>\n    </header>' not in found
@@ -93,24 +104,66 @@ def changed_ledger(folder: Path) -> Ledger:
 
 def test_the_same_verdicts_leave_a_page_as_it_is(published: Path):
     page = (published / "index.html").read_bytes()
-    republish_claims(published, ledger_of("contradicted", published))
+    republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
     assert (published / "index.html").read_bytes() == page
     assert len(read_history(published.parent).entries) == 1
+
+
+def test_words_of_earlier_rules_go_and_pictures_stay(published: Path):
+    """Planted: another rule, a tie and another word, as an earlier graycard wrote them."""
+    path = published / "index.html"
+    page = path.read_text()
+    old = page.replace(str(escape(RULE)), "Corrected by Holm's method.")
+    old = old.replace(
+        '<span class="value">', '<span class="note">tied with retinex</span><span class="value">'
+    )
+    scenes = old.split('<article class="scene"')
+    old = '<article class="scene"'.join((scenes[0].replace("Leaderboard", "Ladder"), *scenes[1:]))
+    assert old.count("Holm") == 1
+    path.write_text(old)
+    republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
+    found = path.read_text()
+    assert "Holm" not in found
+    assert articles(found) == articles(old)
+    assert ARTICLE.sub("", found) == ARTICLE.sub("", page)
+    assert found.count("data:image") == page.count("data:image") > 50
+
+
+ARTICLE = re.compile(r'<article class="scene".*?</article>', re.DOTALL)
+
+
+def articles(page: str) -> list[str]:
+    return ARTICLE.findall(page)
+
+
+def test_a_page_of_another_run_or_without_its_script_is_refused(published: Path):
+    path = published / "index.html"
+    page = path.read_text()
+    before = (published / CLAIMS).read_bytes()
+    for planted, told in (
+        (ARTICLE.sub("", page, count=1), "expected a page with 3 scenes, as run.json has, got 2"),
+        (page.replace('id="linear"', 'id="other"'), "expected a report with style and script"),
+    ):
+        path.write_text(planted)
+        with pytest.raises(RecordError, match=told):
+            republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
+        assert path.read_text() == planted
+        assert (published / CLAIMS).read_bytes() == before
 
 
 def test_a_page_without_claims_is_refused(published: Path):
     (published / "index.html").write_text("<html></html>")
     with pytest.raises(RecordError, match="expected a section of claims in .*index.html"):
-        republish_claims(published, ledger_of("contradicted", published))
+        republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
 
 
 def test_a_page_that_is_refused_leaves_every_file_as_it_was(published: Path):
-    """A section of claims is there, but the style of a report is not."""
+    """A section of claims is there, but scenes and style of a report are not."""
     (published / "index.html").write_text('<section class="claims">old</section>')
     (published.parent / REASONS).write_text(EDITION + REASON)
     before = contents(published.parent)
-    with pytest.raises(RecordError, match="expected a report with style and script"):
-        republish_claims(published, changed_ledger(published))
+    with pytest.raises(RecordError, match="expected a page with 3 scenes"):
+        republish_claims(published, changed_ledger(published), comparison_of(published))
     assert contents(published.parent) == before
 
 
@@ -124,7 +177,7 @@ def test_a_history_that_cannot_be_shown_leaves_every_file_as_it_was(
     (published.parent / REASONS).write_text(EDITION + REASON)
     before = contents(published.parent)
     with pytest.raises(RecordError, match="expected a history to show"):
-        republish_claims(published, changed_ledger(published))
+        republish_claims(published, changed_ledger(published), comparison_of(published))
     assert contents(published.parent) == before
 
 

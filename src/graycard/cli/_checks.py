@@ -29,6 +29,7 @@ from graycard.records import (
     read_run,
 )
 
+_Pair = tuple[MetricComparison, PairDifference]
 SHOWN = 5
 """Lines of a rule that evidence is missing, of what may be hundreds alike."""
 
@@ -105,7 +106,12 @@ class CompareCommand:
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
         _say_skipped(terminal, [table for table in found.metrics if table not in shown])
-        _say(terminal, found)
+        _say_leaks(terminal, found)
+        if self.against:
+            chosen = [(table, pair) for table in shown for pair in table.against]
+            _say_counts(terminal, found, chosen, self.against)
+        if self.pairs or not self.against:
+            _say_counts(terminal, found, [(table, pair) for table in shown for pair in table.pairs])
         return OK
 
     def _check_names(self, record: RunRecord) -> None:
@@ -176,7 +182,8 @@ def _say_skipped(terminal: Terminal, tables: list[MetricComparison]) -> None:
         )
 
 
-def _say(terminal: Terminal, found: Comparison) -> None:
+def _say_leaks(terminal: Terminal, found: Comparison) -> None:
+    """Say which rows know more than they were handed."""
     for above in found.above_ceiling:
         if not above.handed:
             terminal.err.print(
@@ -184,16 +191,20 @@ def _say(terminal: Terminal, found: Comparison) -> None:
                 f"{above.metric}: {above.value:.2f} is {above.excess:.2f} above the ceiling, "
                 f"{found.margins[above.unit]:g} are left to chance"
             )
-    every = [(table, pair) for table in found.metrics for pair in table.pairs]
+
+
+def _say_counts(terminal: Terminal, found: Comparison, every: Sequence[_Pair], against: str = "") -> None:
+    """Say how many of the pairs that were asked for are decided."""
     pairs = [pair for table, pair in every if _compete(table, pair)]
     few = sum(pair.scenes < found.least_scenes for pair in pairs)
     far = sum(pair.verdict == "too few scenes" for pair in pairs) - few
     tied = sum(pair.verdict == "tie" for pair in pairs)
     decided = len(pairs) - few - far - tied
     handed = len(every) - len(pairs)
+    asked = f" against {against}" if against else ""
     terminal.out.print(
-        f"compare: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} with "
-        f"fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
+        f"compare{asked}: {len(pairs)} pair{'s' * (len(pairs) != 1)}, {decided} decided, {tied} tied, {few} "
+        f"with fewer than the {found.least_scenes} scenes that a p below {1 - found.level:.2g} needs"
         + (f", {far} with too few for so many pairs" if far else "")
         + (f"; {handed} more with a row that is handed truth, without a verdict" if handed else "")
     )

@@ -55,9 +55,10 @@ class ClaimsCommand:
     """Also say how many scenes or seeds each undecided claim needs, and what they cost here."""
     history: bool = False
     """Judge nothing: show every verdict that changed, and why; RUN is then a folder with history.json.
-    Without it, graycard's own."""
+    Of a published run the folder above is read, for its suite. Without RUN, graycard's own."""
     republish: bool = False
     """Also write the verdicts into a published folder, its page and the history above it.
+    The page follows today's rules, tables and all; its pictures stay.
     Without a run: into the file of --json, and the history beside that."""
     json: Json = None
     """Also write the ledger to this file; what undecided claims need with --power, the changes with
@@ -67,9 +68,11 @@ class ClaimsCommand:
         """Judge the claims; a contradicted claim is a finding, no failure.
 
         Raises:
-            GraycardError: ``--republish`` has nothing to write to.
+            GraycardError: ``--republish`` has nothing to write to, or ``--history`` has an option that judges
+                beside it.
         """
         if self.history:
+            self._refuse_with_history()
             return show_history(self.run_folder, self.json, terminal)
         if self.republish and not (self.run_folder or self.json):
             raise GraycardError("expected a published folder or --json FILE with --republish, got neither")
@@ -98,6 +101,7 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
+        from graycard.eval.statistics import compare_run
         from graycard.reports import is_published, republish_claims, write_report
 
         record = read_run(run)
@@ -109,12 +113,27 @@ class ClaimsCommand:
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
         if is_published(run) and self.republish:
-            republish_claims(run, found)
+            republish_claims(run, found, compare_run(record))
             return found, f"; published anew in {run}"
         if is_published(run):
             return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
+
+    def _refuse_with_history(self) -> None:
+        """Refuse options that judge.
+
+        Raises:
+            GraycardError: One is given.
+        """
+        given = {
+            "--claims": self.claims, "--any-suite": self.any_suite, "--checks": self.checks,
+            "--half": self.half, "--twice": self.twice, "--power": self.power, "--republish": self.republish,
+        }  # fmt: skip
+        if named := [name for name, value in given.items() if value]:
+            raise GraycardError(
+                f"expected --history without {', '.join(named)}, got both. It shows what was judged before"
+            )
 
     def _refuse_without_run(self) -> None:
         """Refuse options that are about a run.

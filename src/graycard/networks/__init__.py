@@ -19,6 +19,8 @@ from graycard.networks._sources import WeightFile as WeightFile
 from graycard.networks._sources import WeightSet as WeightSet
 from graycard.networks._sources import find_set as find_set
 from graycard.networks._store import HOME as HOME
+from graycard.networks._store import WeightsState as WeightsState
 from graycard.networks._store import is_whole as is_whole
+from graycard.networks._store import state_of as state_of
 from graycard.networks._store import weights_home as weights_home
 from graycard.networks._store import weights_path as weights_path

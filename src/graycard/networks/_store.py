@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -15,10 +16,14 @@ from safetensors.numpy import load_file, save_file
 
 from graycard._errors import WeightsError
 from graycard.io import atomic_path
-from graycard.networks._sources import find_file
+from graycard.networks._sources import WeightSet, find_file
 
 HOME = "GRAYCARD_WEIGHTS"
 """Environment variable that names the folder of fetched weights; without it they are in the user's cache."""
+
+
+WeightsState = Literal["fetched", "not fetched", "damaged"]
+"""``damaged``: a file is there that cannot be read, or holds other tensors; scores refuse it."""
 
 
 def weights_home() -> Path:
@@ -98,6 +103,15 @@ def is_whole(name: str) -> bool:
     except WeightsError:
         return False
     return True
+
+
+def state_of(weights: WeightSet) -> WeightsState:
+    """Return the state of a set of weights: damaged if any of its files is, fetched if all are whole."""
+    names = [file.name for file in weights.files]
+    there = [name for name in names if weights_path(name).is_file()]
+    if not all(map(is_whole, there)):
+        return "damaged"
+    return "fetched" if there == names else "not fetched"
 
 
 def _check(name: str, tensors: Mapping[str, np.ndarray], where: str) -> None:

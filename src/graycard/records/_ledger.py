@@ -14,6 +14,7 @@ from graycard.records._run import read_record
 CLAIMS = "claims.json"
 """Beside ``run.json``; made from it and from the files of claims alone."""
 CLAIMS_VERSION = 2
+_ANEW = "Judge the run again: graycard claims RUN"
 
 ClaimVerdict = Literal[
     "reproduced", "larger than claimed", "smaller than claimed", "no effect", "contradicted",
@@ -179,7 +180,7 @@ class Ledger:
 
 
 def read_ledger(run: Path) -> Ledger | None:
-    """The ledger in a run folder; None where claims were not judged.
+    """Return the ledger in a run folder; None where claims were not judged.
 
     Raises:
         RecordError: It is damaged, misspelt, or of an older or a newer format.
@@ -187,11 +188,14 @@ def read_ledger(run: Path) -> Ledger | None:
     path = Path(run) / CLAIMS
     if not path.is_file():
         return None
-    data = read_json(path)
+    try:
+        data = read_json(path)
+    except RecordError as cause:
+        raise RecordError(f"{cause}. {_ANEW}") from cause
     if isinstance(data, dict) and data.get("format_version") == 1:
         raise RecordError(
             f"expected claims of format version {CLAIMS_VERSION} in {path}, got version 1, whose verdicts "
-            "mean something else. Judge the run again: graycard claims RUN"
+            f"mean something else. {_ANEW}"
         )
     return read_record(Ledger, path, "graycard-claims", CLAIMS_VERSION)
 
