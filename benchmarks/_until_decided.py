@@ -64,7 +64,7 @@ def run_until_decided(
         GraycardError: As of :func:`run_bench`, and of claims that are broken.
     """
     names = plan.claims or tuple(claims_of_suite(suite.name))
-    pursued = pursue([load_claims(name) for name in names])
+    pursued = pursue([load_claims(name) for name in names], suite.added)
     _check_claims(suite, names, pursued)
     _check_reserve(suite, plan.most)
     files = {paper.name: claims_path(name) for paper, name in zip(pursued.papers, names, strict=True)}

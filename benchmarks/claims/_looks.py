@@ -9,7 +9,7 @@ from typing import Any
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, load_claims
 from graycard.benchmarks.claims._judge import judge_claims, judge_paper
 from graycard.benchmarks.claims._needs import with_needs
-from graycard.benchmarks.claims._rules import OPEN
+from graycard.benchmarks.claims._rules import OPEN, is_decided
 from graycard.records import CheckResult, ClaimResult, Ledger, PaperResult, RunRecord
 from graycard.synth import SceneSpec, resolved_knobs
 
@@ -58,7 +58,7 @@ def _followed(ledger: Ledger, later: Ledger, pursued: Sequence[str]) -> Ledger:
 
 def _paper(paper: PaperResult, later: PaperResult, pursued: Sequence[str]) -> PaperResult:
     both = zip(paper.claims, later.claims, strict=True)
-    goes_on = [a.verdict in OPEN and f"{paper.name} {a.id}" in pursued for a in paper.claims]
+    goes_on = [not is_decided(a.verdict) and f"{paper.name} {a.id}" in pursued for a in paper.claims]
     claims = (_later(a, b) if on else a for (a, b), on in zip(both, goes_on, strict=True))
     return replace(paper, claims=tuple(claims))
 
@@ -80,6 +80,8 @@ class Pursued:
     papers: tuple[Paper, ...]
     claims: Mapping[str, tuple[Paper, Claim]]
     """Those that are open still, by paper and id."""
+    added: tuple[SceneSpec, ...] = ()
+    """Scenes that may be added."""
     untestable: Mapping[str, str] = field(default_factory=dict)
     """Why claims were given up undecided, by paper and id: a row and a scene without a score, or a row that
     the suite has not. Claims that their file calls unavailable are not among them."""
@@ -91,13 +93,27 @@ class Pursued:
             for paper in self.papers
             for result in judge_paper(paper, record, level=level)
         }
+        undecided = {k: found for k, found in self.claims.items() if not is_decided(results[k].verdict)}
+        left = {
+            name: (paper, claim)
+            for name, (paper, claim) in undecided.items()
+            if results[name].verdict in OPEN or self._waits(paper, claim, record)
+        }
         lost = {
             name: results[name].text.removeprefix("cannot be tested here: ")
-            for name, (_, claim) in self.claims.items()
-            if results[name].verdict == NOT_TESTABLE and not claim.unavailable
+            for name, (_, claim) in undecided.items()
+            if name not in left and not claim.unavailable
         }
-        left = {name: found for name, found in self.claims.items() if results[name].verdict in OPEN}
         return replace(self, claims=left, untestable={**self.untestable, **lost})
+
+    def _waits(self, paper: Paper, claim: Claim, record: RunRecord) -> bool:
+        """Tell if a deciding check of a claim has no scene yet, but may be given some."""
+        there = [SceneSpec(s.track, s.family, s.seed, s.knobs) for s in record.scenes]
+        return not claim.unavailable and any(
+            any(_is_about(check, paper, spec) for spec in self.added)
+            and not any(_is_about(check, paper, spec) for spec in there)
+            for check in _deciding(claim)
+        )
 
     def rows(self) -> set[str]:
         """Return the rows that open claims stand on, with their upper bounds and trivial rows."""
@@ -111,23 +127,25 @@ class Pursued:
     def concerns(self, spec: SceneSpec) -> bool:
         """Tell whether a deciding check of an open claim is about a scene."""
         return any(
-            paper.track == spec.track and _is_about(check, spec)
+            _is_about(check, paper, spec)
             for paper, claim in self.claims.values()
             for check in _deciding(claim)
         )
 
 
-def pursue(papers: Sequence[Paper]) -> Pursued:
-    """Return all claims of papers that runs can test."""
+def pursue(papers: Sequence[Paper], added: Sequence[SceneSpec] = ()) -> Pursued:
+    """Return all claims of papers, to be decided by a suite and scenes that may be added to it."""
     claims = {f"{p.name} {c.id}": (p, c) for p in papers for c in p.claims}
-    return Pursued(tuple(papers), claims)
+    return Pursued(tuple(papers), claims, tuple(added))
 
 
 def _deciding(claim: Claim) -> list[Check]:
     return [check for check in claim.checks if check.decides]
 
 
-def _is_about(check: Check, spec: SceneSpec) -> bool:
+def _is_about(check: Check, paper: Paper, spec: SceneSpec) -> bool:
+    if paper.track != spec.track:
+        return False
     if check.scenes.families and spec.family not in check.scenes.families:
         return False
     knobs = resolved_knobs(spec)
