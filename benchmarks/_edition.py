@@ -9,7 +9,7 @@ from pathlib import Path
 
 from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks._run_record import RunError
-from graycard.benchmarks._sources import checkout, git, is_changed
+from graycard.benchmarks._sources import checkout, git, is_changed, unknown_code
 from graycard.benchmarks._suites import Suite, load_suite, suite_names, suite_path
 from graycard.benchmarks.claims import claims_of_suite, claims_path
 from graycard.io import sha256
@@ -18,7 +18,7 @@ from graycard.synth import SceneSpec, scene_name
 
 
 def sealed_in(spec: SceneSpec, also: Suite | None = None) -> str:
-    """The suite in whose sealed range a scene is, whatever its knobs; empty if it is in none.
+    """Return the suite in whose sealed range a scene is, whatever its knobs; empty if it is in none.
 
     Args:
         spec: The scene.
@@ -55,7 +55,7 @@ def refuse_sealed(specs: Iterable[SceneSpec], also: Suite | None = None) -> None
 
 
 def find_edition(suite: str) -> Edition:
-    """The tag, or the release, that vouches for code, suite and claims as they are here.
+    """Return the tag, or the release, that vouches for code, suite and claims as they are here.
 
     Args:
         suite: Name of a suite, or a path.
@@ -72,18 +72,23 @@ def find_edition(suite: str) -> Edition:
 
 
 def edition_of_checkout(files: Mapping[str, Path], root: Path) -> tuple[str, str]:
-    """The tag of a checkout and its commit.
+    """Return the tag of a checkout and its commit.
 
     Args:
-        files: Which have to be as they are at the tag, by what they are.
-        root: Of the checkout.
+        files: Those that have to be as they are at the tag, by their purpose.
+        root: Folder of the checkout.
 
     Raises:
-        RunError: Files were changed, no tag is there, or a file is not that of the tag.
+        RunError: Files were changed, the package has code that git does not know, no tag is there, or a file
+            is not that of the tag.
     """
     if is_changed(root):
         raise _refusal(
             "a checkout without changes", "changed files (`git status`)", "Commit them and tag that"
+        )
+    if stray := unknown_code(root):
+        raise _refusal(
+            "no code in the package that git does not know", ", ".join(stray), "Commit or delete it"
         )
     tags = git(root, "tag", "--points-at", "HEAD").splitlines()
     if not tags:
@@ -100,10 +105,10 @@ def edition_of_checkout(files: Mapping[str, Path], root: Path) -> tuple[str, str
 
 
 def edition_of_release(files: Mapping[str, Path]) -> tuple[str, str]:
-    """The version of an installed release, as a tag; no commit is known.
+    """Return the version of an installed release, as a tag; no commit is known.
 
     Args:
-        files: Which have to be those of the release, by what they are.
+        files: Those that have to be of the release, by their purpose.
 
     Raises:
         RunError: This is no release, or a file is none of it.
@@ -122,7 +127,7 @@ def edition_of_release(files: Mapping[str, Path]) -> tuple[str, str]:
 
 
 def _listed(found: Distribution) -> dict[Path, str]:
-    """SHA-256 of the files of an installed distribution."""
+    """Return SHA-256 of the files of an installed distribution."""
     return {
         Path(str(file.locate())).resolve(): base64.urlsafe_b64decode(f"{file.hash.value}==").hex()
         for file in found.files or ()

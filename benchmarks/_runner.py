@@ -64,12 +64,12 @@ SCORED_EACH = 20
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """What a run does otherwise than its suite says."""
+    """Differences of a run from its suite."""
 
     budget: float = 1.0
     """Factor on the iterations of all fits."""
     edition: Edition | None = None
-    """What vouches for code and claims where scenes are sealed; None: those are refused."""
+    """The tag that vouches for code and claims where scenes are sealed; None: those are refused."""
 
     def __post_init__(self) -> None:
         if not 0 < self.budget < math.inf:
@@ -78,11 +78,11 @@ class Terms:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """What a bench found."""
+    """The results of a bench."""
 
     record: RunRecord
     all_reused: bool
-    """Whether every fit and every score was there already."""
+    """True where every fit and every score was there already."""
 
 
 Ended = Sequence[tuple[FitJob, Outcome]]
@@ -299,7 +299,7 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
 
 
 def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
-    """What addresses a job: its spec, the hashes of what the method is handed, and its code."""
+    """Return the address of a job: the hash of its spec, of what the method is handed, and of its code."""
     text = dumps({"job": job, "sees": list(sees), "origin": origin})
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
@@ -360,7 +360,10 @@ def _plan(
 
 
 def _stages(run: Path, known: Introduction, scene: Path, threads: int) -> Path:
-    """Where fits leave stages for others: of the same code on the same capture, with as many threads."""
+    """Return the folder in which fits leave stages for others.
+
+    Those are of the same code, on the same capture, with as many threads.
+    """
     code = hashlib.sha256(known.fingerprint.encode()).hexdigest()[:12]
     capture = sha256(scene / "capture" / "manifest.json")[:12]
     return run / STAGES / code / f"{capture}-{threads}"

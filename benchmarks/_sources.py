@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where numbers come from: versions, commit, hardware, and the hash of the code that scores."""
+"""The origin of numbers: versions, commit, hardware, and the hash of the code that scores."""
 
 import os
 import platform
 import shutil
 import subprocess
 from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES, SOURCE_SUFFIXES
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -95,6 +96,22 @@ def is_changed(root: Path) -> bool:
     return bool(git(root, "status", "--porcelain", "--untracked-files=no"))
 
 
+def unknown_code(root: Path) -> list[str]:
+    """Return code inside the package that git does not know or ignores, by its path in the checkout.
+
+    Folders of the package that are links are searched where they lead to.
+    """
+    package = root.resolve() / "src" / "graycard"
+    links = [path.resolve() for path in package.glob("*") if path.is_symlink()]
+    folders = [
+        place for place in (package, *links) if place.is_dir() and place.is_relative_to(root.resolve())
+    ]
+    if not folders:
+        return []
+    found = git(root, "ls-files", "--others", "-z", "--", *map(str, folders)).split("\0")
+    return [name for name in found if name.endswith(tuple(SOURCE_SUFFIXES + EXTENSION_SUFFIXES))]
+
+
 def git(root: Path, *words: str) -> str:
     """Return what git prints in a checkout; empty if it fails."""
     return _output(["git", "-C", str(root), *words])
@@ -117,7 +134,7 @@ def gpu_name() -> str | None:
 
 
 def _output(command: list[str]) -> str:
-    """What a command prints; empty if it fails, hangs or cannot be run."""
+    """Return what a command prints; empty if it fails, hangs or cannot be run."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
     except (OSError, subprocess.SubprocessError, UnicodeDecodeError):

@@ -30,7 +30,7 @@ from graycard.synth import SceneSpec
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """How far a run may go, fixed before its first look."""
+    """The end of a run, fixed before its first look."""
 
     most: int
     """Scenes at which it ends, those of the suite included."""

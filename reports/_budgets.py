@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a verdict stands on: the means of the paper beside ours, and if rows were fitted to the end."""
+"""The basis of a verdict: the means of the paper beside ours, and if rows were fitted to the end."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class BudgetTable:
     """The means of the paper beside ours."""
 
     lines: tuple[tuple[str, str, str], ...]
-    """What is counted, in the paper, here."""
+    """The name of what is counted, then its value in the paper and here."""
     fits: tuple[FitRow, ...]
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The claims of papers as the report shows them: verdicts in words, and each effect on an axis."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from typing import Final, get_args
 
 from graycard import GraycardError
 from graycard.io import sha256
-from graycard.records import CheckResult, ClaimResult, ClaimVerdict, PaperResult, RowMean, read_ledger
+from graycard.records import CheckResult, ClaimResult, ClaimVerdict, Ledger, PaperResult, RowMean, read_ledger
 from graycard.reports._budgets import BudgetTable, budget_table
 from graycard.reports._effects import EffectPlot, effect_plot
 from graycard.reports._format import count, format_number, format_p, format_value
@@ -17,10 +18,11 @@ from graycard.reports._format import count, format_number, format_p, format_valu
 LEGEND: Final[Mapping[str, str]] = {
     "reproduced": "the sign is certain, and the size is compatible with the claimed one",
     "larger than claimed": "the sign is certain, and the claimed size is exceeded for certain",
-    "smaller than claimed": "the claimed size is not reached for certain, whether or not the sign is certain",
+    "smaller than claimed": "the claimed size is out of reach for certain, whether or not the sign is; "
+    "or no more is left than what counts as none",
     "no effect": "the whole interval is so near to none that the difference counts as none",
-    "contradicted": "the opposite sign is certain",
-    "undecided": "the interval leaves it open, or the verdict would not survive another fit",
+    "contradicted": "the opposite is certain: the other sign, or a difference where none was claimed",
+    "undecided": "the interval leaves it open, a fit has not converged, or another fit or budget may turn it",
     "not testable here": "what the claim needs is not in these scenes or rows",
 }
 """Verdicts on claims of papers, and what they mean."""
@@ -89,6 +91,8 @@ class ClaimsSection:
     """Whether ``run.json`` has changed since."""
     legend: Mapping[str, str]
     """Verdicts on claims of papers, and what they mean."""
+    level: str = ""
+    """Of the intervals, in words."""
     fault: str = ""
     """Why the ledger cannot be read; empty where it can."""
 
@@ -101,8 +105,14 @@ def claims_section(run: Path) -> ClaimsSection | None:
         return ClaimsSection((), {}, stale=False, legend=LEGEND, fault=str(cause))
     if ledger is None:
         return None
+    return section_of(ledger, run)
+
+
+def section_of(ledger: Ledger, run: Path) -> ClaimsSection:
+    """Return the section of a ledger, whose run lies in a folder."""
     stale = ledger.run_sha256 != sha256(run / "run.json")
-    return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale, LEGEND)
+    level = f"{100 * ledger.level:.4g} %"
+    return ClaimsSection(tuple(map(_paper, ledger.papers)), ledger.rules, stale, LEGEND, level)
 
 
 def _paper(paper: PaperResult) -> PaperRows:
@@ -135,10 +145,10 @@ def _group(title: str, about: str, noun: str, claims: Sequence[ClaimResult]) -> 
 
 
 def _claim(claim: ClaimResult) -> ClaimRow:
-    stability = (
-        "" if claim.stability is None else f"{claim.stability:.0%} of simulated refits give this verdict"
-    )
-    if claim.stability is None and any(check.interval for check in claim.checks):
+    stability = ""
+    if claim.stability is not None:
+        stability = f"{claim.stability:.0%} of simulated refits agree with the checks"
+    elif any(check.interval and math.isfinite(sum(check.interval)) for check in claim.checks):
         stability = "How refits would judge it is not known: nobody fitted these rows twice"
     return ClaimRow(claim, stability, budget_table(claim.budget), tuple(map(_check, claim.checks)))
 

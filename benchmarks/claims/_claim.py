@@ -116,6 +116,11 @@ class Check:
         return self.paper / 2, self.paper * 2
 
     @property
+    def statements(self) -> int:
+        """How many intervals may refute it: that of the effect, and of a course that of each step."""
+        return len(self.rows) if self.rule == "monotone" else 1
+
+    @property
     def places(self) -> tuple[float, ...]:
         """The levels of the rows."""
         return self.levels or tuple(map(float, range(len(self.rows))))
@@ -128,6 +133,10 @@ class Nested:
     inner: str
     outer: str
     """The row with more freedom. Worse on its own training views, it has not converged."""
+
+    def __post_init__(self) -> None:
+        if self.inner == self.outer:
+            raise ValueError(f"expected two rows in nested, got {self.inner!r} twice")
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +167,11 @@ class Claim:
         check_unique("checks", (check.id for check in self.checks), self.id)
         if not self.unavailable and not any(check.decides for check in self.checks):
             raise ValueError(f"expected a check that decides, or unavailable, in claim {self.id!r}, got none")
+
+    @property
+    def statements(self) -> int:
+        """How many intervals of its deciding checks may refute it."""
+        return sum(check.statements for check in self.checks if check.decides)
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,6 +297,8 @@ def _size_fault(check: Check) -> str:
     neutral = check.neutral
     if not 0 <= check.negligible < math.inf or (check.negligible and check.rule == "within"):
         return f"negligible of 0 or more, and none for within, got {check.negligible}"
+    if check.negligible and check.range and check.range[1] <= neutral + check.negligible:
+        return f"negligible below the claimed size {list(check.range)}, got {check.negligible}"
     if check.accepted is not None and not check.accepted[0] < check.accepted[1]:
         return f"accepted from low to high, got {list(check.accepted)}"
     if check.scale == "ratio" and len(check.rows) == 1 and check.against <= 0:

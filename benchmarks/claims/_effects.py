@@ -5,7 +5,7 @@ Effects are positive (of a ratio: above 1) in the claimed sense. Ratios are comp
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from graycard.records import SceneRecord
 
 LEAST_ON_LINE = 3
 """The fewest scenes through which a line has an error of its own."""
+LEAST_AT_END = 3
+"""The fewest scenes at either end of a line that decides."""
 
 Interval = tuple[float, float]
 
@@ -76,7 +78,7 @@ class Effect:
     strict: Interval
     """At the stricter level."""
     steps: tuple[tuple[float, float], ...] = ()
-    """Of ``monotone``: estimate and upper end of each step, strict and for all steps together."""
+    """Of ``monotone``: estimate and upper end of each step, at the stricter level."""
 
 
 def sample_of(check: Check, track: str, readings: Readings) -> Sample:
@@ -106,7 +108,7 @@ def sample_of(check: Check, track: str, readings: Readings) -> Sample:
 def summarise(sample: Sample, levels: Levels) -> Effect:
     """Return estimate and intervals of a sample."""
     ends = effects_at(sample, sample.effects[:, None], levels)
-    steps = [step_at(step[:, None], sample.steps.shape[1], levels) for step in sample.steps.T]
+    steps = [step_at(step[:, None], levels) for step in sample.steps.T]
     (estimate, *usual), (_, *strict) = ([sample.back(float(end[0])) for end in found] for found in ends)
     return Effect(
         estimate,
@@ -138,9 +140,9 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
     )
 
 
-def step_at(drawn: np.ndarray, steps: int, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
-    """Return estimates and upper ends of one of several steps, such that all ends hold together."""
-    middle, _, high = locations(drawn, 1 - (1 - levels.strict) / steps)
+def step_at(drawn: np.ndarray, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
+    """Return estimates and upper ends of a step between two levels; one that falls refutes the course."""
+    middle, _, high = locations(drawn, levels.strict)
     return middle, high
 
 
@@ -197,8 +199,36 @@ def weights_of(check: Check) -> np.ndarray:
     return centred / (centred @ centred) * (check.places[-1] - check.places[0])
 
 
+def parts_of(check: Check, rows: Iterable[str]) -> dict[str, float]:
+    """Return how much each of some rows adds to the effect, with its sign; a row that stands twice adds
+    once.
+    """
+    return _parts(check, weights_of(check), rows)
+
+
+def step_parts_of(check: Check, step: int, rows: Iterable[str]) -> dict[str, float]:
+    """Return how much each of some rows adds to a step from one level to the next, with its sign."""
+    weights = np.zeros(len(check.rows))
+    weights[step], weights[step + 1] = -1, 1
+    return _parts(check, weights, rows)
+
+
+def _parts(check: Check, weights: np.ndarray, rows: Iterable[str]) -> dict[str, float]:
+    sign = 1.0 if check.expects == "higher" else -1.0
+    found = dict.fromkeys(rows, 0.0)
+    for names, turn in ((check.rows, sign), (check.minus, -sign)):
+        for row, weight in zip(names, weights, strict=False):
+            if row in found:
+                found[row] += turn * float(weight)
+    return found
+
+
 def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: float) -> Ends:
-    """Return the change between two values of a knob by least squares, with Student's interval."""
+    """Return the change between two values of a knob by least squares, with Student's interval.
+
+    Ends are infinite where too few scenes stand towards either value: a line through one that stands out
+    there tells of that scene.
+    """
     from scipy import stats  # takes a second to import
 
     centred = places - places.mean()
@@ -207,7 +237,16 @@ def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: fl
     errors = np.sqrt((rest**2).sum(axis=0) / (len(places) - 2) / (centred @ centred))
     reach = along.high - along.low
     half = stats.t.isf((1 - level) / 2, len(places) - 2) * errors * reach
+    if not is_spanned(along, places):
+        half = np.full_like(half, math.inf)
     return slopes * reach, slopes * reach - half, slopes * reach + half
+
+
+def is_spanned(along: Along, places: np.ndarray) -> bool:
+    """Tell if three scenes or more stand in each outer third between two values of a knob, or beyond."""
+    third = (along.high - along.low) / 3
+    low, high = (places <= along.low + third).sum(), (places >= along.high - third).sum()
+    return bool(min(low, high) >= LEAST_AT_END)
 
 
 def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRecord, ...], np.ndarray]:
@@ -224,19 +263,32 @@ def _table(check: Check, track: str, readings: Readings) -> tuple[tuple[SceneRec
     if not having:
         raise RecordError(f"the run has no {check.quantity.metric} on scenes that this is about")
     _refuse_gaps(rows, [row for _, row in having])
-    values = _even([row for _, row in having])
+    values = _even([row for _, row in having], ["iterations" in readings.settings(row) for row in rows])
     if not np.isfinite(values).all():
         raise RecordError("a score is infinite, and infinite scores have no mean")
     return tuple(scene for scene, _ in having), values
 
 
-def _even(found: Sequence[Sequence[Sequence[Reading]]]) -> np.ndarray:
-    """Return values of as many seeds for each row and scene; the means, where these differ in number."""
-    counts = {len(seeds) for row in found for seeds in row}
+def _even(found: Sequence[Sequence[Sequence[Reading]]], fitted: Sequence[bool]) -> np.ndarray:
+    """Return values of as many seeds for each row and scene.
+
+    A row that is not fitted is the same with every seed. Where fitted rows differ in their numbers of seeds,
+    means stand for all.
+
+    Args:
+        found: By scene, row and seed.
+        fitted: If each row is.
+    """
     values = [[[float(r.value) for r in seeds if r.value is not None] for seeds in row] for row in found]
-    if len(counts) > 1:
-        values = [[[math.fsum(seeds) / len(seeds)] for seeds in row] for row in values]
-    return np.moveaxis(np.array(values, np.float64), 1, 2)
+    counts = {len(row[k]) for row in values for k, is_fitted in enumerate(fitted) if is_fitted}
+    seeds = counts.pop() if len(counts) == 1 else 1
+    if all(len(each) == len(values[0][0]) for row in values for each in row):
+        return np.moveaxis(np.array(values, np.float64), 1, 2)
+    even = [
+        [each if len(each) == seeds else [math.fsum(each) / len(each)] * seeds for each in row]
+        for row in values
+    ]
+    return np.moveaxis(np.array(even, np.float64), 1, 2)
 
 
 def _refuse_gaps(rows: Sequence[str], found: Sequence[Sequence[Sequence[Reading]]]) -> None:

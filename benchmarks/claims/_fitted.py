@@ -52,8 +52,12 @@ def _means_of_fits(rows: Sequence[str], readings: Readings) -> dict[str, str]:
         if counts
         else {}
     )
-    told = {prior for row in rows if (prior := _prior_words(readings.priors(row)))}
-    return found | {"priors": "; ".join(sorted(told)) or "none"}
+    told: dict[str, list[str]] = {}
+    for row in rows:
+        if prior := _prior_words(readings.priors(row)):
+            told.setdefault(prior, []).append(row)
+    words = "; ".join(f"{prior} ({', '.join(names)})" for prior, names in told.items())
+    return found | {"priors": words or "none"}
 
 
 def _prior_words(priors: Mapping[str, Any]) -> str:

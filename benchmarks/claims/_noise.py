@@ -3,15 +3,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
 from graycard.benchmarks.claims._claim import Check, Quantity, Scenes
-from graycard.benchmarks.claims._effects import Sample, courses_of, effects_of, spread_of, weights_of
+from graycard.benchmarks.claims._effects import Sample, courses_of, effects_of, parts_of, spread_of
 from graycard.benchmarks.claims._readings import Readings
 from graycard.eval.statistics import split_variance
 from graycard.records import SceneRecord, read_run
@@ -19,6 +19,9 @@ from graycard.records import SceneRecord, read_run
 FOLDER: Final = Path(__file__).parent / "noise"
 """Runs of the suites ``noise-<track>`` on tuning scenes, each scene fitted with several seeds; without single
 views."""
+
+
+Origin = Literal["these fits", "same rows", "other rows"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,12 @@ class FitNoise:
     """Where it comes from, in words."""
     seeds: int = 1
     """Fits over which each scene's effect was averaged."""
+    freedom: float = math.inf
+    """Degrees of freedom of its variance; infinite where that is known."""
+    rows: frozenset[str] = frozenset()
+    """Fitted rows, whose fits make it."""
+    origin: Origin = "these fits"
+    """Whether it was measured on these very fits, on fits of the same rows elsewhere, or on other rows."""
 
     @property
     def sd_of_mean(self) -> float:
@@ -45,13 +54,21 @@ class _Measured:
     readings: Readings
     scenes: tuple[SceneRecord, ...]
 
-    def by_seed(self, row: str, quantity: Quantity) -> np.ndarray | None:
-        """Values of a row, shape ``(scenes, seeds)``, on the scenes that have them; None where none has."""
-        found = [[r.value for r in self.readings.by_seed(row, s, quantity)] for s in self.scenes]
-        whole = [values for values in found if None not in values]
-        longest = max((len(values) for values in whole), default=0)
-        values = np.array([values for values in whole if len(values) == longest], np.float64)
-        return values if longest > 1 and np.isfinite(values).all() else None
+    def by_seed(self, rows: Sequence[str], quantity: Quantity) -> np.ndarray | None:
+        """Values of rows, shape ``(scenes, seeds, rows)``, on the scenes where all have as many; None without
+        any.
+        """
+        found = [
+            [[r.value for r in self.readings.by_seed(row, scene, quantity)] for row in rows]
+            for scene in self.scenes
+        ]
+        whole = [scene for scene in found if all(None not in seeds for seeds in scene)]
+        longest = max((len(seeds) for scene in whole for seeds in scene), default=0)
+        even = [scene for scene in whole if all(len(seeds) == longest for seeds in scene)]
+        if not even or longest < 2:
+            return None
+        values = np.moveaxis(np.array(even, np.float64), 1, 2)
+        return values if np.isfinite(values).all() else None
 
     def stand_ins(self, row: str, run: Readings) -> list[str]:
         """Measured rows that may stand in for one: itself, those of its method, or all."""
@@ -69,13 +86,14 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
         track: Of the run's scenes.
         readings: The run.
     """
-    seeds = sample.by_seed.shape[1]
+    check, seeds = sample.check, sample.by_seed.shape[1]
+    rows = _once((*check.rows, *check.minus))
+    fitted = [row for row in rows if "iterations" in readings.settings(row)]
     if seeds > 1:
         found = split_variance(sample.by_seed.tolist()).seed_sd
         assert found is not None, "scenes have several seeds"
-        return FitNoise(found, f"{seeds} seeds of this run", seeds)
-    check = sample.check
-    fitted = [row for row in (*check.rows, *check.minus) if "iterations" in readings.settings(row)]
+        freedom = len(sample.by_seed) * (seeds - 1)
+        return FitNoise(found, f"{seeds} seeds of this run", seeds, freedom, frozenset(fitted or rows))
     if not fitted:
         return FitNoise(0.0, "nothing is fitted")
     measured = _measured(track)
@@ -98,18 +116,15 @@ def _measured(track: str) -> _Measured | None:
 
 def _direct(check: Check, fitted: Sequence[str], measured: _Measured) -> FitNoise | None:
     """Return the spread of the effect itself; rows that are not fitted have none."""
-    columns: dict[str, np.ndarray] = {}
-    for row in fitted:
-        column = measured.by_seed(row, check.quantity)
-        if column is None:
-            return None
-        columns[row] = column
-    if len({column.shape for column in columns.values()}) > 1:
+    found = measured.by_seed(fitted, check.quantity)
+    if found is None or (check.scale == "ratio" and (found <= 0).any()):
         return None
-    even = np.ones_like(columns[fitted[0]])
+    columns = dict(zip(fitted, np.moveaxis(found, 2, 0), strict=True))
+    even = np.ones_like(found[..., 0])
     values = np.stack([columns.get(row, even) for row in (*check.rows, *check.minus)], axis=-1)
     effects = effects_of(check, courses_of(check, values))
-    return FitNoise(_pooled(effects), f"{', '.join(_once(fitted))} in {measured.readings.suite}")
+    source = f"{', '.join(fitted)} in {measured.readings.suite}"
+    return FitNoise(_pooled(effects), source, 1, _freedom(effects), frozenset(fitted), "same rows")
 
 
 def _by_stand_ins(
@@ -118,24 +133,32 @@ def _by_stand_ins(
     """Return the noise by the sum of the rows' variances: of each row itself, or the largest of those that
     stand in for it.
     """
-    check = sample.check
-    weights = dict(zip(check.rows, weights_of(check), strict=True))
-    weights |= dict(zip(check.minus, weights_of(check), strict=False))
-    variance, used = 0.0, list[str]()
+    parts = parts_of(sample.check, fitted)
+    variance, used, freedom = 0.0, list[str](), math.inf
     for row in fitted:
-        spreads = {
-            name: _pooled(np.log(values) if check.scale == "ratio" else values)
-            for name in measured.stand_ins(row, run)
-            if (values := measured.by_seed(name, check.quantity)) is not None
-        }
+        spreads = _spreads(sample.check, measured.stand_ins(row, run), measured)
         if not spreads:
             return None
-        largest = max(spreads, key=spreads.__getitem__)
-        variance += (weights[row] * spreads[largest]) ** 2
+        largest = max(spreads, key=lambda name: spreads[name][0])
+        variance += (parts[row] * spreads[largest][0]) ** 2
+        freedom = min(freedom, spreads[largest][1])
         used.append(largest)
     rows = ", ".join(_once(used))
     source = f"{rows} in {measured.readings.suite}, standing in for these rows"
-    return _capped(FitNoise(math.sqrt(variance), source), sample)
+    noise = FitNoise(math.sqrt(variance), source, 1, freedom, frozenset(fitted), "other rows")
+    return _capped(noise, sample)
+
+
+def _spreads(check: Check, names: Sequence[str], measured: _Measured) -> dict[str, tuple[float, float]]:
+    """Return the standard deviation of single rows between fits, and its degrees of freedom."""
+    found: dict[str, tuple[float, float]] = {}
+    for name in names:
+        values = measured.by_seed([name], check.quantity)
+        if values is None or (check.scale == "ratio" and (values <= 0).any()):
+            continue
+        column = np.log(values[..., 0]) if check.scale == "ratio" else values[..., 0]
+        found[name] = _pooled(column), _freedom(column)
+    return found
 
 
 def _capped(noise: FitNoise, sample: Sample) -> FitNoise:
@@ -147,7 +170,12 @@ def _capped(noise: FitNoise, sample: Sample) -> FitNoise:
     spread = spread_of(sample)
     if noise.sd <= spread:
         return noise
-    return FitNoise(spread, f"all of the spread between scenes, which is below that of {noise.source}")
+    source = f"all of the spread between scenes, which is below that of {noise.source}"
+    return replace(noise, sd=spread, source=source, freedom=math.inf)
+
+
+def _freedom(values: np.ndarray) -> float:
+    return float(values.size - len(values))
 
 
 def _once(rows: Sequence[str]) -> list[str]:

@@ -68,8 +68,6 @@ class CheckPower:
     """For ``reproduced``, if the effect is the paper's; None where it names none."""
     none: Need | None
     """For ``no effect``, or smallness as claimed, if there is no effect; None without a margin."""
-    note: str = ""
-    """Why the claim is held back besides, or what the figures leave out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +124,8 @@ def claims_power(ledger: Ledger, record: RunRecord, papers: Sequence[Paper]) -> 
     """Return what each undecided claim of a ledger needs, one entry for each deciding check that leaves it
     open.
 
-    Checks along a knob are left out: their scenes are not repetitions of one effect.
+    Checks along a knob are left out: their scenes are not repetitions of one effect. So are claims that are
+    held back: no number of scenes frees them, and the ledger says what does.
 
     Args:
         ledger: Verdicts with the effect on each scene.
@@ -143,16 +142,14 @@ def claims_power(ledger: Ledger, record: RunRecord, papers: Sequence[Paper]) -> 
 
 
 def _open(paper: Paper, results: Sequence[ClaimResult]) -> Iterator[tuple[ClaimResult, CheckResult, Check]]:
-    """Yield the deciding checks that leave claims open; of a claim that is held back all of them."""
+    """Yield the deciding checks that leave claims open; none of a claim that something else holds back."""
     claims: Mapping[str, Claim] = {claim.id: claim for claim in paper.claims}
     for result in results:
-        if result.verdict not in OPEN or result.id not in claims:
+        if result.verdict not in OPEN or result.suspended or result.id not in claims:
             continue
         checks = {check.id: check for check in claims[result.id].checks}
         deciding = [c for c in result.checks if c.decides and c.scenes and checks[c.id].along is None]
-        left = [c for c in deciding if c.verdict in OPEN]
-        for check in left or deciding:
-            yield result, check, checks[check.id]
+        yield from ((result, check, checks[check.id]) for check in deciding if check.verdict in OPEN)
 
 
 def _power(
@@ -174,14 +171,13 @@ def _power(
         seen=asked.need(estimate, rule.decided, min(abs(estimate - end) for end in rule.ends)),
         claimed=None if paper is None else asked.need(scale(paper), rule.reproduced, abs(scale(paper))),
         none=asked.need(_nothing(check, scale), rule.none, rule.margin, both=True) if rule.none else None,
-        note=claim.suspended,
     )  # fmt: skip
 
 
 def _levels(paper: Paper, claim: str, level: float) -> tuple[float, float]:
     """Return the levels of words for a claim and against it."""
     found = _claim_of(paper, claim)
-    strict = levels_for(sum(check.decides for check in found.checks), level)
+    strict = levels_for(found.statements, level)
     return (level, strict) if found.verdict_by == "all" else (strict, level)
 
 

@@ -161,7 +161,9 @@ def _score(result: JobResult, name: str, part: str, published: bool) -> Reading:
     score = next((s for s in scores if name == (s.protocol if published else s.metric)), None)
     if score is None:
         return Reading(None, f"has no {name} on {result.job.scene}", absent=True)
-    if score.status != "scored" or score.value is None or math.isnan(score.value):
+    if score.status == "scored" and (score.value is None or math.isnan(score.value)):
+        return Reading(None, f"gave no number for {name} on {result.job.scene}")
+    if score.status != "scored" or score.value is None:
         why = f" ({score.reason})" if score.reason else ""
         return Reading(None, f"{name} {score.status} on {result.job.scene}{why}")
     if not part:

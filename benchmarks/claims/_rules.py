@@ -19,36 +19,38 @@ _SHARED: Final = 0.75
 """Part of the error of one check that several checks share."""
 
 RULES = {
-    "interval": "of the centre of effects over scenes (Hodges-Lehmann), at 95 % by the exact "
-    f"signed-rank test, from {_LEAST} scenes; seeds of a scene are averaged first, so it holds what scenes "
-    "and fits differ by",
+    "interval": "of the centre of effects over scenes (Hodges-Lehmann), at the level of the ledger by "
+    f"the exact signed-rank test, at 95 % from {_LEAST} scenes; seeds of a scene are averaged first, so "
+    "it holds what scenes and fits differ by",
     "better": "contradicted: the whole interval is below no effect. No effect: all of it is nearer to "
     "none than the check's margin. Smaller than claimed: all of it is below the band of the claim, or "
-    "below the upper end of the margin. Larger than claimed: all of it is above the band. Reproduced: it "
-    "is above no effect and meets the band. Undecided: else",
+    "leaves no room for more than the margin. Larger than claimed: all of it is above the band. "
+    "Reproduced: it is above no effect and meets the band. Undecided: else",
     "band": "half to twice the paper's figure unless the check says otherwise; any size, where the "
     "paper names none",
-    "within": "reproduced: the whole interval lies within the bounds. Contradicted: it lies outside of "
-    "them. Undecided: it crosses one",
-    "monotone": "each scene's effect is its change from the first level to the last along the straight "
-    "line through all levels, judged as by `better`. A step between two levels that certainly goes the "
-    "other way contradicts the claim; one whose estimate does leaves it undecided",
+    "within": "reproduced: the whole interval lies within the bounds. Contradicted: it lies outside "
+    "of them. Undecided: it crosses one",
+    "monotone": "each scene's effect is its change from the first level to the last along the "
+    "straight line through all levels, judged as by `better`. A step between two levels that certainly "
+    "goes the other way contradicts the claim; one whose estimate does leaves it undecided",
     "along a knob": "the effect is its change between two values of a knob, by the straight line "
-    "through the scenes, with Student's interval; judged by the check's own rule",
+    "through the scenes, with Student's interval; judged by the check's own rule, where three scenes or "
+    "more stand towards either value",
     "all": "a claim is as good as its worst check that decides",
     "any": "a claim is as good as its best check that decides",
-    "several checks": "a word that one of several checks is enough for is asked at 100 % less 3.75 % "
-    "over their number: the chance that any of them errs stays below 5 %",
+    "several checks": "a word that one of several checks, or one step of a course, is enough for is "
+    "asked at 100 % less 3.75 % over the number of their intervals: the chance that any of them errs "
+    "stays below 5 %",
     "stability": "the share of simulated refits of the same scenes that would give the same verdict; "
-    f"below {STABLE:.0%} the verdict is undecided",
+    f"below {STABLE:.0%}, or where nobody measured how far fits differ, the verdict is undecided",
     "not converged": "a row whose model contains that of another row, and which explains its own "
-    "photographs worse on the scenes of a claim, by more than 0.1 dB in the centre, is not fitted to the "
-    "end: the claim is undecided until it is",
+    "photographs worse on the scenes of a claim, by more than 0.1 dB in the centre, is not fitted to "
+    "the end: the claim is undecided until it is",
     "budgets": "a verdict that turns when each fit has half or twice the steps is undecided",
     "not testable here": "rows, scenes or scores are missing in this run, or the claim needs what is "
     "not here. A row without a score on one scene is never judged on the others",
-    "own questions": "graycard asks more than papers claim. Such a question holds, does not hold, or is "
-    "open; it contradicts nobody",
+    "own questions": "graycard asks more than papers claim. Such a question holds, does not hold, or "
+    "is open; it contradicts nobody",
     "arithmetic": "consistent: the mean of a table's entries is that printed within the rounding of "
     "both, and rows of different things differ. Inconsistent: they do not",
 }
@@ -80,14 +82,14 @@ def is_decided(verdict: ClaimVerdict) -> bool:
     return verdict not in OPEN and verdict != "not testable here"
 
 
-def levels_for(deciding: int, level: float) -> float:
-    """Return the stricter level of words that one of several checks is enough for.
+def levels_for(statements: int, level: float) -> float:
+    """Return the stricter level of words that one of several intervals is enough for.
 
-    Three quarters of the error are divided by the number of checks. Each end then errs with half of that
-    where effects are symmetric; the rest is left for skew, which signed ranks bear with errors of up to twice
-    as much.
+    Three quarters of the error are divided by their number. Each end then errs with half of that where
+    effects are symmetric; the rest is left for skew, which signed ranks bear with errors of up to twice as
+    much.
     """
-    return level if deciding < 2 else 1 - _SHARED * (1 - level) / deciding
+    return level if statements < 2 else 1 - _SHARED * (1 - level) / statements
 
 
 def verdict_of(check: Check, effect: Effect, by: str) -> ClaimVerdict:
@@ -113,7 +115,7 @@ def combined(verdicts: Sequence[ClaimVerdict], by: str) -> ClaimVerdict:
 
 def is_negligible(check: Check, interval: Interval) -> bool:
     """Tell if the whole interval is so near to no effect that the check calls it none."""
-    return max(abs(end - check.neutral) for end in interval) <= check.negligible
+    return bool(check.negligible) and max(abs(e - check.neutral) for e in interval) <= check.negligible
 
 
 def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
@@ -128,7 +130,7 @@ def _refuted(check: Check, interval: Interval) -> ClaimVerdict | None:
         return "no effect"
     if high < check.neutral:
         return "contradicted"
-    if high <= check.neutral + check.negligible:
+    if check.negligible and high <= check.neutral + check.negligible:
         return "smaller than claimed"
     return "smaller than claimed" if check.range and high < check.range[0] else None
 

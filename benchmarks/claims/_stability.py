@@ -1,19 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often refits of the same scenes would give the same verdict, by simulation.
+"""Share of refits of the same scenes that would give the same verdict, by simulation.
 
-A refit keeps the scenes and draws the fits anew. What a scene's effect is apart from the noise of its fit is
+A refit keeps the scenes and draws the fits anew. The effect of a scene apart from the noise of its fit is
 known only up to that noise: it is drawn about the value that shrinks the measured one towards the centre of
 all (the predictor of least error, Searle, Casella and McCulloch 1992, chapter 7), and a new fit is drawn
-about it.
+about it. The variance of the noise is drawn as well, from what its estimate leaves open, and is never larger
+than the whole spread between scenes. A row has one fit for each scene, whichever checks it stands in: checks
+of a claim that share a row share its noise.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 from typing import Final
+from zlib import crc32
 
 import numpy as np
 
-from graycard.benchmarks.claims._effects import Effect, Levels, Sample, effects_at, step_at
+from graycard.benchmarks.claims._effects import (
+    Effect,
+    Levels,
+    Sample,
+    effects_at,
+    parts_of,
+    spread_of,
+    step_at,
+    step_parts_of,
+)
 from graycard.benchmarks.claims._noise import FitNoise
 from graycard.benchmarks.claims._rules import STABLE, combined, verdict_of
 from graycard.records import ClaimVerdict
@@ -51,16 +64,24 @@ class Deciding:
         """The verdict of the rules, in their words."""
         return combined([*(check.verdict for check in self.checks), *self.others], self.by)
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether any check has an interval."""
+        return any(np.isfinite(check.effect.interval).any() for check in self.checks)
+
     def word(self, verdict: ClaimVerdict) -> ClaimVerdict:
         """Return what a verdict of the rules is called here."""
         return self.words.get(verdict, verdict)
 
-    def stability(self) -> float | None:
+    def stability(self, seeds: int | None = None) -> float | None:
         """Return the share of refits with the same word; None where no check's noise is known.
 
-        Checks are refitted independently; one of unknown noise keeps its verdict.
+        A check of unknown noise keeps its verdict.
+
+        Args:
+            seeds: Fits of each scene whose means a refit gives; as many as there were, if None.
         """
-        columns = [refit_verdicts(check, self.levels, self.by, k) for k, check in enumerate(self.checks)]
+        columns = [refit_verdicts(check, self.levels, self.by, seeds) for check in self.checks]
         if all(column is None for column in columns):
             return None
         whole = [c or [check.verdict] * REFITS for c, check in zip(columns, self.checks, strict=True)]
@@ -69,51 +90,101 @@ class Deciding:
         return sum(self.word(combined([*row, *self.others], self.by)) == found for row in rows) / REFITS
 
     def seeds(self) -> int | None:
-        """Return the fewest fits of each scene whose means would be stable.
+        """Return the fewest fits of each scene whose means would give the same word in :data:`STABLE` of
+        refits.
 
         One of a few numbers up to 64; None where not even so many are enough.
         """
-        for seeds in _SEEDS:
-            finer = tuple(replace(check, noise=_averaged(check.noise, seeds)) for check in self.checks)
-            share = replace(self, checks=finer).stability()
-            if share is not None and share >= STABLE:
-                return seeds
-        return None
+        shares = ((seeds, self.stability(seeds)) for seeds in _SEEDS)
+        return next((seeds for seeds, share in shares if share is not None and share >= STABLE), None)
 
 
-def refit_verdicts(judged: Judged, levels: Levels, by: str, stream: int = 0) -> list[ClaimVerdict] | None:
+def refit_verdicts(
+    judged: Judged, levels: Levels, by: str, seeds: int | None = None
+) -> list[ClaimVerdict] | None:
     """Return the verdict on a check in each of many simulated refits; None where the noise is not known.
 
     Args:
         judged: The check.
         levels: Of its intervals.
         by: How its claim is judged.
-        stream: Which random numbers: those of the checks of a claim are drawn apart.
+        seeds: Fits of each scene; as many as there were, if None.
     """
     if judged.noise is None:
         return None
-    sample, noise = judged.sample, judged.noise.sd_of_mean
-    random = np.random.default_rng([_SEED, stream])
-    drawn = _refits(sample.effects, sample.centre, noise, random)
-    steps = [_refits(step, float(step.mean()), noise, random) for step in sample.steps.T]
-    ends = [step_at(step, len(steps), levels) for step in steps]
+    sample, noise = judged.sample, judged.noise
+    again = max(seeds or noise.seeds, noise.seeds)
+    parts = parts_of(sample.check, noise.rows)
+    values = _Values(sample.effects, sample.centre, spread_of(sample) ** 2)
+    variance = _variances(noise, values.spread) / _weight(parts)
+    drawn = _refits(values, parts, sample, variance, again)
+    steps = [
+        _refits(_Values.of(step), step_parts_of(sample.check, k, noise.rows), sample, variance, again)
+        for k, step in enumerate(sample.steps.T)
+    ]
+    ends = [step_at(step, levels) for step in steps]
     usual, strict = effects_at(sample, drawn, levels)
     return [verdict_of(sample.check, _effect(sample, k, usual, strict, ends), by) for k in range(REFITS)]
 
 
-def _averaged(noise: FitNoise | None, seeds: int) -> FitNoise | None:
-    """Return the noise of so many fits of each scene."""
-    return None if noise is None else replace(noise, seeds=max(seeds, noise.seeds))
+@dataclass(frozen=True, slots=True)
+class _Values:
+    """Numbers of scenes, what they scatter about, and their variance about it."""
+
+    found: np.ndarray
+    centre: np.ndarray | float
+    spread: float
+
+    @classmethod
+    def of(cls, found: np.ndarray) -> "_Values":
+        return cls(found, float(found.mean()), float(found.var(ddof=1)) if len(found) > 1 else 0.0)
+
+
+def _variances(noise: FitNoise, spread: float) -> np.ndarray:
+    """Return variances of an effect between fits that the estimate leaves open, shape ``(REFITS,)``."""
+    if not np.isfinite(noise.freedom):
+        return np.full(REFITS, noise.sd**2)
+    random = np.random.default_rng([_SEED, crc32(noise.source.encode())])
+    drawn = noise.sd**2 * noise.freedom / random.chisquare(noise.freedom, REFITS)
+    return drawn if noise.origin == "these fits" else np.minimum(drawn, spread)
+
+
+def _weight(parts: Mapping[str, float]) -> float:
+    """Return how many times the variance of one row that of the effect is; never 0."""
+    return max(sum(part**2 for part in parts.values()), 1e-300)
 
 
 def _refits(
-    effects: np.ndarray, centre: np.ndarray | float, noise: float, random: np.random.Generator
+    values: _Values, parts: Mapping[str, float], sample: Sample, variance: np.ndarray, seeds: int
 ) -> np.ndarray:
-    """Return effects of the same scenes fitted anew, shape ``(scenes, REFITS)``."""
-    spread = float(((effects - centre) ** 2).sum() / max(len(effects) - 1, 1))
-    kept = max(0.0, 1 - noise**2 / spread) if spread > 0 else 0.0
-    middle = centre + kept * (effects - centre)
-    return middle[:, None] + noise * np.sqrt(1 + kept) * random.standard_normal((len(effects), REFITS))
+    """Return numbers of the same scenes fitted anew, shape ``(scenes, REFITS)``.
+
+    Args:
+        values: As they were found, from means over ``noise.seeds`` fits.
+        parts: Weight of each fitted row in them.
+        sample: Whose scenes they are.
+        variance: Of one fit of one row, shape ``(REFITS,)``.
+        seeds: Fits of each scene in a refit.
+    """
+    weight = _weight(parts)
+    count, had = len(values.found), sample.by_seed.shape[1]
+    noise = variance * weight / had  # of the numbers as they were found
+    kept = np.maximum(0, 1 - noise / values.spread) if values.spread > 0 else np.zeros(REFITS)
+    centre = np.broadcast_to(values.centre, (count,))[:, None]
+    middle = centre + (values.found[:, None] - centre) * kept
+    middle = middle + np.sqrt((1 - kept) * noise / count) * _normals("the centre", "of all")
+    drawn = sum(
+        part * np.stack([_normals(row, s.scene) for s in sample.scenes]) for row, part in parts.items()
+    )
+    return middle + np.sqrt((kept * noise + noise * had / seeds) / weight) * drawn
+
+
+@cache
+def _normals(row: str, scene: str) -> np.ndarray:
+    """Return the noise of a row on a scene in every refit, in its standard deviations, shape
+    ``(REFITS,)``.
+    """
+    return np.random.default_rng([_SEED, crc32(row.encode()), crc32(scene.encode())]).standard_normal(REFITS)
 
 
 def _effect(

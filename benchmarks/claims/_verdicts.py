@@ -2,7 +2,7 @@
 """One claim against a run: the rules' verdict from its checks, and what holds that verdict back."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -28,6 +28,7 @@ from graycard.benchmarks.claims._words import (
     limits_words,
     reason_words,
     rule_words,
+    strict_words,
 )
 from graycard.records import CheckResult, ClaimResult, ClaimVerdict, RowMean, SceneRecord
 
@@ -47,6 +48,11 @@ class Case:
     budgets: Mapping[float, Readings] = field(default_factory=dict)
     """Runs of the same scenes with other steps, by their factor."""
 
+    def means(self) -> dict[str, str]:
+        """Return means of the run by what is counted, with the other budgets that stand beside it."""
+        others = ", ".join(f"{factor:g} times the steps" for factor in sorted(self.budgets))
+        return {**self.here, "other budgets": others or "not run"}
+
 
 @dataclass(frozen=True, slots=True)
 class _Made:
@@ -57,10 +63,10 @@ class _Made:
 
 
 class _Held(NamedTuple):
-    """Why a verdict of the rules is held back, and what would free it; both empty if it stands."""
+    """A reason to hold a verdict of the rules back, and what would remove it."""
 
-    why: str = ""
-    needs: str = ""
+    why: str
+    needs: str
 
 
 def judge_claim(claim: Claim, case: Case) -> ClaimResult:
@@ -68,26 +74,32 @@ def judge_claim(claim: Claim, case: Case) -> ClaimResult:
     made = _made(claim, case)
     deciding = _deciding(claim, made, case.level)
     verdict = NOT_TESTABLE if claim.unavailable else deciding.verdict
-    stability = None if verdict == NOT_TESTABLE else deciding.stability()
-    held = _Held() if verdict == NOT_TESTABLE else _held(claim, deciding, stability, case)
+    stability = None if verdict == NOT_TESTABLE or not deciding.is_measured else deciding.stability()
+    held = () if verdict == NOT_TESTABLE else tuple(_held(claim, deciding, stability, case))
     checks = tuple(one.result for one in made)
     return ClaimResult(
         claim.id,
         claim.sentence,
         claim.source,
-        deciding.word("undecided" if held.why else verdict),
+        deciding.word("undecided" if held else verdict),
         claim_words(claim, verdict, checks),
         RULES[claim.verdict_by],
-        tuple(replace(check, verdict=deciding.word(check.verdict)) for check in checks),
+        tuple(_in_words_of(check, deciding) for check in checks),
         claim.asked_by,
         stability,
-        held.why,
-        deciding.word(verdict) if held.why and is_decided(verdict) else None,
-        held.needs,
-        budget_of(claim, case.paper, case.readings, case.here),
+        "; ".join(reason.why for reason in held),
+        deciding.word(verdict) if held and is_decided(verdict) else None,
+        "; ".join(reason.needs for reason in held),
+        budget_of(claim, case.paper, case.readings, case.means()),
         claim.figures,
         claim.notes,
     )
+
+
+def _in_words_of(check: CheckResult, deciding: Deciding) -> CheckResult:
+    """Return a check in the words of its claim; one that decides nothing contradicts nobody either."""
+    word = deciding.word(check.verdict) if check.decides else OWN.get(check.verdict, check.verdict)
+    return replace(check, verdict=word)
 
 
 def _made(claim: Claim, case: Case) -> list[_Made]:
@@ -97,7 +109,7 @@ def _made(claim: Claim, case: Case) -> list[_Made]:
 
 
 def _levels(claim: Claim, level: float) -> Levels:
-    return Levels(level, levels_for(sum(check.decides for check in claim.checks), level))
+    return Levels(level, levels_for(claim.statements, level))
 
 
 def _deciding(claim: Claim, made: Sequence[_Made], level: float) -> Deciding:
@@ -113,19 +125,27 @@ def _words(claim: Claim) -> Mapping[ClaimVerdict, ClaimVerdict]:
     return OWN if claim.asked_by == "graycard" else {}
 
 
-def _held(claim: Claim, deciding: Deciding, stability: float | None, case: Case) -> _Held:
-    """Say why a verdict of the rules is held back, if it is."""
+def _held(claim: Claim, deciding: Deciding, stability: float | None, case: Case) -> Iterator[_Held]:
+    """Yield why a verdict of the rules is held back."""
     if short := suspension(claim, case.paper, case.readings):
-        return _Held(short, "fits that are run to the end")
+        yield _Held(short, "fits that are run to the end")
     if not is_decided(deciding.verdict):
-        return _Held()
+        return
     if turned := _turned(claim, deciding, case):
-        return _Held(turned, "fits of so many steps that more do not turn the verdict")
-    if stability is not None and stability < STABLE:
-        seeds = deciding.seeds()
-        needs = f"about {seeds} seeds a scene" if seeds else "more scenes: no number of seeds is enough"
-        return _Held(f"only {stability:.0%} of simulated refits of these scenes give this verdict", needs)
-    return _Held()
+        yield _Held(turned, "fits of so many steps that more do not turn the verdict")
+    if stability is None:
+        yield _Held("nobody measured how far fits of these rows differ", "several seeds a scene")
+    elif stability < STABLE:
+        yield _unstable(deciding, stability)
+
+
+def _unstable(deciding: Deciding, stability: float) -> _Held:
+    """Say how seldom refits agree, whose noise that takes, and what would be enough."""
+    seeds = deciding.seeds()
+    needs = f"about {seeds} seeds a scene" if seeds else "more scenes: no number of seeds is enough"
+    measured = all(check.noise is None or check.noise.origin != "other rows" for check in deciding.checks)
+    whose = "" if measured else ", if their noise is that of the rows that stand in for these"
+    return _Held(f"only {stability:.0%} of simulated refits of these scenes give this verdict{whose}", needs)
 
 
 def _turned(claim: Claim, deciding: Deciding, case: Case) -> str:
@@ -204,7 +224,12 @@ def _beside(result: CheckResult, judged: Judged, claim: Claim, case: Case) -> Ch
     bound, trivial = (_mean(row, check, sample.scenes, case.readings) for row in names)
     rows = tuple(map(RowMean, (*check.rows, *check.minus), map(float, sample.rows)))
     record = case.readings.record(check.quantity)
-    reason = reason_words(check, judged.verdict, judged.effect, len(sample.scenes), case.level, result)
+    levels = _levels(claim, case.level)
+    reason = reason_words(check, judged.verdict, judged.effect, len(sample.scenes), levels, result)
+    if held := strict_words(
+        check, judged.verdict, judged.effect, len(sample.scenes), levels, claim.verdict_by
+    ):
+        reason += f"; {held}"
     reason += f"; {limits_words(record, bound, trivial)}"
     doubt = beside_words(check, record, rows, bound, trivial)
     reason = f"{reason}. But {doubt}" if doubt else reason

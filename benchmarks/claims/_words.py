@@ -3,11 +3,12 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from graycard.benchmarks.claims._claim import Check, Claim
-from graycard.benchmarks.claims._effects import Effect
-from graycard.benchmarks.claims._rules import is_negligible
-from graycard.eval.statistics import least_level, least_scenes
+from graycard.benchmarks.claims._effects import LEAST_AT_END, Effect, Levels
+from graycard.benchmarks.claims._rules import is_decided, verdict_of
+from graycard.eval.statistics import least_scenes
 from graycard.records import CheckResult, ClaimVerdict, MetricRecord, RowMean
 
 _TELLS: dict[ClaimVerdict, str] = {
@@ -56,7 +57,7 @@ def rule_words(check: Check, unit: str) -> str:
 
 
 def reason_words(
-    check: Check, verdict: ClaimVerdict, effect: Effect, scenes: int, level: float, told: CheckResult
+    check: Check, verdict: ClaimVerdict, effect: Effect, scenes: int, levels: Levels, told: CheckResult
 ) -> str:
     """Say what a verdict rests on.
 
@@ -65,7 +66,7 @@ def reason_words(
         verdict: By the rules.
         effect: What was measured.
         scenes: On how many scenes.
-        level: Of the interval.
+        levels: Of its intervals.
         told: The check with its quantity and unit in words.
     """
     low, high = effect.interval
@@ -74,13 +75,50 @@ def reason_words(
         f"{_TELLS[verdict]}: {told.quantity}, {effect_words(check)} = {number(effect.estimate)}{unit} "
         f"({number(low)} to {number(high)}, {scenes} scenes)"
     )
-    if check.along is None and level > least_level(scenes):
-        found += f"; an interval at {100 * level:.4g} % needs {least_scenes(level)} scenes"
-    if check.negligible and is_negligible(check, effect.interval):
+    if math.isinf(low) and math.isinf(high):
+        found += f"; {_few_words(check, levels.usual)}"
+    if verdict == "no effect":
         found += f"; {_negligible_words(check, told.unit)} counts as no difference"
     if check.paper is not None:
         found += f"; the paper: {number(check.paper)}{unit}"
     return found
+
+
+def strict_words(
+    check: Check, verdict: ClaimVerdict, effect: Effect, scenes: int, levels: Levels, by: str
+) -> str:
+    """Say that a word is certain by the interval shown but not by the stricter one that it needs; empty if
+    not.
+
+    Args:
+        check: What was asked.
+        verdict: By the rules.
+        effect: What was measured.
+        scenes: On how many scenes.
+        levels: Of its intervals.
+        by: ``all`` or ``any`` of the claim's checks.
+    """
+    loose = verdict_of(check, replace(effect, strict=effect.interval), by)
+    if loose == verdict or not is_decided(loose):
+        return ""
+    needed = least_scenes(levels.strict)
+    more = f", which needs {needed} scenes" if scenes < needed and check.along is None else ""
+    return (
+        f"{loose} at {percent(levels.usual)}, but one of several checks has to be certain at "
+        f"{percent(levels.strict)}{more}"
+    )
+
+
+def percent(level: float) -> str:
+    """Return a level as in ``99.25 %``."""
+    return f"{100 * level:.4g} %"
+
+
+def _few_words(check: Check, level: float) -> str:
+    """Say what an interval would need."""
+    if check.along is not None:
+        return f"a line needs {LEAST_AT_END} scenes towards either value of {check.along.knob}"
+    return f"an interval at {percent(level)} needs {least_scenes(level)} scenes"
 
 
 def _negligible_words(check: Check, unit: str) -> str:

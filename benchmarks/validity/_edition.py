@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether sealed scenes were rendered by tagged code, and judged by the claims of that tag."""
+"""Check that sealed scenes were rendered by tagged code and judged by the claims of that tag."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +15,7 @@ RULE = "origin"
 
 
 def sealed_breaches(run: RunRecord, suite: Suite | None) -> list[Breach]:
-    """Scenes of sealed ranges in a run that no tag vouches for."""
+    """Return a breach for each scene of a sealed range in a run that no tag vouches for."""
     if run.edition is not None:
         return []
     found = []
@@ -28,14 +28,14 @@ def sealed_breaches(run: RunRecord, suite: Suite | None) -> list[Breach]:
 
 
 def edition_breaches(run: RunRecord, folder: Path) -> list[Breach]:
-    """Where a run on sealed scenes is not of the tag that it names."""
+    """Return a breach for all in which a run on sealed scenes is not of the tag that it names."""
     if run.edition is None:
         return []
     return [*_code(run, run.edition), *_tag(run.edition), *_claims(run.edition, folder)]
 
 
 def _code(run: RunRecord, edition: Edition) -> Iterator[Breach]:
-    """The commit of the run, or the version that was installed, is that of the tag."""
+    """Compare the commit of the run, or the version that was installed, with that of the tag."""
     ran = str(run.environment.get("git_commit") or "")
     if edition.commit and not (ran and edition.commit.startswith(ran)):
         what = f"expected a run of commit {edition.commit[:12]}, which {edition.tag} is, got {ran or 'none'}"
@@ -46,7 +46,7 @@ def _code(run: RunRecord, edition: Edition) -> Iterator[Breach]:
 
 
 def _tag(edition: Edition) -> Iterator[Breach]:
-    """The tag is still at that commit, as far as this checkout can tell."""
+    """Check that the tag is still at that commit, as far as this checkout can tell."""
     root = checkout()
     if not edition.commit:
         return
@@ -60,7 +60,7 @@ def _tag(edition: Edition) -> Iterator[Breach]:
 
 
 def _claims(edition: Edition, folder: Path) -> Iterator[Breach]:
-    """The ledger is by the claims of the tag."""
+    """Check that the ledger is by the claims of the tag."""
     ledger = read_ledger(folder)
     for paper in ledger.papers if ledger else ():
         known = edition.claims.get(paper.name)

@@ -51,6 +51,7 @@ from graycard.eval.statistics._location import Location as Location
 from graycard.eval.statistics._location import least_level as least_level
 from graycard.eval.statistics._location import locate as locate
 from graycard.eval.statistics._location import locations as locations
+from graycard.eval.statistics._null_distribution import rank_limit as rank_limit
 from graycard.eval.statistics._pairs import LEAST_SCENES as LEAST_SCENES
 from graycard.eval.statistics._pairs import Candidate as Candidate
 from graycard.eval.statistics._pairs import compare_against as compare_against
@@ -59,7 +60,6 @@ from graycard.eval.statistics._ranks import rank_groups as rank_groups
 from graycard.eval.statistics._sequential import ERROR as ERROR
 from graycard.eval.statistics._sequential import level_up_to as level_up_to
 from graycard.eval.statistics._sequential import p_after_each as p_after_each
-from graycard.eval.statistics._sequential import rank_limit as rank_limit
 from graycard.eval.statistics._sequential import sequential_level as sequential_level
 from graycard.eval.statistics._signed_rank import holm as holm
 from graycard.eval.statistics._signed_rank import least_scenes as least_scenes

@@ -41,6 +41,16 @@ RULE = (
 )
 
 
+def _rule(against: str) -> str:
+    """Return how verdicts are come by, of a chosen row as well."""
+    if not against:
+        return RULE
+    return (
+        f"{RULE} Verdicts against {against!r}, which was chosen before the scores were seen, stand apart: "
+        "their correction is over the comparisons with that row alone, not over all pairs."
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class _Row:
     """A method's scores by one metric on one track."""
@@ -86,7 +96,7 @@ def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
         LEVEL,
         LEAST_SCENES,
         MARGINS,
-        RULE,
+        _rule(asked.against),
         tuple(table for table in tables if table is not None),
         tuple(_above_ceiling(run)),
         asked.against,

@@ -10,11 +10,11 @@ not promise.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
 from graycard.eval.statistics._interval import LEVEL
+from graycard.eval.statistics._null_distribution import rank_limit
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def locations(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np
     first, second = np.triu_indices(len(samples))
     walsh = np.sort((samples[first] + samples[second]) / 2, axis=0)
     estimates = np.median(walsh, axis=0)
-    inward = _steps_inward(len(samples), 1 - level)
+    inward = rank_limit(len(samples), level)
     if inward < 0:
         return estimates, np.full_like(estimates, -np.inf), np.full_like(estimates, np.inf)
     return estimates, walsh[inward], walsh[len(walsh) - 1 - inward]
@@ -77,18 +77,3 @@ def least_level(count: int) -> float:
         0.96875
     """
     return 1 - 2.0 ** (1 - count)
-
-
-@cache
-def _steps_inward(count: int, error: float) -> int:
-    """Return how many Walsh averages are cut off at each end; -1 where not even all of them suffice.
-
-    Twice the chance that the signed-rank statistic of ``count`` values is that small must not exceed
-    ``error``.
-    """
-    ways = np.zeros(count * (count + 1) // 2 + 1)
-    ways[0] = 1
-    for rank in range(1, count + 1):
-        ways[rank:] = ways[rank:] + ways[:-rank]
-    tails = 2 * np.cumsum(ways) / 2.0**count
-    return int(np.searchsorted(tails, error * (1 + 1e-12), side="right")) - 1

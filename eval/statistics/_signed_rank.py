@@ -5,9 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from graycard.eval.statistics._null_distribution import rank_chances
+
 
 def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
-    """Exact two-sided p of Wilcoxon's signed-rank test that differences are symmetric about 0.
+    """Return the exact two-sided p of Wilcoxon's signed-rank test that differences are symmetric about 0.
 
     Differences of 0 are left out, equal ones share their mean rank (Wilcoxon 1945), and the distribution over
     all 2^n signs is counted with these very ranks, so ties need no approximation.
@@ -34,13 +36,13 @@ def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
     if not len(values):
         return None
     ranks = np.rint(2 * stats.rankdata(np.abs(values))).astype(int)  # mean ranks are halves
-    ways = _ways(ranks)
+    chances = rank_chances(ranks)
     positive, negative = int(ranks[values > 0].sum()), int(ranks[values < 0].sum())
-    return float(min(1.0, 2 * ways[: min(positive, negative) + 1].sum() / ways.sum()))
+    return float(min(1.0, 2 * chances[: min(positive, negative) + 1].sum() / chances.sum()))
 
 
 def least_scenes(level: float, pairs: int = 1) -> int:
-    """The fewest scenes with which the signed-rank test of ``pairs`` pairs can fall below 1 - level.
+    """Return the fewest scenes with which the signed-rank test of ``pairs`` pairs can fall below 1 - level.
 
     All differences of one sign have p = 2 / 2^n, and Holm's correction multiplies the least p by the number
     of pairs.
@@ -61,7 +63,7 @@ def least_scenes(level: float, pairs: int = 1) -> int:
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
-    """Values of p after the step-down correction of Holm 1979: all below 0.05 hold together with 95 %.
+    """Return p after the step-down correction of Holm 1979: all below 0.05 hold together with 95 %.
 
     Args:
         p_values: One for each pair; None for one that was not tested, which stays None and does not count.
@@ -77,12 +79,3 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
         largest = max(largest, min(1.0, (len(tested) - step) * p))
         corrected[index] = largest
     return corrected
-
-
-def _ways(ranks: np.ndarray) -> np.ndarray:
-    """Number of subsets of the ranks by their sum, shape ``(sum + 1,)``."""
-    ways = np.zeros(int(ranks.sum()) + 1)
-    ways[0] = 1
-    for rank in ranks:
-        ways[rank:] = ways[rank:] + ways[:-rank]
-    return ways

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tests of many paired samples at once: of their means, and of their signs and ranks."""
 
-from functools import cache, reduce
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
+
+from graycard.eval.statistics._null_distribution import rank_tail
 
 
 class MeanTest(NamedTuple):
@@ -58,17 +60,6 @@ def signed_rank_ps(samples: np.ndarray) -> np.ndarray:
     order = np.lexsort((other, np.abs(turned)), axis=0)
     ranks = np.arange(1, len(samples) + 1)[:, None]
     lost = (np.take_along_axis(other, order, axis=0) * ranks).sum(axis=0)
-    p = np.minimum(1.0, 2 * _chances(len(samples))[lost])
+    p = np.minimum(1.0, 2 * rank_tail(len(samples))[lost])
     p = np.where((total > 0) | (total < 0), p, 1.0)
     return np.where((samples != 0).any(axis=0), p, np.nan)
-
-
-@cache
-def _chances(count: int) -> np.ndarray:
-    """Return the chance that ranks 1 to ``count`` of random signs lose at most 0, 1, 2, … in sum."""
-    chance = np.zeros(count * (count + 1) // 2 + 1)
-    chance[0] = 1.0
-    for rank in range(1, count + 1):
-        chance[rank:] += chance[:-rank].copy()
-        chance /= 2
-    return np.cumsum(chance)

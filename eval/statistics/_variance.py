@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-_LARGEST_RATIO = 1e6
-"""Of the scenes' variance to that of seeds: beyond it, seeds do not matter."""
+_REACH = math.log(1e6)
+"""Logarithm of how far beyond the ratio of plain estimates the best ratio of variances is looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class VarianceSplit:
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """What the likelihood of a one-way layout needs."""
+    """A one-way layout by all that its likelihood needs."""
 
     counts: np.ndarray
     """Seeds of each scene."""
@@ -32,13 +32,19 @@ class _Layout:
     inside: float
     """Sum of squares within scenes."""
 
+    @property
+    def within(self) -> float:
+        """Mean square within scenes."""
+        return self.inside / int((self.counts - 1).sum())
+
 
 def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
     """Return components of variance of a one-way layout by restricted maximum likelihood (REML).
 
     The model is score = mean + scene + seed, both deviations normal (Searle, Casella and McCulloch 1992,
-    chapter 3.8). Of as many seeds for each scene the estimates are those of the analysis of variance, with a
-    negative variance set to 0. Where each scene was fitted once, the part of seeds stays in that of scenes.
+    chapter 3.8). Of as many seeds for each scene it has a closed form: that of the analysis of variance, or
+    all in one where scenes would have a negative variance. Where each scene was fitted once, the part of
+    seeds stays in that of scenes.
 
     Args:
         scenes: The scores of each scene, one for each seed; finite.
@@ -63,16 +69,26 @@ def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
         return VarianceSplit(float(means.std(ddof=1)), None)
     if inside == 0:
         return VarianceSplit(float(means.std(ddof=1)), 0.0)
-    return _restricted(_Layout(counts, means, inside))
+    layout = _Layout(counts, means, inside)
+    return _balanced(layout) if len(set(counts.tolist())) == 1 else _restricted(layout)
+
+
+def _balanced(layout: _Layout) -> VarianceSplit:
+    """Return the split of scenes with equally many seeds (Searle, Casella and McCulloch 1992, ch. 3.8)."""
+    seeds = int(layout.counts[0])
+    variance = float(layout.means.var(ddof=1)) - layout.within / seeds
+    if variance > 0:
+        return VarianceSplit(math.sqrt(variance), math.sqrt(layout.within))
+    return VarianceSplit(0.0, math.sqrt(_within(layout, 0.0)))
 
 
 def _restricted(layout: _Layout) -> VarianceSplit:
     """Return the split of greatest restricted likelihood, by its one free number, the ratio of variances."""
     from scipy.optimize import minimize_scalar  # takes a second to import
 
-    reach = math.log(_LARGEST_RATIO)
+    most = max(0.0, _log(float(layout.means.var(ddof=1))) - _log(layout.within))
     found: Any = minimize_scalar(
-        lambda place: _deviance(layout, math.exp(place)), bounds=(-reach, reach), method="bounded",
+        lambda place: _deviance(layout, math.exp(place)), bounds=(-_REACH, most + _REACH), method="bounded",
         options={"xatol": 1e-10},
     )  # fmt: skip
     ratio = math.exp(found.x)
@@ -80,6 +96,10 @@ def _restricted(layout: _Layout) -> VarianceSplit:
         ratio = 0.0
     within = _within(layout, ratio)
     return VarianceSplit(math.sqrt(ratio * within), math.sqrt(within))
+
+
+def _log(value: float) -> float:
+    return math.log(value) if value > 0 else -math.inf
 
 
 def _within(layout: _Layout, ratio: float) -> float:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What changed from one ledger of a suite to the next, and why."""
+"""Changes from one ledger of a suite to the next, and their reasons."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Change:
     why: str
     """Sentences that are written down, then what numbers of both ledgers say; empty if neither is known."""
     is_open: bool
-    """Whether somebody still has to write why."""
+    """True where somebody still has to write why."""
 
 
 def changes_of(history: VerdictHistory, reasons: Reasons) -> tuple[Change, ...]:

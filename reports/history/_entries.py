@@ -11,7 +11,7 @@ from graycard.io import from_builtins
 from graycard.records import LedgerEntry
 
 _DIGITS = 6
-"""Of numbers that are kept: more than any page shows."""
+"""Digits of numbers that are kept: more than any page shows."""
 
 
 def entry_of(

@@ -41,13 +41,17 @@ def _telling(claim: ClaimEntry) -> list[CheckEntry]:
 
 
 def _moved(before: ClaimEntry, after: ClaimEntry) -> str:
-    """Return which comparisons were taken out or put in, as the beginning of a sentence."""
+    """Return which comparisons were taken out, put in or changed, as the beginning of a sentence."""
     old, new = ({check.asks: check.id for check in claim.checks} for claim in (before, after))
-    gone = sorted({name for asks, name in old.items() if asks not in new})
-    come = sorted({name for asks, name in new.items() if asks not in old})
-    parts = [f"no longer decided by {', '.join(gone)}"] if gone else []
-    parts += [f"now decided by {', '.join(come)}"] if come else []
-    return f"{' and '.join(parts)}; " if parts else ""
+    gone = {name for asks, name in old.items() if asks not in new}
+    come = {name for asks, name in new.items() if asks not in old}
+    named = (
+        ("no longer decided by", gone - come),
+        ("now decided by", come - gone),
+        ("asked otherwise:", gone & come),
+    )
+    parts = [f"{words} {', '.join(sorted(names))}" for words, names in named if names]
+    return f"{'; '.join(parts)}; " if parts else ""
 
 
 def check_words(check: CheckEntry) -> str:

@@ -29,14 +29,21 @@ class KeptHistory:
     history: VerdictHistory
     reasons: Reasons
 
+    def files(self) -> dict[Path, bytes]:
+        """Return the content of the history and of its page, by path."""
+        return {
+            self.folder / HISTORY: history_text(self.history).encode(),
+            self.folder / HISTORY_PAGE: render_history(self.history, self.reasons).encode(),
+        }
+
     def write(self) -> None:
         """Write the history and its page.
 
         Raises:
             OutputError: The folder cannot be written to, or the disk is full.
         """
-        write_bytes(self.folder / HISTORY, history_text(self.history).encode())
-        write_bytes(self.folder / HISTORY_PAGE, render_history(self.history, self.reasons).encode())
+        for path, content in self.files().items():
+            write_bytes(path, content)
 
 
 def continue_history(

@@ -14,7 +14,7 @@ from graycard.reports.history._changes import TABLES, Change, changes_of
 from graycard.reports.history._reasons import Reasons
 
 Changes = Mapping[tuple[int, str], Change]
-"""Of one suite, by number of the entry and claim."""
+"""Changes of one suite, by number of the entry and claim."""
 
 
 @dataclass(frozen=True, slots=True)

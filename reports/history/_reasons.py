@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people wrote down: the editions of the rules, and why verdicts changed (``history.toml``)."""
+"""The words of people in ``history.toml``: editions of the rules, and why verdicts changed."""
 
 import tomllib
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class Edition:
 
     name: str
     says: str
-    """What they ask for, and in what they differ from those before."""
+    """Their demands, and the difference from those before."""
     words: tuple[str, ...]
     """The verdicts that they know, from the worst to the best."""
     rules: tuple[str, ...]
@@ -50,7 +50,7 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a reader of a suite's history has to know besides."""
+    """A remark for the reader of a suite's history."""
 
     suite: str
     says: str

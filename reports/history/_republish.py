@@ -12,7 +12,7 @@ from markupsafe import escape
 from graycard import RecordError
 from graycard.io import to_builtins, write_bytes, write_json
 from graycard.records import CLAIMS, Ledger, read_run
-from graycard.reports._claims import claims_section
+from graycard.reports._claims import section_of
 from graycard.reports._templates import asset, content_policy, environment
 from graycard.reports.history._keep import KeptHistory, continue_history
 
@@ -27,6 +27,8 @@ _OF_PAGE: Final = re.compile(r"^\.bar\.", re.MULTILINE)
 def republish_claims(folder: Path, ledger: Ledger) -> KeptHistory | None:
     """Write new verdicts of a published run into its ledger, its page and the history above it.
 
+    All is rendered before the first file is written, so what is refused leaves the folder as it was.
+
     Args:
         folder: A published folder.
         ledger: Verdicts of its run.
@@ -35,7 +37,8 @@ def republish_claims(folder: Path, ledger: Ledger) -> KeptHistory | None:
         The history as it is now; None where the folder above keeps none.
 
     Raises:
-        RecordError: A verdict changed and the history says no reason, or the page has no section of claims.
+        RecordError: A verdict changed and the history says no reason, or the page has no section of claims or
+            no style and script of a report.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     data, page = to_builtins(ledger), Path(folder) / "index.html"
@@ -45,10 +48,13 @@ def republish_claims(folder: Path, ledger: Ledger) -> KeptHistory | None:
     old = page.read_text(encoding="utf-8")
     if not _SECTION.search(old):
         raise RecordError(f"expected a section of claims in {page}, got a page without. Publish the run anew")
-    write_bytes(Path(folder) / CLAIMS, packed.encode())
-    write_bytes(page, with_claims(old, Path(folder)).encode())
-    if kept:
-        kept.write()
+    files = {
+        Path(folder) / CLAIMS: packed.encode(),
+        page: with_claims(old, Path(folder), ledger).encode(),
+        **(kept.files() if kept else {}),
+    }
+    for path, content in files.items():
+        write_bytes(path, content)
     return kept
 
 
@@ -66,10 +72,10 @@ def republish_tables(path: Path, ledger: Ledger) -> KeptHistory | None:
     return kept
 
 
-def with_claims(page: str, run: Path) -> str:
-    """Return a published page with the verdicts that lie beside it, and the style that they need."""
+def with_claims(page: str, run: Path, ledger: Ledger) -> str:
+    """Return the published page of a run with new verdicts, and the style that they need."""
     template = environment().get_template("claims.html.j2")
-    claims = template.render(page=SimpleNamespace(claims=claims_section(run)))
+    claims = template.render(page=SimpleNamespace(claims=section_of(ledger, run)))
     page = _SECTION.sub(lambda _: claims.rstrip(), page, count=1)
     found, scripts = _STYLE.search(page), _SCRIPT.search(page)
     own = _OF_PAGE.search(found[0]) if found else None

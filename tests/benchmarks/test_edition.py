@@ -73,6 +73,33 @@ def test_claims_that_the_tag_does_not_have(repository: Path, tmp_path: Path) -> 
             edition.edition_of_checkout({"claims": stray}, repository)
 
 
+@pytest.mark.parametrize("ignored", [False, True])
+def test_code_that_git_does_not_know_is_refused(repository: Path, ignored: bool) -> None:
+    """Python that lies in the package can be imported, whether git ignores it or not."""
+    package = repository / "src" / "graycard"
+    (repository / "eval").mkdir()
+    (repository / "eval" / "__init__.py").write_text("")
+    package.mkdir(parents=True)
+    (package / "__init__.py").write_text("")
+    (package / "eval").symlink_to("../../eval")
+    (repository / ".gitignore").write_text("_planted.py\n" if ignored else "")
+    git(repository, "add", ".")
+    git(repository, "commit", "--quiet", "--message", "Add a package")
+    git(repository, "tag", "edition-1")
+    (repository / "eval" / "notes.txt").write_text("no code")
+    (repository / "scratch.py").write_text("not in the package")
+    assert edition.edition_of_checkout({}, repository)[0] == "edition-1"
+    for folder in (repository / "eval", package):
+        planted = folder / "_planted.py"
+        planted.write_text("")
+        where = planted.relative_to(repository).as_posix()
+        with pytest.raises(
+            RunError, match=rf"expected no code in the package that git does not know .*{where}"
+        ):
+            edition.edition_of_checkout({}, repository)
+        planted.unlink()
+
+
 class Release:
     """An installed distribution with one file."""
 
@@ -139,7 +166,7 @@ def test_a_run_on_sealed_scenes_says_so_and_is_checked(
 ) -> None:
     record = read_run(sealed_run)
     assert [scene.scene for scene in record.scenes] == ["corridor-0601", "corridor-0602"]
-    assert record.edition == Edition("edition-1", COMMIT, sealed=True)
+    assert record.edition == Edition("edition-1", COMMIT)
     monkeypatch.setattr(validity, "git", lambda root, *words: "")
     (line,) = [b for b in check_result(sealed_run).breaches if b.rule in ("origin", "suite")]
     assert line.unknown

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graycard.eval.statistics import compare_run
+from graycard.eval.statistics import RULE, Question, compare_run
 from graycard.io import write_json
 from graycard.records import (
     COMPARISON,
@@ -244,3 +244,13 @@ def test_variants_of_a_method_cost_the_methods_nothing():
     assert max(p.p_mean_corrected for p in others if p.p_mean_corrected is not None) == 1.0
     together = compare_run(run).find("dark", "psnr").pairs[0]
     assert together.verdict == "tie"
+
+
+def test_the_rule_says_which_comparisons_are_corrected_together():
+    run = make_run({name: once([30.0 + i + k for k in range(6)]) for i, name in enumerate("abc")})
+    assert compare_run(run).rule == RULE
+    assert "over all pairs of the table" in RULE
+    chosen = compare_run(run, Question(against="b"))
+    assert chosen.rule.startswith(f"{RULE} Verdicts against 'b', which was chosen before")
+    assert "over the comparisons with that row alone" in chosen.rule
+    assert [p.second for p in chosen.metrics[0].against] == ["b", "b"]

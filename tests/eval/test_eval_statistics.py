@@ -19,6 +19,7 @@ from graycard.eval.statistics import (
     split_variance,
 )
 from graycard.eval.statistics._interval import mean_intervals
+from graycard.eval.statistics._variance import _balanced, _Layout, _restricted
 
 Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 SHAPES: dict[str, tuple[Draw, float]] = {
@@ -202,6 +203,29 @@ def test_the_split_by_hand():
     assert split.scene_sd == pytest.approx(math.sqrt(3))
     equal = split_variance([[1.0, 3.0], [1.0, 3.0]])
     assert equal.scene_sd == 0.0
+
+
+def test_seeds_may_matter_a_billion_times_less_than_scenes():
+    """Of as many seeds by the closed form; of other numbers by a ratio that is looked for far out."""
+    even = split_variance([[1.0, 1.0001], [1e6, 1e6]])
+    assert even.seed_sd == pytest.approx(1e-4 / math.sqrt(2) / math.sqrt(2), rel=1e-9)
+    assert even.scene_sd == pytest.approx((1e6 - 1.00005) / math.sqrt(2))
+    odd = split_variance([[1.0, 1.0001], [1e6, 1e6, 1e6]])
+    assert odd.seed_sd == pytest.approx(1e-4 / math.sqrt(2) / math.sqrt(3), rel=1e-6)
+    assert odd.scene_sd == pytest.approx((1e6 - 1.00005) / math.sqrt(2))
+
+
+@pytest.mark.parametrize("spread", [0.0, 0.3, 2.0, 1e4])
+@pytest.mark.parametrize("seed", range(5))
+def test_the_closed_form_is_of_greatest_likelihood(spread: float, seed: int):
+    random = np.random.default_rng(seed)
+    scores = spread * random.normal(size=(8, 1)) + random.normal(size=(8, 3))
+    layout = _Layout(np.full(8, 3), scores.mean(axis=1), float(scores.var(axis=1).sum() * 3))
+    closed, looked_for = _balanced(layout), _restricted(layout)
+    found = split_variance(scores.tolist())
+    assert (found.scene_sd, found.seed_sd) == pytest.approx((closed.scene_sd, closed.seed_sd))
+    assert looked_for.seed_sd == pytest.approx(closed.seed_sd, rel=1e-5)
+    assert looked_for.scene_sd == pytest.approx(closed.scene_sd, rel=1e-5, abs=1e-6)
 
 
 def test_what_cannot_be_split():

@@ -7,11 +7,12 @@ of standard deviation 1. The band of the claim is 0.5 to 2 times its size.
 """
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from effect_shapes import SHAPES
 from graycard.benchmarks.claims import Check, Quantity
 from graycard.benchmarks.claims._effects import Effect, Levels
 from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
@@ -23,7 +24,6 @@ CHECK = Check(
     "a", "it is better", "better", Quantity("psnr"), ("mine", "theirs"), "higher", paper=SIZE, negligible=0.1
 )
 COUNTS = (6, 8, 12, 20, 40)
-Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,39 +34,6 @@ class Shares:
     """In which the interval holds the true effect."""
     words: Mapping[str, float]
     """With each verdict."""
-
-
-def _outlier(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    """Return normal values of which the first scene is eight standard deviations off."""
-    values = random.standard_normal(shape)
-    values[0] += 8
-    return values
-
-
-def _skewed(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    return random.standard_exponential(shape) - 0.839  # the root of (1 + 2 m) exp(-2 m) = 1/2
-
-
-def _lognormal(random: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
-    values = random.lognormal(0.0, 0.75, shape)
-    return (values - _LOGNORMAL_CENTRE) / _LOGNORMAL_SD
-
-
-def _pseudomedian(draw: Callable[[np.random.Generator, int], np.ndarray]) -> float:
-    random = np.random.default_rng(2)
-    return float(np.median((draw(random, 4_000_000) + draw(random, 4_000_000)) / 2))
-
-
-_LOGNORMAL_CENTRE = _pseudomedian(lambda random, count: random.lognormal(0.0, 0.75, count))
-_LOGNORMAL_SD = float(np.sqrt((np.exp(0.75**2) - 1) * np.exp(0.75**2)))
-
-SHAPES: Mapping[str, Draw] = {
-    "normal": lambda random, shape: random.standard_normal(shape),
-    "exponential": _skewed,
-    "lognormal": _lognormal,
-    "Student's t, 3": lambda random, shape: random.standard_t(3, shape) / np.sqrt(3),
-    "one outlier": _outlier,
-}
 
 
 def shares(shape: str, effect: float, count: int, trials: int = 20_000, seed: int = 0) -> Shares:

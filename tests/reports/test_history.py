@@ -203,7 +203,7 @@ def test_what_cannot_be_tested_any_more_says_why_itself(kept: Path):
     other = [check_json("not testable here", interval=None, scenes={}, effect_of="mine − others")]
     history = grown(kept, ledger_json("not testable here", other, text="the run has no row others"))
     (change,) = changes_of(history, load_reasons(kept))
-    assert change.why.endswith("now decided by psnr; the run has no row others.")
+    assert change.why.endswith("asked otherwise: psnr; the run has no row others.")
 
 
 def test_rules_that_nobody_wrote_down_are_refused(kept: Path):

@@ -63,7 +63,7 @@ def test_a_claim_is_told_with_all_that_it_follows_from(run: Path) -> None:
         '<span class="verdict reproduced">reproduced</span>', "5.00 dB", "3.00 to 7.00", "p = 0.031, n = 2",
         "5.40 dB", "35.00", "upper bound truth", "∞", "trivial gray", "not in this run", "30 dB",
         "rooms are small", "told only; decides nothing", "cannot be checked here: no row", "Table 1",
-        "what it asks for", 'href="#claims"', "not corrected for the number of comparisons",
+        "what it asks for", 'href="#claims"', "Nothing is corrected for the\n    number of claims",
     )  # fmt: skip
     for words in told:
         assert words in text, words
@@ -212,9 +212,9 @@ def test_a_verdict_that_is_held_back_says_why_and_what_it_needs(run: Path) -> No
     write_json(run / CLAIMS, ledger_of(held))
     text = text_of(run)
     told = (
-        "By the rule <em>reproduced</em>, but held back: mine has not converged.",
+        "By the checks <em>reproduced</em>, but held back: mine has not converged.",
         "<strong>To decide it:</strong> 12 more scenes.",
-        "82% of simulated refits give this verdict.",
+        "82% of simulated refits agree with the checks.",
         "SD of scenes 1.00 dB, SD of fits 0.20 dB, stability 82%",
         "half the steps 1.00 dB",
     )

@@ -104,6 +104,34 @@ def test_a_page_without_claims_is_refused(published: Path):
         republish_claims(published, ledger_of("contradicted", published))
 
 
+def test_a_page_that_is_refused_leaves_every_file_as_it_was(published: Path):
+    """A section of claims is there, but the style of a report is not."""
+    (published / "index.html").write_text('<section class="claims">old</section>')
+    (published.parent / REASONS).write_text(EDITION + REASON)
+    before = contents(published.parent)
+    with pytest.raises(RecordError, match="expected a report with style and script"):
+        republish_claims(published, changed_ledger(published))
+    assert contents(published.parent) == before
+
+
+def test_a_history_that_cannot_be_shown_leaves_every_file_as_it_was(
+    published: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def broken(*_: object) -> str:
+        raise RecordError("expected a history to show")
+
+    monkeypatch.setattr("graycard.reports.history._keep.render_history", broken)
+    (published.parent / REASONS).write_text(EDITION + REASON)
+    before = contents(published.parent)
+    with pytest.raises(RecordError, match="expected a history to show"):
+        republish_claims(published, changed_ledger(published))
+    assert contents(published.parent) == before
+
+
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_tables_have_the_history_beside_them(published: Path, tmp_path: Path):
     ledger = Ledger("", 0, "", 0.95, RULES, {}, ledger_of("contradicted", published).papers)
     assert republish_tables(tmp_path / "tables.json", ledger) is None

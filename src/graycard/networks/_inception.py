@@ -39,7 +39,7 @@ def inception_weights() -> "Weights":
     """
     import torch
 
-    return {name: torch.from_numpy(array) for name, array in read_weights("inception").items()}
+    return {name: torch.tensor(array) for name, array in read_weights("inception").items()}
 
 
 def inception_features(pictures: "torch.Tensor", weights: "Weights") -> "torch.Tensor":

@@ -106,7 +106,7 @@ def published_lpips(net: Net) -> "Mapping[str, torch.Tensor]":
     """
     import torch
 
-    return {name: torch.from_numpy(array) for name, array in read_weights(f"lpips-{net}").items()}
+    return {name: torch.tensor(array) for name, array in read_weights(f"lpips-{net}").items()}
 
 
 @lru_cache(maxsize=2)

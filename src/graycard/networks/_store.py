@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 from platformdirs import user_cache_path
@@ -55,20 +56,29 @@ def write_weights(name: str, tensors: Mapping[str, np.ndarray]) -> Path:
     return path
 
 
-def read_weights(name: str) -> dict[str, np.ndarray]:
-    """Return the tensors of a fetched file of weights, by name, float32.
+def read_weights(name: str) -> Mapping[str, np.ndarray]:
+    """Return the tensors of a fetched file of weights, by name, float32; they cannot be written to.
+
+    A file is read once for as long as it stays as it is.
 
     Raises:
         WeightsError: It was not fetched, or is not what was fetched.
     """
-    return _read(name, weights_path(name))
+    whose, _ = find_file(name)
+    path = weights_path(name)
+    try:
+        now = path.stat()
+    except OSError as cause:
+        raise WeightsError(
+            f"expected weights at {path}, got none. Run `graycard weights {whose.name}`"
+        ) from cause
+    return _read(name, path, (now.st_mtime_ns, now.st_size, now.st_ino))
 
 
 @lru_cache(maxsize=4)
-def _read(name: str, path: Path) -> dict[str, np.ndarray]:
-    whose, _ = find_file(name)
-    if not path.is_file():
-        raise WeightsError(f"expected weights at {path}, got none. Run `graycard weights {whose.name}`")
+def _read(name: str, path: Path, _: tuple[int, ...]) -> Mapping[str, np.ndarray]:
+    """Return the tensors of a file; the last argument tells its states apart."""
+    whose, _file = find_file(name)
     try:
         tensors = load_file(path)
     except (SafetensorError, OSError) as cause:
@@ -76,7 +86,9 @@ def _read(name: str, path: Path) -> dict[str, np.ndarray]:
             f"expected weights at {path}, got a damaged file ({cause}). Run `graycard weights {whose.name}`"
         ) from cause
     _check(name, tensors, str(path))
-    return tensors
+    for array in tensors.values():
+        array.flags.writeable = False
+    return MappingProxyType(tensors)
 
 
 def is_whole(name: str) -> bool:

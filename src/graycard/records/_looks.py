@@ -24,7 +24,7 @@ class Looks:
     most: int
     """Scenes at which it ends in any case: the level follows from it, so it stays as planned."""
     level: float
-    """Of the intervals at each look, so that all of them hold together in 95 %."""
+    """Level of the intervals at each look, so that all of them hold together in 95 %."""
     claims: Mapping[str, str]
     """SHA-256 of each file of claims that are pursued, by the name of its paper."""
     made: tuple[Look, ...] = ()
@@ -45,10 +45,8 @@ class Edition:
     """The state of code and claims that sealed scenes were rendered for."""
 
     tag: str
-    """Of git, or the version of a release as ``v1.0.0``."""
+    """Name of a tag of git, or the version of a release as ``v1.0.0``."""
     commit: str
-    """Of the tag, in full; empty for an installed release."""
-    sealed: bool = True
-    """Whether the scenes are those of a sealed range."""
+    """Commit of the tag, in full; empty for an installed release."""
     claims: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file of claims at the tag, by its name."""
