@@ -5,7 +5,8 @@ The level of each look follows from the number of scenes alone, which is planned
 that was cut off is gone through again from its first look: what is there is reused.
 """
 
-from collections.abc import Iterator, Sequence
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,8 +14,16 @@ from graycard import Progress
 from graycard.benchmarks._run_record import RunError, measures_nothing_new, record_before
 from graycard.benchmarks._runner import Bench, Measured, Terms, measure, write_run
 from graycard.benchmarks._suites import Suite
-from graycard.benchmarks.claims import Pursued, claims_of_suite, load_claims, pursue
+from graycard.benchmarks.claims import (
+    Pursued,
+    claims_of_suite,
+    claims_path,
+    load_claims,
+    made_for_others,
+    pursue,
+)
 from graycard.eval.statistics import LEAST_SCENES, level_up_to
+from graycard.io import dumps, sha256
 from graycard.records import Look, Looks, RunRecord
 from graycard.synth import SceneSpec
 
@@ -55,45 +64,104 @@ def run_until_decided(
         GraycardError: As of :func:`run_bench`, and of claims that are broken.
     """
     names = plan.claims or tuple(claims_of_suite(suite.name))
-    pursued = pursue([load_claims(name) for name in names])
-    looks = _looks(suite, plan, pursued)
+    pursued = pursue([load_claims(name) for name in names], suite.added)
+    _check_claims(suite, names, pursued)
+    _check_reserve(suite, plan.most)
+    files = {paper.name: claims_path(name) for paper, name in zip(pursued.papers, names, strict=True)}
+    looks = Looks(plan.most, level_up_to(plan.most), {paper: sha256(file) for paper, file in files.items()})
     bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, suite, Terms())
-    before = _before(bench, looks)
+    before = _before(bench, looks, files)
     return _Course(bench, names, before, _batches(suite), pursued, looks).to_the_end()
 
 
-def _looks(suite: Suite, plan: Plan, pursued: Pursued) -> Looks:
-    """Return a run that has made no look yet."""
-    least, most = max(len(suite.scenes) + 1, LEAST_SCENES), len(suite.scenes) + len(suite.added)
-    if not least <= plan.most <= most:
-        raise RunError(
-            f"expected {least} to {most} scenes for suite {suite.name!r} and its reserve, got {plan.most}. "
-            "Mend --max-scenes, or give the suite a longer [reserve]"
-        )
+def _check_claims(suite: Suite, names: Sequence[str], pursued: Pursued) -> None:
+    """Refuse claims that this run cannot decide, or that it could not tell apart.
+
+    Raises:
+        RunError: There are none, they are for runs of another suite, or two papers have one name.
+    """
     if not pursued.claims:
         raise RunError(
             f"expected claims to decide for suite {suite.name!r}, got none. Name some with --claims"
         )
-    return Looks(plan.most, level_up_to(plan.most), tuple(paper.name for paper in pursued.papers))
+    if others := made_for_others(suite.name, names):
+        got = ", ".join(f"{name} for runs of {own!r}" for name, own in others.items())
+        raise RunError(f"expected claims for runs of suite {suite.name!r}, got {got}. Mend --claims")
+    papers = [paper.name for paper in pursued.papers]
+    if len(set(papers)) < len(papers):
+        raise RunError(f"expected claims of papers with names of their own, got {papers}. Mend --claims")
 
 
-def _before(bench: Bench, looks: Looks) -> RunRecord | None:
-    """Return what the folder has of the same plan.
+def _check_reserve(suite: Suite, wanted: int) -> None:
+    """Refuse a number of scenes that a suite and its reserve do not have, or that decides nothing.
 
     Raises:
-        RunError: It has a run of another plan.
+        RunError: It is too large or too small, or the suite has nothing to add.
+    """
+    scenes, added = len(suite.scenes), len(suite.added)
+    least, most = max(scenes + 1, LEAST_SCENES), scenes + added
+    if not added:
+        raise RunError(
+            f"expected suite {suite.name!r} to have scenes to add, got none: it has no [reserve]. "
+            "Give it one, or leave out --until-decided"
+        )
+    if most < least:
+        raise RunError(
+            f"expected {least - scenes} or more scenes in [reserve] of suite {suite.name!r}, got {added}. "
+            f"Give it more: fewer than {LEAST_SCENES} scenes in all decide nothing"
+        )
+    if not least <= wanted <= most:
+        raise RunError(
+            f"expected {least} to {most} scenes for suite {suite.name!r} and its reserve, got {wanted}. "
+            "Mend --max-scenes, or give the suite a longer [reserve]"
+        )
+
+
+def _before(bench: Bench, looks: Looks, files: Mapping[str, Path]) -> RunRecord | None:
+    """Return what the folder has of the same plan.
+
+    Args:
+        bench: The run.
+        looks: As it is planned now.
+        files: Of claims, by the name of the paper.
+
+    Raises:
+        RunError: It has a run of another plan, or one that cannot be read.
     """
     before = record_before(bench.run, bench.suite)
-    if before is None or before.looks is None:
-        return before
-    planned = before.looks
-    if (planned.most, planned.claims) != (looks.most, looks.claims):
+    if before is None and (bench.run / "run.json").is_file():
+        raise RunError(
+            f"expected the plan of the run in its run.json, got one in {bench.run} that cannot be read. "
+            "Put it back as it was, or choose another --out"
+        )
+    if before is not None and before.looks is not None:
+        _refuse_other_plan(before.looks, looks, bench.run)
+        planned = before.looks.claims
+        changed = [str(file) for name, file in files.items() if planned[name] != looks.claims[name]]
+        if before.suite_sha256 != hashlib.sha256(dumps(bench.suite).encode()).hexdigest():
+            changed.append(f"the file of suite {bench.suite.name!r}")
+        _refuse_changed(changed, bench.run)
+    return before
+
+
+def _refuse_other_plan(planned: Looks, looks: Looks, run: Path) -> None:
+    """Refuse another number of scenes, or claims of other papers, than a run was planned with."""
+    if planned.most != looks.most or set(planned.claims) != set(looks.claims):
         raise RunError(
             f"expected --max-scenes {planned.most} with claims {', '.join(planned.claims)}, as the run in "
-            f"{bench.run} was planned, got {looks.most} with {', '.join(looks.claims)}. A plan that changes "
+            f"{run} was planned, got {looks.most} with {', '.join(looks.claims)}. A plan that changes "
             "after a look bounds no error: go on with it, or choose another --out"
         )
-    return before
+
+
+def _refuse_changed(files: Sequence[str], run: Path) -> None:
+    """Refuse files that are not what they were when a run was planned."""
+    if files:
+        raise RunError(
+            f"expected claims and suite as the run in {run} was planned with, got other content in "
+            f"{', '.join(files)}. Rules or scenes that change after a look bound no error: "
+            "undo the change, or choose another --out"
+        )
 
 
 def _batches(suite: Suite) -> Iterator[tuple[SceneSpec, ...]]:
@@ -145,7 +213,8 @@ class _Course:
         added = tuple(f"{scene.track}/{scene.scene}" for scene in part.record.scenes)
         look = Look(added, rows, tuple(self.pursued.claims))
         made = (*self.looks.made, look)
-        self.looks = replace(self.looks, made=made, stopped=self._stopped(len(found.scenes)))
+        stopped, lost = self._stopped(len(found.scenes)), self.pursued.untestable
+        self.looks = replace(self.looks, made=made, stopped=stopped, untestable=lost)
         found = self._timed(replace(found, looks=self.looks))
         known = self.before.looks.made if self.before and self.before.looks else ()
         if self.looks.stopped or not self.all_reused or len(made) > len(known):
@@ -154,6 +223,8 @@ class _Course:
 
     def _stopped(self, scenes: int) -> str:
         """Return why nothing more is added; empty if something is."""
+        if not self.pursued.claims and self.pursued.untestable:
+            return f"nothing is left to decide, but {', '.join(self.pursued.untestable)} cannot be tested"
         if not self.pursued.claims:
             return "every claim that can be tested is decided"
         if scenes >= self.looks.most:

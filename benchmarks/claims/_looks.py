@@ -2,14 +2,14 @@
 """Claims at each look of a run that adds scenes until they are decided."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, load_claims
 from graycard.benchmarks.claims._judge import judge_claims, judge_paper
 from graycard.benchmarks.claims._needs import with_needs
-from graycard.benchmarks.claims._rules import OPEN
+from graycard.benchmarks.claims._rules import OPEN, is_decided
 from graycard.records import CheckResult, ClaimResult, Ledger, PaperResult, RunRecord
 from graycard.synth import SceneSpec, resolved_knobs
 
@@ -20,8 +20,8 @@ def judge_run(record: RunRecord, run: Path, names: Sequence[str], **options: Any
     """Return the ledger of a run; where scenes were added until claims were decided, by the rule of such
     runs.
 
-    A claim has the verdict of the look that decided it, else that of the last. Papers that were not pursued
-    are judged on the scenes of the suite.
+    A claim has the verdict of the look that decided it, else that of the last at which it was pursued. Papers
+    that were not pursued are judged on the scenes of the suite.
 
     Args:
         record: Of the run.
@@ -37,24 +37,30 @@ def judge_run(record: RunRecord, run: Path, names: Sequence[str], **options: Any
     if record.looks is None:
         found = replace(judge_claims(record, run, names, **options), edition=record.edition)
         return with_needs(found, record, papers)
-    found, pursued = None, record.looks.claims
-    for number in range(len(record.looks.made)):
-        at_look = record.at_look(number)
-        later = judge_claims(at_look, run, names, level=record.looks.level, **options)
-        found = later if found is None else _followed(found, later, pursued)
-    assert found is not None, "a run that was recorded has a look"
+    looks = [
+        judge_claims(record.at_look(number), run, names, level=record.looks.level, **options)
+        for number in range(len(record.looks.made))
+    ]
+    found = looks[0]
+    for look, later in zip(record.looks.made, looks[1:], strict=False):
+        found = _followed(found, later, look.undecided)
     return with_needs(replace(found, edition=record.edition), record, papers)
 
 
 def _followed(ledger: Ledger, later: Ledger, pursued: Sequence[str]) -> Ledger:
-    """Return a ledger with what a later look says of the claims that it leaves open."""
+    """Return a ledger with what a later look says of claims that were open, and still pursued.
+
+    The others were given up: their rows were not fitted on the scenes of the later look.
+    """
     both = zip(ledger.papers, later.papers, strict=True)
-    return replace(ledger, papers=tuple(_paper(p, q) if p.name in pursued else p for p, q in both))
+    return replace(ledger, papers=tuple(_paper(p, q, pursued) for p, q in both))
 
 
-def _paper(paper: PaperResult, later: PaperResult) -> PaperResult:
+def _paper(paper: PaperResult, later: PaperResult, pursued: Sequence[str]) -> PaperResult:
     both = zip(paper.claims, later.claims, strict=True)
-    return replace(paper, claims=tuple(_later(a, b) if a.verdict in OPEN else a for a, b in both))
+    goes_on = [not is_decided(a.verdict) and f"{paper.name} {a.id}" in pursued for a in paper.claims]
+    claims = (_later(a, b) if on else a for (a, b), on in zip(both, goes_on, strict=True))
+    return replace(paper, claims=tuple(claims))
 
 
 def _later(before: ClaimResult, after: ClaimResult) -> ClaimResult:
@@ -74,15 +80,40 @@ class Pursued:
     papers: tuple[Paper, ...]
     claims: Mapping[str, tuple[Paper, Claim]]
     """Those that are open still, by paper and id."""
+    added: tuple[SceneSpec, ...] = ()
+    """Scenes that may be added."""
+    untestable: Mapping[str, str] = field(default_factory=dict)
+    """Why claims were given up undecided, by paper and id: a row and a scene without a score, or a row that
+    the suite has not. Claims that their file calls unavailable are not among them."""
 
     def after(self, record: RunRecord, level: float) -> "Pursued":
         """Return what is left once the claims are judged by a run at a level."""
-        verdicts = {
-            f"{paper.name} {result.id}": result.verdict
+        results = {
+            f"{paper.name} {result.id}": result
             for paper in self.papers
             for result in judge_paper(paper, record, level=level)
         }
-        return replace(self, claims={k: v for k, v in self.claims.items() if verdicts[k] in OPEN})
+        undecided = {k: found for k, found in self.claims.items() if not is_decided(results[k].verdict)}
+        left = {
+            name: (paper, claim)
+            for name, (paper, claim) in undecided.items()
+            if results[name].verdict in OPEN or self._waits(paper, claim, record)
+        }
+        lost = {
+            name: results[name].text.removeprefix("cannot be tested here: ")
+            for name, (_, claim) in undecided.items()
+            if name not in left and not claim.unavailable
+        }
+        return replace(self, claims=left, untestable={**self.untestable, **lost})
+
+    def _waits(self, paper: Paper, claim: Claim, record: RunRecord) -> bool:
+        """Tell if a deciding check of a claim has no scene yet, but may be given some."""
+        there = [SceneSpec(s.track, s.family, s.seed, s.knobs) for s in record.scenes]
+        return not claim.unavailable and any(
+            any(_is_about(check, paper, spec) for spec in self.added)
+            and not any(_is_about(check, paper, spec) for spec in there)
+            for check in _deciding(claim)
+        )
 
     def rows(self) -> set[str]:
         """Return the rows that open claims stand on, with their upper bounds and trivial rows."""
@@ -96,23 +127,25 @@ class Pursued:
     def concerns(self, spec: SceneSpec) -> bool:
         """Tell whether a deciding check of an open claim is about a scene."""
         return any(
-            paper.track == spec.track and _is_about(check, spec)
+            _is_about(check, paper, spec)
             for paper, claim in self.claims.values()
             for check in _deciding(claim)
         )
 
 
-def pursue(papers: Sequence[Paper]) -> Pursued:
-    """Return all claims of papers that runs can test."""
+def pursue(papers: Sequence[Paper], added: Sequence[SceneSpec] = ()) -> Pursued:
+    """Return all claims of papers, to be decided by a suite and scenes that may be added to it."""
     claims = {f"{p.name} {c.id}": (p, c) for p in papers for c in p.claims}
-    return Pursued(tuple(papers), claims)
+    return Pursued(tuple(papers), claims, tuple(added))
 
 
 def _deciding(claim: Claim) -> list[Check]:
     return [check for check in claim.checks if check.decides]
 
 
-def _is_about(check: Check, spec: SceneSpec) -> bool:
+def _is_about(check: Check, paper: Paper, spec: SceneSpec) -> bool:
+    if paper.track != spec.track:
+        return False
     if check.scenes.families and spec.family not in check.scenes.families:
         return False
     knobs = resolved_knobs(spec)

@@ -13,7 +13,7 @@ from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks.claims import judge_run
 from graycard.cli import main
 from graycard.eval.statistics import level_up_to
-from graycard.io import silent
+from graycard.io import sha256, silent
 from graycard.records import ClaimResult, RunRecord, find_claim, read_comparison, read_ledger, read_run
 from tiny_benches import CLAIMS, TIE, made_without_renderer, write_claims, write_reserve_suite
 from valid_runs import breaches, change
@@ -158,6 +158,35 @@ def test_a_plan_is_kept(pursue: Callable[..., RunRecord], tmp_path: Path) -> Non
     assert len(read_run(tmp_path / "run").scenes) == 6
 
 
+def test_claims_that_were_edited_are_refused(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+    pursue(6)
+    before = (tmp_path / "run" / "run.json").read_bytes()
+    with pytest.raises(
+        RunError, match=r"got other content in .*tiny-claims\.toml\. Rules .* undo the change"
+    ):
+        pursue(6, CLAIMS.replace('rows = ["gray", "input"]', 'rows = ["gray", "gray-dark"]'))
+    assert (tmp_path / "run" / "run.json").read_bytes() == before
+    record = pursue(6)
+    assert record.looks is not None
+    assert record.looks.claims == {"tiny-claims": sha256(tmp_path / "tiny-claims.toml")}
+
+
+def test_a_suite_that_was_edited_is_refused(pursue: Callable[..., RunRecord]) -> None:
+    """Its reserve counts as well: it says which scenes are added."""
+    pursue(6)
+    with pytest.raises(RunError, match=r"got other content in the file of suite 'tiny-reserve'\. Rules"):
+        pursue(6, last=509)
+
+
+def test_a_plan_that_cannot_be_read_is_not_planned_anew(
+    pursue: Callable[..., RunRecord], tmp_path: Path
+) -> None:
+    pursue(6)
+    (tmp_path / "run" / "run.json").write_text("{}")
+    with pytest.raises(RunError, match="expected the plan of the run in its run.json"):
+        pursue(8)
+
+
 @pytest.mark.parametrize("most", [5, 13])
 def test_a_plan_that_cannot_be_kept(pursue: Callable[..., RunRecord], most: int) -> None:
     with pytest.raises(RunError, match="expected 6 to 12 scenes for suite 'tiny-reserve' and its reserve"):
@@ -170,6 +199,25 @@ def test_without_claims_there_is_nothing_to_decide(tmp_path: Path) -> None:
         run_until_decided(suite, tmp_path / "run", 1, silent, Plan(6))
 
 
+def test_claims_of_other_suites_and_of_one_name_are_refused_before_any_work(
+    pursue: Callable[..., RunRecord], tmp_path: Path
+) -> None:
+    with pytest.raises(RunError, match="claims for runs of suite 'tiny-reserve', got .* for runs of 'other'"):
+        pursue(6, CLAIMS.replace('suite = "tiny-reserve"', 'suite = "other"'))
+    suite, claims = load_suite(str(write_reserve_suite(tmp_path))), write_claims(tmp_path)
+    with pytest.raises(RunError, match="expected claims of papers with names of their own"):
+        run_until_decided(suite, tmp_path / "run", 1, silent, Plan(6, (claims, claims)))
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_suite_without_enough_to_add(pursue: Callable[..., RunRecord], tmp_path: Path) -> None:
+    with pytest.raises(RunError, match=r"4 or more scenes in \[reserve\] of suite 'tiny-reserve', got 2"):
+        pursue(6, last=502)
+    plan = Plan(5, (write_claims(tmp_path, CLAIMS.replace('suite = "tiny-reserve"\n', "")),))
+    with pytest.raises(RunError, match=r"'demo' to have scenes to add, got none: it has no \[reserve\]"):
+        run_until_decided(load_suite("demo"), tmp_path / "run", 1, silent, plan)
+
+
 def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     suite, claims = str(write_reserve_suite(tmp_path)), write_claims(tmp_path)
     command = ["bench", suite, "--out", str(tmp_path / "run"), "--jobs", "1"]
@@ -177,7 +225,8 @@ def test_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main([*command, "--max-scenes", "9"]) == 2
     assert main([*command, "--until-decided", "--max-scenes", "9", "--budget", "2", "--sealed"]) == 2
     said = capsys.readouterr().err
-    assert said.count("expected --until-decided and --max-scenes N together") == 2
+    assert "expected --max-scenes N with --until-decided, got none" in said
+    assert "expected --until-decided with --max-scenes, got none" in said
     assert "expected --until-decided without --sealed, --budget, got both" in said
     assert main([*command, "--until-decided", "--max-scenes", "10", "--claims", claims]) == 0
     looks, last = capsys.readouterr().out.strip().splitlines()[-2:]

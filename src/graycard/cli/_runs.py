@@ -163,20 +163,22 @@ class BenchCommand:
         failures = _failures(record)
         for line in failures:
             terminal.err.print(f"failed: {line}")
-        if record.looks is not None:
-            terminal.out.print(_looks(record.looks, len(record.scenes)))
+        lost = _show_looks(record.looks, len(record.scenes), terminal) if record.looks else False
         terminal.out.print(
             f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
             f"report: {report.resolve()}"
         )
-        return FAILED if failures else OK
+        if record.looks and failures:
+            terminal.advise("run the same command again: what failed is tried again, the rest is reused")
+        return FAILED if failures or lost else OK
 
     def _check(self) -> None:
         """Refuse options that go with --until-decided alone, or not with it.
 
         Raises:
-            GraycardError: Some do not go together.
+            GraycardError: Some do not go together, or one that goes with another stands alone.
         """
+        self._check_pairs()
         others = {
             "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
             "--sealed": self.sealed, "--budget": self.budget != 1,
@@ -187,10 +189,23 @@ class BenchCommand:
                 f"expected --until-decided without {', '.join(given)}, got both. It runs the whole suite as "
                 "it is"
             )
-        if self.until_decided != (self.max_scenes is not None) or (self.claims and not self.until_decided):
+
+    def _check_pairs(self) -> None:
+        """Refuse an option without the one that it goes with.
+
+        Raises:
+            GraycardError: One is missing.
+        """
+        if self.until_decided and self.max_scenes is None:
             raise GraycardError(
-                "expected --until-decided and --max-scenes N together, and --claims only with them, got one "
-                "without the other. Give both or neither"
+                "expected --max-scenes N with --until-decided, got none. Give the number of scenes at which "
+                "the run ends: the level of each verdict follows from it"
+            )
+        given = {"--max-scenes": self.max_scenes is not None, "--claims": bool(self.claims)}
+        alone = " and ".join(name for name, value in given.items() if value)
+        if alone and not self.until_decided:
+            raise GraycardError(
+                f"expected --until-decided with {alone}, got none. Add it, or leave out {alone}"
             )
 
     def _bench(self, jobs: int, progress: Progress) -> tuple[Path, RunRecord]:
@@ -305,13 +320,17 @@ class PublishCommand:
         return OK
 
 
-def _looks(looks: Looks, scenes: int) -> str:
-    """Say how a run that adds scenes ended."""
+def _show_looks(looks: Looks, scenes: int, terminal: Terminal) -> bool:
+    """Say how a run that adds scenes ended; return true if it lost a claim on the way."""
+    for name, why in looks.untestable.items():
+        told = "can no longer be tested" if name in looks.lost else "cannot be tested"
+        terminal.err.print(f"{told}: {name}: {why}")
     left = ", ".join(looks.made[-1].undecided) or "none"
-    return (
+    terminal.out.print(
         f"looks: {len(looks.made)} at {100 * looks.level:.2f} % each, {scenes} of at most {looks.most} "
         f"scenes; {looks.stopped}; undecided: {left}"
     )
+    return bool(looks.lost)
 
 
 def _failures(record: RunRecord) -> list[str]:

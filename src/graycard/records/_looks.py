@@ -25,11 +25,19 @@ class Looks:
     """Scenes at which it ends in any case: the level follows from it, so it stays as planned."""
     level: float
     """Level of the intervals at each look, so that all of them hold together in 95 %."""
-    claims: tuple[str, ...]
-    """Names of the papers whose claims are pursued."""
+    claims: Mapping[str, str]
+    """SHA-256 of each file of claims that are pursued, by the name of its paper."""
     made: tuple[Look, ...] = ()
     stopped: str = ""
     """Why it ended, in words; empty while it goes on."""
+    untestable: Mapping[str, str] = field(default_factory=dict)
+    """Why pursued claims could not be tested, or no longer, by id as ``goris R7``: row and scene."""
+
+    @property
+    def lost(self) -> dict[str, str]:
+        """Claims that one look left undecided and a later one could not test, with why."""
+        open_once = {name for look in self.made for name in look.undecided}
+        return {name: why for name, why in self.untestable.items() if name in open_once}
 
 
 @dataclass(frozen=True, slots=True)
