@@ -33,9 +33,14 @@ def budget_table(budget: Budget) -> BudgetTable | None:
     if steps := _steps(budget.fits):
         here.setdefault("steps", steps)
     names = dict.fromkeys((*budget.paper, *here))
-    lines = tuple((name, budget.paper.get(name, "not told"), here.get(name, "not told")) for name in names)
+    lines = tuple((name, _of_paper(name, budget), here.get(name, "not told")) for name in names)
     fits = tuple(map(_fit, budget.fits))
     return BudgetTable(lines, fits) if lines or fits else None
+
+
+def _of_paper(name: str, budget: Budget) -> str:
+    """Return what the paper used; empty for what is a matter of this run alone."""
+    return budget.paper.get(name, "" if name == "other budgets" else "not told")
 
 
 def _steps(fits: Sequence[RowFit]) -> str:

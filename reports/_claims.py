@@ -148,9 +148,13 @@ def _claim(claim: ClaimResult) -> ClaimRow:
     stability = ""
     if claim.stability is not None:
         stability = f"{claim.stability:.0%} of simulated refits agree with the checks"
-    elif any(check.interval and math.isfinite(sum(check.interval)) for check in claim.checks):
+    elif claim.verdict != "not testable here" and any(map(_has_interval, claim.checks)):
         stability = "How refits would judge it is not known: nobody fitted these rows twice"
     return ClaimRow(claim, stability, budget_table(claim.budget), tuple(map(_check, claim.checks)))
+
+
+def _has_interval(check: CheckResult) -> bool:
+    return check.interval is not None and any(map(math.isfinite, check.interval))
 
 
 def _check(check: CheckResult) -> CheckRow:
