@@ -143,8 +143,10 @@ def test_a_chosen_row_is_compared_with_each_other_one(run: Path, capsys: pytest.
         ("mine", "theirs"),
         ("truth", "theirs"),
     ]
+    assert "Verdicts against 'theirs'" in asked.rule
     written = read_comparison(run)
     assert written is not None
+    assert "Verdicts against" not in written.rule
     assert (written.against, written.metrics[0].against) == ("", ())
     assert written.metrics[0].pairs == asked.metrics[0].pairs
 

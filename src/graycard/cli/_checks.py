@@ -149,12 +149,14 @@ class CompareCommand:
 
 
 def _is_written(run: Path, shown: Comparison) -> bool:
-    """Return true where comparison.json says what is shown, as far as that goes."""
+    """Return true where comparison.json says what is shown, as far as that goes; it has no chosen row."""
+    from graycard.eval.statistics import RULE
+
     try:
         written = read_comparison(run)
     except RecordError:  # unreadable, or of another version
         return False
-    return written is not None and _outline(written, shown) == _outline(shown, shown)
+    return written is not None and _outline(written, shown) == replace(_outline(shown, shown), rule=RULE)
 
 
 def _outline(comparison: Comparison, shown: Comparison) -> Comparison:
