@@ -75,7 +75,7 @@ def test_a_file_is_read_as_it_is_written(tmp_path: Path) -> None:
         ("", "accepted = [2, 1]", "accepted from low to high"),
         ("", "negligible = -1", "negligible of 0 or more, and none for within, got -1"),
         ("", "negligible = nan", "negligible of 0 or more"),
-        ("", "negligible = 10.0", "negligible below the claimed size [2.5, 10.0], got 10.0"),
+        ("", "paper = 5.0\nnegligible = 10.0", "negligible below the claimed size [2.5, 10.0], got 10.0"),
         ("", "accepted = [1, 2, 3]", "accepted"),
         ("", "levels = [1, 2]", "one or two rows, without levels"),
         ("", "along = { knob = 'gloss', low = 1, high = 0 }", "low below high along gloss"),
