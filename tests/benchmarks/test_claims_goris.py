@@ -110,7 +110,7 @@ def test_where_the_papers_figures_hold_every_claim_is_reproduced() -> None:
     lacking = {"R2", "R3", "R11", "R12", "R16"}
     expected = {f"R{n}": "holds" if f"R{n}" in ASKED else "reproduced" for n in range(1, 21)}
     assert found == expected | dict.fromkeys(lacking, "not testable here"), (
-        "no real photographs; one matte scene; no networks that inpaint, twice; two changes of the code missing"
+        "no real photographs; one matte scene; no networks that inpaint, twice; two changes missing"
     )
 
 
