@@ -62,7 +62,7 @@ def judged_again(tmp_path: Path) -> bool:
 
 
 def test_a_verdict_lasts_through_more_than_ten_looks(pursue: Pursue, tmp_path: Path) -> None:
-    """T1 is decided at the fourth look; T3 is about one corridor in two, and the suite has none of them."""
+    """T1 is decided after some looks; T3 is about one corridor in two, and the suite has none of them."""
     glossy = TIE.replace("T2", "T3").replace('["corridor"]', '["corridor"], knobs = { gloss = [0.2, 0.3] }')
     record = pursue(20, CLAIMS, TIE, glossy, last=560)
     assert record.looks is not None
@@ -74,7 +74,9 @@ def test_a_verdict_lasts_through_more_than_ten_looks(pursue: Pursue, tmp_path: P
     assert list(decided.checks[0].scenes) == [scene.scene for scene in scenes]
     assert record.looks.untestable == {}
     assert claim_of(tmp_path / "run", "T3").verdict == claim_of(tmp_path / "run", "T2").verdict
-    assert len(claim_of(tmp_path / "run", "T3").checks[0].scenes) == 8
+    shining = [s.scene for s in record.scenes if s.family == "corridor" and s.knobs.get("gloss") == 0.25]
+    assert len(shining) > 5
+    assert list(claim_of(tmp_path / "run", "T3").checks[0].scenes) == shining
     assert judged_again(tmp_path)
 
 
