@@ -80,6 +80,25 @@ def test_a_verdict_lasts_through_more_than_ten_looks(pursue: Pursue, tmp_path: P
     assert judged_again(tmp_path)
 
 
+def test_later_scenes_with_its_rows_do_not_turn_a_verdict(pursue: Pursue, tmp_path: Path) -> None:
+    """T1 is decided at the fourth look; T3 is about one corridor in two, and the suite has none of them.
+
+    Both stand on the same rows: later looks could judge T1 by more scenes, and must not.
+    """
+    t3 = TIE.replace("T2", "T3").replace('["corridor"]', '["corridor"], knobs = { gloss = [0.2, 0.3] }')
+    record = pursue(20, CLAIMS, t3.replace('"gray-dark"', '"input"'), last=560)
+    assert record.looks is not None
+    assert len(record.looks.made) > 10
+    open_at = [i for i, look in enumerate(record.looks.made) if "tiny-claims T1" in look.undecided]
+    assert open_at == [0, 1, 2]
+    decided, last = (claim_of(tmp_path / "run", claim) for claim in ("T1", "T3"))
+    assert (decided.verdict, last.verdict) == ("reproduced", "reproduced")
+    assert list(decided.checks[0].scenes) == [scene.scene for scene in record.at_look(3).scenes]
+    assert record.looks.untestable == {}
+    assert len(last.checks[0].scenes) == 8
+    assert judged_again(tmp_path)
+
+
 def test_a_fit_that_fails_takes_its_claim_out_and_says_so(
     pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]]
 ) -> None:
