@@ -53,7 +53,7 @@ class SetScorer(Scorer):
 
     def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Look at a test view; see :class:`Scorer`."""
-        self.provided |= predicted.layers.keys()
+        self.provided |= predicted.provided
         self.unreadable += [predicted.fault] if predicted.fault else []
         for layer, embed in dict.fromkeys((metric.layer, metric.rule.embed) for metric in self.metrics):
             if layer in true.layers and true.mask(layer).any():
@@ -94,7 +94,7 @@ def _embedded(
     """
     reference = display(true.take(layer), exposure)
     try:
-        values = display(predicted.take(layer), exposure)
+        values = display(predicted.take(layer, true.mask(layer)), exposure)
         pair = np.stack([with_true_background(values, reference, true.mask(layer)), reference])
         return Finding(value=0.0, evidence=embed(pair).ravel())
     except GraycardError as cause:
