@@ -93,10 +93,9 @@ class Alignment:
         named = zip(views.test, pictures, factors, strict=True)
         return [self._aligned(view.name, picture, each) for view, picture, each in named]
 
-    @property
-    def shares_factors(self) -> bool:
-        """Tell whether all views are multiplied by the same factors."""
-        return self.fitted_on not in ("no view", "each scored view")
+    def shared_by(self, aligned: Sequence[Aligned]) -> tuple[float, ...] | None:
+        """Return the factors of all views; None where each has its own, or none has any."""
+        return None if self.fitted_on in ("no view", "each scored view") else aligned[0].factors
 
     def _read(self, view: JudgedView) -> Picture:
         mask = eroded(view.name, view.mask, self.erosion)

@@ -42,5 +42,4 @@ class LpipsProtocol(PublishedProtocol):
         """Judge the test views; see :class:`PublishedProtocol`."""
         aligned = self.alignment.apply(views, self.name)
         each = {v.name: plain_lpips(v.predicted, v.true, self.net, self.fed) for v in aligned}
-        shared = aligned[0].factors if self.alignment.shares_factors else None
-        return mean_of_views(each, shared)
+        return mean_of_views(each, self.alignment.shared_by(aligned))

@@ -48,8 +48,8 @@ class PsnrProtocol(PublishedProtocol):
         each = [self._view_psnr(*pair) for pair in zip(errors, aligned, strict=True)]
         pooled = self.pooling == "PSNR of the mean error"
         value = psnr(float(np.mean(errors))) if pooled else float(np.mean(each))
-        shared = aligned[0].factors if self.alignment.shares_factors else None
-        return Outcome(value, {v.name: x for v, x in zip(aligned, each, strict=True)}, shared)
+        by_view = {view.name: found for view, found in zip(aligned, each, strict=True)}
+        return Outcome(value, by_view, self.alignment.shared_by(aligned))
 
     def _errors(self, view: Aligned) -> np.ndarray:
         """Return the mean square error of each channel, shape ``(3,)``."""

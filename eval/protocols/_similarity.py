@@ -41,5 +41,4 @@ class SsimProtocol(PublishedProtocol):
         """Judge the test views; see :class:`PublishedProtocol`."""
         aligned = self.alignment.apply(views, self.name)
         each = {v.name: window_ssim(v.predicted, v.true, self.window) for v in aligned}
-        shared = aligned[0].factors if self.alignment.shares_factors else None
-        return mean_of_views(each, shared)
+        return mean_of_views(each, self.alignment.shared_by(aligned))
