@@ -215,12 +215,13 @@ def _rule(check: Check, levels: tuple[float, float]) -> _Rule:
     margins = scale(check.neutral - check.negligible), scale(check.neutral + check.negligible)
     none = _inside(*margins, against=True) if check.negligible else None
 
-    def decided(ends: _Ends) -> np.ndarray:
-        found = ends.above(0.0) | ends.below(max(small, margins[1]), against=True)
-        return found | none(ends) if none else found
-
     def reproduced(ends: _Ends) -> np.ndarray:
         return ends.above(0.0) & ~ends.below(small) & ~ends.above(large)
+
+    def decided(ends: _Ends) -> np.ndarray:
+        larger = ends.above(max(large, 0.0))
+        found = reproduced(ends) | larger | ends.below(max(small, margins[1]), against=True)
+        return found | none(ends) if none else found
 
     return _Rule(check, levels, decided, reproduced, none, margins[1])
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from graycard.benchmarks.claims import Check, Quantity
+from claims_by_hand import random_check
+from graycard.benchmarks.claims import Check
 from graycard.benchmarks.claims._effects import Effect, Levels
 from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
 from graycard.eval.statistics import LEVEL, locate
@@ -24,19 +25,6 @@ RANK: dict[ClaimVerdict, int] = {
 }
 """How favourable a word is to a claim."""
 RAISES = (0.02, 0.2, 1.0, 5.0)
-
-
-def random_check(random: np.random.Generator) -> Check:
-    """Return a check with or without a band, a margin and bounds."""
-    rule = "within" if random.random() < 0.2 else "better"
-    size = float(random.uniform(0.1, 3))
-    if rule == "within":
-        return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=(-size, math.inf))
-    bands = None, (size / 2, 2 * size), (-size, size), (0.0, math.inf), (size, math.inf)
-    band, margin = bands[random.integers(len(bands))], float(random.choice([0.0, 0.1, 1.0]))
-    if band is not None and band[1] <= margin:
-        margin = 0.9 * band[1]  # one that covers the band is refused
-    return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=band, negligible=margin)
 
 
 def verdict_on(

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from claims_by_hand import random_check
 from graycard.benchmarks.claims import Check, Quantity, claims_power, judge_claims, judge_run, load_claims
 from graycard.benchmarks.claims import _power as module
+from graycard.benchmarks.claims._effects import Effect
 from graycard.benchmarks.claims._power import MOST, least_count
+from graycard.benchmarks.claims._rules import is_decided, verdict_of
 from graycard.cli import main
-from graycard.eval.statistics import rank_limit, signed_rank_p
+from graycard.eval.statistics import locate, rank_limit, signed_rank_p
 from graycard.io import read_json, write_json
 from graycard.records import Cost, RunRecord, find_claim
 from runs_by_hand import run_of
@@ -232,3 +235,24 @@ def test_words_against_a_claim_of_several_checks_ask_for_more() -> None:
     expected = [(signed_rank_p(row) or 1.0) <= 0.0075 for row in samples]
     refuted = strict.above(0.0, against=True) | strict.below(0.0, against=True)
     assert refuted.tolist() == expected
+
+
+@pytest.mark.parametrize("by", ["all", "any"])
+def test_the_rule_that_counts_scenes_is_the_rule_that_judges(by: str) -> None:
+    """On random samples without ties: decided, reproduced and no effect are the words of verdicts."""
+    random, words = np.random.default_rng(24), set[str]()
+    levels = (0.95, 0.9925) if by == "all" else (0.9925, 0.95)
+    for _ in range(2000):
+        check = random_check(random)
+        samples = random.normal(random.normal(0, 1.5), random.choice([0.05, 0.5, 2.0]), (1, 12))
+        rule, ends = module._rule(check, levels), module._Ends(samples, *levels)
+        usual, strict = (locate(samples[0], level) for level in (0.95, 0.9925))
+        word = verdict_of(check, Effect(usual.estimate, usual.interval, strict.interval), by)
+        words.add(word)
+        assert bool(rule.decided(ends)[0]) == is_decided(word), (check, samples, word)
+        if word == "no effect":
+            assert rule.none is not None
+            assert rule.none(ends)[0]
+        if word == "reproduced":
+            assert rule.reproduced(ends)[0]
+    assert words >= {"reproduced", "no effect", "contradicted", "smaller than claimed", "undecided"}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Claims and runs whose verdicts can be worked out by hand, and the signed-rank interval by counting."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -137,3 +138,16 @@ def interval_of(sample: Sequence[float] | np.ndarray, level: float = 0.95) -> tu
     """Return the exact signed-rank interval from its definition."""
     outside, found = cut_off(len(sample), level), walsh(sample)
     return (-np.inf, np.inf) if outside < 0 else (found[outside], found[-1 - outside])
+
+
+def random_check(random: np.random.Generator) -> Check:
+    """Return a check with or without a band, a margin and bounds."""
+    rule = "within" if random.random() < 0.2 else "better"
+    size = float(random.uniform(0.1, 3))
+    if rule == "within":
+        return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=(-size, math.inf))
+    bands = None, (size / 2, 2 * size), (-size, size), (0.0, math.inf), (size, math.inf)
+    band, margin = bands[random.integers(len(bands))], float(random.choice([0.0, 0.1, 1.0]))
+    if band is not None and band[1] <= margin:
+        margin = 0.9 * band[1]  # one that covers the band is refused
+    return Check("a", "", rule, Quantity("m"), ("a", "b"), "higher", accepted=band, negligible=margin)
