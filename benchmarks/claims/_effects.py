@@ -13,7 +13,7 @@ import numpy as np
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Along, Check
 from graycard.benchmarks.claims._readings import Reading, Readings, knob_of
-from graycard.eval.statistics import LEVEL, locate, locations, signed_rank_p
+from graycard.eval.statistics import LEVEL, locate, location_p, locations
 from graycard.records import SceneRecord
 
 LEAST_ON_LINE = 3
@@ -157,7 +157,7 @@ def spread_of(sample: Sample) -> float:
 
 def p_of(sample: Sample) -> float | None:
     """Return the exact signed-rank p against no effect; None along a knob, where ranks say nothing."""
-    return None if sample.check.along else signed_rank_p(sample.effects)
+    return None if sample.check.along else location_p(sample.effects)
 
 
 def courses_of(check: Check, values: np.ndarray) -> np.ndarray:

@@ -125,7 +125,3 @@ def _check_suites(suite: str, names: Sequence[str]) -> None:
             f"expected {wanted}, got a run of suite {suite!r}. Give a run of that suite, or claims for this "
             "one (those that name no suite are for any), or judge all the same with --any-suite"
         )
-
-
-def _paper(paper: Paper, digest: str, record: RunRecord) -> PaperResult:
-    return PaperResult(paper.name, paper.version, paper.title, digest, judge_paper(paper, record))

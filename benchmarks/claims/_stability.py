@@ -144,7 +144,7 @@ def _variances(noise: FitNoise, spread: float) -> np.ndarray:
     """Return variances of an effect between fits that the estimate leaves open, shape ``(REFITS,)``."""
     if not np.isfinite(noise.freedom):
         return np.full(REFITS, noise.sd**2)
-    random = np.random.default_rng([_SEED, crc32(noise.source.encode())])
+    random = np.random.default_rng([_SEED, crc32(" ".join((noise.source, *sorted(noise.rows))).encode())])
     drawn = noise.sd**2 * noise.freedom / random.chisquare(noise.freedom, REFITS)
     return drawn if noise.origin == "these fits" else np.minimum(drawn, spread)
 
@@ -172,7 +172,8 @@ def _refits(
     kept = np.maximum(0, 1 - noise / values.spread) if values.spread > 0 else np.zeros(REFITS)
     centre = np.broadcast_to(values.centre, (count,))[:, None]
     middle = centre + (values.found[:, None] - centre) * kept
-    middle = middle + np.sqrt((1 - kept) * noise / count) * _normals("the centre", "of all")
+    common = sum(part * _normals(row, "the centre of all") for row, part in parts.items())
+    middle = middle + np.sqrt((1 - kept) * noise / count / weight) * common
     drawn = sum(
         part * np.stack([_normals(row, s.scene) for s in sample.scenes]) for row, part in parts.items()
     )

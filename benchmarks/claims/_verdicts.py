@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from graycard import RecordError
 from graycard.benchmarks.claims._claim import Check, Claim, Paper, Quantity
-from graycard.benchmarks.claims._effects import Levels, Sample, p_of, sample_of, spread_of, summarise
+from graycard.benchmarks.claims._effects import Effect, Levels, Sample, p_of, sample_of, spread_of, summarise
 from graycard.benchmarks.claims._fitted import budget_of, suspension
 from graycard.benchmarks.claims._noise import FitNoise, noise_of
 from graycard.benchmarks.claims._readings import Reading, Readings
@@ -16,6 +16,7 @@ from graycard.benchmarks.claims._rules import (
     OWN,
     RULES,
     STABLE,
+    combined,
     is_decided,
     levels_for,
     verdict_of,
@@ -151,11 +152,28 @@ def _unstable(deciding: Deciding, stability: float) -> _Held:
 def _turned(claim: Claim, deciding: Deciding, case: Case) -> str:
     """Say what a verdict turns to with other numbers of steps; empty if it stays."""
     for factor, readings in sorted(case.budgets.items()):
-        other = replace(case, readings=readings, budgets={})
-        found = _deciding(claim, _made(claim, other), case.level).verdict
+        found = _verdict_by(readings, claim, case)
         if found != NOT_TESTABLE and deciding.word(found) != deciding.word(deciding.verdict):
             return f"with {factor:g} times the steps it turns to {deciding.word(found)}"
     return ""
+
+
+def _verdict_by(readings: Readings, claim: Claim, case: Case) -> ClaimVerdict:
+    """Return what the rules say of a claim by another run."""
+    levels, found = _levels(claim, case.level), list[ClaimVerdict]()
+    for check in claim.checks:
+        if check.decides:
+            effect = _effect_in(readings, check, case.paper.track, levels)
+            found.append(verdict_of(check, effect, claim.verdict_by) if effect else NOT_TESTABLE)
+    return combined(found, claim.verdict_by)
+
+
+def _effect_in(readings: Readings, check: Check, track: str, levels: Levels) -> Effect | None:
+    """Return the effect of a check in a run; None where the run lacks it."""
+    try:
+        return summarise(sample_of(check, track, readings), levels)
+    except RecordError:
+        return None
 
 
 def _check(check: Check, claim: Claim, case: Case, levels: Levels) -> _Made:
@@ -243,14 +261,8 @@ def _scene_sd(sample: Sample, noise: FitNoise | None) -> float:
 
 def _at_budgets(check: Check, case: Case, levels: Levels) -> dict[str, float]:
     """Return the estimate in runs with other steps, by their factor; without those that lack it."""
-    found = {}
-    for factor, readings in sorted(case.budgets.items()):
-        try:
-            sample = sample_of(check, case.paper.track, readings)
-        except RecordError:
-            continue
-        found[f"{factor:g}"] = summarise(sample, levels).estimate
-    return found
+    effects = {f: _effect_in(run, check, case.paper.track, levels) for f, run in sorted(case.budgets.items())}
+    return {f"{factor:g}": effect.estimate for factor, effect in effects.items() if effect}
 
 
 def _mean(row: str, check: Check, scenes: Iterable[SceneRecord], readings: Readings) -> RowMean:

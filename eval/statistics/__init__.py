@@ -50,6 +50,7 @@ from graycard.eval.statistics._interval import mean_p as mean_p
 from graycard.eval.statistics._location import Location as Location
 from graycard.eval.statistics._location import least_level as least_level
 from graycard.eval.statistics._location import locate as locate
+from graycard.eval.statistics._location import location_p as location_p
 from graycard.eval.statistics._location import locations as locations
 from graycard.eval.statistics._null_distribution import rank_limit as rank_limit
 from graycard.eval.statistics._pairs import LEAST_SCENES as LEAST_SCENES

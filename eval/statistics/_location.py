@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from graycard.eval.statistics._interval import LEVEL
-from graycard.eval.statistics._null_distribution import rank_limit
+from graycard.eval.statistics._null_distribution import rank_limit, rank_tail
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,25 @@ def locations(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarray, np
     if inward < 0:
         return estimates, np.full_like(estimates, -np.inf), np.full_like(estimates, np.inf)
     return estimates, walsh[inward], walsh[len(walsh) - 1 - inward]
+
+
+def location_p(values: Sequence[float] | np.ndarray) -> float:
+    """Return the exact two-sided p of a centre of 0, to which the interval of :func:`locate` is the answer.
+
+    It is at most 1 - level where that interval leaves 0 out, with ties and zeros as well: these count against
+    either side.
+
+    Args:
+        values: One for each scene, finite; one or more.
+
+    Example:
+        >>> location_p([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+        0.03125
+    """
+    sample = np.asarray(values, np.float64)
+    first, second = np.triu_indices(len(sample))
+    sums = sample[first] + sample[second]
+    return float(min(1.0, 2 * rank_tail(len(sample))[min((sums <= 0).sum(), (sums >= 0).sum())]))
 
 
 def least_level(count: int) -> float:

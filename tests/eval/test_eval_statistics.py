@@ -12,6 +12,8 @@ from scipy import stats
 from graycard.eval.statistics import (
     holm,
     least_scenes,
+    locate,
+    location_p,
     mean_interval,
     mean_p,
     rank_groups,
@@ -244,3 +246,20 @@ def test_ranks_follow_the_leader_of_each_group():
     assert rank_groups("abcd", lambda x, y: (x, y) in told) == {"a": 1, "b": 1, "c": 2, "d": 3}
     assert rank_groups("abc", lambda x, y: False) == {"a": 1, "b": 1, "c": 1}
     assert rank_groups("", lambda x, y: True) == {}
+
+
+def test_p_of_a_location_is_that_of_its_interval() -> None:
+    """At every level: with ties, zeros and outliers as well."""
+    random = np.random.default_rng(8)
+    for _ in range(2000):
+        values = random.normal(random.normal(0, 1), 1, random.integers(1, 16))
+        values = np.round(values, random.integers(0, 3))
+        level = float(random.choice([0.8, 0.9, 0.95, 0.99]))
+        low, high = locate(values, level).interval
+        assert (location_p(values) <= 1 - level + 1e-12) == (low > 0 or high < 0)
+
+
+def test_p_of_a_location_without_ties_is_that_of_the_signed_rank_test() -> None:
+    values = np.random.default_rng(9).normal(0.4, 1, 11)
+    assert location_p(values) == pytest.approx(signed_rank_p(values))
+    assert location_p([0.0, 0.0, 0.0]) == 1.0
