@@ -89,7 +89,7 @@ def record_before(
 
 
 def _kind(suite: str, version: int, budget: float, edition: Edition | None) -> str:
-    """What results of one folder have in common, in words."""
+    """Facts that all results of one folder share, in words."""
     steps = "" if budget == 1 else f" at {budget:g} times its iterations"
     sealed = f" on the sealed scenes of {edition.tag}" if edition else ""
     return f"{suite!r} version {version}{steps}{sealed}"

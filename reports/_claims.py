@@ -92,7 +92,7 @@ class ClaimsSection:
     legend: Mapping[str, str]
     """Verdicts on claims of papers, and what they mean."""
     level: str = ""
-    """Of the intervals, in words."""
+    """Level of the intervals, in words."""
     fault: str = ""
     """Why the ledger cannot be read; empty where it can."""
 

@@ -117,7 +117,7 @@ class Check:
 
     @property
     def statements(self) -> int:
-        """How many intervals may refute it: that of the effect, and of a course that of each step."""
+        """Number of intervals that may refute it: one of the effect, and of a course one of each step."""
         return len(self.rows) if self.rule == "monotone" else 1
 
     @property
@@ -153,7 +153,7 @@ class Claim:
     asked_by: Asker = "paper"
     """``graycard``: a question that no paper answers. It has words of its own and contradicts nobody."""
     unavailable: str = ""
-    """Why it cannot be tested here at all; empty if it can."""
+    """Reason that it cannot be tested here at all; empty if it can."""
     bound: str = ""
     """The row that shows what is possible; that of the paper's file if empty."""
     trivial: str = ""
@@ -170,7 +170,7 @@ class Claim:
 
     @property
     def statements(self) -> int:
-        """How many intervals of its deciding checks may refute it."""
+        """Number of intervals of its deciding checks that may refute it."""
         return sum(check.statements for check in self.checks if check.decides)
 
 

@@ -26,12 +26,13 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Levels:
-    """How sure the intervals of a check are."""
+    """Levels of the intervals of a check."""
 
     usual: float = LEVEL
-    """Of the interval that is shown, and of words that every deciding check has to agree on."""
+    """Level of the interval that is shown, and of words that every deciding check has to agree on."""
     strict: float = LEVEL
-    """Of words that one of several checks is enough for: the chance that any of them errs stays bounded."""
+    """Level of words that one of several checks is enough for; the chance that any of them errs stays
+    bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +79,7 @@ class Effect:
     strict: Interval
     """At the stricter level."""
     steps: tuple[tuple[float, float], ...] = ()
-    """Of ``monotone``: estimate and upper end of each step, at the stricter level."""
+    """Estimate and upper end of each step of a ``monotone`` check, at the stricter level."""
 
 
 def sample_of(check: Check, track: str, readings: Readings) -> Sample:

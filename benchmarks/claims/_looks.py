@@ -83,8 +83,8 @@ class Pursued:
     added: tuple[SceneSpec, ...] = ()
     """Scenes that may be added."""
     untestable: Mapping[str, str] = field(default_factory=dict)
-    """Why claims were given up undecided, by paper and id: a row and a scene without a score, or a row that
-    the suite has not. Claims that their file calls unavailable are not among them."""
+    """Reasons that claims were given up undecided, by paper and id: a row and a scene without a score, or a
+    row that the suite lacks. Claims that their file calls unavailable are not among them."""
 
     def after(self, record: RunRecord, level: float) -> "Pursued":
         """Return what is left once the claims are judged by a run at a level."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What would decide a claim that a ledger leaves undecided, in words."""
+"""Needs of the claims that a ledger leaves undecided, in words."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far an effect differs between fits of the same scene that begin with different seeds."""
+"""Spread of an effect between fits of the same scene with different seeds."""
 
 import math
 from collections.abc import Sequence
@@ -29,9 +29,10 @@ class FitNoise:
     """The spread of an effect between fits."""
 
     sd: float
-    """Of one fit of each row, in the unit of the effect; of ratios, of their logarithm."""
+    """Standard deviation for one fit of each row, in the unit of the effect; of ratios that of the
+    logarithm."""
     source: str
-    """Where it comes from, in words."""
+    """Origin in words: the rows and their run."""
     seeds: int = 1
     """Fits over which each scene's effect was averaged."""
     freedom: float = math.inf
@@ -39,11 +40,11 @@ class FitNoise:
     rows: frozenset[str] = frozenset()
     """Fitted rows, whose fits make it."""
     origin: Origin = "these fits"
-    """Whether it was measured on these very fits, on fits of the same rows elsewhere, or on other rows."""
+    """Fits that it was measured on: these very ones, others of the same rows, or those of other rows."""
 
     @property
     def sd_of_mean(self) -> float:
-        """Of a scene's effect as it was averaged."""
+        """Standard deviation of a scene's effect as it was averaged."""
         return self.sd / math.sqrt(self.seeds)
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many scenes or seeds an undecided claim needs, and what they cost here.
+"""Scenes or seeds that an undecided claim needs, and what they cost here.
 
 Scenes to come are drawn from those seen: residuals from the Hodges-Lehmann estimate, their signs tossed, are
 put around an effect. The rule is applied to many such samples. The number of scenes is the least with which
-it decides 80 % of them. Beside it stands the number for normal effects, by the power of the t-test and the
-asymptotic efficiency 3/π of the signed-rank test against it (Hollander et al. 2014, section 3.11).
+it decides 80 % of them. Beside it stands the number for normal effects: the power of the t-test, and the
+efficiency 3/π of the signed-rank test against it (Hollander et al. 2014, section 3.11).
 """
 
 import math
@@ -30,7 +30,7 @@ _LEAST_RESIDUALS: Final = 6
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What would decide a check, if its effect were a certain one."""
+    """Scenes and seeds that would decide a check, if its effect were a certain one."""
 
     effect: float
     """In the unit of the check."""
@@ -41,7 +41,8 @@ class Need:
     seeds: int | None
     """Fits of each scene with which the scenes at hand would do; None where seeds cannot, or nobody knows."""
     hours: float | None
-    """Of fits that are still to be made for those scenes, one fit at a time; None without ``scenes``."""
+    """Hours of the fits that are still to be made for those scenes, one at a time; None without
+    ``scenes``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class CheckPower:
     """Over them, fits included; of ratios that of the logarithm."""
     seed_sd: float | None
     hours: float
-    """Of fits for one scene more, of the rows that the check stands on."""
+    """Hours of fits for one scene more, of the rows that the check stands on."""
     seen: Need
     """For a verdict of any kind, if the effect is as seen."""
     claimed: Need | None
@@ -76,13 +77,13 @@ class _Rule:
 
     check: Check
     levels: tuple[float, float]
-    """Of words for the claim, and of words against it."""
+    """Level of words for the claim, and of words against it."""
     decided: Callable[["_Ends"], np.ndarray]
     reproduced: Callable[["_Ends"], np.ndarray]
     none: Callable[["_Ends"], np.ndarray] | None
     """``no effect``; None where the check has no margin."""
     margin: float
-    """How far the ends may be from the middle for that."""
+    """Greatest distance of the ends from the middle for that."""
     ends: tuple[float, ...] = (0.0,)
     """Effects from which one has to be told."""
 

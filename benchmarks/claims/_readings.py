@@ -115,11 +115,11 @@ class Readings:
         return self._settings.get(row, {})
 
     def priors(self, row: str) -> Mapping[str, Any]:
-        """Where the answers of a row's priors come from; empty for one that asks for none."""
+        """Return the source of a row's priors; empty for one that asks for none."""
         return self._priors.get(row, {})
 
     def entry(self, row: str) -> str:
-        """What was loaded for a row: the name of a method."""
+        """Return what was loaded for a row: the name of a method."""
         return self._entries.get(row, row)
 
     def missing_rows(self, rows: Iterable[str]) -> list[str]:

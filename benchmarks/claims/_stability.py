@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Share of refits of the same scenes that would give the same verdict, by simulation.
 
-A refit keeps the scenes and draws the fits anew. The effect of a scene apart from the noise of its fit is
-known only up to that noise: it is drawn about the value that shrinks the measured one towards the centre of
-all (the predictor of least error, Searle, Casella and McCulloch 1992, chapter 7), and a new fit is drawn
-about it. The variance of the noise is drawn as well, from what its estimate leaves open, and is never larger
-than the whole spread between scenes. A row has one fit for each scene, whichever checks it stands in: checks
-of a claim that share a row share its noise.
+A refit keeps the scenes and draws the fits anew. The effect of a scene without the noise of its fit is known
+only up to that noise. So it is drawn about the measured one, shrunk towards the centre of all: the predictor
+of least error (Searle, Casella and McCulloch 1992, chapter 7). A new fit is drawn about it.
+
+The variance of the noise is drawn as well, from what its estimate leaves open. Noise that was measured on
+other fits is never larger than the whole spread between scenes. A row has one fit for each scene, whichever
+checks it stands in: checks of a claim that share a row share its noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -66,7 +67,7 @@ class Deciding:
 
     @property
     def is_measured(self) -> bool:
-        """Whether any check has an interval."""
+        """Tell if any check has an interval."""
         return any(np.isfinite(check.effect.interval).any() for check in self.checks)
 
     def word(self, verdict: ClaimVerdict) -> ClaimVerdict:

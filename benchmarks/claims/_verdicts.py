@@ -43,7 +43,7 @@ class Case:
     paper: Paper
     readings: Readings
     level: float
-    """Of intervals that every deciding check has to agree on."""
+    """Level of intervals that every deciding check has to agree on."""
     here: Mapping[str, str] = field(default_factory=dict)
     """Means of the run, by what is counted."""
     budgets: Mapping[float, Readings] = field(default_factory=dict)

@@ -17,7 +17,7 @@ def correct(test: MeanTest, comparisons: int) -> np.ndarray:
     """Return p after the single-step correction of Šidák 1967, times a margin for skewed differences.
 
     It depends on nothing of the other comparisons but their number. So a larger gap of the same spread never
-    has a larger p, as it may have by a correction in steps, where the other comparisons change with it.
+    has a larger p. By a correction in steps it may: there the other comparisons change with it.
 
     Args:
         test: K tests of one family or of a part of it.

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """Looks at growing numbers of scenes, with an error that stays bounded over all of them.
 
-Whoever looks again after each new scene and stops at the first p below 5 % is wrong far more often than in
-5 %. Here every look has one stricter level, the same for all (Pocock 1977). Under the null hypothesis signs
-are fair coins and ranks a random permutation, whatever the distribution of a symmetric effect. So the joint
-distribution of the signed-rank statistic over the looks is known, and simulating it gives the level.
+Whoever looks after each new scene, and stops at the first p below 5 %, is wrong far more often. Here every
+look has one stricter level, the same for all (Pocock 1977). Under the null hypothesis signs are fair coins
+and ranks a random permutation, whatever the distribution of a symmetric effect. So the joint distribution of
+the signed-rank statistic over the looks is known, and simulating it gives the level.
 
 Intervals at that level are repeated confidence intervals (Jennison and Turnbull 1989): with 95 % all of them
 hold the centre at once. So every verdict that is a statement about the interval may be read at every look.
 
-A level for looks after every scene up to N holds for each subset of scenes that a claim is about, and for
-looks that are skipped, as those are looks at fewer of the same counts.
+A level for looks after every scene up to N also holds for a claim about some of the scenes, and where looks
+are skipped: those are looks at fewer of the same counts.
 """
 
 import math
@@ -27,8 +27,8 @@ ERROR = 0.05
 _KEPT = 0.01
 """Part of the error that is kept for effects that are not symmetric.
 
-The least in steps of 0.1 % with which exponential and lognormal effects (sigma 0.75) stay below 5 % in all,
-by simulation of looks up to 52 scenes. More skew (lognormal, sigma 1) gives 5.2 %."""
+The least, in steps of 0.1 %, that keeps exponential and lognormal effects (sigma 0.75) below 5 % in all.
+Simulated for looks up to 52 scenes. More skew (lognormal, sigma 1) gives 5.2 %."""
 _PATHS, _AT_A_TIME, _SEED = 200_000, 20_000, 30_1989
 
 

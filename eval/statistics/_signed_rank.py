@@ -11,7 +11,7 @@ from graycard.eval.statistics._null_distribution import rank_chances
 def signed_rank_p(differences: Sequence[float] | np.ndarray) -> float | None:
     """Return the exact two-sided p of Wilcoxon's signed-rank test that differences are symmetric about 0.
 
-    Differences of 0 are left out, equal ones share their mean rank (Wilcoxon 1945), and the distribution over
+    Differences of 0 are left out, and equal ones share their mean rank (Wilcoxon 1945). The distribution over
     all 2^n signs is counted with these very ranks, so ties need no approximation.
 
     Args:

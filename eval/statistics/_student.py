@@ -43,8 +43,8 @@ def signed_rank_ps(samples: np.ndarray) -> np.ndarray:
     """Return the exact two-sided p of the signed-rank test of many samples, on the side of their means.
 
     Values of 0 and of equal size count against the mean: ranks among equals go to the other sign first. That
-    keeps the test exact or careful. It makes it monotone too: a sample moved away from 0 never has a larger
-    p, as it may have by mean ranks, whose distribution changes with every tie (Wilcoxon 1945; Pratt 1959).
+    keeps the test exact or careful. It makes it monotone, too: a sample moved away from 0 never has a larger
+    p. By mean ranks it may, as their distribution changes with every tie (Wilcoxon 1945; Pratt 1959).
 
     Args:
         samples: shape ``(N, K)``: K samples of N values, which may be infinite.

@@ -9,7 +9,7 @@ from graycard import WeightsError
 from graycard.networks import lpips_layers, published_lpips
 
 WEIGHT = 0.2
-"""Of the appearance loss, beside 1 of the loss of materials (the paper's supplement, S1.5)."""
+"""Weight of the appearance loss, beside 1 of the loss of materials (the paper's supplement, S1.5)."""
 LEAST_SIDE = 32
 """Side in pixels to which smaller pictures are padded with black, as in the released code."""
 NET = "vgg"

@@ -43,7 +43,7 @@ class Override:
     errors: Mapping[str, float] = field(default_factory=dict)
     """Single parameters of the oracle's errors, in place of those of the severity."""
     algorithm: str | None = None
-    """Of a source that has a choice for this kind: of :data:`ALGORITHMS`."""
+    """Name in :data:`ALGORITHMS`, where a source has a choice for this kind."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +103,9 @@ class KindSpec:
     weights: Path | None
     """Of a pretrained source: the folder or file; None for others, and where no path is given."""
     errors: Any
-    """Of the oracle: the dataclass of its kind; that of depth for normals that are its slopes."""
+    """Errors of the oracle: the dataclass of its kind; that of depth for normals that are its slopes."""
     algorithm: str
-    """Of :data:`ALGORITHMS`; empty where a source has no choice for the kind."""
+    """Name in :data:`ALGORITHMS`; empty where a source has no choice for the kind."""
 
 
 def parse_priors(text: str) -> PriorSpec:

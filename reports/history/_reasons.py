@@ -34,7 +34,7 @@ class Edition:
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """Why verdicts of one ledger are not those of the ledger before."""
+    """Reason that verdicts of one ledger are not those of the ledger before."""
 
     suite: str
     entry: int

@@ -72,8 +72,8 @@ def inception_features(pictures: "torch.Tensor", weights: "Weights") -> "torch.T
 def resized(pictures: "torch.Tensor") -> "torch.Tensor":
     """Return pictures at the size of the network, as the first TensorFlow resized them.
 
-    Bilinear between pixels that are counted from the upper left corner, without a filter: output pixel ``j``
-    is taken at ``j · W / 299``, not at ``(j + ½) · W / 299 - ½`` as libraries of today have it.
+    It is bilinear, without a filter, and counts pixels from the upper left corner. Output pixel ``j`` is
+    taken at ``j · W / 299``; libraries of today have ``(j + ½) · W / 299 - ½``.
 
     Args:
         pictures: shape ``(N, 3, H, W)``.

@@ -113,9 +113,9 @@ def published_lpips(net: Net) -> "Mapping[str, torch.Tensor]":
 def load_lpips(folder: Path, net: Net = "alex") -> "Mapping[str, torch.Tensor]":
     """Return the tensors that LPIPS needs from the ``.pth`` and ``.safetensors`` files of a folder, by name.
 
-    Those of torchvision's trunk (``features.0.weight`` …) and of LPIPS 0.1 (``lin0.model.1.weight`` …) must
-    be among them, in one file or several, as their authors publish them. Files whose names hold ``vgg``
-    are for VGG-16, all others for AlexNet.
+    Torchvision's trunk (``features.0.weight`` …) and the heads of LPIPS 0.1 (``lin0.model.1.weight`` …) must
+    be among them, in one file or several, as published. Files whose names hold ``vgg`` are for VGG-16, all
+    others for AlexNet.
 
     Raises:
         WeightsError: There is no such folder, a file cannot be read, or a tensor is missing.

@@ -15,8 +15,8 @@ COMPARISON = "comparison.json"
 COMPARISON_VERSION = 3
 
 PairVerdict = Literal["better", "worse", "tie", "too few scenes"]
-"""Of the first method of a pair against the second. A tie says that these scenes do not tell which is better;
-too few scenes, that they cannot, or not among so many pairs."""
+"""Verdict on the first method of a pair against the second. A tie says that these scenes do not tell which is
+better. Too few scenes says that so few cannot tell, or not among so many pairs."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,20 +18,20 @@ class CheckEntry:
 
     id: str
     effect_of: str
-    """How the effect is made from rows, in words."""
+    """Effect as it is made from rows, in words."""
     quantity: str
     verdict: str
     """In the words of the rules of that time, as all verdicts here."""
     scenes: int = 0
     """Number of scenes that the effect was measured on."""
     unit: str = "1"
-    """Of the numbers below; ``×`` where they are ratios."""
+    """Unit of the numbers below; ``×`` where they are ratios."""
     estimate: float | None = None
     """Effect over scenes: their mean by the first rules, later the Hodges-Lehmann estimate."""
     interval: tuple[float, float] | None = None
     """95 % interval of that effect."""
     p_rank: float | None = None
-    """Of the exact signed-rank test against no effect."""
+    """Exact p of the signed-rank test against no effect."""
     neutral: float = 0.0
     """The effect that is none: 0, of a ratio 1."""
     paper: float | None = None

@@ -62,7 +62,7 @@ class CheckResult:
     scenes: Mapping[str, float] = field(default_factory=dict)
     """Effect by scene, the mean over seeds: above 0 (of a ratio: 1) as claimed, or by ``effect_of``."""
     estimate: float | None = None
-    """Of the effect over scenes: the Hodges-Lehmann estimate; along a knob the change of the fitted line."""
+    """Hodges-Lehmann estimate of the effect over scenes; along a knob the change of the fitted line."""
     interval: tuple[float, float] | None = None
     """Its interval at the ledger's level for scenes and fits like these; ends may be infinite."""
     p_rank: float | None = None
@@ -72,7 +72,7 @@ class CheckResult:
     seed_sd: float | None = None
     """Standard deviation of the effect between fits of one scene; None where nobody measured it."""
     noise_from: str = ""
-    """Where ``seed_sd`` comes from, in words."""
+    """Source of ``seed_sd``, in words."""
     stability: float | None = None
     """Share of simulated refits of the same scenes with the same verdict; None where ``seed_sd`` is."""
     at_budgets: Mapping[str, float] = field(default_factory=dict)
@@ -97,7 +97,7 @@ class RowFit:
 
     row: str
     steps: int | None
-    """Of each fit; None where the method has no such setting."""
+    """Steps of each fit; None where the method has no such setting."""
     training: float | None
     """Mean PSNR of training views over the scenes of the claim, dB."""
     held_out: float | None
@@ -133,11 +133,11 @@ class ClaimResult:
     stability: float | None = None
     """Share of simulated refits of the same scenes with the same verdict; None where nobody knows."""
     suspended: str = ""
-    """Why the verdict is held back although the rule gave one; empty if it is not."""
+    """Reasons to hold the verdict back; empty if it stands."""
     before: ClaimVerdict | None = None
     """The verdict of the rule, where it is held back."""
     needs: str = ""
-    """What would decide it, in words; empty for what is decided."""
+    """Needs that would decide it, in words; empty for what is decided."""
     budget: Budget = field(default_factory=Budget)
     figures: Mapping[str, str] = field(default_factory=dict)
     """Of the paper, by what they are of."""
@@ -174,7 +174,7 @@ class Ledger:
     """What each row of the run is, with its settings, by its label."""
     papers: tuple[PaperResult, ...]
     edition: Edition | None = None
-    """Of a run on sealed scenes: the tag of the code and of these claims."""
+    """Tag of the code and of these claims, for a run on sealed scenes."""
     format: str = "graycard-claims"
     format_version: int = CLAIMS_VERSION
 

@@ -29,9 +29,9 @@ class Looks:
     """SHA-256 of each file of claims that are pursued, by the name of its paper."""
     made: tuple[Look, ...] = ()
     stopped: str = ""
-    """Why it ended, in words; empty while it goes on."""
+    """Reason that it ended, in words; empty while it goes on."""
     untestable: Mapping[str, str] = field(default_factory=dict)
-    """Why pursued claims could not be tested, or no longer, by id as ``goris R7``: row and scene."""
+    """Reasons that pursued claims cannot be tested, by id as ``goris R7``: row and scene."""
 
     @property
     def lost(self) -> dict[str, str]:

@@ -232,9 +232,9 @@ class RunRecord:
     budget: float = 1.0
     """Factor on the iterations of all fits, beside what the suite asks for."""
     edition: Edition | None = None
-    """Of a run on sealed scenes; None for any other."""
+    """Edition of a run on sealed scenes; None for any other."""
     looks: Looks | None = None
-    """Of a run that adds scenes until claims are decided; None for any other."""
+    """Looks of a run that adds scenes until claims are decided; None for any other."""
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
 
