@@ -67,9 +67,10 @@ class PredictedView:
                 f"{name}: expected {layer} in views/{name}.exr, got {have}. Write this layer in every view"
             )
         values = self.layers[layer]
-        if found := find_fault(layer, values, camera.height, camera.width, within=within):
+        bad = not_meant(layer, values)
+        if found := find_fault(layer, values, camera.height, camera.width, within=within, bad=bad):
             raise PredictionError(f"{name}: {found}. Write this view again")
-        return values if within is None else _finite(layer, values)
+        return np.where(bad, values.dtype.type(0), values) if bad.any() else values
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,12 +220,6 @@ def read_truth(truth: Truth, view: View) -> TrueView:
     """
     charts = frozenset(o.id for o in truth.objects if o.name == CHART)
     return TrueView(view, with_derived(truth.layers(view)), truth.emitter_ids(), charts)
-
-
-def _finite(layer: str, values: np.ndarray) -> np.ndarray:
-    """Return values with 0 in place of those that mean nothing in the layer; the array itself without any."""
-    bad = not_meant(layer, values)
-    return np.where(bad, values.dtype.type(0), values) if bad.any() else values
 
 
 def _renamed(

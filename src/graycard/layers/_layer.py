@@ -143,7 +143,13 @@ def shape_of(name: str, height: int, width: int) -> tuple[int, ...]:
 
 
 def find_fault(
-    name: str, values: np.ndarray, height: int, width: int, *, within: np.ndarray | None = None
+    name: str,
+    values: np.ndarray,
+    height: int,
+    width: int,
+    *,
+    within: np.ndarray | None = None,
+    bad: np.ndarray | None = None,
 ) -> str | None:
     """Return the fault of an array that is meant to be a layer, as "expected …, got …"; None without one.
 
@@ -153,13 +159,14 @@ def find_fault(
         height: Rows that it should have.
         width: Columns that it should have.
         within: shape ``(H, W)``, bool: pixels that have to be finite; all if None.
+        bad: What :func:`not_meant` marks, where the caller has asked it; asked here if None.
     """
     expected = shape_of(name, height, width)
     if values.shape != expected:
         return f"expected {name} of shape {expected}, got {values.shape}"
-    bad = not_meant(name, values)
+    bad = not_meant(name, values) if bad is None else bad
     if within is not None and bad.any():
-        bad &= within.reshape(within.shape + (1,) * (values.ndim - 2))
+        bad = bad & within.reshape(within.shape + (1,) * (values.ndim - 2))
     if not bad.any():
         return None
     where = tuple(int(i) for i in np.argwhere(bad)[0])
