@@ -19,6 +19,8 @@ from graycard.networks import Net, inception_features, inception_weights
 from layer_references import Pair, random_inception
 
 Predict = Callable[..., Path]
+Layers = dict[str, np.ndarray]
+Change = Callable[[View, Layers], Layers]
 RNG = np.random.default_rng(30)
 FIRST = RNG.normal(0, 1, (7, 12))
 SECOND = FIRST @ (np.eye(12) + 0.1) + RNG.normal(0.2, 0.3, FIRST.shape)
@@ -151,17 +153,35 @@ def test_a_sheet_has_one_value_of_all_views(tiny_scenes: dict[str, Path], predic
     assert "standard_error" not in sheet.score("novel_view.kid").breakdown, "two views have none"
 
 
-@pytest.mark.usefixtures("with_inception")
-def test_a_view_that_cannot_be_read_fails_the_set(tiny_scenes: dict[str, Path], predict: Predict):
-    def spoilt(view: View, layers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def spoilt_at(row: int, column: int) -> Change:
+    """Return a change that leaves one pixel of the first test picture not finite."""
+
+    def spoilt(view: View, layers: Layers) -> Layers:
         broken = layers["radiance"].copy()
-        broken[0, 0] = np.nan
+        broken[row, column] = np.nan
         return layers | {"radiance": broken} if view.name == "test_001" else layers
 
-    sheet = ge.score_predictions(predict(tiny_scenes["dark"], spoilt), tiny_scenes["dark"])
+    return spoilt
+
+
+@pytest.mark.usefixtures("with_inception")
+def test_a_judged_pixel_that_is_not_finite_fails_the_set(tiny_scenes: dict[str, Path], predict: Predict):
+    sheet = ge.score_predictions(predict(tiny_scenes["dark"], spoilt_at(12, 14)), tiny_scenes["dark"])
     for name in PICTURES:
         assert sheet.score(name).status == "failed"
         assert "test_001: expected finite values in radiance" in sheet.score(name).reason
+
+
+@pytest.mark.usefixtures("with_inception")
+def test_a_set_may_hold_anything_outside_the_mask(tiny_scenes: dict[str, Path], predict: Predict):
+    scene = tiny_scenes["dark"]
+    whole, spoilt = (
+        ge.score_predictions(predict(scene, change), scene)
+        for change in (lambda view, layers: layers, spoilt_at(0, 0))
+    )
+    for name in PICTURES:
+        assert spoilt.score(name).status == "scored", spoilt.score(name).reason
+        assert spoilt.score(name).value == whole.score(name).value
 
 
 @pytest.mark.usefixtures("with_inception")

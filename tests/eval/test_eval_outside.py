@@ -195,16 +195,3 @@ TRIED = {
 def test_metrics_with_masks_of_their_own_are_tried(judged: Judged) -> None:
     tried = {s.metric for s in judged.sheet.scores}
     assert any(metrics <= tried for metrics in TRIED.values()), tried
-
-
-@pytest.mark.usefixtures("real_weights")
-def test_networks_see_the_truth_outside_the_mask(write_tiny: Callable[..., Path], tmp_path: Path) -> None:
-    """FID and KID of sets keep every bit, as scores of single pictures do."""
-    scene = enrich(write_tiny(tmp_path / "tiny", track="multilight"))
-    honest, filled = (
-        {s.metric: s for s in score(scene, tmp_path / name, fill).scores}
-        for name, fill in (("honest", lambda values: values), ("filled", flat(np.nan)))
-    )
-    for name in ("novel_view.fid", "novel_view.kid"):
-        assert (honest[name].status, filled[name].status) == ("scored", "scored"), filled[name].reason
-        assert honest[name].value == filled[name].value
