@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How checks make a claim, how certain each has to be for that, and the words of whoever asks."""
+"""Claims made of checks: certainty that each needs, and the words of whoever asks."""
 
 import re
 from collections.abc import Mapping
@@ -87,7 +87,7 @@ def copies(check: Check, count: int) -> list[Check]:
 
 @pytest.mark.parametrize("count", [2, 3, 5])
 def test_a_word_that_one_check_is_enough_for_is_asked_at_a_stricter_level(count: int) -> None:
-    """Of ``all``, one check contradicts: at a level of the rule. All have to support, at 95 %."""
+    """One check contradicts a claim by ``all``, at a level of the rule. All have to support, at 95 %."""
     usual_end, strict_end = (interval_of(TWELVE, level)[1] for level in (0.95, strict(count)))
     assert cut_off(12, strict(count)) < cut_off(12, 0.95)
     lead = (usual_end + strict_end) / 2
@@ -100,7 +100,7 @@ def test_a_word_that_one_check_is_enough_for_is_asked_at_a_stricter_level(count:
 
 
 def test_several_checks_share_an_error_of_five_percent_at_most() -> None:
-    """Whatever their number, as the errors of all of them are added."""
+    """The number of checks does not matter, as the errors of all of them are added."""
     assert len(SHARED) == 1
     assert 0 < float(SHARED[0]) <= 5
 

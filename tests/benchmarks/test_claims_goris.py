@@ -11,7 +11,7 @@ from graycard.records import Job, JobResult, MethodRecord, RunRecord, SceneRecor
 
 FAMILIES = (*(f for f in ("glossy-table", "metal-table", "marble-table") for _ in range(4)), "curved-table")
 ROUGHNESS = (0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1, 0.25, 0.03, 0.2, 0.05, 0.15, 0.1)
-"""Of scenes that shine: enough for claims of ten checks, which are asked at more than 99.6 %."""
+"""Scenes that shine: enough for claims of ten checks, which are asked at more than 99.6 %."""
 SCENES = (
     *(
         SceneRecord("tabletop", f"s{i}", family, i, "", "", "", {"roughness": rough})

@@ -192,7 +192,7 @@ def test_the_interval_holds_what_the_exact_test_does_not_refuse(count: int, leve
 
 
 def test_five_scenes_of_one_sign_are_too_few() -> None:
-    """Of five p is 0.0625 at best: no interval at 95 %, and what is needed is said. Six have one."""
+    """Five scenes have p 0.0625 at best: no interval at 95 %, and what is needed is said. Six have one."""
     lead = [1.0, 1.1, 1.2, 0.9, 0.8]
     found = judged(led_by(lead), check_of())
     check = found.checks[0]
@@ -298,7 +298,7 @@ HEIGHT = {
     "contradicted": 0, "no effect": 1, "smaller than claimed": 1, "undecided": 2, "reproduced": 3,
     "larger than claimed": 4,
 }  # fmt: skip
-"""How favourable a word is."""
+"""Rank of each word, from the least favourable."""
 
 
 @pytest.mark.parametrize(

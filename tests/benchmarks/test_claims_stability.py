@@ -42,7 +42,7 @@ from graycard.records import (
 from runs_by_hand import result_of, scene_of
 
 EFFECTS = 1.0 + 2 * SPREAD
-"""Of which the interval is 0.4 to 1.6."""
+"""Effects with the interval 0.4 to 1.6."""
 LISTED = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 """Numbers of seeds that are proposed."""
 
@@ -102,7 +102,7 @@ def share_above(effects: np.ndarray, noise: float, freedom: float = math.inf, **
 
 
 OWN_FREEDOM = 8.0
-"""Of the noise of two fits on each of eight scenes."""
+"""Degrees of freedom of two fits on each of eight scenes."""
 
 
 @pytest.mark.parametrize("spread", [0.3, 0.6, 0.9, 1.2])

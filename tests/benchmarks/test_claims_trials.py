@@ -23,7 +23,7 @@ RANK: dict[ClaimVerdict, int] = {
     "reproduced": 3,
     "larger than claimed": 4,
 }
-"""How favourable a word is to a claim."""
+"""Rank of each word, from the least favourable to a claim."""
 RAISES = (0.02, 0.2, 1.0, 5.0)
 
 

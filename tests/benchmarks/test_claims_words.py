@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What verdicts say in words: what was asked, what is possible, what is trivial."""
+"""Verdicts in words: the question, and what is possible and trivial beside it."""
 
 import math
 from dataclasses import replace

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What undecided claims need: scenes by simulation of the rule, beside the formula of the t-test."""
+"""Needs of undecided claims: scenes by simulation of the rule, beside the formula of the t-test."""
 
 import math
 from pathlib import Path
@@ -98,7 +98,7 @@ def test_the_ledger_says_what_would_decide_a_claim(run: Path) -> None:
 
 
 def test_five_scenes_of_one_sign_need_a_few_more(run: Path) -> None:
-    """Of one sign p is below 5 % from six on."""
+    """Scenes of one sign have p below 5 % from six on."""
     record = run_with((2.0, 2.1, 1.9, 2.2, 1.8))
     assert find_claim(judge_claims(record, run, [str(run.parent / "mine.toml")]), "M1").verdict == "undecided"
     assert needs_of(run, record).startswith("about 6 scenes for 80% power")

@@ -30,7 +30,7 @@ PUBLISHED_FEATURES = [
 ]
 """Features 0, 700, 1400 and 2047 of the fixed pair, by the published module."""
 PUBLISHED_SUMS = [430.19573974609375, 524.0550537109375]
-"""Of all 2048 features."""
+"""Sums of all 2048 features."""
 PICTURES = {"novel_view.fid", "novel_view.kid"}
 
 

@@ -208,7 +208,7 @@ def test_the_split_by_hand():
 
 
 def test_seeds_may_matter_a_billion_times_less_than_scenes():
-    """Of as many seeds by the closed form; of other numbers by a ratio that is looked for far out."""
+    """Even numbers of seeds take the closed form; for others the ratio is looked for far out."""
     even = split_variance([[1.0, 1.0001], [1e6, 1e6]])
     assert even.seed_sd == pytest.approx(1e-4 / math.sqrt(2) / math.sqrt(2), rel=1e-9)
     assert even.scene_sd == pytest.approx((1e6 - 1.00005) / math.sqrt(2))

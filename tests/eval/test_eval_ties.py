@@ -25,7 +25,8 @@ from graycard.records import PairDifference
 
 SEEDS = st.integers(0, 2**32 - 1)
 ORDER = {"worse": -2, "tie": 0, "too few scenes": 1, "better": 2}
-"""Of a gap above 0, as it grows. With six scenes and more "too few scenes" is a gap that is no tie."""
+"""Verdicts on a gap above 0, as it grows. With six scenes and more "too few scenes" is a gap that is no
+tie."""
 TURNED = {"better": "worse", "worse": "better", "tie": "tie", "too few scenes": "too few scenes"}
 FEW = hypothesis.settings(max_examples=60, deadline=None)
 
@@ -261,7 +262,7 @@ def test_tables_without_a_difference_seldom_show_one(shape: str):
 
 @pytest.mark.parametrize("rows", family_errors.ROWS)
 def test_rows_that_are_far_make_no_false_pair_of_others(rows: int):
-    """What the simulation relies on: the worst table is that in which no row is better than another."""
+    """The simulation relies on this: the worst table is that in which no row is better than another."""
     every = family_errors.all_pairs(rows)
     far = np.where(np.arange(rows) % 2, 1024.0 * np.arange(rows), 0.0)
     same = far[every.first] == far[every.second]

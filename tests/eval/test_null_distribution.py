@@ -17,7 +17,7 @@ MANY = 1100
 
 @pytest.mark.parametrize("ranks", [(1, 2, 3, 4), (3, 1, 4, 2), (2, 2, 5, 5, 7), (1,), ()])
 def test_chances_are_those_of_all_signs(ranks: tuple[int, ...]) -> None:
-    """Of so few they are exact, in any order and with ties."""
+    """Chances of so few are exact, in any order and with ties."""
     found = rank_chances(ranks)
     counted = np.zeros(sum(ranks) + 1)
     for signs in product((0, 1), repeat=len(ranks)):

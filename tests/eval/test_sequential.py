@@ -17,7 +17,7 @@ def test_p_is_that_of_the_exact_test_after_each_value() -> None:
 
 
 def test_one_look_is_the_plain_test() -> None:
-    """Of eight scenes only one p lies between 3.9 and 5.4 %: no simulation can miss it.
+    """For eight scenes only one p lies between 3.9 and 5.4 %: no simulation can miss it.
 
     Of an error of 6 % one is kept for skew. Of 5 % the next lesser p is left, 2.3 %.
     """

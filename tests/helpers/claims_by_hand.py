@@ -15,7 +15,7 @@ from graycard.records import ClaimResult, JobResult, RunRecord, Score
 from runs_by_hand import Values, result_of, run_of
 
 SPREAD = np.array([-0.3, 0.2, -0.1, 0.4, -0.2, 0.1, 0.3, -0.4])
-"""Of eight scenes, symmetric about 0.
+"""Deviations of eight scenes, symmetric about 0.
 
 Their Walsh averages begin -0.4, -0.35, -0.3, -0.3. Of 256 patterns of signs 5 have a rank sum of 3 or less, 2
 one of 1 or less, 1 that of 0: the interval is 0.3 wide to either side at 95 %, 0.35 at 98 % and 0.4 at 99 %.

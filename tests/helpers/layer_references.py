@@ -66,9 +66,9 @@ class Layer(NamedTuple):
     stride: int
     padding: int
     window: int
-    """Of the maximum before it, every 2 pixels; 0: none."""
+    """Side of the maximum before it, every 2 pixels; 0: none."""
     compared: bool
-    """Whether pictures are compared after it."""
+    """True if pictures are compared after it."""
 
 
 ALEX = [

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How often looks at growing numbers of scenes are wrong, and how soon they decide.
+"""Errors of looks at growing numbers of scenes, and how soon they decide.
 
 ``python tests/helpers/sequential_trials.py`` writes the tables of docs/claims.md.
 """

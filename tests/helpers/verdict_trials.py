@@ -19,7 +19,7 @@ from graycard.benchmarks.claims._rules import combined, levels_for, verdict_of
 from graycard.eval.statistics import LEVEL, locations
 
 SIZE = 2.0
-"""Of the claimed effect, in standard deviations between scenes."""
+"""Size of the claimed effect, in standard deviations between scenes."""
 CHECK = Check(
     "a", "it is better", "better", Quantity("psnr"), ("mine", "theirs"), "higher", paper=SIZE, negligible=0.1
 )
