@@ -10,6 +10,7 @@ from typing import Any
 
 from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.benchmarks._ranges import SceneRange
+from graycard.benchmarks.convergence import swept
 from graycard.io import from_builtins
 from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
@@ -152,7 +153,7 @@ def load_suite(name: str) -> Suite:
 
     Raises:
         UnknownNameError: There is none of this name, or it names a track that does not exist.
-        RecordError: The file is no TOML, or has an unknown or missing key.
+        RecordError: The file is no TOML, has an unknown or missing key, or a sweep that is none.
     """
     path = suite_path(name)
     try:
@@ -161,7 +162,7 @@ def load_suite(name: str) -> Suite:
         raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
     for scene in data.get("scenes", []):
         check_track(str(scene.get("track") if isinstance(scene, dict) else scene))
-    return from_builtins(Suite, data, RecordError, str(path))
+    return from_builtins(Suite, swept(data, str(path)), RecordError, str(path))
 
 
 def check_track(name: str) -> str:

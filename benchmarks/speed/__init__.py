@@ -11,7 +11,6 @@ from graycard.benchmarks.speed.engine._measure import Part as Part
 from graycard.benchmarks.speed.engine._measure import SpeedPlan as SpeedPlan
 from graycard.benchmarks.speed.engine._measure import measure_engine as measure_engine
 from graycard.benchmarks.speed.engine._measure import speed_plan as speed_plan
-from graycard.benchmarks.speed.engine._plot import check_plotting as check_plotting
 from graycard.benchmarks.speed.engine._plot import engine_plot as engine_plot
 from graycard.benchmarks.speed.engine._records import EngineSpeed as EngineSpeed
 from graycard.benchmarks.speed.engine._tables import SpeedTable as SpeedTable

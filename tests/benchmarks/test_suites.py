@@ -46,8 +46,8 @@ def test_every_suite_that_comes_along_can_be_built(name: str) -> None:
     tracks = {scene.track for scene in suite.scenes}
     assert tracks == (set(TRACKS) if "-" not in name else {TRACK_OF.get(name) or name.partition("-")[2]})
     for scene in suite.scenes:
-        is_tuning = scene.seed >= 1000  # such scenes judge nothing, and tell how far fits differ
-        assert is_tuning == name.startswith("noise-")
+        is_tuning = scene.seed >= 1000  # such scenes judge nothing
+        assert is_tuning == name.startswith(("noise-", "convergence-"))
         settings = suite.render_of(scene)
         assert len(family_of(scene).build(scene.seed, settings).views) == settings.views
 
@@ -124,3 +124,51 @@ def test_a_part_of_a_suite_is_named_by_rows_or_by_methods() -> None:
     suite = replace(suite, methods=tuple(named))
     assert rows("gray") == ["a", "b"]  # no row has the name of the method
     assert rows("b", "gray") == ["b", "a"]
+
+
+SWEPT = """
+[[methods]]
+name = "2dgs"
+settings = { iterations = 1000, surfels = 5000 }
+sweep = { iterations = [500, 1000, 2000], surfels = [2500] }
+"""
+
+
+def test_a_sweep_adds_a_row_for_each_value(tmp_path: Path) -> None:
+    path = Path(written(tmp_path))
+    path.write_text(path.read_text() + SWEPT)
+    rows = {method.row: method.settings for method in load_suite(str(path)).methods if method.name == "2dgs"}
+    assert rows == {
+        "2dgs": {"iterations": 1000, "surfels": 5000},
+        "2dgs-iterations-500": {"iterations": 500, "surfels": 5000},
+        "2dgs-iterations-2000": {"iterations": 2000, "surfels": 5000},
+        "2dgs-surfels-2500": {"iterations": 1000, "surfels": 2500},
+    }
+
+
+@pytest.mark.parametrize(
+    ("sweep", "message"),
+    [
+        ("{ iterations = 500 }", "expected sweep = .* for 2dgs in .*, got"),
+        ('{ iterations = ["500"] }', "expected sweep = .* for 2dgs in .*, got"),
+        ("[500, 1000]", "expected sweep = .* for 2dgs in .*, got"),
+        (
+            "{ fill = [0.5] }",
+            "expected settings of 2dgs in .* to name what its sweep varies, got none for fill",
+        ),
+    ],
+)
+def test_a_sweep_that_is_none_is_refused(tmp_path: Path, sweep: str, message: str) -> None:
+    path = Path(written(tmp_path))
+    swept = SWEPT.replace("{ iterations = [500, 1000, 2000], surfels = [2500] }", sweep)
+    path.write_text(path.read_text() + swept)
+    with pytest.raises(RecordError, match=message):
+        load_suite(str(path))
+
+
+@pytest.mark.parametrize("track", TRACKS)
+def test_convergence_is_looked_for_on_scenes_that_do_not_judge(track: str) -> None:
+    suite = load_suite(f"convergence-{track}")
+    assert {scene.track for scene in suite.scenes} == {track}
+    assert all(scene.seed >= 1000 for scene in suite.scenes)
+    assert len(suite.scenes) >= 3

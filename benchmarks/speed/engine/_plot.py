@@ -2,33 +2,14 @@
 """Draw a run as one picture: stages of each workload, and how the time grows."""
 
 from collections.abc import Sequence
-from importlib.util import find_spec
-from io import StringIO
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from graycard import GraycardError
+from graycard.benchmarks._plotting import COLOURS, new_figure, svg_of
 from graycard.benchmarks.speed.engine._records import EngineCost, EngineSpeed, ScalingPoint
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-COLOURS = ("#4477aa", "#66ccee", "#228833", "#ccbb44", "#ee6677", "#aa3377", "#bbbbbb")
-"""Paul Tol's bright scheme, which the colour-blind can tell apart."""
-_STYLE: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "graycard", "font.size": 8}
-"""Text stays text, and equal runs give equal pictures."""
-
-
-def check_plotting() -> None:
-    """Refuse to plot without matplotlib.
-
-    Raises:
-        GraycardError: It is not installed.
-    """
-    if find_spec("matplotlib") is None:
-        raise GraycardError(
-            "expected matplotlib for a picture of the speed, got none. Run `pip install matplotlib`"
-        )
 
 
 def engine_plot(speed: EngineSpeed) -> str:
@@ -40,14 +21,9 @@ def engine_plot(speed: EngineSpeed) -> str:
     Raises:
         GraycardError: matplotlib is not installed.
     """
-    check_plotting()
-    from matplotlib import rc_context
-    from matplotlib.figure import Figure
-
     grown = [point for point in speed.scaling if point.along != "threads"]
     panels = [list(group) for _, group in groupby(grown, key=lambda point: point.along)]
-    with rc_context(_STYLE):
-        figure = Figure(figsize=(9, 4 + 0.25 * len(speed.engine)), layout="constrained")
+    with new_figure(9, 4 + 0.25 * len(speed.engine)) as figure:
         cpu, day = speed.environment["cpu"], speed.started[:10]
         title = f"graycard: surfel engine, {speed.threads} threads of {cpu}, {day}"
         figure.suptitle(title, parse_math=False)
@@ -56,9 +32,7 @@ def engine_plot(speed: EngineSpeed) -> str:
             _draw_stages(figure.add_subplot(grid[0, :]), speed.engine)
         for number, points in enumerate(panels):
             _draw_scaling(figure.add_subplot(grid[1, number]), points)
-        drawn = StringIO()
-        figure.savefig(drawn, format="svg", metadata={"Date": None})
-    return drawn.getvalue()
+        return svg_of(figure)
 
 
 def _draw_stages(axes: "Axes", costs: Sequence[EngineCost]) -> None:

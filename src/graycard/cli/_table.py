@@ -130,6 +130,14 @@ VERBS = (
         example="graycard claims runs/claims-dark",
     ),
     Verb(
+        name="convergence",
+        group="runs",
+        module="_convergence",
+        command="ConvergenceCommand",
+        help="Show what more steps or surfels do to the scores of a run",
+        example="graycard convergence runs/convergence-dark",
+    ),
+    Verb(
         name="check-result",
         group="runs",
         module="_checks",
