@@ -13,6 +13,7 @@ from graycard.methods.gsid._aggregation import aggregated, largest_lack
 from graycard.methods.gsid._candidates import (
     CLEAR,
     DOUBT,
+    LEAST_SKY,
     FirstLights,
     _distance,
     _explained,
@@ -34,7 +35,7 @@ from graycard.methods.gsid._lights import (
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, Reach, picture_of, pixels_of
 from graycard.methods.gsid._objective import GsidObjective, few
-from graycard.methods.shading import lamp_visibility, surroundings_of, unevenness
+from graycard.methods.shading import lamp_visibility, look_up, surroundings_of, unevenness
 from graycard.methods.splat import Parameters, TrainConfig, initial_state, train_step
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
@@ -88,12 +89,12 @@ def test_a_sky_is_doubted_and_a_lamp_is_not():
     lamp = torch.rand(300, 1, 1, 3, generator=torch.Generator().manual_seed(3))
     sky = torch.rand(300, 6, 3, generator=torch.Generator().manual_seed(4))
     sky[:, 0] = lamp[:, 0, 0]
-    both, of_sky = _explained(lamp, sky, 2 * lamp[:, 0, 0])
+    both, of_sky = _explained(lamp, sky, 2 * lamp[:, 0, 0], DOUBT)
     torch.testing.assert_close(both, torch.full((1, 1, 3), 2.0), atol=1e-4, rtol=1e-4)
     assert of_sky.abs().max() < 1e-4
     one = torch.zeros(300, 6, 3)
     one[:, 2] = sky[:, 1]
-    nothing, alone = _explained(0 * lamp, one, sky[:, 1])
+    nothing, alone = _explained(0 * lamp, one, sky[:, 1], DOUBT)
     assert nothing.abs().max() < 1e-6
     torch.testing.assert_close(alone[2], torch.full((3,), 1 / (1 + DOUBT**2)), atol=1e-4, rtol=1e-4)
 
@@ -113,6 +114,15 @@ def test_without_lamps_the_sky_explains_it(world: World):
     found = find_lights(samples, world.surfels, replace(QUICK, lamps=0), EXTENT)
     assert found.positions.shape == (0, 3)
     assert found.sky.max() > 0.05
+
+
+def test_the_sky_of_the_start_is_not_held_down(world: World):
+    """Floor and board get of it what they get of the true sky, and no face begins dark."""
+    samples = _samples(world.surface, stage_of(world), eyes_of(world))
+    sky = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT).sky[:, None, None]
+    irradiance = look_up(surroundings_of(sky).irradiance, torch.tensor([[0.0, 0.0, 1.0]]))
+    torch.testing.assert_close(irradiance, torch.full((1, 3), torch.pi * 0.05), atol=0, rtol=0.25)
+    assert float(sky.min()) == pytest.approx(LEAST_SKY * float(samples.shown.mean()))
 
 
 def test_materials_begin_as_the_prior_says(world: World):
