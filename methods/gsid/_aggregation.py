@@ -6,7 +6,7 @@ changes are tried on all views at half their size, and the best of a kind is kep
 of all views falls (inferred).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -227,7 +227,7 @@ def _is_near(place: torch.Tensor, trial: _Trial, reach: float) -> bool:
     return bool(len(others)) and float((others - place).norm(dim=-1).min()) < reach
 
 
-def largest_lack(shots: list[DeferredView], pictures: list[LitPicture], extent: float) -> Lack:
+def largest_lack(shots: Sequence[DeferredView], pictures: Sequence[LitPicture], extent: float) -> Lack:
     """Where photographs are brighter than pictures by most, over a few pixels."""
     best = -torch.inf, 0, 0, 0
     for number, (shot, picture) in enumerate(zip(shots, pictures, strict=True)):

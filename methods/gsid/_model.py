@@ -170,7 +170,7 @@ class Reach:
     """What gets to pixels ``(...)`` of a view while lights stand still; no gradient."""
 
     shadows: torch.Tensor | None = None
-    """Shape ``(..., K)``: share of each lamp's light that arrives; None: as vectors say."""
+    """Shape ``(..., K)``: share of each lamp's light that arrives along rays; None: all of it."""
     bounced: torch.Tensor | None = None
     """Shape ``(..., B, 3)``: irradiance by way of other surfaces, of all lights or of some at a time; None:
     none."""
@@ -242,18 +242,18 @@ def picture_of(
         pixels: Of shape ``(...)``.
         lamps: K of them, as bright as ``surroundings``.
         surroundings: Of the whole scene.
-        reach: What arrives; of lamps, without shadows, as ``form`` reads the vectors.
-        form: How.
+        reach: What arrives along rays.
+        form: How vectors are read, where they tell what is in the way of lamps.
         extent: Of the scene, metres.
     """
     material, normal, eye = pixels.material, pixels.normal, pixels.eye
     cover = pixels.cover[..., None]
     arrival = arriving(lamps, pixels.points, SOFTEN * extent)
-    shadows = reach.shadows
-    if shadows is None:
-        one = torch.ones_like(arrival.distance)
-        shadows = one if form == "none" else vector_visibility(form, pixels.shadow, arrival.toward)
-    arrival = arrival._replace(facing=arrival.facing * shadows[..., None])
+    if form.startswith("vector"):
+        told = vector_visibility(form, pixels.shadow, arrival.toward)
+        arrival = arrival._replace(facing=arrival.facing * told[..., None])
+    if reach.shadows is not None:
+        arrival = arrival._replace(facing=arrival.facing * reach.shadows[..., None])
     by_lamp = lit_by_lamps(material, normal, eye, arrival).whole
     by_sky = lit_by_surroundings(material, normal, eye, surroundings).whole
     behind = look_up(surroundings.skies[0], -eye)

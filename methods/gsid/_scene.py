@@ -44,7 +44,7 @@ from graycard.methods.shading import (
     surroundings_of,
     to_latitudes,
 )
-from graycard.methods.splat import arrays_of, export_ply, parameters_from, surfels_of
+from graycard.methods.splat import CENTRES, arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.surfels import (
     LayeredScene,
     SceneContents,
@@ -76,6 +76,8 @@ class GsidScene(LayeredScene):
     """Whose it is: what is saved says so."""
     given: GivenLights | None = None
     """None: the lights that were found."""
+    hosts: int | None = None
+    """Surfels that were fitted here, before those of an object that was put in; None: nothing was."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -109,17 +111,35 @@ class GsidScene(LayeredScene):
     def _picture(self, ground: Ground) -> LitPicture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
-        surroundings, reached, bounced = surroundings_of(self._sky), None, None
-        if self.settings.visibility == "traced" or self.given is not None:
-            reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
+        surroundings, bounced = surroundings_of(self._sky), None
         values = self.parameters.all
         if self._bounces is not None:
             bounced = bounced_light(
                 self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
             )
-        reach = reach_in_view(surfels, ground, Reach(reached, bounced), self.settings)
+        # vectors know the lamps that were found; others are hidden by what rays meet
+        settings = self.settings if self.given is None else replace(self.settings, visibility="traced")
+        reach = reach_in_view(
+            surfels, ground, Reach(self._reached(lamps.positions, settings), bounced), settings
+        )
         apart = self.given is None
-        return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
+        return draw(values, ground, (lamps, surroundings), reach, settings, self.extent, apart=apart)
+
+    def _reached(self, places: torch.Tensor, settings: GsidSettings) -> torch.Tensor | None:
+        """Shares of the lamps' light that reach surfels along rays, shape ``(N, K)``; None: vectors tell all."""
+        surfels = self.parameters.surfels
+        if settings.visibility == "traced":
+            return lamp_visibility(surfels_of(surfels), surfels[CENTRES], places, self.extent)
+        if self.hosts is None or settings.visibility == "none":
+            return None
+        host, guest = surfels[CENTRES][: self.hosts], surfels[CENTRES][self.hosts :]
+        put_in = surfels_of({name: values[self.hosts :] for name, values in surfels.items()})
+        return torch.cat(
+            [
+                lamp_visibility(put_in, host, places, self.extent),
+                lamp_visibility(surfels_of(surfels), guest, places, self.extent),
+            ]
+        )
 
     @cached_property
     def _bounces(self) -> Bounces | None:
@@ -198,21 +218,21 @@ class GsidScene(LayeredScene):
     def compose(self, composition: Composition, guest: Guest | None = None) -> "GsidScene | None":
         """The same scene with an object that the same method has found in another one.
 
-        It is lit by the lights of this scene, its own lights stay at home; it throws shadows where rays are
-        traced to lamps, and sends light on where bounces are. Nothing is provided where a vector of each
-        surfel tells what is in the way of lamps: those of the guest know the lamps at home only.
+        It is lit by the lights of this scene, its own lights stay at home; it sends light on where bounces
+        are. Rays find what it hides from the lamps and what hides them from it, unless nothing is in the way
+        of lamps here (``visibility = "none"``).
 
         Args:
             composition: Where it is put.
             guest: The object; without it, and of another method, nothing is provided.
         """
         donor = None if guest is None else guest.decomposition
-        by_vectors = self.settings.visibility.startswith("vector")
-        if guest is None or not isinstance(donor, GsidScene) or donor.method != self.method or by_vectors:
+        if guest is None or not isinstance(donor, GsidScene) or donor.method != self.method:
             return None
         extent = self.extent if self.settings.occlusion else None
         motion = composition.donor_to_host
-        return replace(self, parameters=with_guest(self.parameters, donor.parameters, guest, motion, extent))
+        parameters = with_guest(self.parameters, donor.parameters, guest, motion, extent)
+        return replace(self, parameters=parameters, hosts=len(self.parameters))
 
     @torch.no_grad()
     def counts(self, camera: Camera) -> Mapping[str, float]:
@@ -222,7 +242,12 @@ class GsidScene(LayeredScene):
         return {"light evaluations": light_evaluations(values, ground, self.settings)}
 
     def _contents(self) -> SceneContents:
-        facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
+        facts = {
+            "exposure": self.exposure,
+            "extent": self.extent,
+            "settings": to_builtins(self.settings),
+            "hosts": self.hosts,
+        }
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
         return SceneContents(self.method, facts | given_facts, arrays_of(self.parameters) | given_arrays)
 
@@ -232,7 +257,7 @@ class GsidScene(LayeredScene):
         settings = decode_json(_SETTINGS[saved.method], facts["settings"], MethodError, "settings")
         given = given_from_store(facts, arrays)
         exposure, extent = float(facts["exposure"]), float(facts["extent"])
-        return cls(parameters_from(arrays), settings, exposure, extent, saved.method, given)
+        return cls(parameters_from(arrays), settings, exposure, extent, saved.method, given, facts["hosts"])
 
     def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels

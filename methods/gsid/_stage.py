@@ -68,7 +68,8 @@ def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
     """What is to be lowered, with rays traced to where the lamps are."""
     settings, tiles, reached = stage.settings, [], []
     for shot, reach in zip(stage.shots, reach_in(stage, parameters), strict=True):
-        windows = tiles_of(*shot.shown.shape[:2], settings.tile)
+        height, width = shot.shown.shape[:2]
+        windows = tiles_of(height, width, settings.tile)
         tiles += [shot.at(window) for window in windows]
         # surfels are shaded whole, whatever part of the view is drawn
         reached += [reach if settings.shading == "forward" else reach.at(window) for window in windows]
