@@ -36,7 +36,7 @@ def reach_in_view(surfels: Surfels, ground: Ground, arrived: Reach, settings: Gs
     """
     if settings.shading == "forward":
         return arrived
-    return reach_of(surfels, ground, arrived.shadows, arrived.bounced)
+    return reach_of(surfels, ground, arrived)
 
 
 def draw(

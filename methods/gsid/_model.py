@@ -174,23 +174,23 @@ class Reach:
     bounced: torch.Tensor | None = None
     """Shape ``(..., B, 3)``: irradiance by way of other surfaces, of all lights or of some at a time; None:
     none."""
+    known: torch.Tensor | None = None
+    """Shape ``(K,)``, bool: the lamps that vectors know; None: all."""
 
     def at(self, window: Window) -> "Reach":
         """What gets to a part of the view."""
         parts = (self.shadows, self.bounced)
-        return Reach(*(None if part is None else window.of(part) for part in parts))
+        return Reach(*(None if part is None else window.of(part) for part in parts), self.known)
 
 
 @torch.no_grad()
-def reach_of(
-    surfels: Surfels, ground: Ground, shadows: torch.Tensor | None, bounced: torch.Tensor | None
-) -> Reach:
+def reach_of(surfels: Surfels, ground: Ground, arrived: Reach) -> Reach:
     """Draw what surfels receive, ``(N, K)`` and ``(N, B, 3)``; see :class:`Reach`."""
+    shadows, bounced = arrived.shadows, arrived.bounced
     drawn = None if shadows is None else shadows_of(surfels, ground.camera, shadows, ground)
-    if bounced is None:
-        return Reach(drawn)
-    spread = _drawn(surfels, bounced.flatten(1), ground).clamp(min=0)
-    return Reach(drawn, spread.unflatten(-1, bounced.shape[1:]))
+    if bounced is not None:
+        bounced = _drawn(surfels, bounced.flatten(1), ground).clamp(min=0).unflatten(-1, bounced.shape[1:])
+    return Reach(drawn, bounced, arrived.known)
 
 
 @torch.no_grad()
@@ -251,6 +251,7 @@ def picture_of(
     arrival = arriving(lamps, pixels.points, SOFTEN * extent)
     if form.startswith("vector"):
         told = vector_visibility(form, pixels.shadow, arrival.toward)
+        told = told if reach.known is None else torch.where(reach.known, told, 1.0)
         arrival = arrival._replace(facing=arrival.facing * told[..., None])
     if reach.shadows is not None:
         arrival = arrival._replace(facing=arrival.facing * reach.shadows[..., None])

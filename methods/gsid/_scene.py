@@ -58,6 +58,8 @@ _SETTINGS: Mapping[str, type[GsidSettings]] = {GSID: GsidSettings, GSIR: GsirSet
 SKY_NAME, SKY_FILE = "sky", "environment.exr"
 HEIGHT = 64
 """Rows of the image of the surroundings."""
+SAME_PLACE = 1e-3
+"""Metres: a given lamp that is so near to one that was found is that one."""
 PANEL = 4
 """Points along each side of a given light with an area."""
 _ALWAYS = frozenset({"radiance", "base_color", "roughness", "metallic", "normal", "depth"})
@@ -117,29 +119,34 @@ class GsidScene(LayeredScene):
             bounced = bounced_light(
                 self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
             )
-        # vectors know the lamps that were found; others are hidden by what rays meet
-        settings = self.settings if self.given is None else replace(self.settings, visibility="traced")
-        reach = reach_in_view(
-            surfels, ground, Reach(self._reached(lamps.positions, settings), bounced), settings
-        )
+        found = self._found(lamps.positions)
+        arrived = Reach(self._reached(lamps.positions, found), bounced, found)
+        reach = reach_in_view(surfels, ground, arrived, self.settings)
         apart = self.given is None
-        return draw(values, ground, (lamps, surroundings), reach, settings, self.extent, apart=apart)
+        return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
 
-    def _reached(self, places: torch.Tensor, settings: GsidSettings) -> torch.Tensor | None:
-        """Shares of the lamps' light that reach surfels along rays, shape ``(N, K)``; None: vectors tell all."""
-        surfels = self.parameters.surfels
-        if settings.visibility == "traced":
-            return lamp_visibility(surfels_of(surfels), surfels[CENTRES], places, self.extent)
-        if self.hosts is None or settings.visibility == "none":
+    def _found(self, places: torch.Tensor) -> torch.Tensor:
+        """Whether a lamp stands where one was found, bool of shape ``(K,)``: what was fitted knows it."""
+        if self.given is None:
+            return torch.ones(len(places), dtype=torch.bool)
+        return (torch.cdist(places, self._lamps.positions) < SAME_PLACE).any(dim=1)
+
+    def _reached(self, places: torch.Tensor, found: torch.Tensor) -> torch.Tensor | None:
+        """Shares of lamps' light that reach surfels along rays, ``(N, K)``; None: vectors tell all."""
+        parameters, form = self.parameters.surfels, self.settings.visibility
+        surfels, centres = surfels_of(parameters), parameters[CENTRES]
+        if form == "traced":
+            return lamp_visibility(surfels, centres, places, self.extent)
+        reached = torch.ones(len(centres), len(places))
+        reached[:, ~found] = lamp_visibility(surfels, centres, places[~found], self.extent)
+        if self.hosts is not None and form != "none":
+            put_in = surfels_of({name: values[self.hosts :] for name, values in parameters.items()})
+            host, guest = centres[: self.hosts], centres[self.hosts :]
+            reached[: self.hosts, found] = lamp_visibility(put_in, host, places[found], self.extent)
+            reached[self.hosts :, found] = lamp_visibility(surfels, guest, places[found], self.extent)
+        elif found.all():
             return None
-        host, guest = surfels[CENTRES][: self.hosts], surfels[CENTRES][self.hosts :]
-        put_in = surfels_of({name: values[self.hosts :] for name, values in surfels.items()})
-        return torch.cat(
-            [
-                lamp_visibility(put_in, host, places, self.extent),
-                lamp_visibility(surfels_of(surfels), guest, places, self.extent),
-            ]
-        )
+        return reached
 
     @cached_property
     def _bounces(self) -> Bounces | None:
@@ -198,7 +205,9 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def relight(self, lights: tuple[Light, ...]) -> "GsidScene":
-        """The same surfels under other lights, their shadows traced.
+        """The same surfels under other lights.
+
+        A lamp that stands where one was found is hidden as it was found there; shadows of others are traced.
 
         A lamp that was found can be switched off, moved or given another colour by handing in
         :meth:`lights` so changed: the surroundings of that tuple are those that were found. A given sphere is

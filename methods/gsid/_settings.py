@@ -28,11 +28,12 @@ class GsidSettings:
     """Spherical Gaussians a lamp (inferred; the paper says "N_SG")."""
     sky_size: int = 8
     """Texels along the side of a face of the environment's cubemap (GS-IR: 256)."""
-    visibility: Visibility = "traced"
+    visibility: Visibility = "vector"
     """What is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to the lamp:
     ``vector``, ``1 - max(0, v . w)^8``; ``vector_half``, ``(1 + v . w) / 2``; ``vector_relu``,
     ``max(0, v . w)``; the paper has such a vector and does not say how it is read. ``traced``: rays from the
-    surfels to the lamp (inferred). ``none``: nothing is in the way."""
+    surfels to the lamp (not the paper's): shadows of lamps that are a little wrong are wrong, and stay in the
+    albedo. ``none``: nothing is in the way."""
     occlusion: bool = True
     """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
     shading: Shading = "deferred"

@@ -33,7 +33,7 @@ from graycard.methods.gsid._stage import LightStage, at_half_size
 from graycard.methods.splat import FitState, Parameters, initial_state
 from lit_sheets import EXTENT, LAMPS, World
 
-SETTINGS = GsidSettings(iterations=90, lamps=3, sky_size=4, bounces=False)
+SETTINGS = GsidSettings(visibility="traced", iterations=90, lamps=3, sky_size=4, bounces=False)
 TRUE = np.array([light.position for light in LAMPS])
 SENT = np.array([light.intensity for light in LAMPS])
 FALSE = np.array([0.0, 0.9, 0.8])

@@ -17,7 +17,7 @@ from graycard.methods.shading import sky_visibility
 from graycard.methods.splat import Parameters, moved_surfels, rasterize, surfels_of
 from lit_sheets import EXTENT, World
 
-ALIKE = GsidSettings(lamps=1, lobes=1, sky_size=4, bounces=False, occlusion=False)
+ALIKE = GsidSettings(visibility="traced", lamps=1, lobes=1, sky_size=4, bounces=False, occlusion=False)
 THERE = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, -1.0], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 """From the world in which the floor and the board are one scene to that of the donor."""
 

@@ -47,7 +47,9 @@ from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, Param
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
 
-QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, tile=24, aggregate_every=0.5, search_again=False)
+QUICK = GsidSettings(
+    visibility="traced", iterations=90, lamps=3, sky_size=4, tile=24, aggregate_every=0.5, search_again=False
+)
 TRUE = np.array([light.position for light in LAMPS])
 
 
