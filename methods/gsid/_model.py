@@ -179,8 +179,8 @@ class Reach:
 
     def at(self, window: Window) -> "Reach":
         """What gets to a part of the view."""
-        parts = (self.shadows, self.bounced)
-        return Reach(*(None if part is None else window.of(part) for part in parts), self.known)
+        shadows, bounced = (None if x is None else window.of(x) for x in (self.shadows, self.bounced))
+        return Reach(shadows, bounced, self.known)
 
 
 @torch.no_grad()
