@@ -1,36 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adaptive aggregation: lamps that do next to nothing are put where light is missing (inferred).
+"""Adaptive aggregation: lamps are pruned, merged, split, moved and taken where that lowers the loss.
 
-The paper says that lamps are aggregated adaptively, and its figures show that some are out; not how.
+The paper says that lamps are aggregated adaptively, and its figures show that some are out; not how. Here
+changes are tried on all views at half their size, and the best of a kind is kept if the loss over all pixels
+of all views falls (inferred).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 
-from graycard.methods.gsid._candidates import CLEAR
-from graycard.methods.gsid._draw import draw
+from graycard.methods.gsid._candidates import CLEAR, FirstLights
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
-    AXES,
     DARK,
+    DIMMEST,
     FIRST_SHARPNESS,
+    LAMPS,
     POSITIONS,
     SHARPNESS,
+    first_lights,
     lamps_from,
-    sky_from,
 )
-from graycard.methods.gsid._model import LitPicture, Reach
-from graycard.methods.gsid._objective import DeferredView
+from graycard.methods.gsid._model import LitPicture
+from graycard.methods.gsid._objective import DeferredView, GsidObjective
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.shading import surroundings_of
-from graycard.methods.splat import FitState
+from graycard.methods.gsid._stage import LightStage, at_half_size, objective_in
+from graycard.methods.splat import FitState, Parameters
 
 HEIGHT = 0.25
 """Shares of the extent: how far over the place that lacks light a lamp begins anew."""
-_SMOOTH = 7
-"""Pixels over which missing light is averaged: a highlight or an edge is no lamp."""
+APART = 0.1
+"""Shares of the extent: how far the halves of a lamp begin from its place."""
+STRENGTHS = (1.0, 0.3)
+"""Of what is missing: with so much a lamp that is moved is tried."""
+_SMOOTH = 3
+"""Pixels, of views of half the size, over which missing light is averaged: a highlight is no lamp."""
+
+Lights = Mapping[str, torch.Tensor]
+"""The parameters of all lights by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,77 +54,196 @@ class Lack:
 
 
 @torch.no_grad()
-def aggregated(
-    state: FitState,
-    shots: Sequence[DeferredView],
-    reach: Sequence[Reach],
-    settings: GsidSettings,
-    extent: float,
-) -> FitState:
-    """A state in which the weakest lamp, if it is next to out, shines where light is missing.
+def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = None) -> FitState:
+    """A state whose lamps have been changed wherever that lowers the loss over all views.
 
-    One at a time: a lamp that is put somewhere changes where light is missing. Where there is a lamp already
-    it stays as it is.
+    In turn: the weakest lamp is put out; the two that are nearest become one; the brightest becomes two; one
+    that is out shines where light is missing; and lights that were looked for anew take the place of all, or
+    those of them that no lamp is near are added. The best of each kind is kept, if it lowers the loss.
 
     Args:
         state: Of the second stage; used up.
-        shots: Training views.
-        reach: One a view.
-        settings: ``lamps`` and ``least_share``.
-        extent: Of the scene, metres.
+        stage: What is looked at.
+        found: Lights that were looked for anew; None: they were not.
     """
-    if settings.lamps == 0:
+    if stage.settings.lamps == 0:
         return state
-    values = state.parameters.all
-    pictures = [_shaded(values, s, r, settings, extent) for s, r in zip(shots, reach, strict=True)]
-    given = torch.stack([p.by_lamp.mean(dim=(0, 1, 3)) for p in pictures]).mean(dim=0)
-    weakest = int(given.argmin())
-    if given[weakest] >= settings.least_share * given.sum():
-        return state
-    lack = largest_lack(shots, pictures, extent)
-    others = values[POSITIONS][given > given[weakest]]
-    if len(others) and float((others - lack.position).norm(dim=-1).min()) < CLEAR * extent:
-        return state  # there is a lamp already, and it does not help
-    _put(values, weakest, lack, settings)
-    for name in (POSITIONS, AXES, SHARPNESS, AMPLITUDES):
-        state.moments[name].first[weakest] = 0
-        state.moments[name].second[weakest] = 0
-    return state
+    parameters = state.parameters
+    kept = _Trial(stage, at_half_size(stage, parameters), parameters)
+    for proposals in (_pruned, _merged, _split, _put):
+        kept = kept.best(proposals(kept))
+    if found is not None:
+        kept = kept.best(_found_anew(kept, found))
+    changed = torch.zeros(stage.settings.lamps, dtype=torch.bool)
+    for name in LAMPS:
+        changed |= (kept.lights[name] != parameters.shared[name]).flatten(1).any(dim=1)
+    for name in LAMPS:
+        state.moments[name].first[changed] = 0
+        state.moments[name].second[changed] = 0
+    return replace(state, parameters=replace(parameters, shared=dict(kept.lights)))
 
 
-def _shaded(
-    values: Mapping[str, torch.Tensor],
-    shot: DeferredView,
-    reach: Reach,
-    settings: GsidSettings,
-    extent: float,
-) -> LitPicture:
-    lights = lamps_from(values), surroundings_of(sky_from(values))
-    return draw(values, shot.ground, lights, reach, settings, extent)
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Lights, and how well they explain all views."""
+
+    stage: LightStage
+    half: LightStage
+    """The same with views of half the size, on which all proposals are tried."""
+    parameters: Parameters
+
+    @property
+    def lights(self) -> Lights:
+        return self.parameters.shared
+
+    @property
+    def settings(self) -> GsidSettings:
+        return self.stage.settings
+
+    @cached_property
+    def loss(self) -> float:
+        """Over all pixels of all views."""
+        return objective_in(self.stage, self.parameters).over_all(self.parameters.all)
+
+    @cached_property
+    def half_objective(self) -> GsidObjective:
+        return objective_in(self.half, self.parameters)
+
+    @cached_property
+    def half_loss(self) -> float:
+        return self.half_objective.over_all(self.parameters.all)
+
+    def best(self, proposals: Iterator[Lights]) -> "_Trial":
+        """The best proposal at half the size, if it is better than this at half and full size; else this."""
+        trials = [replace(self, parameters=replace(self.parameters, shared=dict(p))) for p in proposals]
+        best = min(trials, key=lambda trial: trial.half_loss, default=self)
+        return best if best.half_loss < self.half_loss and best.loss < self.loss else self
+
+    def pictures(self) -> list[LitPicture]:
+        """All tiles of all views."""
+        return [
+            self.half_objective.picture(self.parameters.all, n) for n in range(len(self.half_objective.shots))
+        ]
+
+    @cached_property
+    def given(self) -> torch.Tensor:
+        """Mean brightness that each lamp gives to what is seen, shape ``(K,)``."""
+        return torch.stack([p.by_lamp.mean(dim=(0, 1, 3)) for p in self.pictures()]).mean(dim=0)
+
+    @property
+    def shining(self) -> torch.Tensor:
+        """Lamps that give a share worth the name, by number, brightest first."""
+        order = self.given.argsort(descending=True)
+        return order[self.given[order] >= max(self.settings.least_share * float(self.given.sum()), 1e-12)]
+
+    @property
+    def out(self) -> int | None:
+        """The number of the lamp that gives least, if it is next to out."""
+        least = int(self.given.argmin())
+        return least if self.given[least] < self.settings.least_share * self.given.sum() else None
+
+
+def _changed(lights: Lights) -> dict[str, torch.Tensor]:
+    return {name: values.clone() for name, values in lights.items()}
+
+
+def _pruned(trial: _Trial) -> Iterator[Lights]:
+    """The weakest lamp that shines is put out."""
+    shining = trial.shining
+    if len(shining):
+        lights = _changed(trial.lights)
+        lights[AMPLITUDES][shining[-1]] = DARK
+        yield lights
+
+
+def _merged(trial: _Trial) -> Iterator[Lights]:
+    """The two lamps that are nearest to each other become one, between them, that sends what both sent."""
+    shining = trial.shining
+    if len(shining) < 2:
+        return
+    places = trial.lights[POSITIONS][shining]
+    apart = torch.cdist(places, places) + torch.diag(torch.full((len(places),), torch.inf))
+    one, other = (int(shining[i]) for i in divmod(int(apart.argmin()), len(places)))
+    flux = lamps_from(trial.lights).flux().sum(dim=-1)[[one, other]]
+    share = flux / flux.sum()
+    lights = _changed(trial.lights)
+    for name in LAMPS:
+        mean = (lights[name][[one, other]] * share.reshape(-1, *[1] * (lights[name].ndim - 1))).sum(dim=0)
+        lights[name][one] = mean
+    lights[AMPLITUDES][one] = trial.lights[AMPLITUDES][[one, other]].exp().sum(dim=0).log()
+    lights[AMPLITUDES][other] = DARK
+    yield lights
+
+
+def _split(trial: _Trial) -> Iterator[Lights]:
+    """The brightest lamp becomes two halves beside its place, along each axis, if another lamp is out."""
+    shining, other = trial.shining, trial.out
+    if other is None or not len(shining):
+        return
+    brightest = int(shining[0])
+    for axis in torch.eye(3):
+        lights = _changed(trial.lights)
+        for name in LAMPS:
+            lights[name][other] = lights[name][brightest]
+        for half, way in ((brightest, 1), (other, -1)):
+            lights[POSITIONS][half] += way * APART * trial.stage.extent * axis
+            lights[AMPLITUDES][half] += torch.tensor(0.5).log()
+        yield lights
+
+
+def _put(trial: _Trial) -> Iterator[Lights]:
+    """A lamp that is out shines where light is missing, unless there is one already that does not help."""
+    out, extent = trial.out, trial.stage.extent
+    if out is None:
+        return
+    lack = largest_lack(trial.half_objective.shots, trial.pictures(), extent)
+    if _is_near(lack.position, trial, CLEAR * extent):
+        return
+    lobes = trial.settings.lobes
+    for strength in STRENGTHS:
+        lights = _changed(trial.lights)
+        lights[POSITIONS][out] = lack.position
+        steps = torch.linspace(0, 0.5 * (lobes - 1), lobes)
+        lights[SHARPNESS][out] = torch.tensor(FIRST_SHARPNESS).log() + steps
+        lights[AMPLITUDES][out] = (strength * lack.intensity / lobes).log().clamp(min=DIMMEST)
+        yield lights
+
+
+def _found_anew(trial: _Trial, found: FirstLights) -> Iterator[Lights]:
+    """All lights as they were found, and one by one the found lamps that are near none."""
+    anew = first_lights(found, trial.settings)
+    yield anew
+    out = trial.out
+    for number, place in enumerate(found.positions):
+        if out is not None and not _is_near(place, trial, CLEAR * trial.stage.extent):
+            lights = _changed(trial.lights)
+            for name in LAMPS:
+                lights[name][out] = anew[name][number]
+            yield lights
+
+
+def _is_near(place: torch.Tensor, trial: _Trial, reach: float) -> bool:
+    others = trial.lights[POSITIONS][trial.shining]
+    return bool(len(others)) and float((others - place).norm(dim=-1).min()) < reach
 
 
 def largest_lack(shots: Sequence[DeferredView], pictures: Sequence[LitPicture], extent: float) -> Lack:
     """Where photographs are brighter than pictures by most, over a few pixels."""
-    missing = torch.stack([_blurred(s.linear - p.whole) for s, p in zip(shots, pictures, strict=True)])
-    covered = torch.stack([shot.ground.drawn.alpha > 0.9 for shot in shots])
-    brightness = torch.where(covered, missing.mean(dim=-1), -torch.inf)
-    view, row, column = (int(i) for i in torch.unravel_index(brightness.argmax(), brightness.shape))
-    ground = shots[view].ground
-    height = HEIGHT * extent
+    best = -torch.inf, 0, 0, 0
+    for number, (shot, picture) in enumerate(zip(shots, pictures, strict=True)):
+        missing = _blurred(shot.linear - picture.whole).mean(dim=-1)
+        missing = torch.where(shot.ground.drawn.alpha > 0.9, missing, -torch.inf)
+        row, column = divmod(int(missing.argmax()), missing.shape[1])
+        best = max(best, (float(missing[row, column]), number, row, column))
+    _, number, row, column = best
+    ground, height = shots[number].ground, HEIGHT * extent
     position = ground.points[row, column] + height * ground.normal[row, column]
+    missing = _blurred(shots[number].linear - pictures[number].whole)[row, column]
     # what a surface of the mean albedo returns, turned round
-    return Lack(position, missing[view, row, column].clamp(min=1e-4) * torch.pi * height**2 / 0.4)
+    return Lack(position, missing.clamp(min=1e-4) * torch.pi * height**2 / 0.4)
 
 
 def _blurred(image: torch.Tensor) -> torch.Tensor:
     padded = image.permute(2, 0, 1)[None]
     mean = torch.nn.functional.avg_pool2d(padded, _SMOOTH, 1, _SMOOTH // 2, count_include_pad=False)
     return mean[0].permute(1, 2, 0)
-
-
-def _put(values: Mapping[str, torch.Tensor], lamp: int, lack: Lack, settings: GsidSettings) -> None:
-    """Move a lamp, and let it shine alike all round."""
-    values[POSITIONS][lamp] = lack.position
-    steps = torch.linspace(0, 0.5 * (settings.lobes - 1), settings.lobes)
-    values[SHARPNESS][lamp] = torch.tensor(FIRST_SHARPNESS).log() + steps
-    values[AMPLITUDES][lamp] = (lack.intensity / settings.lobes).log().clamp(min=DARK)

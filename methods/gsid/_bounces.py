@@ -74,9 +74,16 @@ class Sight:
     """Shape ``(M, 3)``: their normals, unit, to the side that is lit."""
 
     @torch.no_grad()
-    def lit_by(self, lamps: Shining, soften: float) -> torch.Tensor:
-        """Irradiance of the nodes straight from each of K lamps, shape ``(M, K, 3)``."""
-        reached = lamp_visibility(self.surfels, self.nodes, lamps.positions, self.extent)
+    def lit_by(self, lamps: Shining, soften: float, reached: torch.Tensor | None = None) -> torch.Tensor:
+        """Irradiance of the nodes straight from each of K lamps, shape ``(M, K, 3)``.
+
+        Args:
+            lamps: K of them.
+            soften: Metres, see :func:`graycard.methods.shading.arriving`.
+            reached: Shape ``(M, K)``: share of each lamp's light that arrives; None: rays find it.
+        """
+        if reached is None:
+            reached = lamp_visibility(self.surfels, self.nodes, lamps.positions, self.extent)
         arrival = arriving(lamps, self.nodes, soften)
         cosine = (arrival.toward * self.facing[:, None]).sum(dim=-1).relu()
         return arrival.facing * (cosine * reached)[..., None]
@@ -132,6 +139,8 @@ def bounced_light(
     surroundings: Surroundings,
     opened: torch.Tensor,
     soften: float,
+    *,
+    reached: torch.Tensor | None = None,
 ) -> torch.Tensor:
     """Irradiance of all surfels by way of other surfaces, light by light, without gradient.
 
@@ -142,12 +151,13 @@ def bounced_light(
         surroundings: In the unit of the lamps.
         opened: Shape ``(N,)``: share of the sky's light that arrives at each surfel.
         soften: Metres, see :func:`graycard.methods.shading.arriving`.
+        reached: Shape ``(N, K)``: share of each lamp's light that arrives at the surfels; None: rays find it.
 
     Returns:
         Shape ``(N, K + 1, 3)``: of the lamps, then of the surroundings.
     """
     chosen = torch.from_numpy(bounces.nodes)
-    by_lamps = bounces.seen_from.lit_by(lamps, soften)
+    by_lamps = bounces.seen_from.lit_by(lamps, soften, None if reached is None else reached[chosen])
     by_sky = opened[chosen, None] * look_up(surroundings.irradiance, bounces.seen_from.facing)
     direct = torch.cat([by_lamps, by_sky[:, None]], dim=1)
     lights = direct.shape[1]

@@ -43,9 +43,13 @@ seen."""
 DIM = 0.5
 """Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
 DOUBT = 0.6
-"""Of the sky: as if so many of the samples, by their weight, had been seen black under it alone. What no lamp
-explains exactly, with shadows and materials that are about known, a sky of six colours explains in part:
-without a doubt it takes a third of the lamps' light."""
+"""Of the sky, while places of lamps are looked for: as if so many of the samples, by their weight, had been
+seen black under it alone. What no lamp explains exactly, with shadows and materials that are about known, a
+sky of six colours explains in part: without a doubt it hides lamps. Strengths are then solved without doubt:
+a fit that begins with a sky held down does not bring it back."""
+LEAST_SKY = 0.05
+"""Of the mean radiance: each face of the sky begins with so much at least. A much darker one stays dark, as
+its logarithm moves by small steps."""
 HALVINGS = 2
 """Of the step by which places are looked for between those of the grid."""
 _AT_ONCE = 64
@@ -114,7 +118,7 @@ class FirstLights:
     middle: torch.Tensor
     """Shape ``(3,)``, metres: where the lobes look."""
     sky: torch.Tensor
-    """Shape ``(6, 3)``: radiance of the faces of the cubemap."""
+    """Shape ``(6, 3)``: radiance of the faces of the cubemap, above 0."""
 
 
 def find_lights(
@@ -138,13 +142,13 @@ def find_lights(
     columns, seen = look.columns(places)
     places, columns = places[seen > _SEEN], columns[:, seen > _SEEN]
     levels, _ = _explained(
-        columns.mean(dim=-1)[..., None], sky.mean(dim=-1)[..., None], shown.mean(dim=-1)[..., None]
+        columns.mean(dim=-1)[..., None], sky.mean(dim=-1)[..., None], shown.mean(dim=-1)[..., None], DOUBT
     )
     given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
     merged = _merged(places, given, 1.6 * spacing, settings.lamps)
     refined = _refined(look, merged, sky, spacing / 2)
-    intensities, of_sky = _explained(look.columns(refined)[0], sky, shown)
-    return FirstLights(refined, intensities, look.middle, of_sky)
+    intensities, of_sky = _explained(look.columns(refined)[0], sky, shown, doubt=0)
+    return FirstLights(refined, intensities, look.middle, of_sky.clamp(min=LEAST_SKY * float(shown.mean())))
 
 
 def _refined(look: "_Look", places: torch.Tensor, sky: torch.Tensor, step: float) -> torch.Tensor:
@@ -255,7 +259,7 @@ def _sky_columns(samples: Samples, by_way: ByWay | None) -> torch.Tensor:
 
 
 def _explained(
-    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, doubt: float = DOUBT
+    lamps: torch.Tensor, sky: torch.Tensor, shown: torch.Tensor, doubt: float
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Strengths ``(C, S, channels)`` and the sky's ``(6, channels)``: non-negative least squares.
 

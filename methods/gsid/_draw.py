@@ -36,7 +36,7 @@ def reach_in_view(surfels: Surfels, ground: Ground, arrived: Reach, settings: Gs
     """
     if settings.shading == "forward":
         return arrived
-    return reach_of(surfels, ground, arrived.shadows, arrived.bounced)
+    return reach_of(surfels, ground, arrived)
 
 
 def draw(
@@ -48,6 +48,7 @@ def draw(
     extent: float,
     *,
     apart: bool = True,
+    pixels: Pixels | None = None,
 ) -> LitPicture:
     """A view of shape ``(H, W)``.
 
@@ -60,9 +61,11 @@ def draw(
         extent: Of the scene, metres.
         apart: Whether lamps are kept apart; else they are one. Surfels with light of hundreds of them would
             take long to draw.
+        pixels: What is shaded where pixels are, if it has been drawn already.
     """
     if settings.shading == "deferred":
-        return picture_of(pixels_of(values, ground), *lights, reach, settings.visibility, extent)
+        pixels = pixels_of(values, ground) if pixels is None else pixels
+        return picture_of(pixels, *lights, reach, settings.visibility, extent)
     lit = picture_of(_seen_surfels(values, ground), *lights, reach, settings.visibility, extent)
     return _drawn(lit if apart else lit.merged(), surfels_of(values), ground, lights[1])
 

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The second stage: materials and lights on surfels that stand still."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
 
 from graycard import MethodError, Progress
 from graycard.methods.gsid._aggregation import aggregated
-from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
-from graycard.methods.gsid._candidates import SAMPLES, ByWay, Samples, enough_cover, find_lights
-from graycard.methods.gsid._draw import reach_in_view
+from graycard.methods.gsid._bounces import bounces_between
+from graycard.methods.gsid._candidates import SAMPLES, ByWay, FirstLights, Samples, enough_cover, find_lights
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -20,8 +19,6 @@ from graycard.methods.gsid._lights import (
     SHARPNESS,
     SKY,
     first_lights,
-    lamps_from,
-    sky_from,
 )
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import (
@@ -31,52 +28,31 @@ from graycard.methods.gsid._model import (
     ROUGHNESS,
     SHADOW,
     SIDE,
-    SOFTEN,
-    Reach,
     ground_of,
     lit_side,
     matte_of,
     pixels_of,
 )
-from graycard.methods.gsid._objective import DeferredView, GsidObjective, deferred_views
+from graycard.methods.gsid._objective import deferred_views
 from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.gsid._stage import LightStage, objective_in, renewed
 from graycard.methods.shading import (
     Material,
-    lamp_visibility,
     outward,
     sky_visibility,
-    surroundings_of,
 )
 from graycard.methods.splat import (
+    CENTRES,
     GEOMETRY,
     FitState,
     LearningRateSchedule,
     Parameters,
-    Surfels,
     TrainConfig,
     initial_state,
     surfels_of,
     train,
 )
-from graycard.methods.surfels import FitTask
-
-
-@dataclass(frozen=True, eq=False)
-class LightStage:
-    """What the second stage looks at, and does not move."""
-
-    surfels: Surfels
-    shots: Sequence[DeferredView]
-    settings: GsidSettings
-    extent: float
-    seed: int
-    bounces: Bounces | None = None
-    """Between the surfels; None: light goes no further than to what it falls on."""
-
-    @property
-    def steps(self) -> int:
-        """Of this stage."""
-        return self.settings.iterations - self.settings.geometry_steps
+from graycard.methods.surfels import FitTask, geometry_rates
 
 
 def fit_lights(
@@ -102,11 +78,8 @@ def fit_lights(
     stage = LightStage(surfels, deferred_views(capture, grounds, guesses), settings, extent, seed, between)
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
     surface |= first_materials(surfels, normals, stage.shots) | {SIDE: lit_side(surfels, normals)}
-    samples = _samples(surface, stage, eyes)
-    by_way = None if stage.bounces is None else _by_way(surface, samples, stage.bounces)
-    lights = find_lights(samples, surfels, settings, extent, by_way)
-    parameters = Parameters(surface, first_lights(lights, settings))
-    return _trained(initial_state(parameters, seed), stage, task.progress).parameters
+    parameters = Parameters(surface, first_lights(lights_in(stage, surface), settings))
+    return train_lights(initial_state(parameters, seed), stage, task.progress).parameters
 
 
 def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None:
@@ -127,35 +100,20 @@ def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None
         )
 
 
-def _trained(state: FitState, stage: LightStage, progress: Progress) -> FitState:
+def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitState:
     """In chunks: before each, rays are traced to where the lamps are then."""
     settings = stage.settings
     every = max(1, round(settings.aggregate_every * stage.steps))
     config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
     while state.step < stage.steps:
-        reach = reach_in(stage, state.parameters)
+        stage = renewed(stage, state.parameters)
         if 0 < state.step <= settings.aggregate_until * stage.steps:
-            state = aggregated(state, stage.shots, reach, settings, stage.extent)
-            reach = reach_in(stage, state.parameters)
-        objective = GsidObjective(stage.shots, reach, settings, stage.extent, stage.seed)
+            again = settings.search_again and state.step - every < stage.steps / 2 <= state.step
+            found = lights_in(stage, state.parameters.surfels) if again else None
+            state = aggregated(state, stage, found)
+        objective = objective_in(stage, state.parameters)
         state = train(state, replace(config, until=state.step + every), objective, progress)
     return state
-
-
-def reach_in(stage: LightStage, parameters: Parameters) -> list[Reach]:
-    """What arrives of the lights in each training view."""
-    reached = bounced = None
-    if stage.settings.visibility == "traced":
-        lamps = parameters.shared[POSITIONS]
-        reached = lamp_visibility(stage.surfels, stage.surfels.centres, lamps, stage.extent)
-    if stage.bounces is not None:
-        values = parameters.all
-        sky = surroundings_of(sky_from(values))
-        bounced = bounced_light(
-            stage.bounces, matte_of(values), lamps_from(values), sky, values[OPEN], SOFTEN * stage.extent
-        ).sum(dim=1, keepdim=True)
-    arrived, settings = Reach(reached, bounced), stage.settings
-    return [reach_in_view(stage.surfels, shot.ground, arrived, settings) for shot in stage.shots]
 
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningRateSchedule]:
@@ -174,18 +132,25 @@ def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningR
         SKY: LearningRateSchedule(2e-2, 5e-3),
     }
     rates |= {SHADOW: LearningRateSchedule(2e-2)} if settings.visibility.startswith("vector") else {}
+    first = geometry_rates(extent) if settings.geometry_rate > 0 else {}
+    rates |= {name: first[name].times(settings.geometry_rate) for name in first if name != CENTRES}
     return rates | (materials if settings.materials == "fitted" else {})
 
 
-def _by_way(surface: dict[str, torch.Tensor], samples: Samples, bounces: Bounces) -> ByWay:
-    nodes = torch.from_numpy(bounces.nodes)
-    shares = bounces.seen_from.shares(samples.points, samples.normal)
-    return ByWay(bounces, shares, matte_of(surface)[nodes], surface[OPEN][nodes])
+@torch.no_grad()
+def lights_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> FirstLights:
+    """Look for the lights that explain the photographs, on surfels with materials."""
+    samples, by_way = _samples(surface, stage), None
+    if stage.bounces is not None:
+        nodes = torch.from_numpy(stage.bounces.nodes)
+        shares = stage.bounces.seen_from.shares(samples.points, samples.normal)
+        by_way = ByWay(stage.bounces, shares, matte_of(surface)[nodes], surface[OPEN][nodes])
+    return find_lights(samples, stage.surfels, stage.settings, stage.extent, by_way)
 
 
 @torch.no_grad()
-def _samples(surface: dict[str, torch.Tensor], stage: LightStage, eyes: torch.Tensor) -> Samples:
-    """Some pixels of all training views, with the materials that surfels begin with."""
+def _samples(surface: Mapping[str, torch.Tensor], stage: LightStage) -> Samples:
+    """Some pixels of all training views, with the materials that surfels have."""
     parts: list[tuple[torch.Tensor, ...]] = []
     for shot in stage.shots:
         ground, material = shot.ground, pixels_of(surface, shot.ground).material
@@ -201,6 +166,7 @@ def _samples(surface: dict[str, torch.Tensor], stage: LightStage, eyes: torch.Te
             f"expected surfels that cover some pixels, got {len(stage.surfels)} that cover none by half. "
             "Give the fit more iterations or surfels"
         )
+    eyes = torch.tensor(np.array([shot.ground.camera.position for shot in stage.shots])).float()
     count = min(SAMPLES, len(points))
     chosen = torch.from_numpy(np.random.default_rng(stage.seed).choice(len(points), count, replace=False))
     return Samples(

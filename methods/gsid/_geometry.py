@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import torch
 
+from graycard import Camera
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.splat import (
@@ -76,20 +77,30 @@ class GeometryObjective:
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()
         loss = loss + settings.cover_weight * (1 - drawn.alpha.mean())
-        loss = loss + self._agreement(drawn, number, share)
+        guess = self.guesses[number].normal
+        if share >= settings.geometry_start:
+            loss = loss + agreement(drawn, view.camera, guess, settings)
+        elif guess is not None:
+            loss = loss + settings.normal_prior_weight * normal_difference(drawn, guess)
         size = view.camera.width, view.camera.height
         return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
-    def _agreement(self, drawn: Maps, number: int, share: float) -> torch.Tensor:
-        """Of the surfels with each other, and with the prior's normals."""
-        settings, loss = self.settings, torch.zeros(())
-        if share >= settings.geometry_start:
-            weights = settings.normal_weight, settings.distortion_weight
-            loss = loss + disagreement(drawn, self.views[number].camera, weights)
-        guess = self.guesses[number].normal
-        if guess is not None:
-            loss = loss + settings.normal_prior_weight * normal_difference(drawn, guess)
-        return loss
+
+def agreement(
+    drawn: Maps, camera: Camera, guess: torch.Tensor | None, settings: GsidSettings
+) -> torch.Tensor:
+    """How far surfels are from each other, and from the normals of a prior.
+
+    Args:
+        drawn: A view.
+        camera: It.
+        guess: Shape ``(H, W, 3)``, see :func:`normal_difference`; None: there is none.
+        settings: The weights.
+    """
+    loss = disagreement(drawn, camera, (settings.normal_weight, settings.distortion_weight))
+    if guess is not None:
+        loss = loss + settings.normal_prior_weight * normal_difference(drawn, guess)
+    return loss
 
 
 def normal_difference(drawn: Maps, guess: torch.Tensor) -> torch.Tensor:

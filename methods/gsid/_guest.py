@@ -29,7 +29,9 @@ def with_guest(
     names = list(guest.cameras)
     views = [guest.cameras[name] for name in names], [guest.masks[name] for name in names]
     inside = share_inside(surfels_of(donor.surfels), *views) >= LEAST_INSIDE
-    parameters = joined_surfels(host, moved_surfels(donor.take(inside).surfels, motion, [SHADOW]))
+    moved = dict(moved_surfels(donor.take(inside).surfels, motion, [SHADOW]))
+    moved[SHADOW] = -lit_normals(moved)  # its vectors know the lamps at home: here all is lit, but for rays
+    parameters = joined_surfels(host, moved)
     if extent is None:
         return parameters
     opened = sky_visibility(surfels_of(parameters.surfels), lit_normals(parameters.surfels), extent)

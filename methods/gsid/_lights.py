@@ -53,7 +53,7 @@ def first_lights(first: FirstLights, settings: GsidSettings) -> dict[str, torch.
     sharpness = torch.tensor([max(s, FIRST_SHARPNESS) for s in SHAPES[:lobes]])
     sharpness = torch.cat([sharpness, sharpness[-1:].expand(lobes - len(sharpness))]).log()
     axes = torch.nn.functional.normalize(first.middle - places + 1e-3, dim=-1)
-    faces = first.sky.clamp(min=1e-4).log()[:, None, None]
+    faces = first.sky.log()[:, None, None]
     return {
         POSITIONS: places.clone(),
         AXES: axes[:, None].repeat(1, lobes, 1),

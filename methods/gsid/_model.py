@@ -2,8 +2,10 @@
 """How a picture comes about: surfels are drawn as layers, and pixels are shaded (deferred shading)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import NamedTuple
 
+import numpy as np
 import torch
 from torch.nn.functional import normalize
 
@@ -34,9 +36,28 @@ SOFTEN = 0.02
 """Shares of the extent, see :func:`graycard.methods.shading.arriving`."""
 
 
+class Window(NamedTuple):
+    """A part of a view, contiguous: half-open ranges of rows and columns, pixels."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    def of(self, image: torch.Tensor) -> torch.Tensor:
+        """The part of an image of shape ``(H, W, ...)``."""
+        return image[self.top : self.bottom, self.left : self.right]
+
+    def camera(self, camera: Camera) -> Camera:
+        """A camera that sees this part alone, with the same rays."""
+        moved = np.array([[0, 0, self.left], [0, 0, self.top], [0, 0, 0]])
+        size = self.right - self.left, self.bottom - self.top
+        return Camera(*size, camera.K - moved, camera.camera_to_world)
+
+
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What a camera sees of surfels that stand still; no gradient."""
+    """What a camera sees of surfels."""
 
     camera: Camera
     drawn: Maps
@@ -49,10 +70,16 @@ class Ground:
     open: torch.Tensor
     """Shape ``(H, W)``: share of the sky's light that arrives."""
 
+    def at(self, window: Window) -> "Ground":
+        """A part of the view."""
+        drawn = Maps(*(window.of(getattr(self.drawn, field.name)) for field in fields(Maps)))
+        layers = (window.of(layer) for layer in (self.points, self.normal, self.eye, self.open))
+        return Ground(window.camera(self.camera), drawn, *layers)
+
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """What light falls on: pixels of a view, in any arrangement ``(...)``; the material is differentiable."""
+    """What light falls on: pixels of a view, in any arrangement ``(...)``; differentiable."""
 
     material: Material
     shadow: torch.Tensor
@@ -65,22 +92,10 @@ class Pixels:
     cover: torch.Tensor
     """Shape ``(...)``: share of the pixel that surfels cover."""
 
-    def at(self, rows: torch.Tensor) -> "Pixels":
-        """Some of them, by their numbers row by row; shape ``(R,)``."""
-        flat = {
-            name: getattr(self, name).flatten(0, 1)[rows]
-            for name in ("shadow", "points", "normal", "eye", "open", "cover")
-        }
-        m = self.material
-        material = Material(
-            m.base_color.flatten(0, 1)[rows], *(x.flatten()[rows] for x in (m.roughness, m.metallic))
-        )
-        return Pixels(material, **flat)
-
 
 @torch.no_grad()
 def ground_of(surfels: Surfels, camera: Camera, occlusion: torch.Tensor) -> Ground:
-    """Geometry of a view.
+    """Geometry of a view, without gradient.
 
     Args:
         surfels: N of them.
@@ -88,23 +103,42 @@ def ground_of(surfels: Surfels, camera: Camera, occlusion: torch.Tensor) -> Grou
         occlusion: Shape ``(N,)``: share of the sky's light that arrives at each surfel.
     """
     drawn = rasterize(surfels, camera, features=occlusion[:, None])
-    rays = torch.tensor(camera.rays())
-    along = rays / (rays @ torch.tensor(camera.forward))[..., None]
-    depth = torch.where(drawn.alpha > 0, drawn.depth, 1.0).double()
-    points = torch.tensor(camera.position) + along * depth[..., None]
-    eye = -rays.float()
-    normal = torch.where(drawn.alpha[..., None] > LEAST_COVER, drawn.normal, eye)
-    return Ground(
-        camera, drawn, points.float(), normalize(normal, dim=-1), eye, _covered(drawn.features, drawn)[..., 0]
-    )
+    return _ground(camera, drawn, _covered(drawn.features, drawn)[..., 0])
 
 
 def pixels_of(values: Mapping[str, torch.Tensor], ground: Ground) -> Pixels:
-    """Draw the material of the surfels, shape ``(H, W)``."""
+    """Draw the material of the surfels, shape ``(H, W)``, on geometry that stands still."""
+    drawn = rasterize_features(surfels_of(values, _features(values)), ground.camera)
+    return _pixels(ground, _covered(drawn.features, ground.drawn))
+
+
+def seen_anew(values: Mapping[str, torch.Tensor], camera: Camera) -> tuple[Ground, Pixels]:
+    """Draw geometry and material of the surfels, ``(H, W)``: differentiable, but for the points."""
+    features = torch.cat([_features(values), values[OPEN][:, None]], dim=1)
+    drawn = rasterize(surfels_of(values), camera, features=features)
+    layers = _covered(drawn.features, drawn)
+    ground = _ground(camera, drawn, layers[..., -1])
+    return ground, _pixels(ground, layers[..., :-1])
+
+
+def _ground(camera: Camera, drawn: Maps, opened: torch.Tensor) -> Ground:
+    rays = torch.tensor(camera.rays())
+    along = rays / (rays @ torch.tensor(camera.forward))[..., None]
+    depth = torch.where(drawn.alpha > 0, drawn.depth, 1.0).detach().double()
+    points = torch.tensor(camera.position) + along * depth[..., None]
+    eye = -rays.float()
+    normal = torch.where(drawn.alpha[..., None] > LEAST_COVER, drawn.normal, eye)
+    return Ground(camera, drawn, points.float(), normalize(normal, dim=-1, eps=1e-6), eye, opened)
+
+
+def _features(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
+    """Base colour, roughness, metallic and shadow vector of the surfels, shape ``(N, 8)``."""
     colors = [values[name].sigmoid() for name in (BASE_COLOR, ROUGHNESS, METALLIC)]
-    features = torch.cat([*colors, values[SHADOW]], dim=1)
-    drawn = rasterize_features(surfels_of(values, features), ground.camera)
-    base, roughness, metallic, shadow = _covered(drawn.features, ground.drawn).split([3, 1, 1, 3], dim=-1)
+    return torch.cat([*colors, values[SHADOW]], dim=1)
+
+
+def _pixels(ground: Ground, layers: torch.Tensor) -> Pixels:
+    base, roughness, metallic, shadow = layers.split([3, 1, 1, 3], dim=-1)
     material = Material(base, roughness[..., 0], metallic[..., 0])
     return Pixels(material, shadow, ground.points, ground.normal, ground.eye, ground.open, ground.drawn.alpha)
 
@@ -136,27 +170,27 @@ class Reach:
     """What gets to pixels ``(...)`` of a view while lights stand still; no gradient."""
 
     shadows: torch.Tensor | None = None
-    """Shape ``(..., K)``: share of each lamp's light that arrives; None: as vectors say."""
+    """Shape ``(..., K)``: share of each lamp's light that arrives along rays; None: all of it."""
     bounced: torch.Tensor | None = None
     """Shape ``(..., B, 3)``: irradiance by way of other surfaces, of all lights or of some at a time; None:
     none."""
+    known: torch.Tensor | None = None
+    """Shape ``(K,)``, bool: the lamps that vectors know; None: all."""
 
-    def at(self, rows: torch.Tensor) -> "Reach":
-        """Some pixels, by their numbers row by row."""
-        parts = (self.shadows, self.bounced)
-        return Reach(*(None if part is None else part.flatten(0, 1)[rows] for part in parts))
+    def at(self, window: Window) -> "Reach":
+        """What gets to a part of the view."""
+        shadows, bounced = (None if x is None else window.of(x) for x in (self.shadows, self.bounced))
+        return Reach(shadows, bounced, self.known)
 
 
 @torch.no_grad()
-def reach_of(
-    surfels: Surfels, ground: Ground, shadows: torch.Tensor | None, bounced: torch.Tensor | None
-) -> Reach:
+def reach_of(surfels: Surfels, ground: Ground, arrived: Reach) -> Reach:
     """Draw what surfels receive, ``(N, K)`` and ``(N, B, 3)``; see :class:`Reach`."""
+    shadows, bounced = arrived.shadows, arrived.bounced
     drawn = None if shadows is None else shadows_of(surfels, ground.camera, shadows, ground)
-    if bounced is None:
-        return Reach(drawn)
-    spread = _drawn(surfels, bounced.flatten(1), ground).clamp(min=0)
-    return Reach(drawn, spread.unflatten(-1, bounced.shape[1:]))
+    if bounced is not None:
+        bounced = _drawn(surfels, bounced.flatten(1), ground).clamp(min=0).unflatten(-1, bounced.shape[1:])
+    return Reach(drawn, bounced, arrived.known)
 
 
 @torch.no_grad()
@@ -181,11 +215,6 @@ class LitPicture:
     """What they return of light that came by way of other surfaces, ``(..., B, 3)``."""
     irradiance: torch.Tensor
     """Of the lamps on surfaces that face them, blocked light left out."""
-
-    def at(self, rows: torch.Tensor) -> "LitPicture":
-        """Some pixels of a view, by their numbers row by row."""
-        parts = (self.by_lamp, self.by_sky, self.by_way, self.irradiance)
-        return LitPicture(*(part.flatten(0, 1)[rows] for part in parts))
 
     def merged(self) -> "LitPicture":
         """With all lamps as one."""
@@ -213,18 +242,19 @@ def picture_of(
         pixels: Of shape ``(...)``.
         lamps: K of them, as bright as ``surroundings``.
         surroundings: Of the whole scene.
-        reach: What arrives; of lamps, without shadows, as ``form`` reads the vectors.
-        form: How.
+        reach: What arrives along rays.
+        form: How vectors are read, where they tell what is in the way of lamps.
         extent: Of the scene, metres.
     """
     material, normal, eye = pixels.material, pixels.normal, pixels.eye
     cover = pixels.cover[..., None]
     arrival = arriving(lamps, pixels.points, SOFTEN * extent)
-    shadows = reach.shadows
-    if shadows is None:
-        one = torch.ones_like(arrival.distance)
-        shadows = one if form == "none" else vector_visibility(form, pixels.shadow, arrival.toward)
-    arrival = arrival._replace(facing=arrival.facing * shadows[..., None])
+    if form.startswith("vector"):
+        told = vector_visibility(form, pixels.shadow, arrival.toward)
+        told = told if reach.known is None else torch.where(reach.known, told, 1.0)
+        arrival = arrival._replace(facing=arrival.facing * told[..., None])
+    if reach.shadows is not None:
+        arrival = arrival._replace(facing=arrival.facing * reach.shadows[..., None])
     by_lamp = lit_by_lamps(material, normal, eye, arrival).whole
     by_sky = lit_by_surroundings(material, normal, eye, surroundings).whole
     behind = look_up(surroundings.skies[0], -eye)

@@ -2,19 +2,30 @@
 """What the second stage lowers: how far shaded layers are from the photographs and from the prior."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 import torch
 
-from graycard import Capture
+from graycard import Camera, Capture
 from graycard.methods.gsid._draw import draw
+from graycard.methods.gsid._geometry import agreement
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import lamps_from, sky_from
-from graycard.methods.gsid._model import Ground, LitPicture, Pixels, Reach, picture_of, pixels_of
+from graycard.methods.gsid._model import (
+    Ground,
+    LitPicture,
+    Pixels,
+    Reach,
+    Window,
+    ground_of,
+    pixels_of,
+    seen_anew,
+)
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of, unevenness, unevenness_but_for_edges
-from graycard.methods.splat import LossResult, view_at
+from graycard.methods.splat import LossResult, Surfels, photometric_map, view_at
 from graycard.methods.surfels import srgb_encode_tensor
 
 
@@ -29,6 +40,36 @@ class DeferredView:
     ground: Ground
     guess: MaterialGuess
 
+    def at(self, window: Window) -> "DeferredView":
+        """A part of the view."""
+        layers = (getattr(self.guess, field.name) for field in fields(MaterialGuess))
+        guess = MaterialGuess(*(None if layer is None else window.of(layer) for layer in layers))
+        return DeferredView(window.of(self.linear), window.of(self.shown), self.ground.at(window), guess)
+
+    def at_half_size(self, surfels: Surfels, occlusion: torch.Tensor) -> "DeferredView":
+        """The view at half its width and height.
+
+        Args:
+            surfels: What it shows.
+            occlusion: Shape ``(N,)``, see :func:`ground_of`.
+        """
+        camera, layers = (
+            self.ground.camera,
+            (getattr(self.guess, field.name) for field in fields(MaterialGuess)),
+        )
+        scale = np.diag([0.5, 0.5, 1])
+        half = Camera(camera.width // 2, camera.height // 2, scale @ camera.K, camera.camera_to_world)
+        guess = MaterialGuess(*(None if layer is None else _halved(layer) for layer in layers))
+        linear, ground = _halved(self.linear), ground_of(surfels, half, occlusion)
+        return DeferredView(linear, srgb_encode_tensor(linear), ground, guess)
+
+
+def _halved(image: torch.Tensor) -> torch.Tensor:
+    """Means of 2 x 2 pixels of an image of shape ``(H, W, ...)``."""
+    channels = image.reshape(*image.shape[:2], -1).permute(2, 0, 1)
+    mean = torch.nn.functional.avg_pool2d(channels[None], 2)[0].permute(1, 2, 0)
+    return mean.reshape(*mean.shape[:2], *image.shape[2:])
+
 
 def deferred_views(
     capture: Capture, grounds: Sequence[Ground], guesses: Sequence[MaterialGuess]
@@ -41,49 +82,72 @@ def deferred_views(
     return found
 
 
+def tiles_of(height: int, width: int, side: int) -> list[Window]:
+    """Parts of a view, as alike as can be, of about ``side`` pixels a side: each pixel is in one of them."""
+    rows, columns = (_edges(length, side) for length in (height, width))
+    return [Window(*r, *c) for r in pairwise(rows) for c in pairwise(columns)]
+
+
+def _edges(length: int, side: int) -> list[int]:
+    parts = max(1, round(length / side))
+    return [round(part * length / parts) for part in range(parts + 1)]
+
+
 @dataclass(frozen=True, eq=False)
 class GsidObjective:
-    """The loss of one view a step."""
+    """The loss of one tile of one view a step. In a round each tile of each view has its turn once."""
 
     shots: Sequence[DeferredView]
+    """Tiles of all views."""
     reach: Sequence[Reach]
-    """One a view."""
+    """One a tile."""
     settings: GsidSettings
     extent: float
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
         """What is to be lowered at a step."""
-        number, settings = view_at(step, len(self.shots), self.seed), self.settings
-        shot, sky = self.shots[number], sky_from(values)
-        whole = pixels_of(values, shot.ground)
-        rows = self._rows(shot, step)
-        picture = self._picture(values, whole, rows, number)
-        loss = (srgb_encode_tensor(picture.whole) - shot.shown.flatten(0, 1)[rows]).abs().mean()
-        loss = loss + prior_loss(whole, shot, settings)
+        return LossResult(self.loss(values, view_at(step, len(self.shots), self.seed)))
+
+    @torch.no_grad()
+    def over_all(self, values: Mapping[str, torch.Tensor]) -> float:
+        """The loss over all pixels of all views, mean of the tiles'."""
+        return float(np.mean([float(self.loss(values, number)) for number in range(len(self.shots))]))
+
+    def loss(self, values: Mapping[str, torch.Tensor], number: int) -> torch.Tensor:
+        """The loss of a tile."""
+        shot, settings = self.shots[number], self.settings
+        ground, pixels = self._seen(values, shot)
+        picture = self._lit(values, ground, pixels, number)
+        loss = photometric_map(srgb_encode_tensor(picture.whole), shot.shown, settings.ssim_share).mean()
+        loss = loss + prior_loss(pixels, shot, settings)
+        if settings.geometry_rate > 0:
+            loss = loss + agreement(ground.drawn, ground.camera, shot.guess.normal, settings)
         if settings.smooth_weight > 0:
             loss = loss + settings.smooth_weight * unevenness_but_for_edges(
-                material_image(whole), shot.shown, squared=True
+                material_image(pixels), shot.shown, squared=True
             )
-        loss = loss + settings.matte_weight * (1 - whole.material.roughness + whole.material.metallic).mean()
+        material = pixels.material
+        loss = loss + settings.matte_weight * (1 - material.roughness + material.metallic).mean()
         loss = loss + settings.lamp_weight * few(picture.irradiance)
-        return LossResult(loss + settings.sky_weight * unevenness(sky))
+        return loss + settings.sky_weight * unevenness(sky_from(values))
 
-    def _picture(
-        self, values: Mapping[str, torch.Tensor], whole: Pixels, rows: torch.Tensor, number: int
+    @torch.no_grad()
+    def picture(self, values: Mapping[str, torch.Tensor], number: int) -> LitPicture:
+        """A tile under the lights."""
+        return self._lit(values, *self._seen(values, self.shots[number]), number)
+
+    def _seen(self, values: Mapping[str, torch.Tensor], shot: DeferredView) -> tuple[Ground, Pixels]:
+        """Surfaces of a tile, drawn anew where they move."""
+        if self.settings.geometry_rate > 0:
+            return seen_anew(values, shot.ground.camera)
+        return shot.ground, pixels_of(values, shot.ground)
+
+    def _lit(
+        self, values: Mapping[str, torch.Tensor], ground: Ground, pixels: Pixels, number: int
     ) -> LitPicture:
-        """Some pixels of a view under the lights, row by row."""
         lights = lamps_from(values), surroundings_of(sky_from(values))
-        reach, settings = self.reach[number], self.settings
-        if settings.shading == "deferred":
-            return picture_of(whole.at(rows), *lights, reach.at(rows), settings.visibility, self.extent)
-        return draw(values, self.shots[number].ground, lights, reach, settings, self.extent).at(rows)
-
-    def _rows(self, shot: DeferredView, step: int) -> torch.Tensor:
-        """Pixels that are shaded at a step, as the seed decides."""
-        count = shot.shown.shape[0] * shot.shown.shape[1]
-        random = np.random.default_rng([self.seed, step])
-        return torch.from_numpy(random.permutation(count)[: max(1, round(self.settings.pixels * count))])
+        return draw(values, ground, lights, self.reach[number], self.settings, self.extent, pixels=pixels)
 
 
 def few(irradiance: torch.Tensor) -> torch.Tensor:

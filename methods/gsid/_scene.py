@@ -44,7 +44,7 @@ from graycard.methods.shading import (
     surroundings_of,
     to_latitudes,
 )
-from graycard.methods.splat import arrays_of, export_ply, parameters_from, surfels_of
+from graycard.methods.splat import CENTRES, arrays_of, export_ply, parameters_from, surfels_of
 from graycard.methods.surfels import (
     LayeredScene,
     SceneContents,
@@ -58,6 +58,8 @@ _SETTINGS: Mapping[str, type[GsidSettings]] = {GSID: GsidSettings, GSIR: GsirSet
 SKY_NAME, SKY_FILE = "sky", "environment.exr"
 HEIGHT = 64
 """Rows of the image of the surroundings."""
+SAME_PLACE = 1e-3
+"""Metres: a given lamp that is so near to one that was found is that one."""
 PANEL = 4
 """Points along each side of a given light with an area."""
 _ALWAYS = frozenset({"radiance", "base_color", "roughness", "metallic", "normal", "depth"})
@@ -76,6 +78,8 @@ class GsidScene(LayeredScene):
     """Whose it is: what is saved says so."""
     given: GivenLights | None = None
     """None: the lights that were found."""
+    hosts: int | None = None
+    """Surfels that were fitted here, before those of an object that was put in; None: nothing was."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -109,17 +113,40 @@ class GsidScene(LayeredScene):
     def _picture(self, ground: Ground) -> LitPicture:
         """In W/m²/sr."""
         lamps, surfels = self._shining_at(ground.camera), surfels_of(self.parameters.surfels)
-        surroundings, reached, bounced = surroundings_of(self._sky), None, None
-        if self.settings.visibility == "traced" or self.given is not None:
-            reached = lamp_visibility(surfels, surfels.centres, lamps.positions, self.extent)
+        surroundings, bounced = surroundings_of(self._sky), None
         values = self.parameters.all
         if self._bounces is not None:
             bounced = bounced_light(
                 self._bounces, matte_of(values), lamps, surroundings, values[OPEN], SOFTEN * self.extent
             )
-        reach = reach_in_view(surfels, ground, Reach(reached, bounced), self.settings)
+        found = self._found(lamps.positions)
+        arrived = Reach(self._reached(lamps.positions, found), bounced, found)
+        reach = reach_in_view(surfels, ground, arrived, self.settings)
         apart = self.given is None
         return draw(values, ground, (lamps, surroundings), reach, self.settings, self.extent, apart=apart)
+
+    def _found(self, places: torch.Tensor) -> torch.Tensor:
+        """Whether a lamp stands where one was found, bool of shape ``(K,)``: what was fitted knows it."""
+        if self.given is None:
+            return torch.ones(len(places), dtype=torch.bool)
+        return (torch.cdist(places, self._lamps.positions) < SAME_PLACE).any(dim=1)
+
+    def _reached(self, places: torch.Tensor, found: torch.Tensor) -> torch.Tensor | None:
+        """Shares of lamps' light that reach surfels along rays, ``(N, K)``; None: vectors tell all."""
+        parameters, form = self.parameters.surfels, self.settings.visibility
+        surfels, centres = surfels_of(parameters), parameters[CENTRES]
+        if form == "traced":
+            return lamp_visibility(surfels, centres, places, self.extent)
+        reached = torch.ones(len(centres), len(places))
+        reached[:, ~found] = lamp_visibility(surfels, centres, places[~found], self.extent)
+        if self.hosts is not None and form != "none":
+            put_in = surfels_of({name: values[self.hosts :] for name, values in parameters.items()})
+            host, guest = centres[: self.hosts], centres[self.hosts :]
+            reached[: self.hosts, found] = lamp_visibility(put_in, host, places[found], self.extent)
+            reached[self.hosts :, found] = lamp_visibility(surfels, guest, places[found], self.extent)
+        elif found.all():
+            return None
+        return reached
 
     @cached_property
     def _bounces(self) -> Bounces | None:
@@ -178,7 +205,9 @@ class GsidScene(LayeredScene):
 
     @torch.no_grad()
     def relight(self, lights: tuple[Light, ...]) -> "GsidScene":
-        """The same surfels under other lights, their shadows traced.
+        """The same surfels under other lights.
+
+        A lamp that stands where one was found is hidden as it was found there; shadows of others are traced.
 
         A lamp that was found can be switched off, moved or given another colour by handing in
         :meth:`lights` so changed: the surroundings of that tuple are those that were found. A given sphere is
@@ -198,21 +227,21 @@ class GsidScene(LayeredScene):
     def compose(self, composition: Composition, guest: Guest | None = None) -> "GsidScene | None":
         """The same scene with an object that the same method has found in another one.
 
-        It is lit by the lights of this scene, its own lights stay at home; it throws shadows where rays are
-        traced to lamps, and sends light on where bounces are. Nothing is provided where a vector of each
-        surfel tells what is in the way of lamps: those of the guest know the lamps at home only.
+        It is lit by the lights of this scene, its own lights stay at home; it sends light on where bounces
+        are. Rays find what it hides from the lamps and what hides them from it, unless nothing is in the way
+        of lamps here (``visibility = "none"``).
 
         Args:
             composition: Where it is put.
             guest: The object; without it, and of another method, nothing is provided.
         """
         donor = None if guest is None else guest.decomposition
-        by_vectors = self.settings.visibility.startswith("vector")
-        if guest is None or not isinstance(donor, GsidScene) or donor.method != self.method or by_vectors:
+        if guest is None or not isinstance(donor, GsidScene) or donor.method != self.method:
             return None
         extent = self.extent if self.settings.occlusion else None
         motion = composition.donor_to_host
-        return replace(self, parameters=with_guest(self.parameters, donor.parameters, guest, motion, extent))
+        parameters = with_guest(self.parameters, donor.parameters, guest, motion, extent)
+        return replace(self, parameters=parameters, hosts=len(self.parameters))
 
     @torch.no_grad()
     def counts(self, camera: Camera) -> Mapping[str, float]:
@@ -222,7 +251,12 @@ class GsidScene(LayeredScene):
         return {"light evaluations": light_evaluations(values, ground, self.settings)}
 
     def _contents(self) -> SceneContents:
-        facts = {"exposure": self.exposure, "extent": self.extent, "settings": to_builtins(self.settings)}
+        facts = {
+            "exposure": self.exposure,
+            "extent": self.extent,
+            "settings": to_builtins(self.settings),
+            "hosts": self.hosts,
+        }
         given_facts, given_arrays = ({}, {}) if self.given is None else self.given.to_store()
         return SceneContents(self.method, facts | given_facts, arrays_of(self.parameters) | given_arrays)
 
@@ -232,7 +266,7 @@ class GsidScene(LayeredScene):
         settings = decode_json(_SETTINGS[saved.method], facts["settings"], MethodError, "settings")
         given = given_from_store(facts, arrays)
         exposure, extent = float(facts["exposure"]), float(facts["extent"])
-        return cls(parameters_from(arrays), settings, exposure, extent, saved.method, given)
+        return cls(parameters_from(arrays), settings, exposure, extent, saved.method, given, facts["hosts"])
 
     def _export(self, path: Path) -> None:
         surfels = self.parameters.surfels

@@ -28,11 +28,12 @@ class GsidSettings:
     """Spherical Gaussians a lamp (inferred; the paper says "N_SG")."""
     sky_size: int = 8
     """Texels along the side of a face of the environment's cubemap (GS-IR: 256)."""
-    visibility: Visibility = "traced"
+    visibility: Visibility = "vector"
     """What is in the way of a lamp. Of a unit vector v a surfel, drawn, and the direction w to the lamp:
     ``vector``, ``1 - max(0, v . w)^8``; ``vector_half``, ``(1 + v . w) / 2``; ``vector_relu``,
     ``max(0, v . w)``; the paper has such a vector and does not say how it is read. ``traced``: rays from the
-    surfels to the lamp (inferred). ``none``: nothing is in the way."""
+    surfels to the lamp (not the paper's): shadows of lamps that are a little wrong are wrong, and stay in the
+    albedo. ``none``: nothing is in the way."""
     occlusion: bool = True
     """Whether what is in the way of the surroundings is found by rays from the surfels; else nothing is."""
     shading: Shading = "deferred"
@@ -70,17 +71,24 @@ class GsidSettings:
     sky_weight: float = 1e-2
     """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
     ssim_share: float = 0.2
-    """Of the photometric loss of the first stage; all else is the mean absolute difference."""
+    """Of the photometric loss of both stages; all else is the mean absolute difference."""
     material_start: float = 0.0
     """Share of the second stage after which materials begin to move; before, light alone does (inferred)."""
-    pixels: float = 0.25
-    """Share of a view's pixels that are shaded at a step of the second stage (inferred; the paper shades all
-    of them, on a GPU)."""
+    tile: int = 56
+    """Pixels, about, along the sides of what is shaded at a step of the second stage: views are cut into
+    tiles, and in each round every tile of every view has its turn once (inferred; the paper shades whole
+    views, on a GPU). A step costs the same for pictures of any size."""
+    geometry_rate: float = 0.1
+    """Of the first stage's learning rates: how fast scales, rotations and opacities move in the second, whose
+    losses between surfels, and of normals, go on then. Places stand still, as in the paper."""
     aggregate_every: float = 0.1
     """Share of the second stage after which lamps that do next to nothing are put where light is missing,
     and rays are traced anew (inferred)."""
     aggregate_until: float = 0.7
     """Share of the second stage after which no lamp is moved so (inferred)."""
+    search_again: bool = True
+    """Whether lamps are looked for once more halfway through the second stage, on materials as they are by
+    then (inferred)."""
     least_share: float = 2e-2
     """Of all local light: what a lamp must give to stay (inferred)."""
 
@@ -97,10 +105,15 @@ class GsidSettings:
             )
         if not 0 <= self.material_start < 1:
             raise ValueError(f"expected material_start in [0, 1), got {self.material_start}")
-        if not (0 < self.geometry_share < 1 and 0 < self.aggregate_every <= 1 and 0 < self.pixels <= 1):
+        if not (0 < self.geometry_share < 1 and 0 < self.aggregate_every <= 1):
             raise ValueError(
-                "expected geometry_share in (0, 1), aggregate_every and pixels in (0, 1], "
-                f"got {self.geometry_share}, {self.aggregate_every} and {self.pixels}"
+                "expected geometry_share in (0, 1) and aggregate_every in (0, 1], "
+                f"got {self.geometry_share} and {self.aggregate_every}"
+            )
+        if self.tile < 11 or self.geometry_rate < 0:
+            raise ValueError(
+                "expected a tile of 11 or more pixels, as the windows of SSIM have, and geometry_rate of 0 "
+                f"or more, got {self.tile} and {self.geometry_rate}"
             )
         shares = (self.fill, self.ssim_share, self.geometry_start, self.aggregate_until, self.least_share)
         if not all(0 <= share <= 1 for share in shares):

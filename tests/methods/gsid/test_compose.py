@@ -12,11 +12,12 @@ from graycard.methods.gsid import GsidScene, GsidSettings
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import first_lights
 from graycard.methods.gsid._model import OPEN, SHADOW, SIDE, lit_side
+from graycard.methods.gsid._settings import Visibility
 from graycard.methods.shading import sky_visibility
 from graycard.methods.splat import Parameters, moved_surfels, rasterize, surfels_of
 from lit_sheets import EXTENT, World
 
-ALIKE = GsidSettings(lamps=1, lobes=1, sky_size=4, bounces=False, occlusion=False)
+ALIKE = GsidSettings(visibility="traced", lamps=1, lobes=1, sky_size=4, bounces=False, occlusion=False)
 THERE = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, -1.0], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 """From the world in which the floor and the board are one scene to that of the donor."""
 
@@ -63,10 +64,14 @@ def picture(scene: GsidScene, world: World) -> np.ndarray:
     return scene.render(world.shots[0].ground.camera, ["radiance"])["radiance"]
 
 
-def test_a_board_that_is_put_over_its_floor_again_is_the_whole_scene(world: World):
-    """Lit by the host's lights, with its shadow on the floor."""
+@pytest.mark.parametrize("visibility", ["traced", "vector"])
+def test_a_board_that_is_put_over_its_floor_again_is_the_whole_scene(world: World, visibility: Visibility):
+    """Lit by the host's lights, with its shadow on the floor, whatever its own vectors knew at home."""
     surface, board = parted(world)
-    whole, floor = scene_of(surface, ALIKE, 2.0), scene_of(taken(surface, ~board), ALIKE, 2.0)
+    told = replace(ALIKE, visibility=visibility)
+    whole = scene_of(surface, replace(ALIKE, visibility="traced"), 2.0)
+    floor = scene_of(taken(surface, ~board), told, 2.0)
+    surface[SHADOW] = surface[SHADOW] + torch.tensor([0.0, 0.5, 3.0])
     composed = floor.compose(composition(), guest_of(surface, board, world))
     assert composed is not None
     error = np.abs(picture(composed, world) - picture(whole, world))
@@ -108,5 +113,3 @@ def test_without_a_guest_of_its_own_method_nothing_is_provided(world: World):
     assert isinstance(guest.decomposition, GsidScene)
     other = replace(guest, decomposition=replace(guest.decomposition, method="gsir"))
     assert host.compose(composition(), other) is None
-    by_vectors = replace(host, settings=replace(ALIKE, visibility="vector"))
-    assert by_vectors.compose(composition(), guest) is None, "the guest's vectors know other lamps"

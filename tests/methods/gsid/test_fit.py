@@ -9,10 +9,11 @@ import torch
 
 from graycard.io import silent
 from graycard.methods.gsid import GsidSettings
-from graycard.methods.gsid._aggregation import aggregated, largest_lack
+from graycard.methods.gsid._aggregation import largest_lack
 from graycard.methods.gsid._candidates import (
     CLEAR,
     DOUBT,
+    LEAST_SKY,
     FirstLights,
     _distance,
     _explained,
@@ -20,26 +21,35 @@ from graycard.methods.gsid._candidates import (
     find_lights,
 )
 from graycard.methods.gsid._draw import draw, reach_in_view
-from graycard.methods.gsid._fit import LightStage, _samples, _trained, learning_rates, reach_in
-from graycard.methods.gsid._lights import (
-    AMPLITUDES,
-    DARK,
-    POSITIONS,
-    first_lights,
-    lamps_from,
-)
+from graycard.methods.gsid._fit import _samples, learning_rates, train_lights
 from graycard.methods.gsid._lights import (
     LAMPS as NAMES,
 )
+from graycard.methods.gsid._lights import (
+    first_lights,
+    lamps_from,
+)
 from graycard.methods.gsid._materials import first_materials
-from graycard.methods.gsid._model import BASE_COLOR, METALLIC, ROUGHNESS, SHADOW, Reach, picture_of, pixels_of
-from graycard.methods.gsid._objective import GsidObjective, few
-from graycard.methods.shading import lamp_visibility, surroundings_of, unevenness
-from graycard.methods.splat import Parameters, TrainConfig, initial_state, train_step
+from graycard.methods.gsid._model import (
+    BASE_COLOR,
+    METALLIC,
+    ROUGHNESS,
+    SHADOW,
+    Reach,
+    picture_of,
+    pixels_of,
+    seen_anew,
+)
+from graycard.methods.gsid._objective import few, tiles_of
+from graycard.methods.gsid._stage import LightStage, objective_in, reach_in
+from graycard.methods.shading import lamp_visibility, look_up, surroundings_of, unevenness
+from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, Parameters, initial_state, view_at
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
 
-QUICK = GsidSettings(iterations=90, lamps=3, sky_size=4, pixels=0.5, aggregate_every=0.5)
+QUICK = GsidSettings(
+    visibility="traced", iterations=90, lamps=3, sky_size=4, tile=24, aggregate_every=0.5, search_again=False
+)
 TRUE = np.array([light.position for light in LAMPS])
 
 
@@ -56,14 +66,9 @@ def state_of(world: World, positions: np.ndarray, intensity: float = 0.5):
     return initial_state(Parameters(surface, lights), 0)
 
 
-def eyes_of(world: World) -> torch.Tensor:
-    return torch.tensor(np.array([shot.ground.camera.position for shot in world.shots])).float()
-
-
 def test_lamps_begin_where_they_are(world: World):
     """On true materials, to about a spacing of the places that are tried."""
-    eyes = eyes_of(world)
-    samples = _samples(world.surface, stage_of(world), eyes)
+    samples = _samples(world.surface, stage_of(world))
     found = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT)
     distance = np.linalg.norm(found.positions.numpy()[:, None] - TRUE, axis=-1)
     assert sorted(distance.argmin(axis=1)) == [0, 1]
@@ -88,12 +93,12 @@ def test_a_sky_is_doubted_and_a_lamp_is_not():
     lamp = torch.rand(300, 1, 1, 3, generator=torch.Generator().manual_seed(3))
     sky = torch.rand(300, 6, 3, generator=torch.Generator().manual_seed(4))
     sky[:, 0] = lamp[:, 0, 0]
-    both, of_sky = _explained(lamp, sky, 2 * lamp[:, 0, 0])
+    both, of_sky = _explained(lamp, sky, 2 * lamp[:, 0, 0], DOUBT)
     torch.testing.assert_close(both, torch.full((1, 1, 3), 2.0), atol=1e-4, rtol=1e-4)
     assert of_sky.abs().max() < 1e-4
     one = torch.zeros(300, 6, 3)
     one[:, 2] = sky[:, 1]
-    nothing, alone = _explained(0 * lamp, one, sky[:, 1])
+    nothing, alone = _explained(0 * lamp, one, sky[:, 1], DOUBT)
     assert nothing.abs().max() < 1e-6
     torch.testing.assert_close(alone[2], torch.full((3,), 1 / (1 + DOUBT**2)), atol=1e-4, rtol=1e-4)
 
@@ -108,11 +113,19 @@ def test_places_that_are_near_are_one_lamp():
 
 
 def test_without_lamps_the_sky_explains_it(world: World):
-    eyes = eyes_of(world)
-    samples = _samples(world.surface, stage_of(world), eyes)
+    samples = _samples(world.surface, stage_of(world))
     found = find_lights(samples, world.surfels, replace(QUICK, lamps=0), EXTENT)
     assert found.positions.shape == (0, 3)
     assert found.sky.max() > 0.05
+
+
+def test_the_sky_of_the_start_is_not_held_down(world: World):
+    """Floor and board get of it what they get of the true sky, and no face begins dark."""
+    samples = _samples(world.surface, stage_of(world))
+    sky = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT).sky[:, None, None]
+    irradiance = look_up(surroundings_of(sky).irradiance, torch.tensor([[0.0, 0.0, 1.0]]))
+    torch.testing.assert_close(irradiance, torch.full((1, 3), torch.pi * 0.05), atol=0, rtol=0.25)
+    assert float(sky.min()) == pytest.approx(LEAST_SKY * float(samples.shown.mean()))
 
 
 def test_materials_begin_as_the_prior_says(world: World):
@@ -145,7 +158,7 @@ def test_everything_that_moves_has_a_gradient(world: World, visibility):
     settings = replace(QUICK, visibility=visibility)
     stage, state = stage_of(world, settings), state_of(world, TRUE)
     rates = learning_rates(EXTENT, settings)
-    objective = GsidObjective(world.shots, reach_in(stage, state.parameters), settings, EXTENT, 0)
+    objective = objective_in(stage, state.parameters)
     values = {n: v.detach().requires_grad_(n in rates) for n, v in state.parameters.all.items()}
     values[SHADOW] = (values[SHADOW] + 0.3).detach().requires_grad_(SHADOW in rates)
     moving = [values[name] for name in rates]
@@ -159,7 +172,7 @@ def test_everything_that_moves_has_a_gradient(world: World, visibility):
 def test_the_fit_lowers_the_error_and_repeats_to_the_bit(world: World):
     ends = []
     for _ in range(2):
-        state = _trained(state_of(world, TRUE + 0.15, 0.3), stage_of(world), silent)
+        state = train_lights(state_of(world, TRUE + 0.15, 0.3), stage_of(world), silent)
         ends.append(state.parameters.all)
     for name, values in ends[0].items():
         assert torch.equal(values, ends[1][name]), name
@@ -179,44 +192,6 @@ def shaded(values, shot, reach):
     return picture_of(pixels_of(values, shot.ground), lamps_from(values), sky, reach, "traced", EXTENT)
 
 
-def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
-    """One true lamp is there, the other is not: the third, which is out, takes its part, nearer to it."""
-    state, stage = state_of(world, TRUE[1:], 0.7), stage_of(world)
-    state.parameters.shared[AMPLITUDES][1:] = DARK
-    before = state.parameters.shared[POSITIONS].clone()
-    moved = aggregated(state, world.shots, reach_in(stage, state.parameters), QUICK, EXTENT)
-    positions = moved.parameters.shared[POSITIONS]
-    changed = (positions != before).any(dim=1)
-    assert changed.sum() == 1
-    assert not changed[0]
-    place = positions[changed][0]
-    assert torch.linalg.vector_norm(place[:2] - torch.tensor([0.7, 0.3])) < 0.8
-    assert (moved.parameters.shared[AMPLITUDES][changed] > DARK + 5).all()
-    state = train_step(
-        moved,
-        TrainConfig(5, learning_rates(EXTENT, QUICK), EXTENT),
-        GsidObjective(world.shots, reach_in(stage, moved.parameters), QUICK, EXTENT, 0),
-    )
-    assert state.parameters.shared[POSITIONS].isfinite().all()
-
-
-def test_no_lamp_is_put_beside_another(world: World):
-    """What a lamp there does not mend, a second one will not."""
-    state, stage = state_of(world, np.concatenate([TRUE[1:], TRUE[1:]]), 0.7), stage_of(world)
-    state.parameters.shared[AMPLITUDES][1:] = DARK
-    reach = reach_in(stage, state.parameters)
-    place = aggregated(state, world.shots, reach, QUICK, EXTENT).parameters.shared[POSITIONS]
-    again = state_of(world, np.concatenate([TRUE[1:], TRUE[1:]]), 0.7)
-    shared = again.parameters.shared
-    moved = int((place != shared[POSITIONS]).any(dim=1).nonzero()[0, 0])
-    beside = 3 - moved  # of lamps 1 and 2 the other
-    shared[POSITIONS][beside] = place[moved]
-    shared[AMPLITUDES][moved], shared[AMPLITUDES][beside] = DARK, DARK + 5
-    before = shared[POSITIONS].clone()
-    after = aggregated(again, world.shots, reach_in(stage, again.parameters), QUICK, EXTENT)
-    assert torch.equal(after.parameters.shared[POSITIONS], before)
-
-
 def test_the_same_light_of_fewer_lamps_costs_less():
     light = torch.rand(50, 1, 3, generator=torch.Generator().manual_seed(0))
     halves = torch.cat([light / 2, light / 2], dim=1)
@@ -228,7 +203,7 @@ def test_the_same_light_of_fewer_lamps_costs_less():
 
 
 def test_lamps_begin_away_from_what_is_seen(world: World):
-    samples = _samples(world.surface, stage_of(world), eyes_of(world))
+    samples = _samples(world.surface, stage_of(world))
     points = samples.points[:40]
     near = _distance(
         torch.cat([points.mean(dim=0)[None] + torch.tensor([0.0, 0.0, 9.0]), points[:1]]), samples
@@ -237,13 +212,6 @@ def test_lamps_begin_away_from_what_is_seen(world: World):
     assert near[1] < CLEAR * EXTENT
     found = find_lights(samples, world.surfels, replace(QUICK, lamps=8), EXTENT)
     assert _distance(found.positions, samples).min() > CLEAR * EXTENT / 2  # places are moved afterwards
-
-
-def test_a_lamp_that_shines_stays(world: World):
-    state, stage = state_of(world, np.concatenate([TRUE, [[0.0, 0.5, 1.5]]]), 0.5), stage_of(world)
-    before = state.parameters.shared[POSITIONS].clone()
-    moved = aggregated(state, world.shots, reach_in(stage, state.parameters), QUICK, EXTENT)
-    assert torch.equal(moved.parameters.shared[POSITIONS], before)
 
 
 def test_light_is_missing_where_the_photographs_are_brighter(world: World):
@@ -257,12 +225,54 @@ def test_light_is_missing_where_the_photographs_are_brighter(world: World):
         )
     ]
     brighter = [replace(shot, linear=p.whole.clone()) for shot, p in zip(world.shots, pictures, strict=True)]
-    brighter[2].linear[18:25, 12:19] += 0.5
+    brighter[2].linear[20:23, 14:17] += 0.5
     lack = largest_lack(brighter, pictures, EXTENT)
     ground = world.shots[2].ground
     expected = ground.points[21, 15] + 0.25 * EXTENT * ground.normal[21, 15]
     assert torch.linalg.vector_norm(lack.position - expected) < 0.15
     assert (lack.intensity > 0).all()
+
+
+def test_tiles_hold_each_pixel_once():
+    for size in ((112, 112), (113, 57), (30, 200), (8, 8)):
+        count = torch.zeros(*size, dtype=torch.int)
+        for window in tiles_of(*size, 56):
+            window.of(count).add_(1)
+        assert (count == 1).all()
+        sides = [(w.bottom - w.top, w.right - w.left) for w in tiles_of(*size, 56)]
+        assert max(max(pair) for pair in sides) <= 84
+
+
+def test_each_pixel_has_its_turn_in_a_round(world: World):
+    """Each view's tiles, in an order of each round's own."""
+    objective = objective_in(stage_of(world, replace(QUICK, tile=18)), state_of(world, TRUE).parameters)
+    count = len(objective.shots)
+    assert count == 4 * len(tiles_of(32, 36, 18))
+    rounds = [[view_at(step, count, 0) for step in range(first, first + count)] for first in (0, count)]
+    assert all(sorted(turns) == list(range(count)) for turns in rounds)
+    assert rounds[0] != rounds[1]
+
+
+def test_a_tile_is_a_part_of_its_view(world: World):
+    """Its own camera sees what the whole view has there."""
+    values, window = state_of(world, TRUE).parameters.all, tiles_of(32, 36, 16)[3]
+    for shot in world.shots:
+        whole, part = pixels_of(values, shot.ground), pixels_of(values, shot.at(window).ground)
+        torch.testing.assert_close(part.material.base_color, window.of(whole.material.base_color))
+        ground, pixels = seen_anew(values, shot.at(window).ground.camera)
+        torch.testing.assert_close(ground.points, window.of(shot.ground.points))
+        torch.testing.assert_close(pixels.normal, window.of(shot.ground.normal))
+
+
+def test_places_stand_still_and_the_rest_of_geometry_follows(world: World):
+    moving = replace(QUICK, geometry_rate=0.1)
+    before = {name: values.clone() for name, values in world.surface.items()}
+    after = train_lights(state_of(world, TRUE), stage_of(world, moving), silent).parameters.surfels
+    assert torch.equal(after[CENTRES], before[CENTRES])
+    for name in (LOG_SCALES, ROTATIONS, LOGITS):
+        assert not torch.equal(after[name], before[name]), name
+    frozen = learning_rates(EXTENT, replace(QUICK, geometry_rate=0))
+    assert not {CENTRES, LOG_SCALES, ROTATIONS, LOGITS} & frozen.keys()
 
 
 def test_materials_can_be_left_as_the_prior_has_them(world: World):
@@ -301,7 +311,8 @@ def test_a_cubemap_of_one_colour_is_smooth():
     [
         ({"iterations": 1}, "2 or more iterations"),
         ({"lobes": 0}, "lobes and sky_size of 1 or more"),
-        ({"pixels": 0.0}, r"pixels in \(0, 1\]"),
+        ({"tile": 8}, "a tile of 11 or more pixels"),
+        ({"geometry_rate": -0.1}, "geometry_rate of 0 or more"),
         ({"least_share": 2.0}, r"least_share in \[0, 1\]"),
         ({"sky_weight": -1.0}, "weights of 0 or more"),
     ],

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lamps are pruned, merged, split and put elsewhere, and only where the loss over all views falls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from graycard.methods.gsid import GsidSettings, _aggregation
+from graycard.methods.gsid._aggregation import (
+    APART,
+    STRENGTHS,
+    Lack,
+    _found_anew,
+    _merged,
+    _put,
+    _split,
+    _Trial,
+    aggregated,
+)
+from graycard.methods.gsid._candidates import FirstLights
+from graycard.methods.gsid._lights import (
+    AMPLITUDES,
+    AXES,
+    DARK,
+    POSITIONS,
+    SHARPNESS,
+    first_lights,
+    lamps_from,
+)
+from graycard.methods.gsid._stage import LightStage, at_half_size
+from graycard.methods.splat import FitState, Parameters, initial_state
+from lit_sheets import EXTENT, LAMPS, World
+
+SETTINGS = GsidSettings(visibility="traced", iterations=90, lamps=3, sky_size=4, bounces=False)
+TRUE = np.array([light.position for light in LAMPS])
+SENT = np.array([light.intensity for light in LAMPS])
+FALSE = np.array([0.0, 0.9, 0.8])
+
+
+def stage_of(world: World, settings: GsidSettings = SETTINGS) -> LightStage:
+    return LightStage(world.surfels, world.shots, settings, EXTENT, 0)
+
+
+def state_of(
+    world: World, positions: np.ndarray, sent: np.ndarray, settings: GsidSettings = SETTINGS
+) -> FitState:
+    """Lamps that are alike all round, of a lobe; others are out."""
+    strengths = torch.zeros(len(positions), 2, 3)
+    strengths[:, 0] = torch.from_numpy(sent)
+    places, sky = torch.from_numpy(positions).float(), torch.full((6, 3), 0.05)
+    lights = first_lights(FirstLights(places, strengths, torch.zeros(3), sky), settings)
+    lights[SHARPNESS][:, 0] = -9
+    dark = torch.ones(settings.lamps, dtype=torch.bool)
+    dark[: len(positions)] = False
+    lights[AMPLITUDES][dark], lights[AMPLITUDES][:, 1] = DARK, DARK
+    surface = {name: values.clone() for name, values in world.surface.items()}
+    return initial_state(Parameters(surface, lights), 0)
+
+
+def trial_of(world: World, state: FitState, settings: GsidSettings = SETTINGS) -> _Trial:
+    stage = stage_of(world, settings)
+    return _Trial(stage, at_half_size(stage, state.parameters), state.parameters)
+
+
+def loss_of(world: World, state: FitState) -> float:
+    return trial_of(world, state).loss
+
+
+def test_true_lamps_stay(world: World):
+    state = state_of(world, TRUE, SENT)
+    before = {name: values.clone() for name, values in state.parameters.shared.items()}
+    after = aggregated(state, stage_of(world))
+    for name, values in before.items():
+        assert torch.equal(after.parameters.shared[name], values), name
+
+
+def test_a_lamp_that_is_not_there_is_put_out(world: World):
+    false = state_of(world, np.concatenate([TRUE, FALSE[None]]), np.concatenate([SENT, [[0.3, 0.3, 0.3]]]))
+    false.moments[POSITIONS].first[:] = 1
+    before = loss_of(world, false)
+    after = aggregated(false, stage_of(world))
+    assert loss_of(world, after) < before
+    flux = lamps_from(after.parameters.shared).flux().sum(dim=-1)
+    assert flux[2] < 0.02 * flux.sum()
+    assert bool((after.moments[POSITIONS].first[:2] == 1).all())
+    assert bool((after.moments[POSITIONS].first[2] == 0).all())
+
+
+def test_a_lamp_that_is_out_goes_where_light_is_missing(world: World):
+    """Without the first lamp: another one shines then, nearer to its place than to the one that is there."""
+    state = state_of(world, TRUE[1:], SENT[1:])
+    before = loss_of(world, state)
+    after = aggregated(state, stage_of(world))
+    assert loss_of(world, after) < 0.9 * before
+    places = after.parameters.shared[POSITIONS].numpy()
+    assert np.linalg.norm(places[1:, :2] - TRUE[0, :2], axis=1).min() < 0.8
+
+
+def test_no_lamp_is_put_beside_another(world: World, monkeypatch: pytest.MonkeyPatch):
+    """What a lamp does not mend where light is missing, a second one there will not."""
+    trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:]))
+    for place, tried in ((TRUE[1] + 0.1, 0), (TRUE[0], len(STRENGTHS))):
+        lack = Lack(torch.from_numpy(place).float(), torch.ones(3))
+        monkeypatch.setattr(_aggregation, "largest_lack", lambda *_, lack=lack: lack)
+        assert len(list(_put(trial))) == tried
+
+
+def test_two_lamps_become_one_that_sends_what_both_sent(world: World):
+    near = np.array([[0.3, 0.1, 0.0], [-0.1, 0.0, 0.1]]) * 0.5
+    state = state_of(
+        world, np.stack([TRUE[0], *(TRUE[1] + near)]), np.stack([SENT[0], 0.25 * SENT[1], 0.75 * SENT[1]])
+    )
+    trial = trial_of(world, state)
+    (lights,) = _merged(trial)
+    lamps = lamps_from(lights)
+    flux, before = lamps.flux(), lamps_from(trial.lights).flux()
+    torch.testing.assert_close(flux.sum(dim=0), before.sum(dim=0), rtol=1e-3, atol=1e-5)
+    out = int(flux.sum(dim=-1).argmin())
+    assert out in (1, 2)
+    middle = torch.from_numpy(TRUE[1] + 0.25 * near[0] + 0.75 * near[1]).float()
+    torch.testing.assert_close(lamps.positions[3 - out], middle, rtol=1e-3, atol=1e-3)
+    assert torch.equal(lamps.positions[0], trial.lights[POSITIONS][0])
+
+
+def test_halves_of_a_lamp_are_beside_its_place(world: World):
+    trial = trial_of(world, state_of(world, TRUE, SENT))
+    brightest = int(trial.shining[0])
+    proposals = list(_split(trial))
+    assert len(proposals) == 3
+    for axis, lights in enumerate(proposals):
+        halves = lights[POSITIONS][[brightest, 2]]
+        torch.testing.assert_close(halves.mean(dim=0), trial.lights[POSITIONS][brightest])
+        expected = 2 * APART * EXTENT * torch.eye(3)[axis]
+        torch.testing.assert_close(halves[0] - halves[1], expected, atol=1e-5, rtol=0)
+        sent = lamps_from(lights).flux()
+        torch.testing.assert_close(
+            sent.sum(dim=0), lamps_from(trial.lights).flux().sum(dim=0), rtol=1e-3, atol=0
+        )
+
+
+def test_what_explains_less_is_not_kept(world: World):
+    trial = trial_of(world, state_of(world, TRUE, SENT))
+    worse = {name: values.clone() for name, values in trial.lights.items()}
+    worse[POSITIONS] = worse[POSITIONS] + 0.5
+    assert trial.best(iter([worse])) is trial
+    better = trial_of(world, replace(state_of(world, TRUE + 0.5, SENT)))
+    assert better.best(iter([dict(trial.lights)])).loss == pytest.approx(trial.loss)
+
+
+def test_lamps_that_are_found_anew_are_tried_one_by_one_too(world: World):
+    """All as they were found, and of those found the one that no lamp is near."""
+    trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:]))
+    found = FirstLights(
+        torch.from_numpy(TRUE).float(), torch.ones(2, 2, 3), torch.zeros(3), torch.full((6, 3), 0.05)
+    )
+    anew, added = _found_anew(trial, found)
+    assert torch.equal(anew[POSITIONS][:2], found.positions)
+    torch.testing.assert_close(added[POSITIONS][trial.out], found.positions[0])
+    assert torch.equal(added[POSITIONS][0], trial.lights[POSITIONS][0])
+    assert not torch.equal(added[AXES], trial.lights[AXES])
+
+
+def test_without_lamps_nothing_is_tried(world: World):
+    settings = replace(SETTINGS, lamps=0)
+    state = state_of(world, TRUE[:0], SENT[:0], settings)
+    assert aggregated(state, stage_of(world, settings)) is state
