@@ -40,9 +40,9 @@ class SunFadedSettings:
     code has 100 pixels of the photograph as it was taken)."""
     unlit_weight: float = 1.0
     """Of the loss of the first stage (released code: 5)."""
-    light_map: LightMap = "nearest"
-    """``nearest``: the light at the middle of a tile holds in all of it (paper); ``bilinear``: points are
-    resampled to the tiles, and their light to the pixels (released code)."""
+    light_map: LightMap = "bilinear"
+    """The lamp is asked at the middle of each tile. ``bilinear``: pixels have what lies between the middles
+    around them (released code); ``nearest``: all pixels of a tile have the light of its middle (paper)."""
     tile: float = 1 / 64
     """Side of a tile, of the picture's width: 16 pixels of 1024."""
     shading: Shading = "image"
