@@ -27,7 +27,7 @@ class FitStage(IntEnum):
 
 _PAPER = (0.25, 0.5, 0.75, 0.875, 1.0)
 ENDS: Mapping[Schedule, tuple[float, ...]] = {
-    "short": (0.02, 0.1, 0.8, 0.9, 1.0),
+    "short": (0.01, 0.08, 0.8, 0.9, 1.0),
     "paper": _PAPER,
     "release_40k": _PAPER,
 }

@@ -54,8 +54,8 @@ class SunFadedSettings:
     ambient: bool = True
     """Whether there is light that does not move with the camera."""
     schedule: Schedule = "short"
-    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 2, 8,
-    70, 10 and 10 %, for a budget of some thousands, in which surfels have to find their places while the lamp
+    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 1, 7,
+    72, 10 and 10 %, for a budget of some thousands, in which surfels have to find their places while the lamp
     is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second
     stage, surfels are still added while opacities are fitted, and in the last stage everything moves at every
     other step, the lamp too."""

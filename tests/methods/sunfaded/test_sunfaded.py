@@ -357,7 +357,7 @@ def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(sce
 @pytest.mark.parametrize("least", [0.0, 0.05])
 def test_the_first_stage_leaves_paint_alone_where_the_lamp_shines(scene: Path, least: float):
     """Not by a small weight, which Adam takes out again, but without one."""
-    capture, chosen = with_points(scene), settings(least_weight=least, weight="linear_max", blur=0.02)
+    capture, chosen = with_points(scene), settings(least_weight=least, blur=0.02)
     views = photographs(capture, chosen)
     state = initial_state(start(capture, views, chosen, 0), 0)
     before = state.parameters.surfels[ALBEDO].clone()
