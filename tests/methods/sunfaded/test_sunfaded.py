@@ -14,20 +14,12 @@ from graycard.io import silent
 from graycard.layers import find_fault
 from graycard.methods._priors import Question
 from graycard.methods.priors import PriorSpec, make_priors
-from graycard.methods.splat import (
-    LearningRateSchedule,
-    TrainConfig,
-    initial_state,
-    rasterize,
-    surfels_of,
-    view_at,
-)
+from graycard.methods.splat import initial_state
 from graycard.methods.splat.fit._optimise import leaves
-from graycard.methods.splat.fit._train import train_step
 from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._guess import GEOMETRY_ASKS, GeometryGuess, guesses
 from graycard.methods.sunfaded._light import NETWORK, POSITION, lamp_intensity
-from graycard.methods.sunfaded._model import ALBEDO, AMBIENT, albedo_of
+from graycard.methods.sunfaded._model import AMBIENT, albedo_of
 from graycard.methods.sunfaded._objective import SunFadedObjective, correlation, photographs
 from graycard.methods.sunfaded._schedule import ENDS, FitStage, learning_rates
 from graycard.methods.sunfaded._start import start
@@ -352,30 +344,6 @@ def test_surfels_begin_neutral_and_lights_with_what_explains_the_photographs(sce
     torch.testing.assert_close(whole, shown.mean(dim=(0, 1, 2)), rtol=0.3, atol=0.01)
     coloured = start(capture, views, settings(first_albedo=0.0), 0).surfels
     assert albedo_of(coloured).std(dim=0).min() > 0.02
-
-
-@pytest.mark.parametrize("least", [0.0, 0.05])
-def test_the_first_stage_leaves_paint_alone_where_the_lamp_shines(scene: Path, least: float):
-    """Not by a small weight, which Adam takes out again, but without one."""
-    capture, chosen = with_points(scene), settings(least_weight=least, blur=0.02)
-    views = photographs(capture, chosen)
-    state = initial_state(start(capture, views, chosen, 0), 0)
-    before = state.parameters.surfels[ALBEDO].clone()
-    view = views[view_at(0, len(views), 0)]
-    paint = torch.ones(len(before), 1, requires_grad=True)
-    drawn = rasterize(surfels_of(state.parameters.all, paint), view.camera).features
-    dark = (view.weight >= 0.05 * view.weight.max()).float()
-    in_view, in_the_dark = (
-        torch.autograd.grad((drawn * pixels).sum(), paint, retain_graph=True)[0][:, 0] > 0
-        for pixels in (torch.ones_like(dark), dark)
-    )
-    objective = SunFadedObjective(views, [GeometryGuess()] * len(views), chosen, 0)
-    config = TrainConfig(chosen.iterations, {ALBEDO: LearningRateSchedule(5e-3)}, 1.0)
-    moved = (train_step(state, config, objective).parameters.surfels[ALBEDO] - before).abs().amax(dim=1)
-    lit = in_view & ~in_the_dark
-    assert lit.sum() > 20
-    assert moved[in_the_dark].median() == pytest.approx(5e-3, rel=0.01)
-    assert moved[lit].median() == pytest.approx(5e-3 if least == 0 else 0, rel=0.01)
 
 
 @pytest.mark.parametrize("stage", [FitStage.UNLIT, FitStage.JOINT, FitStage.REFINED])
