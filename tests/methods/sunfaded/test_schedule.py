@@ -56,7 +56,7 @@ def test_the_released_code_moves_everything_at_every_other_step_in_the_end():
 
 
 def test_without_ambient_light_the_first_stage_has_the_lamp():
-    assert moving(0.02, ambient=False) == SURFELS | LAMP
+    assert moving(0.005, ambient=False) == SURFELS | LAMP
     assert AMBIENT not in moving(0.6, ambient=False)
 
 
