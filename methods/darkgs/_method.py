@@ -5,6 +5,8 @@ import torch
 
 from graycard import Capture
 from graycard.methods._contract import Ask
+from graycard.methods.darkgs._calibration import fit_profile, photograph_board
+from graycard.methods.darkgs._lamp import MeasuredLamp
 from graycard.methods.darkgs._model import AMBIENT, NORMALS, PAINT
 from graycard.methods.darkgs._objective import DarkGsObjective, photographs
 from graycard.methods.darkgs._scene import METHOD, DarkGsScene
@@ -49,9 +51,11 @@ class DarkGsMethod(SceneMethod[DarkGsSettings, DarkGsScene]):
         checkpoint = fit_checkpoint(fit_name, settings, task.seed, pictures)
         rates, rules = learning_rates(task.extent), density_rules(settings.surfels)
         config = task.config(settings.iterations, rates, rules, checkpoint)
-        objective = DarkGsObjective(views, lamp, capture.exposure, settings, task.seed)
+        profile = fit_profile(lamp, photograph_board(lamp)) if settings.beam == "measured" else None
+        source = lamp if profile is None else MeasuredLamp(lamp, profile)
+        objective = DarkGsObjective(views, source, capture.exposure, settings, task.seed)
         parameters = task.train(start(capture, settings, task.seed), config, objective)
-        return DarkGsScene(parameters, lamp, capture.exposure, (lamp,))
+        return DarkGsScene(parameters, lamp, capture.exposure, (lamp,), profile=profile)
 
 
 def start(capture: Capture, settings: DarkGsSettings, seed: int) -> Parameters:

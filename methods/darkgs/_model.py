@@ -13,7 +13,7 @@ from torch.nn.functional import normalize, softplus
 
 from graycard import Camera
 from graycard.methods._priors import Lamp
-from graycard.methods.darkgs._lamp import irradiance
+from graycard.methods.darkgs._lamp import MeasuredLamp, irradiance
 from graycard.methods.splat import CENTRES, see, surfels_of
 
 PAINT, NORMALS, AMBIENT = "paint", "shading normals", "log ambient light"
@@ -39,7 +39,9 @@ def albedo_of(values: Mapping[str, torch.Tensor]) -> torch.Tensor:
     return softplus(values[PAINT])
 
 
-def shade(values: Mapping[str, torch.Tensor], camera: Camera, lamp: Lamp, exposure: float) -> Shaded:
+def shade(
+    values: Mapping[str, torch.Tensor], camera: Camera, lamp: Lamp | MeasuredLamp, exposure: float
+) -> Shaded:
     """Surfels under a lamp that goes with the camera: ``albedo (L + ambient) max(0, n . w)``.
 
     The ambient light has the lamp's cosine too, as the paper has it. ``L`` is the irradiance of a surface

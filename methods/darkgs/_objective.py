@@ -9,7 +9,7 @@ import torch
 
 from graycard import Camera, Capture
 from graycard.methods._priors import Lamp
-from graycard.methods.darkgs._lamp import warming
+from graycard.methods.darkgs._lamp import MeasuredLamp, warming
 from graycard.methods.darkgs._model import shade
 from graycard.methods.darkgs._settings import DarkGsSettings
 from graycard.methods.splat import CENTRES, LossResult, image_radius, l1_map, rasterize, surfels_of, view_at
@@ -41,7 +41,7 @@ class DarkGsObjective:
     """The loss of one view a step, each view once in a round, in an order that the seed decides."""
 
     views: Sequence[ExposedPhotograph]
-    lamp: Lamp
+    lamp: Lamp | MeasuredLamp
     """As calibrated, in camera axes."""
     exposure: float
     settings: DarkGsSettings
@@ -63,7 +63,7 @@ class DarkGsObjective:
         size = view.camera.width, view.camera.height
         return LossResult(loss, offsets, image_radius(values, view.camera), size)
 
-    def _lamp_at(self, share: float) -> Lamp:
+    def _lamp_at(self, share: float) -> Lamp | MeasuredLamp:
         """The lamp when a share of the budget is spent."""
         way = share / self.settings.warm_up if self.settings.warm_up > 0 else 1.0
         return warming(self.lamp, min(way, 1.0))

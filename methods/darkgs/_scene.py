@@ -10,8 +10,11 @@ import numpy as np
 import torch
 
 from graycard import Camera, EnvironmentLight, Light, MethodError
+from graycard.io import from_builtins as decode_json
+from graycard.io import to_builtins
 from graycard.lights import light_from_json, light_to_json
 from graycard.methods._priors import Lamp
+from graycard.methods.darkgs._lamp import LampProfile, MeasuredLamp
 from graycard.methods.darkgs._model import albedo_of, shade
 from graycard.methods.splat import arrays_of, export_ply, parameters_from, rasterize, surfels_of
 from graycard.methods.surfels import (
@@ -37,6 +40,8 @@ class DarkGsScene(LayeredScene):
     """Lamps that shine, in camera axes: the calibrated one, until others are put in its place."""
     stays: bool = True
     """Whether the light that stays shines."""
+    profile: LampProfile | None = None
+    """Of the calibrated lamp, as its beam was measured; None: as it was told. Others shine as told."""
 
     @property
     def provides(self) -> frozenset[str]:
@@ -48,7 +53,7 @@ class DarkGsScene(LayeredScene):
         shaded = shade(values, camera, self.lamp, self.exposure)
         sent = torch.zeros_like(shaded.lamp)
         for lamp in self.shining:
-            sent = sent + shade(values, camera, lamp, self.exposure).lamp
+            sent = sent + shade(values, camera, self._source(lamp), self.exposure).lamp
         features = torch.cat([shaded.albedo, sent, shaded.ambient * self.stays], dim=1)
         drawn = rasterize(surfels_of(values, features), camera)
         albedo, lit, ambient = drawn.features.split(3, dim=-1)
@@ -60,6 +65,12 @@ class DarkGsScene(LayeredScene):
             "normal": normal_layer(drawn, camera),
             "depth": depth_layer(drawn),
         }
+
+    def _source(self, lamp: Lamp) -> Lamp | MeasuredLamp:
+        """A lamp that shines, with its measured beam if it is the one whose beam was measured."""
+        if self.profile is None or lamp != self.lamp:
+            return lamp
+        return MeasuredLamp(lamp, self.profile)
 
     def lights(self) -> tuple[Light, ...] | None:
         """The lamp as it was handed in: nothing of it is found. The light that stays has no place."""
@@ -84,6 +95,7 @@ class DarkGsScene(LayeredScene):
             "lamp": light_to_json(self.lamp),
             "shining": [light_to_json(lamp) for lamp in self.shining],
             "stays": self.stays,
+            "profile": None if self.profile is None else to_builtins(self.profile),
         }
         return SceneContents(METHOD, facts, arrays_of(self.parameters))
 
@@ -92,7 +104,9 @@ class DarkGsScene(LayeredScene):
         facts = saved.facts
         lamp, *shining = (_lamp(found, folder) for found in (facts["lamp"], *facts["shining"]))
         exposure, stays = float(facts["exposure"]), bool(facts["stays"])
-        return cls(parameters_from(saved.arrays), lamp, exposure, tuple(shining), stays)
+        told = facts["profile"]
+        profile = None if told is None else decode_json(LampProfile, told, MethodError, "profile of the lamp")
+        return cls(parameters_from(saved.arrays), lamp, exposure, tuple(shining), stays, profile)
 
     def _export(self, path: Path) -> None:
         shown = srgb_encode_tensor(albedo_of(self.parameters.surfels).clamp(0, 1))

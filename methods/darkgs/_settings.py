@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Normals = Literal["own", "discs"]
+Beam = Literal["told", "measured"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +20,10 @@ class DarkGsSettings:
     paper."""
     warm_up: float = 1 / 3
     """Until when the lamp goes from the middle of the lens to where the calibration has it."""
+    beam: Beam = "told"
+    """``told``: the lamp shines by the formula of its kind, which is the renderer's own; ``measured``: its
+    beam and the fall with distance are fitted to noisy photographs of a white board, as in a laboratory
+    (paper), and nothing is known of that formula. Its place and axis are told in both."""
     normals: Normals = "own"
     """``own``: each surfel has a normal for shading, which begins as that of its disc (paper); ``discs``:
     it is shaded by the normal of its disc, on which the losses of geometry bear."""

@@ -37,7 +37,7 @@ class OracleSunFadedSettings:
 
     iterations: int = 2000
     space: Space = "linear"
-    light_map: LightMap = "nearest"
+    light_map: LightMap = "bilinear"
     tile: float = 1 / 64
     ambient: bool = True
 

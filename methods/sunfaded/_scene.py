@@ -60,7 +60,7 @@ class SunFadedScene(LayeredScene):
         if settings.shading == "surfel":
             return {"light evaluations": len(self.parameters.surfels[ALBEDO])}
         side = tile_side(camera.width, settings.tile)
-        found = light_evaluations(camera.width, camera.height, side, settings.light_map)
+        found = light_evaluations(camera.width, camera.height, side)
         return {"light evaluations": found}
 
     def _contents(self) -> SceneContents:

@@ -27,12 +27,15 @@ class FitStage(IntEnum):
 
 _PAPER = (0.25, 0.5, 0.75, 0.875, 1.0)
 ENDS: Mapping[Schedule, tuple[float, ...]] = {
-    "short": (0.05, 0.15, 0.8, 0.9, 1.0),
+    "short": (0.01, 0.08, 0.8, 0.9, 1.0),
     "paper": _PAPER,
     "release_40k": _PAPER,
 }
 """Shares of the budget at which the stages end. From the end of the joint one on the geometry prior looks at
 the albedo."""
+
+LIGHT_RATE, LAMP_END, AMBIENT_END = 2.5e-3, 2.5e-4, 2.5e-5
+"""Learning rate of both lights at the start (released code), and of lamp and ambient light in the end."""
 
 
 def stage_at(share: float, schedule: Schedule) -> FitStage:
@@ -43,9 +46,11 @@ def stage_at(share: float, schedule: Schedule) -> FitStage:
 def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, LearningRateSchedule]:
     """Learning rates by the names of parameters, for a scene of an extent in metres.
 
-    Those of surfels are 2DGS's, faster where a fit is so much shorter; those of light the released
-    code's. That of albedo, in logits, is half of that code's where albedo begins: what is smooth is left to
-    the lamp. The centres of surfels still move when the lamp is known: before, little is seen of them.
+    Those of surfels are 2DGS's, faster where a fit is so much shorter. That of albedo, in logits, is half of
+    the released code's where albedo begins: what is smooth is left to the lamp. The centres of surfels still
+    move when the lamp is known: before, little is seen of them. Those of light begin as in the released code
+    and fall over the fit, but for ``release_40k``: a lamp that never comes to rest is another one at each
+    step, and surfels and albedo run after it.
     """
     unlit, lamp, joint, opacity, refined = (_window(stage, settings) for stage in FitStage)
     released = settings.schedule == "release_40k"
@@ -54,16 +59,19 @@ def learning_rates(extent: float, settings: SunFadedSettings) -> dict[str, Learn
     # Without a light that stays there is no unlit picture: the first stage then has the lamp too.
     light = (*(() if settings.ambient else (unlit,)), lamp, joint, *(last if released else ()))
     ambient = (unlit, *((lamp,) if released else ()), joint, *last)
+    lamp_end, ambient_end = (LIGHT_RATE, LIGHT_RATE) if released else (LAMP_END, AMBIENT_END)
     rates = {
         CENTRES: LearningRateSchedule(5e-4, 5e-5, surfels).times(extent),
         LOG_SCALES: LearningRateSchedule(5e-3, windows=surfels),
         ROTATIONS: LearningRateSchedule(1e-3, windows=surfels),
         LOGITS: LearningRateSchedule(5e-2, windows=(unlit, joint, opacity, *last)),
         ALBEDO: LearningRateSchedule(5e-3, windows=surfels),
-        POSITION: LearningRateSchedule(2.5e-3, windows=light).times(1 / UNITS_PER_METRE),
+        POSITION: LearningRateSchedule(LIGHT_RATE, lamp_end, light).times(1 / UNITS_PER_METRE),
     }
-    rates |= {name: LearningRateSchedule(2.5e-3, windows=light) for name in NETWORK}
-    return rates | ({AMBIENT: LearningRateSchedule(2.5e-3, windows=ambient)} if settings.ambient else {})
+    rates |= {name: LearningRateSchedule(LIGHT_RATE, lamp_end, light) for name in NETWORK}
+    if settings.ambient:
+        rates[AMBIENT] = LearningRateSchedule(LIGHT_RATE, ambient_end, ambient)
+    return rates
 
 
 def density_rules(settings: SunFadedSettings) -> DensityRules:

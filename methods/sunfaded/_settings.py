@@ -35,14 +35,18 @@ class SunFadedSettings:
     its largest value (released code); ``none``: all pixels count alike."""
     beta: float = 10.0
     """How fast the weight of a pixel falls with it."""
+    least_weight: float = 0.05
+    """Share of a view's largest weight below which pixels are left out of the first stage. Paper and released
+    code leave out none. But Adam divides a gradient by its size: surfels that only lit pixels show move as
+    fast as those in the dark, however small the weight, and take light for paint."""
     blur: float = 0.1
     """Standard deviation of that blur, of the picture's width (inferred: the paper names none; the released
     code has 100 pixels of the photograph as it was taken)."""
     unlit_weight: float = 1.0
     """Of the loss of the first stage (released code: 5)."""
-    light_map: LightMap = "nearest"
-    """``nearest``: the light at the middle of a tile holds in all of it (paper); ``bilinear``: points are
-    resampled to the tiles, and their light to the pixels (released code)."""
+    light_map: LightMap = "bilinear"
+    """The lamp is asked at the middle of each tile. ``bilinear``: pixels have what lies between the middles
+    around them (released code); ``nearest``: all pixels of a tile have the light of its middle (paper)."""
     tile: float = 1 / 64
     """Side of a tile, of the picture's width: 16 pixels of 1024."""
     shading: Shading = "image"
@@ -50,9 +54,9 @@ class SunFadedSettings:
     ambient: bool = True
     """Whether there is light that does not move with the camera."""
     schedule: Schedule = "short"
-    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 5, 10,
-    65, 10 and 10 %, for a budget of a thousand or two, in which surfels have to find their places while the
-    lamp is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second
+    """``paper``: 25, 25, 25, 12.5 and 12.5 % for the five stages, of 40,000 steps there. ``short``: 1, 7,
+    72, 10 and 10 %, for a budget of some thousands, in which surfels have to find their places while the lamp
+    is known. ``release_40k``: as ``paper``, but the ambient light moves beside the lamp in the second
     stage, surfels are still added while opacities are fitted, and in the last stage everything moves at every
     other step, the lamp too."""
     geometry_prior: GeometryPrior = "albedo"
@@ -86,10 +90,11 @@ class SunFadedSettings:
             raise ValueError(
                 f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
             )
-        shares = (self.fill, self.first_albedo, self.geometry_start, self.ssim_share)
+        shares = (self.fill, self.first_albedo, self.least_weight, self.geometry_start, self.ssim_share)
         if not all(0 <= share <= 1 for share in shares):
             raise ValueError(
-                f"expected fill, first_albedo, geometry_start and ssim_share in [0, 1], got {shares}"
+                "expected fill, first_albedo, least_weight, geometry_start and ssim_share in [0, 1], got "
+                f"{shares}"
             )
         if not (0 < self.tile <= 1 and 0 < self.blur <= 1):
             raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")

@@ -2,10 +2,10 @@
 """Light for tiles of a picture instead of for its pixels: a network is dear, and light is smooth."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 import torch
-from torch.nn.functional import interpolate
 
 from graycard import Camera
 from graycard.methods.sunfaded._light import lamp_intensity
@@ -36,55 +36,82 @@ def points_of(depth: torch.Tensor, lens: torch.Tensor) -> torch.Tensor:
 def lamp_map(
     values: Mapping[str, torch.Tensor], points: torch.Tensor, side: int, kind: LightMap
 ) -> torch.Tensor:
-    """What the lamp sends to each pixel, found once a tile.
+    """What the lamp sends to each pixel, found at the middle of each tile.
 
     Args:
         values: The lamp's parameters.
         points: Shape ``(H, W, 3)``, camera axes, metres.
         side: Of a tile, pixels.
-        kind: How tiles become pixels.
+        kind: ``nearest``: the light of its tile; ``bilinear``: between the middles of tiles.
 
     Returns:
         Shape ``(H, W, 3)``, positive.
     """
     if side == 1:
         return lamp_intensity(values, points)
-    return _nearest(values, points, side) if kind == "nearest" else _bilinear(values, points, side)
+    height, width, _ = points.shape
+    light = lamp_intensity(values, _at_middles(_at_middles(points, side, 0), side, 1))
+    spread = _repeated if kind == "nearest" else _between
+    return spread(spread(light, height, side, 0), width, side, 1)
 
 
-def light_evaluations(width: int, height: int, side: int, kind: LightMap) -> int:
-    """How often :func:`lamp_map` asks the lamp's network for a picture.
+def light_evaluations(width: int, height: int, side: int) -> int:
+    """How often :func:`lamp_map` asks the lamp's network for a picture: once a tile.
 
     Example:
-        >>> light_evaluations(112, 112, 2, "nearest"), light_evaluations(112, 112, 3, "nearest")
+        >>> light_evaluations(112, 112, 2), light_evaluations(112, 112, 3)
         (3136, 1444)
     """
-    if side > 1 and kind == "bilinear":
-        return max(1, height // side) * max(1, width // side)
-    return len(_middles(height, side)) * len(_middles(width, side))
+    return len(tile_middles(height, side)) * len(tile_middles(width, side))
 
 
-def _nearest(values: Mapping[str, torch.Tensor], points: torch.Tensor, side: int) -> torch.Tensor:
-    """Each tile has the light of its middle; the last ones of a row may be cut off by the border."""
-    height, width, _ = points.shape
-    rows, columns = _middles(height, side), _middles(width, side)
-    light = lamp_intensity(values, points[rows][:, columns])
-    spread = light.repeat_interleave(side, dim=0).repeat_interleave(side, dim=1)
-    return spread[:height, :width]
+@cache
+def tile_middles(length: int, side: int) -> torch.Tensor:
+    """Middles of the tiles along an axis, in pixels from the centre of the first pixel.
+
+    Args:
+        length: Of the axis, pixels.
+        side: Of a tile; the border may cut the last one, whose middle is that of what is left.
+
+    Returns:
+        Shape ``(ceil(length / side),)``, rising; halves where a tile has an even number of pixels.
+
+    Example:
+        >>> tile_middles(7, 2), tile_middles(7, 3)
+        (tensor([0.5000, 2.5000, 4.5000, 6.0000]), tensor([1., 4., 6.]))
+    """
+    first = torch.arange(0, length, side)
+    last = (first + side - 1).clamp(max=length - 1)
+    return (first + last) / 2
 
 
-def _middles(length: int, side: int) -> torch.Tensor:
-    return (torch.arange(0, length, side) + side // 2).clamp(max=length - 1)
+def _at_middles(points: torch.Tensor, side: int, axis: int) -> torch.Tensor:
+    """Points at the middles of tiles along an axis: between two pixels the mean of both.
+
+    At edges of depth that mixes what is in front with what is behind, as in the released code.
+    """
+    middles = tile_middles(points.shape[axis], side)
+    before, after = (points.index_select(axis, end.long()) for end in (middles.floor(), middles.ceil()))
+    return (before + after) / 2
 
 
-def _bilinear(values: Mapping[str, torch.Tensor], points: torch.Tensor, side: int) -> torch.Tensor:
-    """Points resampled to the tiles, their light to the pixels; at edges of depth points are mixed."""
-    height, width, _ = points.shape
-    tiles = max(1, height // side), max(1, width // side)
-    light = lamp_intensity(values, _resampled(points, tiles))
-    return _resampled(light, (height, width))
+def _repeated(light: torch.Tensor, length: int, side: int, axis: int) -> torch.Tensor:
+    """All pixels of a tile have its light."""
+    return light.repeat_interleave(side, dim=axis).narrow(axis, 0, length)
 
 
-def _resampled(image: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
-    channels_first = image.movedim(-1, 0)[None]
-    return interpolate(channels_first, size, mode="bilinear", align_corners=False)[0].movedim(0, -1)
+def _between(light: torch.Tensor, length: int, side: int, axis: int) -> torch.Tensor:
+    """Pixels have the light between the middles of tiles around them; beyond the outermost it is even."""
+    before, after, share = _neighbours(length, side)
+    weight = share.reshape(-1, *(1,) * (light.ndim - 1 - axis))
+    return torch.lerp(light.index_select(axis, before), light.index_select(axis, after), weight)
+
+
+@cache
+def _neighbours(length: int, side: int) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Of each pixel the tiles whose middles are before and after it, and its share of the way between."""
+    middles, pixels = tile_middles(length, side), torch.arange(length, dtype=torch.float32)
+    after = torch.searchsorted(middles, pixels).clamp(max=len(middles) - 1)
+    before = (after - 1).clamp(min=0)
+    gap = (middles[after] - middles[before]).clamp(min=1.0)
+    return before, after, ((pixels - middles[before]) / gap).clamp(0, 1)

@@ -19,10 +19,11 @@ def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:
 
     Args:
         picture: Shape ``(H, W, 3)``, 1 is white; for ``linear_max`` as displayed, in spite of the name.
-        settings: ``weight``, ``beta`` and ``blur``.
+        settings: ``weight``, ``beta``, ``least_weight`` and ``blur``.
 
     Returns:
-        Shape ``(H, W)``, float32, in (0, 1]; 1 everywhere if ``weight`` is ``none``.
+        Shape ``(H, W)``, float32, in [0, 1]: 0 where it would be below ``least_weight`` of its largest; 1
+        everywhere if ``weight`` is ``none``.
     """
     if settings.weight == "none":
         return np.ones(picture.shape[:2], np.float32)
@@ -35,4 +36,6 @@ def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:
     else:
         blurred = gaussian_filter(faint, sigma, mode="nearest")
         light = blurred / blurred.max()
-    return np.exp(-settings.beta * light).astype(np.float32)
+    weight = np.exp(-settings.beta * light)
+    small = weight < settings.least_weight * weight.max()
+    return np.where(small, 0, weight).astype(np.float32)

@@ -137,6 +137,15 @@ def test_beta_and_the_prior_of_the_albedo_are_judged_where_they_act() -> None:
             assert rows[row].priors.overrides["normal"].algorithm == "slopes-of-depth"
 
 
+def test_normals_of_the_prior_are_the_slopes_of_its_depth_in_all_rows_of_sunfaded() -> None:
+    """As in the paper, where both come from one network."""
+    told = [
+        m for m in load_suite("claims-dark").methods if m.name == "sunfaded" and m.priors.source != "none"
+    ]
+    assert len(told) > 20
+    assert {m.priors.overrides["normal"].algorithm for m in told} == {"slopes-of-depth"}
+
+
 def test_rows_that_a_claim_compares_differ_in_what_it_is_about_alone() -> None:
     rows = {m.row: dict(m.settings) for m in load_suite("claims-dark").methods}
     staged = {row: settings for row, settings in rows.items() if row.startswith("sunfaded-staged")}

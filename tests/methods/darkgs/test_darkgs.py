@@ -211,6 +211,26 @@ def test_a_scene_is_saved_and_loaded(scene: Path, tmp_path: Path):
         methods.load_method("darkgs").load(tmp_path / "odd")
 
 
+def test_a_measured_beam_shines_and_is_saved(scene: Path, tmp_path: Path):
+    """It is the told lamp's; one that is put in its place shines as it is told."""
+    found, camera = (
+        fitted(scene, iterations=300, beam="measured"),
+        open_capture(scene / "capture", check=False).test[0].camera,
+    )
+    drawn, true = held_out(scene, found, "radiance")
+    assert ((drawn - true) ** 2).mean() < 0.3 * true.var(axis=0).mean()
+    assert found.lights() == open_truth(scene / "truth", check=False).lights()
+    found.save(tmp_path / "saved")
+    loaded = methods.load_method("darkgs").load(tmp_path / "saved")
+    shown = found.render(camera, ["radiance.lamp"])["radiance.lamp"]
+    assert np.array_equal(loaded.render(camera, ["radiance.lamp"])["radiance.lamp"], shown)
+    told = replace(found, profile=None).render(camera, ["radiance.lamp"])["radiance.lamp"]
+    assert 1e-5 < np.abs(told - shown).mean() < 0.03 * shown.mean()
+    renamed = found.relight((replace(found.lamp, name="other"),))
+    assert renamed is not None
+    assert np.array_equal(renamed.render(camera, ["radiance.lamp"])["radiance.lamp"], told)
+
+
 def test_lamps_and_the_light_that_stays_can_be_exchanged(scene: Path, tmp_path: Path):
     found = fitted(scene, iterations=20)
     assert isinstance(found, methods.Relightable)

@@ -111,17 +111,6 @@ def test_tiles_of_one_pixel_are_pixels(kind: str):
     torch.testing.assert_close(found, lamp_intensity(values, points))
 
 
-def test_a_tile_has_the_light_of_its_middle():
-    values = lamp_parameters(1)
-    points = torch.rand(7, 10, 3, generator=torch.Generator().manual_seed(0)) + torch.tensor([0.0, 0, 1])
-    found, each = lamp_map(values, points, 4, "nearest"), lamp_intensity(values, points)
-    assert found.shape == (7, 10, 3)
-    torch.testing.assert_close(found[0, 0], each[2, 2])
-    torch.testing.assert_close(found[3, 3], each[2, 2])
-    torch.testing.assert_close(found[3, 4], each[2, 6])
-    torch.testing.assert_close(found[6, 9], each[6, 9])  # cut off: the last pixel stands for the middle
-
-
 def test_bilinear_tiles_of_a_smooth_surface_come_close_to_pixels():
     """On a plane; with the side of a tile their error falls faster than that of nearest ones."""
     values = lamp_parameters(1)

@@ -32,7 +32,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, width: int, height: int, side: int, k
 @pytest.mark.parametrize("kind", ["nearest", "bilinear"])
 @pytest.mark.parametrize("side", [1, 2, 3, 7, 40])
 def test_the_count_is_that_of_the_map(monkeypatch: pytest.MonkeyPatch, side: int, kind: Any) -> None:
-    assert _tiles.light_evaluations(23, 17, side, kind) == asked(monkeypatch, 23, 17, side, kind)
+    assert _tiles.light_evaluations(23, 17, side) == asked(monkeypatch, 23, 17, side, kind)
 
 
 @pytest.mark.parametrize(

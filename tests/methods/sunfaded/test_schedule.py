@@ -56,8 +56,26 @@ def test_the_released_code_moves_everything_at_every_other_step_in_the_end():
 
 
 def test_without_ambient_light_the_first_stage_has_the_lamp():
-    assert moving(0.02, ambient=False) == SURFELS | LAMP
+    assert moving(0.005, ambient=False) == SURFELS | LAMP
     assert AMBIENT not in moving(0.6, ambient=False)
+
+
+@pytest.mark.parametrize("schedule", ["short", "paper"])
+@pytest.mark.parametrize("name", [*LAMP, AMBIENT])
+def test_lights_come_to_rest(schedule: Schedule, name: str):
+    """Of what moves to the end, the lights alone: a lamp that still jumps takes surfels and albedo along."""
+    settings = SunFadedSettings(schedule=schedule)
+    rates, ends = learning_rates(2.0, settings), ENDS[schedule]
+    last = ends[FitStage.REFINED if name == AMBIENT else FitStage.JOINT] - 1e-6
+    first = ends[FitStage.UNLIT] if name in LAMP else 0.0
+    assert rates[name].at(last) < 0.5 * rates[name].at(first)
+    assert rates[ALBEDO].at(ends[FitStage.JOINT] - 1e-6) == rates[ALBEDO].at(0.0)
+
+
+@pytest.mark.parametrize("name", [*LAMP, AMBIENT])
+def test_the_released_code_never_slows_its_lights_down(name: str):
+    rate = learning_rates(2.0, SunFadedSettings(schedule="release_40k"))[name]
+    assert rate.at(0.3) == rate.at(0.6) > 0
 
 
 def test_surfels_are_taken_away_while_opacities_are_fitted_and_not_after():

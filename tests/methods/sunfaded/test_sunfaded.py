@@ -3,6 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +135,7 @@ def test_each_number_gets_a_gradient_when_its_stage_begins(
     state = initial_state(start(capture, views, chosen, 0), 0)
     share = ENDS[chosen.schedule][stage - 1] if stage else 0.0
     moving = leaves(state, learning_rates(2.0, chosen), share)
-    look = SunFadedObjective(views, told, chosen, 0)(moving, round(share * chosen.iterations))
+    look = SunFadedObjective(views, told, chosen, 0)(moving, ceil(share * chosen.iterations))
     asked = {name: values for name, values in moving.items() if values.requires_grad}
     found = torch.autograd.grad(look.loss, list(asked.values()))
     for name, gradient in zip(asked, found, strict=True):
@@ -207,7 +208,7 @@ def test_depth_is_asked_for_in_the_first_stage_and_the_last_ones(scene: Path, pr
     nothing = [GeometryGuess()] * len(views)
     values = dict(start(capture, views, chosen, 0).all)
     for stage, counts in zip(FitStage, (True, False, False, last, last), strict=True):
-        step = round(ENDS["short"][stage - 1] * chosen.iterations) if stage else 0
+        step = ceil(ENDS["short"][stage - 1] * chosen.iterations) if stage else 0
         with_depth, without = (
             float(SunFadedObjective(views, g, chosen, 0)(values, step).loss.detach()) for g in (told, nothing)
         )
@@ -222,7 +223,7 @@ def test_surfels_are_watched_where_they_are_added(scene: Path, schedule: str):
     values = dict(start(capture, views, chosen, 0).all)
     objective = SunFadedObjective(views, [GeometryGuess()] * len(views), chosen, 0)
     for stage in FitStage:
-        step = round(ENDS[chosen.schedule][stage - 1] * chosen.iterations) if stage else 0
+        step = ceil(ENDS[chosen.schedule][stage - 1] * chosen.iterations) if stage else 0
         watched = stage in (FitStage.UNLIT, FitStage.JOINT) or (
             stage is FitStage.OPACITY and schedule == "release_40k"
         )
@@ -352,7 +353,7 @@ def test_the_weight_on_albedo_is_of_its_variance_over_surfels(scene: Path, stage
     views = photographs(capture, plain)
     values = dict(start(capture, views, settings(first_albedo=0.0), 0).all)
     told = guesses(capture, methods.Priors(), [capture.photograph(view) for view in capture.train])
-    step = round(ENDS["short"][stage - 1] * plain.iterations) if stage else 0
+    step = ceil(ENDS["short"][stage - 1] * plain.iterations) if stage else 0
     free, weighed = (
         float(SunFadedObjective(views, told, settings(albedo_weight=weight), 0)(values, step).loss.detach())
         for weight in (0.0, 2.0)

@@ -15,7 +15,7 @@ def picture(width: int = 40) -> np.ndarray:
 
 
 def test_the_logarithm_goes_from_one_to_exp_of_minus_beta():
-    weight = unlit_weight(picture(), SunFadedSettings(weight="log_minmax", blur=0.02))
+    weight = unlit_weight(picture(), SunFadedSettings(weight="log_minmax", blur=0.02, least_weight=0.0))
     assert weight.dtype == np.float32
     assert weight.shape == (8, 40)
     np.testing.assert_allclose(weight[:, 0], 1, rtol=1e-6)
@@ -23,16 +23,27 @@ def test_the_logarithm_goes_from_one_to_exp_of_minus_beta():
 
 
 def test_the_linear_one_keeps_what_is_dark_but_not_darkest():
-    weight = unlit_weight(picture(), SunFadedSettings(weight="linear_max", blur=0.02))
+    weight = unlit_weight(picture(), SunFadedSettings(weight="linear_max", blur=0.02, least_weight=0.0))
     np.testing.assert_allclose(weight[:, 0], np.exp(-10 * (0.01 + FAINT) / (1 + FAINT)), rtol=1e-5)
     np.testing.assert_allclose(weight[:, -1], np.exp(-10), rtol=1e-5)
 
 
 def test_beta_is_the_exponent():
     one, four = (
-        unlit_weight(picture(), SunFadedSettings(beta=beta, blur=0.02)).astype(float) for beta in (1.0, 4.0)
+        unlit_weight(picture(), SunFadedSettings(beta=beta, blur=0.02, least_weight=0.0)).astype(float)
+        for beta in (1.0, 4.0)
     )
     np.testing.assert_allclose(four, one**4, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["log_minmax", "linear_max"])
+def test_pixels_of_a_small_weight_are_left_out(kind: str):
+    every, some = (
+        unlit_weight(picture(), SunFadedSettings(weight=kind, least_weight=least))  # pyright: ignore[reportArgumentType]
+        for least in (0.0, 0.05)
+    )
+    assert 0 < (every < 0.05 * every.max()).mean() < 1
+    np.testing.assert_array_equal(some, np.where(every < 0.05 * every.max(), 0, every))
 
 
 def test_a_blur_takes_out_texture():
