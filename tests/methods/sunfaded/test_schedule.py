@@ -61,7 +61,7 @@ def test_without_ambient_light_the_first_stage_has_the_lamp():
 
 
 @pytest.mark.parametrize("schedule", ["short", "paper"])
-@pytest.mark.parametrize("name", [*LAMP, AMBIENT])
+@pytest.mark.parametrize("name", [*sorted(LAMP), AMBIENT])
 def test_lights_come_to_rest(schedule: Schedule, name: str):
     """Of what moves to the end, the lights alone: a lamp that still jumps takes surfels and albedo along."""
     settings = SunFadedSettings(schedule=schedule)
@@ -72,7 +72,7 @@ def test_lights_come_to_rest(schedule: Schedule, name: str):
     assert rates[ALBEDO].at(ends[FitStage.JOINT] - 1e-6) == rates[ALBEDO].at(0.0)
 
 
-@pytest.mark.parametrize("name", [*LAMP, AMBIENT])
+@pytest.mark.parametrize("name", [*sorted(LAMP), AMBIENT])
 def test_the_released_code_never_slows_its_lights_down(name: str):
     rate = learning_rates(2.0, SunFadedSettings(schedule="release_40k"))[name]
     assert rate.at(0.3) == rate.at(0.6) > 0
