@@ -34,13 +34,11 @@ most metals 0.5 to 0.9."""
 SLACK = 1.04
 """Of the metals, or of the others, the geometric mean is taken of all candidates whose residual is no more
 than this many times the least of its kind: photographs do not decide between them."""
-LEAST_METAL, METAL_SLACK, METAL_SHARE = 0.4, 1.07, 0.85
-"""Metals have F0 of 0.4 and more, little else has a third of it, and a weak mirror of bright surroundings
-explains a metal's photographs nearly as well. It is a metal if the best candidate of these leaves at most
-``METAL_SLACK`` times the least residual (residuals are mostly errors of traced rays), and explains at least
-``METAL_SHARE`` of the variance that the best of all explains (noise makes residuals alike, not these)."""
+LEAST_METAL = 0.4
+"""Metals have F0 of 0.4 and more, little else has a third of it. A weak mirror of bright surroundings
+explains a metal's photographs nearly as well: residuals do not tell which it is, a fit of either does."""
 LEAST_EXPLAINED = 0.05
-"""Least share of the variance between views that a candidate has to explain: with less it is mostly noise."""
+"""Least share of the variance between views that a kind has to explain: with less it is mostly noise."""
 LEAST_MET = 0.02
 """Least share of the clear sightings whose reflected ray meets a surfel: an environment fits any F0."""
 _MET = 0.5
@@ -90,24 +88,27 @@ class InitialLight:
     """Diffuse radiance of each of them, shape ``(S, 3)``, linear, exposed, 0 or more."""
 
 
-def initial_light(
+def initial_lights(
     values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
-) -> InitialLight | None:
-    """Estimate initial values from the photographs.
-
-    None where glossy surfels are seen by too few views to determine the environment, where next to nothing
-    else is reflected, which would fit any F0, or where views differ by noise alone.
+) -> list[InitialLight]:
+    """Estimate initial values from the photographs, once as of a metal and once as of what is none.
 
     Args:
         values: Parameters by name, regions as told by priors.
         shots: The training views.
         settings: Of the method.
         extent: Of the scene, metres.
+
+    Returns:
+        Two at most. None where glossy surfaces are seen by too few views to determine the environment, where
+        next to nothing else is reflected, which would fit any F0, or where views differ by noise alone.
     """
     found = observations(values, shots, settings, extent)
-    f0 = found_f0(found)
-    if f0 is None:
-        return None
+    return [_light_of(found, f0, settings.sky_size) for f0 in found_f0s(found)]
+
+
+def _light_of(found: Observations, f0: float, sky_size: int) -> InitialLight:
+    """The environment and the diffuse radiance that fit best to an F0."""
     basis = _basis(found)
     _, sky = _fitted(found, basis, f0)
     light = found.radiance + found.passed[:, None] * (basis @ sky)
@@ -115,7 +116,7 @@ def initial_light(
     seen, surfel, count = np.unique(found.surfel, return_inverse=True, return_counts=True)
     diffuse = np.stack([np.bincount(surfel, c) for c in left.T], axis=1)
     cubemap = float_tensor(sky.reshape(6, _SIZE, _SIZE, 3))
-    toward = float_tensor(texel_directions(settings.sky_size))
+    toward = float_tensor(texel_directions(sky_size))
     least = 0.05 * float(found.colour.mean())
     return InitialLight(
         f0,
@@ -125,38 +126,39 @@ def initial_light(
     )
 
 
-def found_f0(found: Observations) -> float | None:
-    """The F0 of glossy surfels; None where sightings do not determine it, see :func:`initial_light`."""
+def found_f0s(found: Observations) -> list[float]:
+    """F0 of glossy surfels by kind; empty where sightings do not determine it, see :func:`initial_lights`."""
     clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
     _, number, count = np.unique(clear.surfel, return_inverse=True, return_counts=True)
     clear = clear.take(count[number] > 1)
     surfels, texels = int((count > 1).sum()), 6 * _SIZE**2
     if len(clear.surfel) - surfels < texels or (clear.passed < _MET).mean() < LEAST_MET:
-        return None
+        return []
     basis = _basis(clear)
     matte = _error(_between_views(clear.colour, clear.surfel))
     return likeliest([_fitted(clear, basis, f0)[0] for f0 in CANDIDATES], matte)
 
 
-def likeliest(errors: Sequence[float], matte: float) -> float | None:
-    """The F0 that fits the photographs best, the geometric mean of those between which they do not decide.
+def likeliest(errors: Sequence[float], matte: float) -> list[float]:
+    """The F0 of each kind that fits the photographs best: of what is no metal, then of metals.
+
+    Each is the geometric mean of those between which photographs do not decide.
 
     Args:
         errors: Residual of each of the :data:`CANDIDATES`, root mean square, above 0.
         matte: The same if nothing is reflected: of all differences between views.
 
     Returns:
-        None if no candidate explains :data:`LEAST_EXPLAINED` of the variance.
+        Those that explain :data:`LEAST_EXPLAINED` of the variance.
     """
     squares, candidates = np.square(errors), np.asarray(CANDIDATES)
-    metal = candidates >= LEAST_METAL
-    explained, by_metal = (matte**2 - least for least in (squares.min(), squares[metal].min()))
-    if explained < LEAST_EXPLAINED * matte**2:
-        return None
-    nearly_as_good = squares[metal].min() <= METAL_SLACK**2 * squares.min()
-    of_its_kind = metal if nearly_as_good and by_metal >= METAL_SHARE * explained else ~metal
-    best = of_its_kind & (squares <= SLACK**2 * squares[of_its_kind].min())
-    return float(np.exp(np.log(candidates[best]).mean()))
+    metal, told = candidates >= LEAST_METAL, []
+    for kind in (~metal, metal):
+        least = squares[kind].min()
+        if least <= (1 - LEAST_EXPLAINED) * matte**2:
+            best = kind & (squares <= SLACK**2 * least)
+            told.append(float(np.exp(np.log(candidates[best]).mean())))
+    return told
 
 
 def _basis(found: Observations) -> np.ndarray:

@@ -66,7 +66,7 @@ class OraclePrior:
     """Answers about one kind from the truth.
 
     Of the scene without its target radiance and the layers of :data:`_TRUTH_OF_HOLES` are known; those of
-    :data:`_SPLIT` go on from what the picture shows around a hole. Holes in any other layer, which a method
+    :data:`_SPLIT` are off as the picture is off around a hole. Holes in any other layer, which a method
     has made up itself, are filled in from around them, as the classical source does by default; errors do not
     touch them.
     """
@@ -159,13 +159,14 @@ def _continued(true: np.ndarray, question: Question, glossy: np.ndarray) -> np.n
     """A layer, moved on glossy surfaces by as much as the picture around the hole is off it.
 
     A painter goes on with what it is shown, and cannot know that all of a surface is, say, too dim a mirror.
-    What the picture differs by on glossy surfaces around the hole is filled in as the hole of a picture is.
+    The shadow of the object, dark next to the hole, is not to go on there, as little as in a hole that is
+    filled with radiance: what is taken is the median over all glossy pixels of the view.
     """
     assert question.hole is not None, "what is filled in has one"
-    unknown = ~glossy | question.hole
-    if unknown.all():
+    known = glossy & ~question.hole
+    if not known.any():
         return true
-    off = filled(question.image - true, unknown, "telea")
+    off = np.median((question.image - true)[known], axis=0)
     return np.where(glossy if true.ndim == 2 else glossy[..., None], np.maximum(true + off, 0.0), true)
 
 

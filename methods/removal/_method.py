@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Radiance-only removal, the baselines of GOR-IS; and nothing removed at all."""
 
+from dataclasses import replace
+
 import numpy as np
+import torch
 
 from graycard import srgb_encode
 from graycard.methods.removal._behind import drawn_colours, views_behind
@@ -25,6 +28,11 @@ from graycard.methods.surfels import FitTask, SceneMethod, SurfelSettings, with_
 
 NEW_OPACITY = 0.5
 """Of surfels that are put where the object was."""
+LARGEST = 2.0
+"""The largest size of a new surfel, as its view sees it, over the median of all new ones.
+
+A point alone, as at the border of a hole, would get a disc as large as its distance from all others: one of
+1.4 m veiled a floor."""
 _FEWEST = 2
 """Points of which surfels are made."""
 
@@ -98,7 +106,8 @@ def wall_surfels(
 ) -> Surfels | None:
     """New surfels on the wall behind the object, as many as there may still be; None where that is none.
 
-    Those of the object have made room, also where sparse points alone are more than the limit.
+    Those of the object have made room, also where sparse points alone are more than the limit. None is much
+    larger than others in the view that shows it, see :data:`LARGEST`.
 
     Args:
         left: How many surfels are left.
@@ -111,9 +120,13 @@ def wall_surfels(
     room = max(settings.surfels - left, taken)
     if min(room, len(wall.points)) < _FEWEST:
         return None
-    return surfels_on_surface(
-        wall.points, wall.normals, features, room, seed, opacity=NEW_OPACITY, sizes=wall.distances
+    told = np.column_stack([features, wall.distances])
+    discs = surfels_on_surface(
+        wall.points, wall.normals, told, room, seed, opacity=NEW_OPACITY, sizes=wall.distances
     )
+    features_of, distance = discs.features[:, :-1], discs.features[:, -1:]
+    most = LARGEST * distance * (discs.scales / distance).median()
+    return replace(discs, scales=torch.minimum(discs.scales, most), features=features_of)
 
 
 def pixel_weights(target: Target, hole_weight: float) -> np.ndarray:

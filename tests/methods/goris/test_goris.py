@@ -337,7 +337,7 @@ def test_what_is_switched_off_is_not_looked_for(
 ):
     """Flat surfaces, and what photographs allow light to begin with."""
     asked: list[str] = []
-    looks = "flat_surface" if name == "flat_start" else "initial_light"
+    looks = "flat_surface" if name == "flat_start" else "initial_lights"
     monkeypatch.setattr(module, looks, lambda *_: asked.append(name))
     settings = GorisSettings(iterations=8, surfels=600, sky_size=2)
     for switch in (True, False):

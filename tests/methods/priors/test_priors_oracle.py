@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import binary_dilation, gaussian_filter
 
 from graycard import Camera, MethodError, View, angles, look_at, methods
 from graycard.methods.priors import Override, PriorSpec, make_priors
@@ -388,6 +388,18 @@ def test_materials_go_on_from_what_a_method_has_around_a_hole(scene, emptied: di
     assert bright[hole].max() <= 1
     everywhere = about_holes(scene, emptied | {"roughness": np.full_like(emptied["roughness"], 0.8)}, 0)
     assert np.array_equal(everywhere.inpainting(shown, scene.view, hole, "f0")[hole], emptied["f0"][hole])
+
+
+def test_a_shadow_next_to_a_hole_does_not_go_on_into_it(scene, emptied: dict[str, np.ndarray]):
+    """A method that takes it for dark paint is told what is there without it, as for radiance."""
+    hole = np.zeros_like(emptied["roughness"], bool)
+    hole[4:8, 3:7] = True
+    rim = binary_dilation(hole, iterations=2) & ~hole
+    assert (emptied["roughness"] < 0.5)[hole | rim].all()
+    true = scene.capture.exposure * emptied["diffuse"]
+    shown = np.where(rim[..., None], 0.2, 1.0) * true + 0.1
+    found = about_holes(scene, emptied, 0).inpainting(shown, scene.view, hole, "diffuse")
+    np.testing.assert_allclose(found[hole], true[hole] + 0.1, atol=1e-6)
 
 
 def test_all_layers_of_a_view_are_displaced_alike():

@@ -22,7 +22,8 @@ from graycard.methods.removal import (
     RemovalSettings,
 )
 from graycard.methods.removal._behind import Behind, seen_elsewhere
-from graycard.methods.removal._filled import filled_depth, seen_points, targets_of
+from graycard.methods.removal._filled import BackgroundPoints, filled_depth, seen_points, targets_of
+from graycard.methods.removal._method import wall_surfels
 from graycard.methods.removal._target import target_masks, target_surfels, widened
 from graycard.methods.splat import Surfels, rasterize, surfels_from_points
 from sparse_points import with_points
@@ -385,3 +386,25 @@ def test_settings_that_cannot_be_are_refused():
     for settings in (PerViewSettings, OneReferenceSettings):
         with pytest.raises(ValueError, match="the method with any number is 'removal'"):
             settings(references=3)
+
+
+def test_a_point_alone_gets_no_disc_that_hides_what_is_around_it():
+    """At the border of a hole one pixel may show a floor far behind, with nothing next to it."""
+    near = grid(0.5, 0.0)
+    points = np.concatenate([near, [[0.0, 2.0, -2.0]]])
+    distances = np.full(len(points), 1.5)
+    distances[-1] = 3.0
+    up = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    wall = BackgroundPoints(points, up, np.full_like(points, 0.5), distances)
+    features = np.arange(2.0 * len(points)).reshape(-1, 2)
+    found = wall_surfels(100, 1000, wall, features, QUICK, 0)
+    assert found is not None
+    size = found.scales.amax(dim=1).numpy()
+    alone = int(found.centres[:, 2].argmin())
+    assert size[alone] == pytest.approx(2 * 2 * np.median(size), rel=0.01), (
+        "twice as far, twice as large again"
+    )
+    assert np.delete(size, alone).max() < 1.5 * np.median(size)
+    places = {tuple(place): row for place, row in zip(points.round(4).tolist(), features, strict=True)}
+    for place, row in zip(found.centres.double().numpy().round(4).tolist(), found.features, strict=True):
+        np.testing.assert_allclose(row, places[tuple(place)], rtol=1e-6)
