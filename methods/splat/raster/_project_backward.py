@@ -8,7 +8,6 @@ import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat.raster._backward import FIRST_CHANNEL, LANES, PLAIN
-from graycard.methods.splat.raster._blocks import BORROWING
 from graycard.methods.splat.raster._channels_backward import first_normal
 from graycard.methods.splat.raster._coefficients import D, U, V
 from graycard.methods.splat.raster._project_forward import HALF_ROOT
@@ -30,7 +29,7 @@ from graycard.methods.splat.raster._project_frame import (
 )
 from graycard.methods.splat.simd import _doubles as doubles
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 
 TO_LOG, TO_LOW = 9, 10
 """Columns of a slot after the linear forms."""

@@ -7,7 +7,6 @@ import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MIN, NEAR
-from graycard.methods.splat.raster._blocks import BORROWING
 from graycard.methods.splat.raster._coefficients import (
     CENTRE_Z,
     COLUMNS,
@@ -36,7 +35,7 @@ from graycard.methods.splat.raster._project_frame import (
     write,
 )
 from graycard.methods.splat.simd import _doubles as doubles
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 
 HALF_ROOT = sqrt(0.5)
 LOG_ALPHA_MIN = log(ALPHA_MIN)

@@ -7,10 +7,9 @@ The projection cancels digits where discs are seen edge-on; float32 would lose t
 from typing import Any, NamedTuple
 
 from graycard.methods._numba import njit
-from graycard.methods.splat.raster._blocks import BORROWING
 from graycard.methods.splat.raster._coefficients import BEYOND
 from graycard.methods.splat.simd import _doubles as doubles
-from graycard.methods.splat.simd._parts import INLINED
+from graycard.methods.splat.simd._parts import BORROWING, INLINED
 
 EIGHT = doubles.LANES
 CENTRE, TURN, SCALE, MOVED, NUMBERS = 0, 3, 7, 9, 11
