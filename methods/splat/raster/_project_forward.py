@@ -133,8 +133,9 @@ def scatter(made, lane, surfel, is_drawn, rows, bounds, normals):
 
 
 @njit(**UNWRAPPED, **BORROWING)
-def project_range(begin, end, discs, view, numbers, logarithms, made, rows, bounds, depths, normals):
-    """Prepare some surfels, eight at a time; ``numbers``, ``logarithms`` and ``made`` are room for that."""
+def project_range(begin, end, discs, view, room, rows, bounds, depths, normals):
+    """Prepare some surfels, eight at a time; the rest is given as to ``project_part``."""
+    numbers, logarithms, made = room
     for first in range(begin, end, EIGHT):
         gather(discs, first, end, numbers)
         for lane in range(EIGHT):
@@ -163,8 +164,8 @@ def project_part(part, parts, discs, view, rows, bounds, depths, normals):
         normals: float32 ``(N, 3)``, to be written as the rows are: in the world, facing the camera.
     """
     begin, end = share(part, parts, len(discs.centres))
-    numbers, logarithms, made = np.empty(NUMBERS * EIGHT), np.empty(EIGHT), np.empty(MADE * EIGHT)
-    project_range(begin, end, discs, view, numbers, logarithms, made, rows, bounds, depths, normals)
+    room = np.empty(NUMBERS * EIGHT), np.empty(EIGHT), np.empty(MADE * EIGHT)
+    project_range(begin, end, discs, view, room, rows, bounds, depths, normals)
 
 
 @njit(cache=True)
