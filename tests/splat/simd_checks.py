@@ -8,6 +8,7 @@ from typing import Any, cast
 import numba
 import numpy as np
 
+from graycard.methods.splat.simd import _doubles as doubles
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _pixels as pixels
 from graycard.methods.splat.simd import _vector as simd
@@ -80,6 +81,21 @@ def line(image: Any, at: int, template: Any, out: Any, copy: Any) -> None:
     vectors = pixels.load_line(image, at, template)
     many.store_many(out, 0, vectors)
     pixels.store_line(copy, at, vectors)
+
+
+@numba.njit
+def eights(a: Any, b: Any, number: float, out: Any) -> None:
+    x, y = doubles.load(a, 1), doubles.load(b, 0)
+    made = (
+        x + y, x - y, x * y, x / y, -x,
+        number + x, x - number, 3 * x, number / x,
+        doubles.square_root(x), doubles.floor(x), doubles.ceil(x), doubles.rounded_to_float32(x),
+        doubles.minimum(x, y), doubles.maximum(x, number),
+        doubles.where_less(x, y, 1.0, y), doubles.where_less(number, x, x, 0),
+    )  # fmt: skip
+    for index, values in enumerate(made):
+        doubles.store(out, 8 * index + 1, values)
+    doubles.store(out, 8 * len(made) + 1, number)
 
 
 def random(count: int, seed: int = 0) -> np.ndarray:
@@ -173,6 +189,25 @@ def check_pixels() -> None:
             np.testing.assert_array_equal(copy, expected)
 
 
+def check_eights() -> None:
+    """As numbers one by one, to the bit, and nothing beside them is written."""
+    draws, number = np.random.default_rng(0).normal(size=(2, 9)), 0.25
+    a, b, out = draws[0], draws[1, :8], np.full(8 * 18 + 2, -7.0)
+    a[2], a[3], b[4], a[6], b[7] = np.nan, b[2], np.nan, np.inf, -np.inf
+    eights(a, b, number, out)
+    x, y = a[1:], b
+    with np.errstate(invalid="ignore"):
+        expected = [
+            x + y, x - y, x * y, x / y, -x,
+            number + x, x - number, 3 * x, number / x,
+            np.sqrt(x), np.floor(x), np.ceil(x), x.astype(np.float32).astype(np.float64),
+            np.where(x < y, x, y), np.where(x > number, x, number),
+            np.where(x < y, 1, y), np.where(number < x, x, 0),
+            np.full(8, number),
+        ]  # fmt: skip
+    np.testing.assert_array_equal(out, [-7, *np.concatenate(expected), -7])
+
+
 CHECKS = (
     check_arithmetic,
     check_choices,
@@ -181,6 +216,7 @@ CHECKS = (
     check_sums,
     check_halves,
     check_roots,
+    check_eights,
     check_pixels,
 )
 

@@ -13,6 +13,7 @@ import numba
 import pytest
 from llvmlite import binding
 
+from graycard.methods.splat.simd import _doubles as doubles
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 
@@ -59,6 +60,15 @@ def test_other_types_are_refused():
         simd.minimum(x, x)
 
     with pytest.raises(numba.TypingError, match="expected float32x16 in every place"):
+        wrong(1.0)
+
+
+def test_numbers_alone_are_refused():
+    @numba.njit
+    def wrong(x: float) -> None:
+        doubles.minimum(x, x)
+
+    with pytest.raises(numba.TypingError, match="at least one vector among them"):
         wrong(1.0)
 
 

@@ -12,10 +12,10 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat.ops._ssim_forward import BAND, LANES, REACH, SAVED, WEIGHTS, WINDOW, last_start
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def column_gather(saved, upstream, row, at, length, first, past):
     """Sums down sixteen columns: of K, of L, and of the rest, taken from the means in this row."""
     of_k, of_l, rest = simd.broadcast(0.0), simd.broadcast(0.0), simd.broadcast(0.0)
@@ -33,7 +33,7 @@ def column_gather(saved, upstream, row, at, length, first, past):
     return of_k, of_l, rest, mean_x, mean_d
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def row_gather(lines, stride, at, channels, x, d):
     """Sums of the columns' sums over the windows around sixteen places, whose values are x and d."""
     total = simd.broadcast(0.0)
@@ -46,7 +46,7 @@ def row_gather(lines, stride, at, channels, x, d):
     return total
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def sign(values):
     """-1, 0 or 1."""
     zero = simd.broadcast(0.0)

@@ -16,7 +16,7 @@ import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 
 LANES = simd.LANES
 REACH = 5
@@ -41,13 +41,13 @@ def window() -> np.ndarray:
 WEIGHTS = window()
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def last_start(at, length):
     """Where the sixteen floats from ``at`` begin: the last ones of a line overlap those before them."""
     return min(at, length - LANES)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def rows_beyond(first, past):
     """Weight of the window's rows that lie beyond the image, in all lanes."""
     if past - first == WINDOW:
@@ -58,7 +58,7 @@ def rows_beyond(first, past):
     return simd.broadcast(beyond)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def column_statistics(image, target, begin, length, first, past):
     """Means of x and d, variances of x plus y and of d, down sixteen columns.
 
@@ -85,7 +85,7 @@ def column_statistics(image, target, begin, length, first, past):
     return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def row_statistics(lines, stride, at, channels):
     """The same over the windows around sixteen places.
 
@@ -109,7 +109,7 @@ def row_statistics(lines, stride, at, channels):
     return middle_x + more_x, middle_d + more_d, both, simd.fnma(more_d, more_d, difference)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def dissimilarity(statistics, saved, at, length, keep):
     """1 - SSIM from the statistics of windows; keeps what the backward kernel needs.
 

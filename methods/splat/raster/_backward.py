@@ -14,7 +14,6 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.raster._blocks import (
-    BORROWING,
     CENTRED,
     GROUP,
     LANES,
@@ -39,7 +38,7 @@ from graycard.methods.splat.raster._tiles import TILE, past_tile, tile_of
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, task
 
 PLAIN = (0,) * 12
 """Sums of a pair: nine of the linear forms, of the logarithm of alpha, two of the low-pass's centre."""

@@ -25,12 +25,6 @@ from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
 from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
 
-BORROWING: dict[str, Any] = {"_nrt": False}
-"""Options of Numba for functions that make no array and return none: they count no users of arrays.
-
-Else each array of a tuple that a function is given is counted, used or not: a quarter of the backward
-kernel's time. Their callers hold the arrays.
-"""
 LANES = simd.LANES
 BLOCK = 4
 """Pixels on the side of a block."""

@@ -2,11 +2,11 @@
 """From the weights of a surfel in the blocks of a tile to the gradients of its channels and its normal."""
 
 from graycard.methods._numba import njit
-from graycard.methods.splat.raster._blocks import BORROWING, GROUP, LANES, NORMAL, next_bit
+from graycard.methods.splat.raster._blocks import GROUP, LANES, NORMAL, next_bit
 from graycard.methods.splat.raster._blocks_read import PLANES
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED
+from graycard.methods.splat.simd._parts import BORROWING, INLINED
 
 HALF = LANES // 2
 """Where normals begin in a slot of few channels."""

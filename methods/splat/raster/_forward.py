@@ -15,7 +15,6 @@ from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,
-    BORROWING,
     GROUP,
     LANES,
     MOMENTS,
@@ -40,7 +39,7 @@ from graycard.methods.splat.raster._tiles import TILE, tile_of
 from graycard.methods.splat.simd import _many as many
 from graycard.methods.splat.simd import _vector as simd
 from graycard.methods.splat.simd import _words as words
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, task
 
 BATCH = 64
 """Surfels at a time: as many as a word has bits."""

@@ -6,10 +6,9 @@ caches: without this the kernels spend a third of their time waiting. What is as
 """
 
 from graycard.methods._numba import njit
-from graycard.methods.splat.raster._blocks import BORROWING
 from graycard.methods.splat.raster._coefficients import COLUMNS
 from graycard.methods.splat.simd import _words as words
-from graycard.methods.splat.simd._parts import INLINED
+from graycard.methods.splat.simd._parts import BORROWING, INLINED
 
 LINE = 16
 """Floats in a line of the cache."""

@@ -12,45 +12,53 @@ from graycard.methods.splat.raster._channels_backward import first_normal
 from graycard.methods.splat.raster._coefficients import D, U, V
 from graycard.methods.splat.raster._project_forward import HALF_ROOT
 from graycard.methods.splat.raster._project_frame import (
+    EIGHT,
+    NUMBERS,
     added,
     anchor_of,
-    away_from,
     box_centre,
-    centre_seen,
-    disc_axes,
     dot,
+    gather,
+    pair,
     scaled,
+    seen,
+    triple,
     turned,
     turned_back,
-    unit_quaternion,
+    write,
 )
+from graycard.methods.splat.simd import _doubles as doubles
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 
 TO_LOG, TO_LOW = 9, 10
 """Columns of a slot after the linear forms."""
 TO_HEIGHT, TO_CENTRE_Z = len(PLAIN), len(PLAIN) + 1
 ZERO = (0.0, 0.0, 0.0)
+FACING, PULLS = LANES, LANES + 3
+"""Place of the normal's gradient, in vectors, after the columns of a slot; and how many vectors there are."""
+CENTRE, TURN, SIZES, BOX, MADE = 0, 3, 7, 9, 11
+"""Places of the gradients that are made of them: centre, quaternion, scales, and the centre of
+the box; and how many."""
 
 
-@njit(**INLINED)
-def sum_slots(slots, first, past, width, at, total):
-    """Sum one vector of each of a surfel's slots, in their order."""
+@njit(**INLINED, **BORROWING)
+def sum_slots(slots, first, past, width, at, total, place):
+    """Sum one vector of each of a surfel's slots, in their order; write it from a place on."""
     running = simd.broadcast(0.0)
     for slot in range(first, past):
         running = running + simd.load(slots, slot * width + at)
-    simd.store(total, 0, running)
+    simd.store(total, place, running)
 
 
-@njit(error_model="numpy", **INLINED)
-def form_gradient(total, column, factor, to_rays, anchor):
+@njit(**INLINED, **BORROWING)
+def form_gradient(pulls, column, factor, to_rays, anchor):
     """From the gradient of a linear form on pixels to that on rays."""
-    x, y = factor * np.float64(total[column]), factor * np.float64(total[column + 1])
-    constant = factor * np.float64(total[column + 2])
+    x, y, constant = scaled(factor, triple(pulls, column))
     return turned(to_rays, (x + constant * anchor[0], y + constant * anchor[1], constant))
 
 
-@njit(error_model="numpy", **INLINED)
+@njit(**INLINED, **BORROWING)
 def axis_gradient(to_form, axis, away, height, centre, scale):
     """Of one numerator, ``(height * axis - (axis . centre) * away) * HALF_ROOT / scale``.
 
@@ -65,7 +73,7 @@ def axis_gradient(to_form, axis, away, height, centre, scale):
     return to_axis, scaled(-factor * along, to_form), to_height, scaled(to_along, axis), to_scale
 
 
-@njit(error_model="numpy", **INLINED)
+@njit(**INLINED, **BORROWING)
 def column_gradient(sign, column, K, to_middle, to_norm):
     """Of a column a of (u, v, centre), from those of ``sum f m d`` and ``sum f d d``, see ``rim``."""
     x, y, _z = turned(K, column)
@@ -78,7 +86,7 @@ def column_gradient(sign, column, K, to_middle, to_norm):
     )
 
 
-@njit(error_model="numpy", **INLINED)
+@njit(**INLINED, **BORROWING)
 def box_gradient(to_box, box, boxed, K, u, v, centre):
     """Of the columns u, v and centre, from that of the box's centre."""
     over = 1 / (boxed * (u[2] * u[2] + v[2] * v[2]) - centre[2] * centre[2])
@@ -91,7 +99,7 @@ def box_gradient(to_box, box, boxed, K, u, v, centre):
     )
 
 
-@njit(error_model="numpy", **INLINED)
+@njit(**INLINED, **BORROWING)
 def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     """From the gradients of the disc's axes in the world to that of the quaternion before it was scaled."""
     w, x, y, z = quaternion
@@ -112,80 +120,135 @@ def quaternion_gradient(quaternion, length, to_x, to_y, to_z):
     )
 
 
-@njit(error_model="numpy", **INLINED)
-def unproject_one(surfel, discs, moved, view, row, total, heights, to_normal, to):
-    """Write the gradients of one surfel from the sums of its slots."""
-    pose, K, to_rays, image_width, image_height = view
-    scales, size = discs.scales, (image_width, image_height)
-    centre = centre_seen(discs.centres, surfel, pose)
-    quaternion, length = unit_quaternion(discs.rotations, surfel)
-    world = disc_axes(quaternion)
-    u, v, normal = turned(pose, world[0]), turned(pose, world[1]), turned(pose, world[2])
-    sign = away_from(centre, normal)
-    away, sizes = scaled(sign, normal), (np.float64(scales[surfel, 0]), np.float64(scales[surfel, 1]))
+@njit(**INLINED, **BORROWING)
+def unproject_eight(numbers, pulls, view, heights, made):
+    """Write the gradients of eight surfels from the sums of their slots and those of their normals."""
+    pose, K, to_rays, size = view.pose, view.K, view.to_rays, (view.width, view.height)
+    discs = seen(numbers, pose)
+    u, v, away, centre, sizes = discs.u, discs.v, discs.away, discs.centre, discs.sizes
     height = dot(away, centre)
-    wide, high = scaled(sizes[0], u), scaled(sizes[1], v)
-    box_x, box_y, boxed = box_centre(K, wide, high, centre)
+    box_x, box_y, boxed = box_centre(K, discs.wide, discs.high, centre)
     box = box_x, box_y
-    anchor = anchor_of(box, moved, size)
+    anchor = anchor_of(box, discs.moved, size)
 
-    to_first = form_gradient(total, U, -2.0, to_rays, anchor)
-    to_second = form_gradient(total, V, -2.0, to_rays, anchor)
-    to_away = form_gradient(total, D, 2.0, to_rays, anchor)
+    to_first = form_gradient(pulls, U, -2.0, to_rays, anchor)
+    to_second = form_gradient(pulls, V, -2.0, to_rays, anchor)
+    to_away = form_gradient(pulls, D, 2.0, to_rays, anchor)
     to_u, away_u, height_u, centre_u, to_size_u = axis_gradient(to_first, u, away, height, centre, sizes[0])
     to_v, away_v, height_v, centre_v, to_size_v = axis_gradient(to_second, v, away, height, centre, sizes[1])
     to_height = height_u + height_v
     to_centre = added(centre_u, 1.0, centre_v)
     if heights:
-        to_height += np.float64(total[TO_HEIGHT])
-        to_centre = added(to_centre, np.float64(total[TO_CENTRE_Z]), (0.0, 0.0, 1.0))
+        to_height = to_height + doubles.load(pulls, TO_HEIGHT * EIGHT)
+        to_centre = added(to_centre, doubles.load(pulls, TO_CENTRE_Z * EIGHT), (0.0, 0.0, 1.0))
     to_away = added(added(added(to_away, 1.0, away_u), 1.0, away_v), to_height, centre)
     to_centre = added(to_centre, to_height, away)
 
-    to_box = 2.0 * np.float64(total[TO_LOW]), 2.0 * np.float64(total[TO_LOW + 1])
-    to_wide, to_high, centre_box = box_gradient(to_box, box, boxed, K, wide, high, centre)
+    to_low = pair(pulls, TO_LOW)
+    to_box = 2.0 * to_low[0], 2.0 * to_low[1]
+    to_wide, to_high, centre_box = box_gradient(to_box, box, boxed, K, discs.wide, discs.high, centre)
     to_u, to_v = added(to_u, sizes[0], to_wide), added(to_v, sizes[1], to_high)
-    to_centre = turned_back(pose, added(to_centre, 1.0, centre_box))
-    to.centres[surfel, 0], to.centres[surfel, 1], to.centres[surfel, 2] = to_centre
-    to.scales[surfel, 0] = to_size_u + dot(u, to_wide)
-    to.scales[surfel, 1] = to_size_v + dot(v, to_high)
-    to.opacities[surfel] = np.float64(total[TO_LOG]) / np.float64(discs.opacities[surfel])
+    write(made, CENTRE, turned_back(pose, added(to_centre, 1.0, centre_box)))
+    write(made, SIZES, (to_size_u + dot(u, to_wide), to_size_v + dot(v, to_high)))
+    write(made, BOX, to_box)
+    to_z = added(scaled(discs.sign, turned_back(pose, to_away)), -discs.sign, triple(pulls, FACING))
+    to_x, to_y = turned_back(pose, to_u), turned_back(pose, to_v)
+    write(made, TURN, quaternion_gradient(discs.quaternion, discs.length, to_x, to_y, to_z))
 
-    to_z = added(scaled(sign, turned_back(pose, to_away)), -sign, to_normal)
-    to_world = turned_back(pose, to_u), turned_back(pose, to_v)
-    to_quaternion = quaternion_gradient(quaternion, length, to_world[0], to_world[1], to_z)
+
+@njit(error_model="numpy", **INLINED, **BORROWING)
+def scatter(made, lane, surfel, discs, rows, totals, to):
+    """Write the gradients of one surfel, the sum of whose slots is in ``totals``."""
+    place = lane * LANES
+    for axis in range(3):
+        to.centres[surfel, axis] = made[(CENTRE + axis) * EIGHT + lane]
     for part in range(4):
-        to.rotations[surfel, part] = to_quaternion[part]
+        to.rotations[surfel, part] = made[(TURN + part) * EIGHT + lane]
+    to.opacities[surfel] = np.float64(totals[place + TO_LOG]) / np.float64(discs.opacities[surfel])
     for axis in range(2):
-        by_numerators = row[U + axis] * total[U + 2] + row[V + axis] * total[V + 2]
-        by_forms = 2.0 * (by_numerators - row[D + axis] * total[D + 2])
-        to.offsets[surfel, axis] = to_box[axis] + by_forms
+        to.scales[surfel, axis] = made[(SIZES + axis) * EIGHT + lane]
+        by_numerators = rows[surfel, U + axis] * totals[place + U + 2]
+        by_numerators += rows[surfel, V + axis] * totals[place + V + 2]
+        by_forms = 2.0 * (by_numerators - rows[surfel, D + axis] * totals[place + D + 2])
+        to.offsets[surfel, axis] = made[(BOX + axis) * EIGHT + lane] + by_forms
 
 
-@njit(**INLINED)
-def unpack_channels(surfel, slots, first, past, stride, channels, total, to_features):
+@njit(**INLINED, **BORROWING)
+def clear_row(values, row):
+    """Zero one row."""
+    for column in range(values.shape[1]):
+        values[row, column] = 0
+
+
+@njit(**INLINED, **BORROWING)
+def clear(surfel, to):
+    """No gradients for a surfel."""
+    to.opacities[surfel] = 0
+    clear_row(to.centres, surfel)
+    clear_row(to.rotations, surfel)
+    clear_row(to.scales, surfel)
+    clear_row(to.features, surfel)
+    clear_row(to.offsets, surfel)
+
+
+@njit(**INLINED, **BORROWING)
+def unpack_channels(surfel, slots, first, past, stride, channels, spare, to_features):
     """Sum the channels that have slots of their own; returns the gradient of the normal."""
     x, y, z = 0.0, 0.0, 0.0
     normal = first_normal(channels)
     for at in range(0, stride, LANES):
-        sum_slots(slots, first, past, stride, at, total)
+        sum_slots(slots, first, past, stride, at, spare, 0)
         for lane in range(LANES):
             channel = at + lane
             if channel < channels:
-                to_features[surfel, channel] = total[lane]
+                to_features[surfel, channel] = spare[lane]
             elif channel == normal:
-                x = np.float64(total[lane])
+                x = np.float64(spare[lane])
             elif channel == normal + 1:
-                y = np.float64(total[lane])
+                y = np.float64(spare[lane])
             elif channel == normal + 2:
-                z = np.float64(total[lane])
+                z = np.float64(spare[lane])
     return x, y, z
 
 
-@njit(error_model="numpy", **UNWRAPPED)
-def unproject_part(
-    part, parts, discs, view, found, to_channels, stride, heights, to
-):  # fmt: skip
+@njit(**INLINED, **BORROWING)
+def sum_surfel(surfel, lane, found, to_channels, stride, totals, spare, pulls, to):
+    """Sum the slots of one surfel: write its channels, and the rest to a lane of ``pulls``."""
+    first, past, channels = found.slots[surfel], found.slots[surfel + 1], to.features.shape[1]
+    to_normal, place = ZERO, lane * LANES
+    if to_channels is not None:
+        to_normal = unpack_channels(surfel, to_channels, first, past, stride, channels, spare, to.features)
+    sum_slots(found.to_geometry, first, past, LANES, 0, totals, place)
+    if to_channels is None:
+        for channel in range(channels):
+            to.features[surfel, channel] = totals[place + FIRST_CHANNEL + channel]
+    for column in range(LANES):
+        pulls[column * EIGHT + lane] = totals[place + column]
+    for axis in range(3):
+        pulls[(FACING + axis) * EIGHT + lane] = to_normal[axis]
+
+
+@njit(**UNWRAPPED, **BORROWING)
+def unproject_range(begin, end, discs, view, found, to_channels, stride, heights, room, to):
+    """Gradients of some surfels, eight at a time; the rest is given as to ``unproject_part``."""
+    numbers, pulls, made, totals, spare = room
+    for first in range(begin, end, EIGHT):
+        past = min(first + EIGHT, end)
+        if found.slots[first] < found.slots[past]:
+            for surfel in range(first, past):
+                lane = surfel - first
+                sum_surfel(surfel, lane, found, to_channels, stride, totals, spare, pulls, to)
+            gather(discs, first, end, numbers)
+            unproject_eight(numbers, pulls, view, heights, made)
+        for surfel in range(first, past):
+            if found.slots[surfel] < found.slots[surfel + 1]:
+                scatter(made, surfel - first, surfel, discs, found.rows, totals, to)
+            else:
+                clear(surfel, to)
+
+
+@njit(**UNWRAPPED)
+def unproject_part(part, parts, discs, view, found, to_channels, stride, heights, to):
     """Gradients of the surfels; the first arguments are those of ``project``.
 
     Args:
@@ -199,26 +262,15 @@ def unproject_part(
         heights: whether there are depths and normals.
         to: ``Gradients``, to be written.
     """
-    channels, rows, slots, to_geometry = to.features.shape[1], found.rows, found.slots, found.to_geometry
     begin, end = share(part, parts, len(discs.centres))
-    for surfel in range(begin, end):
-        first, past = slots[surfel], slots[surfel + 1]
-        if first == past:
-            to.centres[surfel], to.rotations[surfel], to.scales[surfel] = 0, 0, 0
-            to.opacities[surfel], to.features[surfel] = 0, 0
-            to.offsets[surfel] = 0
-            continue
-        total, to_normal = np.empty(LANES, np.float32), ZERO
-        if to_channels is not None:
-            to_normal = unpack_channels(
-                surfel, to_channels, first, past, stride, channels, total, to.features
-            )
-        sum_slots(to_geometry, first, past, LANES, 0, total)
-        if to_channels is None:
-            for channel in range(channels):
-                to.features[surfel, channel] = total[FIRST_CHANNEL + channel]
-        moved = np.float64(discs.offsets[surfel, 0]), np.float64(discs.offsets[surfel, 1])
-        unproject_one(surfel, discs, moved, view, rows[surfel], total, heights, to_normal, to)
+    room = (
+        np.empty(NUMBERS * EIGHT),
+        np.zeros(PULLS * EIGHT),
+        np.empty(MADE * EIGHT),
+        np.empty(LANES * EIGHT, np.float32),
+        np.empty(LANES, np.float32),
+    )
+    unproject_range(begin, end, discs, view, found, to_channels, stride, heights, room, to)
 
 
 @njit(cache=True)

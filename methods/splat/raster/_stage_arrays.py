@@ -2,6 +2,7 @@
 """The arrays that one stage of the engine hands to the next."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -146,7 +147,7 @@ class Scene:
         """The surfels without features."""
         return Discs(self.centres, self.rotations, self.scales, self.opacities, self.offsets)
 
-    @property
+    @cached_property
     def view(self) -> View:
         """The camera."""
         K, size = np.ascontiguousarray(self.camera.K), (self.camera.width, self.camera.height)

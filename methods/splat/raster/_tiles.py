@@ -7,7 +7,7 @@ import numpy as np
 from numba import get_num_threads
 
 from graycard.methods._numba import njit
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run_in, share, task
 
 TILE = 16
 """Pixels on the side of a tile, which one thread draws at a time."""
@@ -51,13 +51,10 @@ def tile_lists(bounds: np.ndarray, depths: np.ndarray, width: int, height: int) 
     """
     columns, rows = -(-width // TILE), -(-height // TILE)
     order = _nearest_first(bounds, depths)
-    bands = min(get_num_threads(), rows)
-    counts = np.empty(columns * rows, np.int32)
-    _count(bands, order, bounds, columns, rows, counts)
-    start = np.zeros(counts.size + 1, np.int32)
-    np.cumsum(counts, out=start[1:])
+    start = np.empty(columns * rows + 1, np.int32)
+    _running_counts(bounds, columns, rows, start)
     surfels = np.empty(start[-1], np.int32)
-    _fill(bands, order, bounds, columns, rows, start, surfels)
+    _fill(min(get_num_threads(), rows), order, bounds, columns, rows, start, surfels)
     return TileLists(start, surfels)
 
 
@@ -81,14 +78,44 @@ def past_tile(pixel):
     return (pixel + TILE - 1) // TILE
 
 
+@njit(**INLINED, **BORROWING)
+def tiles_of(bounds, surfel):
+    """Columns of tiles from and to (excluded), and rows, that a surfel touches; all zero if it does not."""
+    left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
+    return left, right, bounds[surfel, 2] // TILE, past_tile(bounds[surfel, 3])
+
+
+@njit(cache=True)
+def _running_counts(bounds, columns, rows, start):
+    """Write where each tile's list begins.
+
+    A surfel marks the four corners of its tiles. The sum of all marks above and to the left of a tile is the
+    number of surfels that touch it: nothing need be done tile by tile for each of them.
+    """
+    marks, above = np.zeros((rows + 1, columns + 1), np.int32), np.zeros(columns, np.int32)
+    for surfel in range(len(bounds)):
+        left, right, top, bottom = tiles_of(bounds, surfel)
+        marks[top, left] += 1
+        marks[top, right] -= 1
+        marks[bottom, left] -= 1
+        marks[bottom, right] += 1
+    start[0] = 0
+    for row in range(rows):
+        along = 0
+        for column in range(columns):
+            along += marks[row, column]
+            above[column] += along
+            tile = row * columns + column
+            start[tile + 1] = start[tile] + above[column]
+
+
 @njit(cache=True)
 def _running_areas(bounds, slots):
     """Sum up tiles."""
     slots[0] = 0
     for surfel in range(len(bounds)):
-        left, right, top, bottom = bounds[surfel]
-        tiles = (past_tile(right) - left // TILE) * (past_tile(bottom) - top // TILE)
-        slots[surfel + 1] = slots[surfel] + (tiles if right > left else 0)
+        left, right, top, bottom = tiles_of(bounds, surfel)
+        slots[surfel + 1] = slots[surfel] + (right - left) * (bottom - top)
 
 
 @njit(**UNWRAPPED)
@@ -147,36 +174,22 @@ def _nearest_first(bounds, depths):
 
 
 @njit(**UNWRAPPED)
-def _count_band(band, bands, order, bounds, columns, rows, counts):
-    """Count the surfels of each tile of a band of rows of tiles."""
-    first, past = share(band, bands, rows)
-    counts[first * columns : past * columns] = 0
-    for surfel in order:
-        left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
-        top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
-        for row in range(top, bottom):
-            for column in range(left, right):
-                counts[row * columns + column] += 1
-
-
-@njit(**UNWRAPPED)
 def _fill_band(band, bands, order, bounds, columns, rows, start, surfels):
     """Write the lists of a band of rows of tiles, in the order that is given."""
     first, past = share(band, bands, rows)
     position = start[:-1].copy()
     for surfel in order:
-        left, right = bounds[surfel, 0] // TILE, past_tile(bounds[surfel, 1])
-        top, bottom = max(bounds[surfel, 2] // TILE, first), min(past_tile(bounds[surfel, 3]), past)
-        for row in range(top, bottom):
-            for column in range(left, right):
-                surfels[position[row * columns + column]] = surfel
-                position[row * columns + column] += 1
-
-
-@njit(cache=True)
-def _count(bands, *given):
-    """Count the surfels of each tile; the rest is given as to ``_count_band``."""
-    run_in(task(_count_band, given), bands)
+        left, right, top, bottom = tiles_of(bounds, surfel)
+        top, bottom = max(top, first), min(bottom, past)
+        tile, across = top * columns + left, right - left
+        column = left
+        for _ in range(across * (bottom - top)):  # one loop, not two: where it ends is guessed wrong once
+            surfels[position[tile]] = surfel
+            position[tile] += 1
+            column += 1
+            is_last = column == right
+            tile += columns - across + 1 if is_last else 1
+            column = left if is_last else column
 
 
 @njit(cache=True)

@@ -35,6 +35,12 @@ Python must not call them: there is nothing to call, and the process ends.
 INLINED: dict[str, Any] = {"forceinline": True, **UNWRAPPED}
 """The same, of those that become part of their callers."""
 
+BORROWING: dict[str, Any] = {"_nrt": False}
+"""Options of Numba for functions that make no array: they count no users of arrays, which their callers hold.
+
+Else each array of a tuple that a function is given is counted, used or not: a quarter of the time of drawing
+backward and of tracing. Those that return an array that they were given are for borrowing callers only.
+"""
 get_num_threads()
 """Starts Numba's threads. Numba does so when it compiles a parallel loop or loads one from its cache, but not
 when it loads a function whose loop was loaded while it was compiled itself: a call would end the process."""

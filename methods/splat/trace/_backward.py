@@ -13,7 +13,7 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run_in, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run_in, task
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._forward import (
     CAPACITY,
@@ -36,7 +36,7 @@ INNER = 3
 LN_2 = np.float32(log(2))
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def sum_lanes(vectors, target, at):
     """The lane sums of the sixteen vectors of an array, written to another."""
     load = simd.load
@@ -47,7 +47,7 @@ def sum_lanes(vectors, target, at):
     simd.store(target, at, simd.lane_sums(first + second + third + fourth))
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def read_gradients(members, moments, to_found, gradients, to_moments):
     """Bring a packet's gradients into vectors: of the channels, of the sums of w and w t, of what passes.
 
@@ -68,7 +68,7 @@ def read_gradients(members, moments, to_found, gradients, to_moments):
             to_moments[2 * LANES + lane] = to_transmittance[ray]
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
     """Derivative of the loss by each weight."""
     places, distance = hits.places, hits.distance
@@ -82,7 +82,7 @@ def pulls(hits, rows, order, features, channels, gradients, to_moments, pull):
         simd.store(pull, row * LANES, total)
 
 
-@njit(error_model="numpy", **UNWRAPPED)
+@njit(error_model="numpy", **UNWRAPPED, **BORROWING)
 def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
     """Derivative by each alpha, along each ray from its end: what it adds, less what it takes from behind."""
     places, _, _, alpha, before, sequence, counts = hits
@@ -98,7 +98,7 @@ def walk_back(hits, rows, passing, to_moments, pull, to_alpha):
                 behind += before[at] * alpha[at] * pull[at]
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     """From the gradients of alpha and of the sum of w t to pulls on the record, for sixteen hits.
 
@@ -128,13 +128,13 @@ def hit_gradient(record, ray, alpha, weight, to_alpha, to_way):
     return t, point, to_u, to_v, to_n, to_log
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def moved(record, to_u, to_v, to_n, k):
     """One coordinate of the gradient by the origin."""
     return simd.fma(to_u, record[0][k], simd.fma(to_v, record[1][k], to_n * record[2][k]))
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride, sums, to_rays):
     """Add what a packet's discs receive to their sums, but for the outer channels; and the rays' own."""
     places, _, _, alphas, before, _, _ = hits
@@ -165,7 +165,7 @@ def add_rows(hits, rows, records, rays, gradients, to_moments, to_alpha, stride,
     simd.store(to_rays, 5 * LANES, dz)
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
     """Add what a packet's discs receive by the channels beyond the inner ones."""
     places, masks, _, alpha, before, _, _ = hits
@@ -186,7 +186,7 @@ def add_channels(hits, rows, channels, gradients, stride, sums, vectors):
                 simd.store(sums, target, simd.load(sums, target) + simd.load(vectors, 0))
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def write_rays(members, to_rays, to_origins, to_directions):
     for lane in range(LANES):
         if members[lane] >= 0:
@@ -210,7 +210,7 @@ def backward_strip(first, past, tree, asked, features, kept, to_found, stride, s
         rays_of(packet, asked.origins.shape[0], asked.width, members)
         read_rays(asked.origins, asked.directions, asked.far, members, rays)
         if kept.rows[packet] >= 0:
-            rows = recall(tree, rays, asked.near, kept, packet, hits)
+            rows = recall(tree, rays, asked.near, kept, packet, search.distance, hits)
             put_in_order(hits, rows, tree.order)
         else:
             rows, hits = gather_all(tree, rays, asked.near, search, hits)

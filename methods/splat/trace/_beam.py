@@ -12,7 +12,7 @@ import numpy as np
 
 from graycard.methods._numba import njit
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._bvh_kernels import BOX
 from graycard.methods.splat.trace._masks import lowest_bit, mask_at_least
@@ -40,7 +40,7 @@ class Beam(NamedTuple):
     slope_high_2: np.float32
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def main_axis(rays, first, past):
     """The axis along which some rays of a packet advance the most, and its sign."""
     axis, most = 0, np.float32(0)
@@ -53,7 +53,7 @@ def main_axis(rays, first, past):
     return axis, np.float32(1) if most >= 0 else np.float32(-1)
 
 
-@njit(error_model="numpy", **UNWRAPPED)
+@njit(error_model="numpy", **UNWRAPPED, **BORROWING)
 def lines(rays, first, past, axis, sign, start, other):
     """Bounds of another coordinate: least and largest value at the start, and least and largest slope."""
     low = slope_low = np.float32(np.inf)
@@ -66,7 +66,7 @@ def lines(rays, first, past, axis, sign, start, other):
     return low, high, slope_low, slope_high
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def beam_of(rays, first, past):
     """The beam of some rays of a packet, and whether they all advance along one axis as a beam must."""
     axis, sign = main_axis(rays, first, past)
@@ -80,14 +80,14 @@ def beam_of(rays, first, past):
     return beam, slowest >= SLOWEST
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def farthest(beam, reach):
     """Distance s to the far side of the box around everything; negative where it is behind the beam."""
     side = reach[3 + beam.axis] if beam.sign > 0 else -reach[beam.axis]
     return side - beam.start
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def width_of(beam, end):
     """Metres: the larger of the beam's two widths at the distance ``end``."""
     first = beam.high_1 - beam.low_1 + end * (beam.slope_high_1 - beam.slope_low_1)
@@ -95,7 +95,7 @@ def width_of(beam, end):
     return max(first, second)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def beside(boxes, at, other, entry, leave, low, high, slope_low, slope_high):
     """By how much sixteen rectangles overlap a wedge; negative where they lie beside it."""
     upper_s = leave if slope_high >= 0 else entry
@@ -106,7 +106,7 @@ def beside(boxes, at, other, entry, leave, low, high, slope_low, slope_high):
     return simd.minimum(above, simd.load(boxes, at + (3 + other) * LANES) - lower)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def touched(boxes, group, beam):
     """Which of sixteen boxes a beam may touch, as the bits of a number."""
     at, axis = group * (BOX * LANES), beam.axis
@@ -125,7 +125,7 @@ def touched(boxes, group, beam):
     return mask_at_least(simd.minimum(leave, simd.minimum(first, second)), zero)
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def leaves_touched(boxes, levels, beam, found, spare):
     """Leaves that a beam may touch.
 
@@ -152,13 +152,13 @@ def leaves_touched(boxes, levels, beam, found, spare):
     return count, found, spare
 
 
-@njit(error_model="numpy", **INLINED)
+@njit(error_model="numpy", **INLINED, **BORROWING)
 def bucket_of(distance, end):
     """The step of distance, of those from the start to ``end``."""
     return int(min(max(distance, 0.0) * (BUCKETS / max(end, SHORTEST)), BUCKETS - 1.0))
 
 
-@njit(error_model="numpy", **UNWRAPPED)
+@njit(error_model="numpy", **UNWRAPPED, **BORROWING)
 def near_to_far(boxes, first_group, beam, end, count, leaves, ordered, starts):
     """Put leaves in the order of the buckets of distance in which their boxes begin.
 

@@ -6,7 +6,7 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED, UNWRAPPED, run, share, task
+from graycard.methods.splat.simd._parts import BORROWING, INLINED, UNWRAPPED, run, share, task
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._gather import gather, keep, new_hits, new_search, put_in_order
 
@@ -30,7 +30,7 @@ def packets_of(count, width):
     return ((width + BLOCK - 1) // BLOCK) * ((count // width + BLOCK - 1) // BLOCK)
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def rays_of(packet, count, width, members):
     """Rays of a packet, -1 where it reaches past the last or past the border of the image."""
     across = (width + BLOCK - 1) // BLOCK
@@ -44,7 +44,7 @@ def rays_of(packet, count, width, members):
         members[lane] = ray if inside else -1
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def read_rays(origins, directions, far, members, rays):
     """Bring a packet's rays and their ends into vectors; its first stands for those that are not there."""
     for lane in range(LANES):
@@ -66,7 +66,7 @@ def gather_all(tree, rays, near, search, hits):
     return rows, hits
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def weigh(hits, rows, rays, transmittance):
     """Walk each ray's sequence: what passes before each disc, and after the last that counts."""
     places, _, distance, alpha, before, sequence, counts = hits
@@ -85,12 +85,12 @@ def weigh(hits, rows, rays, transmittance):
         transmittance[lane] = passing
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def row_weight(alpha, before, row):
     return simd.load(alpha, row * LANES) * simd.load(before, row * LANES)
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def scattered(values, members, out, channel):
     """Write a packet's vector to the rows of an array."""
     for lane in range(LANES):
@@ -98,7 +98,7 @@ def scattered(values, members, out, channel):
             out[members[lane], channel] = values[lane]
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def sum_moments(hits, rows, moments):
     """Sums of w and of w t of a packet."""
     _, _, distance, alpha, before, _, _ = hits
@@ -110,7 +110,7 @@ def sum_moments(hits, rows, moments):
     simd.store(moments, LANES, way)
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def write_features(hits, rows, order, features, members, out, vector):
     """Sum a packet's features and write them."""
     places, _, _, alpha, before, _, _ = hits

@@ -13,7 +13,7 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import UNWRAPPED
+from graycard.methods.splat.simd._parts import BORROWING, UNWRAPPED
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._beam import (
     BUCKETS,
@@ -135,7 +135,7 @@ def new_search(leaves):
     )
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def put_in_order(hits, rows, order):
     """Write the sequences: by distance, equals by index of the surfel.
 
@@ -161,7 +161,7 @@ def put_in_order(hits, rows, order):
             counts[lane] += 1
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def gather(tree, rays, near, search, hits):
     """Find what a packet meets.
 
@@ -188,7 +188,7 @@ def gather(tree, rays, near, search, hits):
     return rows
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def gather_packet(tree, rays, near, beam, end, search, hits):
     """Rows of a whole packet: discs whose boxes the beam may touch, each against all rays."""
     count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
@@ -228,7 +228,7 @@ def gather_packet(tree, rays, near, beam, end, search, hits):
     return rows
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     """Rows of one ray of a packet, from ``rows`` on: sixteen discs of a leaf at a time."""
     count, leaves, spare = leaves_touched(tree.boxes, tree.levels, beam, search.leaves, search.spare)
@@ -267,7 +267,7 @@ def gather_ray(tree, rays, lane, near, beam, end, search, hits, rows):
     return rows
 
 
-@njit(**UNWRAPPED)
+@njit(**UNWRAPPED, **BORROWING)
 def keep(hits, rows, kept, packet):
     """Note a packet's discs and masks, if there is room."""
     places, masks, kept_places, kept_masks = hits.places, hits.masks, kept.places, kept.masks
@@ -277,13 +277,16 @@ def keep(hits, rows, kept, packet):
             kept_places[packet, row], kept_masks[packet, row] = places[row], masks[row]
 
 
-@njit(**UNWRAPPED)
-def recall(tree, rays, near, kept, packet, hits):
-    """Rows of a packet whose discs and masks were kept: what ``gather`` wrote, to the bit."""
+@njit(**UNWRAPPED, **BORROWING)
+def recall(tree, rays, near, kept, packet, member, hits):
+    """Rows of a packet whose discs and masks were kept: what ``gather`` wrote, to the bit.
+
+    ``member`` is room for a vector.
+    """
     kept_places, kept_masks, rows = kept.places, kept.masks, kept.rows[packet]
     places, masks, distance, alphas, _, _, _ = hits
     records, ray = tree.records, all_rays(rays)
-    first, zero, member = simd.broadcast(near), simd.broadcast(0.0), np.empty(LANES, np.float32)
+    first, zero = simd.broadcast(near), simd.broadcast(0.0)
     for row in range(rows):
         place, mask = kept_places[packet, row], np.int64(kept_masks[packet, row])
         places[row], masks[row] = place, mask

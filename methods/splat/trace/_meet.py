@@ -8,7 +8,7 @@ import numpy as np
 from graycard.methods._numba import njit
 from graycard.methods.splat._maps import ALPHA_MAX, ALPHA_MIN
 from graycard.methods.splat.simd import _vector as simd
-from graycard.methods.splat.simd._parts import INLINED
+from graycard.methods.splat.simd._parts import BORROWING, INLINED
 from graycard.methods.splat.simd._vector import LANES
 from graycard.methods.splat.trace._bvh_kernels import LOG_OPACITY, RECORD
 
@@ -17,7 +17,7 @@ MISSED = np.float32(1e30)
 """The exponent of what is not met."""
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def one_record(records, place):
     """The numbers of the surfel in one place, each in all lanes."""
     at = place // LANES * (RECORD * LANES) + place % LANES
@@ -29,7 +29,7 @@ def one_record(records, place):
     return u, v, n, c, ld(records, at + LOG_OPACITY * LANES)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def leaf_records(records, leaf):
     """The numbers of a leaf's surfels, one a lane."""
     at, ld = leaf * (RECORD * LANES), simd.load
@@ -40,14 +40,14 @@ def leaf_records(records, leaf):
     return u, v, n, c, ld(records, at + LOG_OPACITY * LANES)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def all_rays(rays):
     """Origins and directions of a packet, one ray a lane."""
     origin = (simd.load(rays, 0), simd.load(rays, 16), simd.load(rays, 32))
     return origin, (simd.load(rays, 48), simd.load(rays, 64), simd.load(rays, 80))
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def one_ray(rays, lane):
     """Origin and direction of one ray of a packet, in all lanes."""
     ld = simd.load_scalar
@@ -55,12 +55,12 @@ def one_ray(rays, lane):
     return origin, (ld(rays, lane + 48), ld(rays, lane + 64), ld(rays, lane + 80))
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def dot(a, b):
     return simd.fma(a[0], b[0], simd.fma(a[1], b[1], a[2] * b[2]))
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def meet(record, ray):
     """Where rays meet the planes of discs.
 
@@ -83,14 +83,14 @@ def meet(record, ray):
     return t, point, dot(u, point), dot(v, point), slope
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def exponents(record, near, t, u, v):
     """The exponent of each hit, ``MISSED`` where too near, and the last one at which a hit counts."""
     exponent = simd.where_at_least(t, near, simd.fma(u, u, v * v), simd.broadcast(MISSED))
     return exponent, record[4] - simd.broadcast(LOG_ALPHA_MIN)
 
 
-@njit(**INLINED)
+@njit(**INLINED, **BORROWING)
 def drawn_alpha(record, exponent, last):
     """Alpha as it is drawn, zero where the exponent is beyond the last that counts."""
     alpha = simd.minimum(simd.exp2(record[4] - exponent), simd.broadcast(ALPHA_MAX))
