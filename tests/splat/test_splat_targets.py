@@ -60,18 +60,19 @@ def test_the_same_bits_from_any_process_and_any_number_of_threads(checks: Module
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("processor", "beyond"),
+    ("processor", "beyond", "fuses"),
     [
-        ("x86-64-v3", "avx512f"),  # AVX2 and FMA, no AVX-512
-        ("x86-64", "avx2"),  # without AVX, without FMA
+        ("x86-64-v3", "avx512f", True),  # AVX2 and FMA, no AVX-512
+        ("x86-64", "avx2", False),  # without AVX, without FMA
     ],
 )
-def test_lesser_processors_draw_the_same(processor: str, beyond: str, tmp_path: Path):
+def test_lesser_processors_draw_the_same(processor: str, beyond: str, fuses: bool, tmp_path: Path):
     """A cache of its own, or Numba would take what it compiled for this one.
 
     On a processor that has no more than they the test above runs the same script, with the same checks.
     """
     if platform.machine() not in ("x86_64", "AMD64") or not binding.get_host_cpu_features().get(beyond):
         pytest.skip(f"this processor has no {beyond}: it is no better, and all tests draw on it")
-    run(NUMBA_CPU_NAME=processor, NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path))
+    lesser = run(NUMBA_CPU_NAME=processor, NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path))
     assert list(tmp_path.rglob("*.nbc")), "nothing was compiled"
+    assert (lesser == run()) == fuses, "without a fused multiply-add the last bits differ, else none may"
