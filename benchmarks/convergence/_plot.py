@@ -33,7 +33,7 @@ def convergence_plot(curves: Sequence[Curve], metrics: Sequence[MetricRecord]) -
     Raises:
         GraycardError: matplotlib is not installed.
     """
-    titles = {m.id: m.title if m.unit in ("", "1") else f"{m.title}, {m.unit}" for m in metrics}
+    titles = {m.id: m.title if m.unit in ("", "1") else f"{m.title}\n{m.unit}" for m in metrics}
     axes_kinds = list(dict.fromkeys((curve.track, curve.axis) for curve in curves))
     shown = [m for m in _SHOWN if any(p.mean(m) is not None for c in curves for p in c.points)]
     with new_figure(3 * len(shown), 2.7 * len(axes_kinds)) as figure:
