@@ -198,6 +198,7 @@ def test_importing_a_module_only_defines_names(tree: Path) -> None:
     works = {name for name in reached for node in body_of(tree, name) if not is_definition(node)}
     assert works == {
         "graycard.methods._numba",  # says where kernels are kept, before the first is declared
+        "graycard.methods.splat.simd._doubles",  # as _vector
         "graycard.methods.splat.simd._parts",  # starts Numba's threads
         "graycard.methods.splat.simd._vector",  # teaches Numba the operators of its own type
         "graycard.methods.splat.warm.__main__",  # a program
