@@ -74,7 +74,7 @@ class GsidSettings:
     """Of the photometric loss of both stages; all else is the mean absolute difference."""
     material_start: float = 0.0
     """Share of the second stage after which materials begin to move; before, light alone does (inferred)."""
-    tile: int = 56
+    tile: int = 112
     """Pixels, about, along the sides of what is shaded at a step of the second stage: views are cut into
     tiles, and in each round every tile of every view has its turn once (inferred; the paper shades whole
     views, on a GPU). A step costs the same for pictures of any size."""
