@@ -40,7 +40,7 @@ class Point:
     """A method at one budget."""
 
     budget: int
-    """Of steps or surfels."""
+    """Number of steps or surfels."""
     scores: Mapping[str, Mapping[str, float]]
     """By metric and scene: the mean over seeds, in the unit of the metric."""
     wall_s: float
@@ -54,13 +54,13 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """What a doubling of the budget adds to a score between two points."""
+    """Gain of a score for each doubling of the budget between two points."""
 
     metric: str
     start: int
     end: int
     mean: float
-    """Over scenes, a doubling, in the unit of the metric."""
+    """Mean gain over scenes for each doubling, in the unit of the metric."""
     error: float
     """Standard error of the mean over scenes; NaN with one scene."""
     scenes: int

@@ -24,7 +24,7 @@ HALF_VIEW = 0.7
 """Tangent of half the angle of view."""
 REFLECTANCE = 0.9
 ELECTRONS, READ_NOISE = 10_000.0, 5.0
-"""Of a pixel at white, and of reading it."""
+"""Electrons that a pixel holds at white, and standard deviation of the noise of reading it, electrons."""
 KNOTS = 16
 """Angles in the table."""
 _SEED = 0
@@ -32,7 +32,7 @@ _SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class BoardSamples:
-    """What photographs of the board say; N samples."""
+    """Samples of the photographs of the board; N of them."""
 
     points: np.ndarray
     """Shape ``(N, 3)``, camera axes, metres: known, as the board's pose is."""

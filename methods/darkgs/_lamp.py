@@ -28,7 +28,7 @@ class LampProfile:
     tau: float
     """Square metres, added to the squared distance."""
     exponent: float
-    """Of that sum; 1 for the square of the distance."""
+    """Exponent of that sum; 1 for the square of the distance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class MeasuredLamp:
 
 
 def irradiance(lamp: Lamp | MeasuredLamp, points: torch.Tensor) -> torch.Tensor:
-    """What a lamp brings to surfaces that face it: ``I(angle) / (tau + d^2)^gamma``.
+    """Return the irradiance of surfaces that face a lamp: ``I(angle) / (tau + d^2)^gamma``.
 
     Args:
         lamp: In camera axes.
@@ -67,7 +67,10 @@ def irradiance(lamp: Lamp | MeasuredLamp, points: torch.Tensor) -> torch.Tensor:
 
 
 def exact_irradiance(lamp: Lamp, points: torch.Tensor) -> torch.Tensor:
-    """The same of a lamp as it is told: a point, or a spot by the renderer's own formula; gamma is 1."""
+    """Return the irradiance under a lamp as it is told, see :func:`irradiance`; gamma is 1.
+
+    A spot shines by the renderer's own formula.
+    """
     away = points - points.new_tensor(lamp.position)
     squared = (away * away).sum(dim=-1, keepdim=True)
     return points.new_tensor(lamp.intensity) * _share(lamp, away) / (TAU + squared)

@@ -41,7 +41,7 @@ class DarkGsScene(LayeredScene):
     stays: bool = True
     """Whether the light that stays shines."""
     profile: LampProfile | None = None
-    """Of the calibrated lamp, as its beam was measured; None: as it was told. Others shine as told."""
+    """Measured beam of the calibrated lamp; None: it shines as told. Other lamps shine as told."""
 
     @property
     def provides(self) -> frozenset[str]:

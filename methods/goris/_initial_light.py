@@ -100,8 +100,8 @@ def initial_lights(
         extent: Of the scene, metres.
 
     Returns:
-        Two at most. None where glossy surfaces are seen by too few views to determine the environment, where
-        next to nothing else is reflected, which would fit any F0, or where views differ by noise alone.
+        Two at most. The list is empty if too few views see glossy surfaces to determine the environment, if
+        surfaces reflect next to nothing else, which would fit any F0, or if views differ by noise alone.
     """
     found = observations(values, shots, settings, extent)
     return [_light_of(found, f0, settings.sky_size) for f0 in found_f0s(found)]

@@ -35,7 +35,7 @@ HEIGHT = 0.25
 APART = 0.1
 """Shares of the extent: how far the halves of a lamp begin from its place."""
 STRENGTHS = (1.0, 0.3)
-"""Of what is missing: with so much a lamp that is moved is tried."""
+"""Shares of the missing light with which a moved lamp is tried."""
 _SMOOTH = 3
 """Pixels, of views of half the size, over which missing light is averaged: a highlight is no lamp."""
 
@@ -55,7 +55,7 @@ class Lack:
 
 @torch.no_grad()
 def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = None) -> FitState:
-    """A state whose lamps have been changed wherever that lowers the loss over all views.
+    """Return a state whose lamps were changed wherever that lowers the loss over all views.
 
     In turn: the weakest lamp is put out; the two that are nearest become one; the brightest becomes two; one
     that is out shines where light is missing; and lights that were looked for anew take the place of all, or
@@ -89,7 +89,7 @@ class _Trial:
 
     stage: LightStage
     half: LightStage
-    """The same with views of half the size, on which all proposals are tried."""
+    """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters
 
     @property
@@ -102,7 +102,7 @@ class _Trial:
 
     @cached_property
     def loss(self) -> float:
-        """Over all pixels of all views."""
+        """Loss over all pixels of all views."""
         return objective_in(self.stage, self.parameters).over_all(self.parameters.all)
 
     @cached_property

@@ -43,12 +43,12 @@ seen."""
 DIM = 0.5
 """Of the mean brightness: pixels that are darker do not count for more, since bounced light rules there."""
 DOUBT = 0.6
-"""Of the sky, while places of lamps are looked for: as if so many of the samples, by their weight, had been
+"""Doubt of the sky while places of lamps are looked for: as if this share of the samples, by weight, had been
 seen black under it alone. What no lamp explains exactly, with shadows and materials that are about known, a
 sky of six colours explains in part: without a doubt it hides lamps. Strengths are then solved without doubt:
 a fit that begins with a sky held down does not bring it back."""
 LEAST_SKY = 0.05
-"""Of the mean radiance: each face of the sky begins with so much at least. A much darker one stays dark, as
+"""Share of the mean radiance that each face of the sky begins with at least. A much darker one stays dark, as
 its logarithm moves by small steps."""
 HALVINGS = 2
 """Of the step by which places are looked for between those of the grid."""

@@ -89,7 +89,7 @@ class GeometryObjective:
 def agreement(
     drawn: Maps, camera: Camera, guess: torch.Tensor | None, settings: GsidSettings
 ) -> torch.Tensor:
-    """How far surfels are from each other, and from the normals of a prior.
+    """Return the weighted disagreement of surfels with each other, and with the normals of a prior.
 
     Args:
         drawn: A view.

@@ -71,7 +71,7 @@ class GsidSettings:
     sky_weight: float = 1e-2
     """Of the mean absolute difference between neighbours in the cubemap (GS-IR)."""
     ssim_share: float = 0.2
-    """Of the photometric loss of both stages; all else is the mean absolute difference."""
+    """Share of SSIM in the photometric loss of both stages; the rest is the mean absolute difference."""
     material_start: float = 0.0
     """Share of the second stage after which materials begin to move; before, light alone does (inferred)."""
     tile: int = 112
@@ -79,8 +79,8 @@ class GsidSettings:
     tiles, and in each round every tile of every view has its turn once (inferred; the paper shades whole
     views, on a GPU). A step costs the same for pictures of any size."""
     geometry_rate: float = 0.1
-    """Of the first stage's learning rates: how fast scales, rotations and opacities move in the second, whose
-    losses between surfels, and of normals, go on then. Places stand still, as in the paper."""
+    """Factor on the first stage's learning rates: with it scales, rotations and opacities move in the second.
+    Losses between surfels, and of normals, then go on. Positions stand still, as in the paper."""
     aggregate_every: float = 0.1
     """Share of the second stage after which lamps that do next to nothing are put where light is missing,
     and rays are traced anew (inferred)."""

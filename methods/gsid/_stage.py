@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second stage looks at: surfels, tiles of the views, and light that is found with rays."""
+"""Inputs of the second stage: surfels, tiles of the views, and light that is found with rays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -18,7 +18,7 @@ from graycard.methods.splat import Parameters, Surfels, surfels_of
 
 @dataclass(frozen=True, eq=False)
 class LightStage:
-    """What the second stage looks at."""
+    """Inputs of the second stage."""
 
     surfels: Surfels
     shots: Sequence[DeferredView]
@@ -33,7 +33,7 @@ class LightStage:
 
     @property
     def steps(self) -> int:
-        """Of this stage."""
+        """Number of steps of this stage."""
         return self.settings.iterations - self.settings.geometry_steps
 
     def reached(self, places: torch.Tensor) -> torch.Tensor:
@@ -47,7 +47,7 @@ class LightStage:
 
 
 def renewed(stage: LightStage, parameters: Parameters) -> LightStage:
-    """The same stage with the surfels where they are by now."""
+    """Return the stage with the surfels of the current parameters."""
     if stage.settings.geometry_rate == 0:
         return stage
     surfels, opened = surfels_of(parameters.surfels), parameters.surfels[OPEN]
@@ -56,7 +56,7 @@ def renewed(stage: LightStage, parameters: Parameters) -> LightStage:
 
 
 def at_half_size(stage: LightStage, parameters: Parameters) -> LightStage:
-    """The same stage with views of half the width and height, undivided: to try much on all views."""
+    """Return the stage with undivided views of half the width and height: cheap trials on all views."""
     shots = [shot.at_half_size(stage.surfels, parameters.surfels[OPEN]) for shot in stage.shots]
     largest = max(max(shot.shown.shape) for shot in shots)
     return replace(
@@ -65,7 +65,7 @@ def at_half_size(stage: LightStage, parameters: Parameters) -> LightStage:
 
 
 def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
-    """What is to be lowered, with rays traced to where the lamps are."""
+    """Return the loss, with rays traced to where the lamps are."""
     settings, tiles, reached = stage.settings, [], []
     for shot, reach in zip(stage.shots, reach_in(stage, parameters), strict=True):
         height, width = shot.shown.shape[:2]
@@ -77,7 +77,7 @@ def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
 
 
 def reach_in(stage: LightStage, parameters: Parameters) -> list[Reach]:
-    """What arrives of the lights in each training view."""
+    """Return the light that arrives in each training view."""
     reached = bounced = None
     if stage.settings.visibility == "traced":
         reached = stage.reached(parameters.shared[POSITIONS])

@@ -36,7 +36,7 @@ def points_of(depth: torch.Tensor, lens: torch.Tensor) -> torch.Tensor:
 def lamp_map(
     values: Mapping[str, torch.Tensor], points: torch.Tensor, side: int, kind: LightMap
 ) -> torch.Tensor:
-    """What the lamp sends to each pixel, found at the middle of each tile.
+    """Return the lamp's light at each pixel, found at the middle of each tile.
 
     Args:
         values: The lamp's parameters.
@@ -56,7 +56,7 @@ def lamp_map(
 
 
 def light_evaluations(width: int, height: int, side: int) -> int:
-    """How often :func:`lamp_map` asks the lamp's network for a picture: once a tile.
+    """Return how often :func:`lamp_map` evaluates the lamp's network for a picture: once a tile.
 
     Example:
         >>> light_evaluations(112, 112, 2), light_evaluations(112, 112, 3)
