@@ -24,7 +24,7 @@ from graycard.methods.goris._model import (
 )
 from graycard.methods.goris._objective import LightObjective, RadianceObjective
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._training_views import TrainingView
+from graycard.methods.goris._training_views import TrainingView, tiles_of
 from graycard.methods.splat import (
     CENTRES,
     LOGITS,
@@ -144,7 +144,7 @@ def fit_light(
         return start
     rates = light_rates(extent, settings, bool(found)) | {CENTRES: CENTRES_RATE.times(extent)}
     config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
-    objective = LightObjective(shots, settings, extent, seed)
+    objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)
     states = [initial_state(as_photographs_allow(start, light), seed) for light in found or [None]]
     if len(states) > 1:
         until = max(1, round(TRIAL * settings.light_steps))

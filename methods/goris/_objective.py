@@ -65,9 +65,10 @@ class RadianceObjective:
 
 @dataclass(frozen=True, eq=False)
 class LightObjective:
-    """Pictures with light transport."""
+    """Pictures with light transport: one tile of one view a step. In a round each has its turn once."""
 
     shots: Sequence[TrainingView]
+    """Tiles of all views."""
     settings: GorisSettings
     extent: float
     """Of the scene, metres."""

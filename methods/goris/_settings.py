@@ -56,6 +56,11 @@ class GorisSettings(RemovalSettings):
     to rough surfaces is suppressed by the region alone."""
     filter: Filter = "paper"
     """How reflections in rough surfaces are blurred in screen space; ``none``: not at all."""
+    tile: int = 112
+    """Pixels, about, along the sides of what is drawn at a step with light transport: views are cut into
+    tiles, and in each round every tile of every view has its turn once (inferred; the paper draws whole
+    views, on a GPU). A step costs about the same for pictures of any size. Blurs and losses that look at
+    neighbours end with the tile, as they end with a picture."""
     decay: Decay = "exponential"
     """Of the weight of the prior's normals; ``linear`` in the released code."""
     decay_share: float = 0.2
@@ -128,6 +133,10 @@ class GorisSettings(RemovalSettings):
             raise ValueError(
                 f"expected traced_degree from 0 to that of the colours ({self.degree}), and sky_size from 1 "
                 f"to {LARGEST_SKY}, got {self.traced_degree} and {self.sky_size}"
+            )
+        if self.tile < 11:
+            raise ValueError(
+                f"expected a tile of 11 or more pixels, as the windows of SSIM have, got {self.tile}"
             )
         if not 0 <= self.near < 1:
             raise ValueError(f"expected near in [0, 1), got {self.near}")

@@ -10,6 +10,7 @@ import torch
 from graycard import Camera, Capture, MethodError
 from graycard.methods._contract import Ask, Priors
 from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.splat import Window, windows_of
 from graycard.methods.surfels import EncodedPhotograph, exposed_photograph, photographs
 
 LAYERS = ("diffuse", "f0", "roughness", "glossy", "normal")
@@ -36,6 +37,12 @@ class TrainingView:
     normal: torch.Tensor | None = None
     """Shape ``(H, W, 3)``, world, unit, or zero where a prior knows nothing; None without one."""
 
+    def at(self, window: Window) -> "TrainingView":
+        """A part of the view."""
+        glossy, target = window.of(self.glossy), window.of(self.target)
+        normal = None if self.normal is None else window.of(self.normal)
+        return TrainingView(self.photograph.at(window), glossy, self.told, target, normal)
+
 
 def training_views(
     capture: Capture, priors: Priors, masks: Sequence[np.ndarray], settings: GorisSettings
@@ -56,6 +63,11 @@ def training_views(
         _shot(capture, priors, number, photograph, masks[number], settings)
         for number, photograph in enumerate(seen)
     ]
+
+
+def tiles_of(shots: Sequence[TrainingView], side: int) -> list[TrainingView]:
+    """All views, cut into tiles of about ``side`` pixels a side: each pixel is in one of them."""
+    return [shot.at(window) for shot in shots for window in windows_of(*shot.glossy.shape, side)]
 
 
 def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]]:

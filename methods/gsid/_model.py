@@ -3,9 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch.nn.functional import normalize
 
@@ -21,7 +19,15 @@ from graycard.methods.shading import (
     lit_by_surroundings,
     look_up,
 )
-from graycard.methods.splat import Maps, Surfels, rasterize, rasterize_features, rotation_matrices, surfels_of
+from graycard.methods.splat import (
+    Maps,
+    Surfels,
+    Window,
+    rasterize,
+    rasterize_features,
+    rotation_matrices,
+    surfels_of,
+)
 
 BASE_COLOR, ROUGHNESS, METALLIC, SHADOW = "base colour", "roughness", "metallic", "shadow vector"
 """Names of the parameters of surfels: logits of shapes ``(N, 3)``, ``(N, 1)`` and ``(N, 1)``, and a vector of
@@ -34,25 +40,6 @@ LEAST_COVER = 1e-3
 """Of a pixel, by surfels: with less its layers are no longer divided by it."""
 SOFTEN = 0.02
 """Shares of the extent, see :func:`graycard.methods.shading.arriving`."""
-
-
-class Window(NamedTuple):
-    """A part of a view, contiguous: half-open ranges of rows and columns, pixels."""
-
-    top: int
-    bottom: int
-    left: int
-    right: int
-
-    def of(self, image: torch.Tensor) -> torch.Tensor:
-        """The part of an image of shape ``(H, W, ...)``."""
-        return image[self.top : self.bottom, self.left : self.right]
-
-    def camera(self, camera: Camera) -> Camera:
-        """A camera that sees this part alone, with the same rays."""
-        moved = np.array([[0, 0, self.left], [0, 0, self.top], [0, 0, 0]])
-        size = self.right - self.left, self.bottom - self.top
-        return Camera(*size, camera.K - moved, camera.camera_to_world)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from itertools import pairwise
 
 import numpy as np
 import torch
@@ -18,14 +17,13 @@ from graycard.methods.gsid._model import (
     LitPicture,
     Pixels,
     Reach,
-    Window,
     ground_of,
     pixels_of,
     seen_anew,
 )
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import surroundings_of, unevenness, unevenness_but_for_edges
-from graycard.methods.splat import LossResult, Surfels, photometric_map, view_at
+from graycard.methods.splat import LossResult, Surfels, Window, photometric_map, view_at
 from graycard.methods.surfels import srgb_encode_tensor
 
 
@@ -80,17 +78,6 @@ def deferred_views(
         linear = torch.from_numpy(capture.photograph(view).astype("float32") * capture.exposure).float()
         found.append(DeferredView(linear, srgb_encode_tensor(linear), ground, guess))
     return found
-
-
-def tiles_of(height: int, width: int, side: int) -> list[Window]:
-    """Parts of a view, as alike as can be, of about ``side`` pixels a side: each pixel is in one of them."""
-    rows, columns = (_edges(length, side) for length in (height, width))
-    return [Window(*r, *c) for r in pairwise(rows) for c in pairwise(columns)]
-
-
-def _edges(length: int, side: int) -> list[int]:
-    parts = max(1, round(length / side))
-    return [round(part * length / parts) for part in range(parts + 1)]
 
 
 @dataclass(frozen=True, eq=False)

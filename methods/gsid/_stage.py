@@ -10,10 +10,10 @@ from graycard.methods.gsid._bounces import Bounces, bounced_light
 from graycard.methods.gsid._draw import reach_in_view
 from graycard.methods.gsid._lights import POSITIONS, lamps_from, sky_from
 from graycard.methods.gsid._model import OPEN, SOFTEN, Reach, ground_of, matte_of
-from graycard.methods.gsid._objective import DeferredView, GsidObjective, tiles_of
+from graycard.methods.gsid._objective import DeferredView, GsidObjective
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import lamp_visibility, surroundings_of
-from graycard.methods.splat import Parameters, Surfels, surfels_of
+from graycard.methods.splat import Parameters, Surfels, surfels_of, windows_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
     settings, tiles, reached = stage.settings, [], []
     for shot, reach in zip(stage.shots, reach_in(stage, parameters), strict=True):
         height, width = shot.shown.shape[:2]
-        windows = tiles_of(height, width, settings.tile)
+        windows = windows_of(height, width, settings.tile)
         tiles += [shot.at(window) for window in windows]
         # surfels are shaded whole, whatever part of the view is drawn
         reached += [reach if settings.shading == "forward" else reach.at(window) for window in windows]

@@ -13,6 +13,7 @@ from graycard.methods.splat import (
     LearningRateSchedule,
     LossResult,
     Maps,
+    Window,
     depth_normal_map,
     harmonics_basis,
     image_radius,
@@ -57,6 +58,13 @@ class EncodedPhotograph:
     """Shape ``(H, W, K)``: harmonics of the direction of each pixel."""
     weight: torch.Tensor | None = None
     """Shape ``(H, W)``: how much each pixel counts; None: all alike."""
+
+    def at(self, window: Window) -> "EncodedPhotograph":
+        """A part of the view."""
+        weight = None if self.weight is None else window.of(self.weight)
+        return EncodedPhotograph(
+            window.camera(self.camera), window.of(self.encoded), window.of(self.sky), weight
+        )
 
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:

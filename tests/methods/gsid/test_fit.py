@@ -40,10 +40,19 @@ from graycard.methods.gsid._model import (
     pixels_of,
     seen_anew,
 )
-from graycard.methods.gsid._objective import few, tiles_of
+from graycard.methods.gsid._objective import few
 from graycard.methods.gsid._stage import LightStage, objective_in, reach_in
 from graycard.methods.shading import lamp_visibility, look_up, surroundings_of, unevenness
-from graycard.methods.splat import CENTRES, LOG_SCALES, LOGITS, ROTATIONS, Parameters, initial_state, view_at
+from graycard.methods.splat import (
+    CENTRES,
+    LOG_SCALES,
+    LOGITS,
+    ROTATIONS,
+    Parameters,
+    initial_state,
+    view_at,
+    windows_of,
+)
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
 
@@ -236,10 +245,10 @@ def test_light_is_missing_where_the_photographs_are_brighter(world: World):
 def test_tiles_hold_each_pixel_once():
     for size in ((112, 112), (113, 57), (30, 200), (8, 8)):
         count = torch.zeros(*size, dtype=torch.int)
-        for window in tiles_of(*size, 56):
+        for window in windows_of(*size, 56):
             window.of(count).add_(1)
         assert (count == 1).all()
-        sides = [(w.bottom - w.top, w.right - w.left) for w in tiles_of(*size, 56)]
+        sides = [(w.bottom - w.top, w.right - w.left) for w in windows_of(*size, 56)]
         assert max(max(pair) for pair in sides) <= 84
 
 
@@ -247,7 +256,7 @@ def test_each_pixel_has_its_turn_in_a_round(world: World):
     """Each view's tiles, in an order of each round's own."""
     objective = objective_in(stage_of(world, replace(QUICK, tile=18)), state_of(world, TRUE).parameters)
     count = len(objective.shots)
-    assert count == 4 * len(tiles_of(32, 36, 18))
+    assert count == 4 * len(windows_of(32, 36, 18))
     rounds = [[view_at(step, count, 0) for step in range(first, first + count)] for first in (0, count)]
     assert all(sorted(turns) == list(range(count)) for turns in rounds)
     assert rounds[0] != rounds[1]
@@ -255,7 +264,7 @@ def test_each_pixel_has_its_turn_in_a_round(world: World):
 
 def test_a_tile_is_a_part_of_its_view(world: World):
     """Its own camera sees what the whole view has there."""
-    values, window = state_of(world, TRUE).parameters.all, tiles_of(32, 36, 16)[3]
+    values, window = state_of(world, TRUE).parameters.all, windows_of(32, 36, 16)[3]
     for shot in world.shots:
         whole, part = pixels_of(values, shot.ground), pixels_of(values, shot.at(window).ground)
         torch.testing.assert_close(part.material.base_color, window.of(whole.material.base_color))
