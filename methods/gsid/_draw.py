@@ -16,9 +16,11 @@ from graycard.methods.gsid._model import (
     LitPicture,
     Pixels,
     Reach,
+    WholePicture,
     picture_of,
     pixels_of,
     reach_of,
+    whole_picture_of,
 )
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.shading import Material, Shining, Surroundings, look_up
@@ -68,6 +70,23 @@ def draw(
         return picture_of(pixels, *lights, reach, settings.visibility, extent)
     lit = picture_of(_seen_surfels(values, ground), *lights, reach, settings.visibility, extent)
     return _drawn(lit if apart else lit.merged(), surfels_of(values), ground, lights[1])
+
+
+def draw_whole(
+    values: Mapping[str, torch.Tensor],
+    ground: Ground,
+    lights: tuple[Shining, Surroundings],
+    reach: Reach,
+    settings: GsidSettings,
+    extent: float,
+    *,
+    pixels: Pixels,
+) -> WholePicture:
+    """The sums of what :func:`draw` tells apart; arguments are as there."""
+    if settings.shading == "deferred":
+        return whole_picture_of(pixels, *lights, reach, settings.visibility, extent)
+    picture = draw(values, ground, lights, reach, settings, extent)
+    return WholePicture(picture.whole, picture.given)
 
 
 def light_evaluations(values: Mapping[str, torch.Tensor], ground: Ground, settings: GsidSettings) -> int:

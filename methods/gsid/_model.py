@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import torch
 from torch.nn.functional import normalize
@@ -11,10 +12,13 @@ from graycard import Camera
 from graycard.methods.gsid._settings import Visibility
 from graycard.methods.gsid._visibility import vector_visibility
 from graycard.methods.shading import (
+    InTheWay,
+    Lamps,
     Material,
     Shining,
     Surroundings,
     arriving,
+    light_of_lamps,
     lit_by_lamps,
     lit_by_surroundings,
     look_up,
@@ -203,6 +207,11 @@ class LitPicture:
     irradiance: torch.Tensor
     """Of the lamps on surfaces that face them, blocked light left out."""
 
+    @property
+    def given(self) -> torch.Tensor:
+        """Mean irradiance of each lamp, over pixels and channels, shape ``(K,)``."""
+        return self.irradiance.flatten(0, -3).mean(dim=(0, 2))
+
     def merged(self) -> "LitPicture":
         """With all lamps as one."""
         lamps = (part.sum(dim=-2, keepdim=True) for part in (self.by_lamp, self.irradiance))
@@ -233,8 +242,6 @@ def picture_of(
         form: How vectors are read, where they tell what is in the way of lamps.
         extent: Of the scene, metres.
     """
-    material, normal, eye = pixels.material, pixels.normal, pixels.eye
-    cover = pixels.cover[..., None]
     arrival = arriving(lamps, pixels.points, SOFTEN * extent)
     if form.startswith("vector"):
         told = vector_visibility(form, pixels.shadow, arrival.toward)
@@ -242,11 +249,49 @@ def picture_of(
         arrival = arrival._replace(facing=arrival.facing * told[..., None])
     if reach.shadows is not None:
         arrival = arrival._replace(facing=arrival.facing * reach.shadows[..., None])
-    by_lamp = lit_by_lamps(material, normal, eye, arrival).whole
+    by_lamp = lit_by_lamps(pixels.material, pixels.normal, pixels.eye, arrival).whole
+    by_sky, by_way = _besides_lamps(pixels, surroundings, reach)
+    return LitPicture(pixels.cover[..., None, None] * by_lamp, by_sky, by_way, arrival.facing)
+
+
+def _besides_lamps(
+    pixels: Pixels, surroundings: Surroundings, reach: Reach
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """What pixels show of the surroundings, and of light that came by way of other surfaces."""
+    material, normal, eye, cover = pixels.material, pixels.normal, pixels.eye, pixels.cover[..., None]
     by_sky = lit_by_surroundings(material, normal, eye, surroundings).whole
     behind = look_up(surroundings.skies[0], -eye)
     by_sky = cover * pixels.open[..., None] * by_sky + (1 - cover) * behind
     by_way = by_sky.new_zeros(*by_sky.shape[:-1], 0, 3)
     if reach.bounced is not None:
         by_way = (cover * material.diffuse / torch.pi)[..., None, :] * reach.bounced
-    return LitPicture(cover[..., None] * by_lamp, by_sky, by_way, arrival.facing)
+    return by_sky, by_way
+
+
+class WholePicture(NamedTuple):
+    """What the loss of a fit looks at."""
+
+    whole: torch.Tensor
+    """As in :class:`LitPicture`, shape ``(..., 3)``."""
+    given: torch.Tensor
+    """As there, shape ``(K,)``."""
+
+
+def whole_picture_of(
+    pixels: Pixels,
+    lamps: Shining,
+    surroundings: Surroundings,
+    reach: Reach,
+    form: Visibility,
+    extent: float,
+) -> WholePicture:
+    """The sums of what :func:`picture_of` tells apart, in one sweep over lamps where there are kernels."""
+    if form in ("vector_half", "vector_relu") or not isinstance(lamps, Lamps):
+        picture = picture_of(pixels, lamps, surroundings, reach, form, extent)
+        return WholePicture(picture.whole, picture.given)
+    way = InTheWay(pixels.shadow if form == "vector" else None, reach.known, reach.shadows)
+    of_pixels = pixels.material, pixels.normal, pixels.eye, pixels.points
+    light = light_of_lamps(*of_pixels, lamps, soften=SOFTEN * extent, in_the_way=way)
+    by_sky, by_way = _besides_lamps(pixels, surroundings, reach)
+    whole = pixels.cover[..., None] * light.returned + by_sky + by_way.sum(dim=-2)
+    return WholePicture(whole, light.given)

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from graycard import Camera, Capture
-from graycard.methods.gsid._draw import draw
+from graycard.methods.gsid._draw import draw, draw_whole
 from graycard.methods.gsid._geometry import agreement
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import lamps_from, sky_from
@@ -22,7 +22,13 @@ from graycard.methods.gsid._model import (
     seen_anew,
 )
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.shading import surroundings_of, unevenness, unevenness_but_for_edges
+from graycard.methods.shading import (
+    Lamps,
+    Surroundings,
+    surroundings_of,
+    unevenness,
+    unevenness_but_for_edges,
+)
 from graycard.methods.splat import LossResult, Surfels, Window, photometric_map, view_at
 from graycard.methods.surfels import srgb_encode_tensor
 
@@ -105,7 +111,8 @@ class GsidObjective:
         """The loss of a tile."""
         shot, settings = self.shots[number], self.settings
         ground, pixels = self._seen(values, shot)
-        picture = self._lit(values, ground, pixels, number)
+        lights, reach = _lights_in(values), self.reach[number]
+        picture = draw_whole(values, ground, lights, reach, settings, self.extent, pixels=pixels)
         loss = photometric_map(srgb_encode_tensor(picture.whole), shot.shown, settings.ssim_share).mean()
         loss = loss + prior_loss(pixels, shot, settings)
         if settings.geometry_rate > 0:
@@ -116,13 +123,16 @@ class GsidObjective:
             )
         material = pixels.material
         loss = loss + settings.matte_weight * (1 - material.roughness + material.metallic).mean()
-        loss = loss + settings.lamp_weight * few(picture.irradiance)
+        loss = loss + settings.lamp_weight * few(picture.given)
         return loss + settings.sky_weight * unevenness(sky_from(values))
 
     @torch.no_grad()
     def picture(self, values: Mapping[str, torch.Tensor], number: int) -> LitPicture:
         """A tile under the lights."""
-        return self._lit(values, *self._seen(values, self.shots[number]), number)
+        ground, pixels = self._seen(values, self.shots[number])
+        return draw(
+            values, ground, _lights_in(values), self.reach[number], self.settings, self.extent, pixels=pixels
+        )
 
     def _seen(self, values: Mapping[str, torch.Tensor], shot: DeferredView) -> tuple[Ground, Pixels]:
         """Surfaces of a tile, drawn anew where they move."""
@@ -130,16 +140,13 @@ class GsidObjective:
             return seen_anew(values, shot.ground.camera)
         return shot.ground, pixels_of(values, shot.ground)
 
-    def _lit(
-        self, values: Mapping[str, torch.Tensor], ground: Ground, pixels: Pixels, number: int
-    ) -> LitPicture:
-        lights = lamps_from(values), surroundings_of(sky_from(values))
-        return draw(values, ground, lights, self.reach[number], self.settings, self.extent, pixels=pixels)
+
+def _lights_in(values: Mapping[str, torch.Tensor]) -> tuple[Lamps, Surroundings]:
+    return lamps_from(values), surroundings_of(sky_from(values))
 
 
-def few(irradiance: torch.Tensor) -> torch.Tensor:
-    """Sum of the square roots of what lamps give, ``(..., K, 3)``: less, where fewer lamps give the same."""
-    given = irradiance.flatten(0, -3).mean(dim=(0, 2))
+def few(given: torch.Tensor) -> torch.Tensor:
+    """Sum of the roots of what lamps give, mean irradiance ``(K,)``: less, where fewer give the same."""
     return (given + 1e-6).sqrt().sum()
 
 

@@ -12,6 +12,9 @@ from graycard.methods.shading._given import given_lights as given_lights
 from graycard.methods.shading._known import KnownLamps as KnownLamps
 from graycard.methods.shading._known import known_lamps as known_lamps
 from graycard.methods.shading._known import light_at as light_at
+from graycard.methods.shading._lamp_light import InTheWay as InTheWay
+from graycard.methods.shading._lamp_light import LampLight as LampLight
+from graycard.methods.shading._lamp_light import light_of_lamps as light_of_lamps
 from graycard.methods.shading._lamps import Arrival as Arrival
 from graycard.methods.shading._lamps import Lamps as Lamps
 from graycard.methods.shading._lamps import Shining as Shining

@@ -202,10 +202,10 @@ def shaded(values, shot, reach):
 
 
 def test_the_same_light_of_fewer_lamps_costs_less():
-    light = torch.rand(50, 1, 3, generator=torch.Generator().manual_seed(0))
-    halves = torch.cat([light / 2, light / 2], dim=1)
+    light = torch.tensor([0.7])
+    halves = torch.cat([light / 2, light / 2])
     assert float(few(halves)) == pytest.approx(2**0.5 * float(few(light)), rel=1e-3)
-    dark = torch.zeros(50, 2, 3, requires_grad=True)
+    dark = torch.zeros(2, requires_grad=True)
     few(dark).backward()
     assert dark.grad is not None
     assert bool(dark.grad.isfinite().all())
