@@ -99,9 +99,11 @@ def translated(
         roughness: Shape ``(H, W)``, 0 to 1.
         distances: Shape ``(H, W, K)``, finite, of the order of one: depth in the paper, see :data:`Reading`.
     """
+    side_by_side = torch.channels_last  # channels of a pixel: with few of them convolutions are faster
     layer = torch.cat([roughness[..., None], distances], dim=-1).permute(2, 0, 1)[None]
+    layer = layer.contiguous(memory_format=side_by_side)
     for number in range(LATENT + 2):
-        weight = values[_weight(number)]
+        weight = values[_weight(number)].contiguous(memory_format=side_by_side)
         edge = weight.shape[-1] // 2
         padded = pad(layer, (edge,) * 4, mode="replicate") if edge else layer
         layer = conv2d(padded, weight, values[_bias(number)])

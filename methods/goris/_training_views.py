@@ -67,7 +67,9 @@ def training_views(
 
 def tiles_of(shots: Sequence[TrainingView], side: int) -> list[TrainingView]:
     """All views, cut into tiles of about ``side`` pixels a side: each pixel is in one of them."""
-    return [shot.at(window) for shot in shots for window in windows_of(*shot.glossy.shape, side)]
+    sizes = [(shot.photograph.camera.height, shot.photograph.camera.width) for shot in shots]
+    windows = [windows_of(height, width, side) for height, width in sizes]
+    return [shot.at(window) for shot, own in zip(shots, windows, strict=True) for window in own]
 
 
 def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]]:
