@@ -36,7 +36,7 @@ class DarkGsMethod(SceneMethod[DarkGsSettings, DarkGsScene]):
 
     name = METHOD
     summary = "surfels with albedo, each shaded under a calibrated lamp on the camera (as DarkGS)"
-    kernels = ("maps 3",)
+    kernels = ("maps 3", "Adam")
     asks = (Ask("light"),)
     settings_type = DarkGsSettings
     scene_type = DarkGsScene

@@ -19,7 +19,7 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
 
     name = METHOD
     summary = "surfels whose glossy ones reflect traced light; the object is removed with its reflection"
-    kernels = ("maps 3", "maps 8", "photometric", "harmonics", "trace")
+    kernels = ("maps 3", "maps 8", "photometric", "harmonics", "trace", "Adam")
     asks = ASKS
     staged = True
     settings_type = GorisSettings

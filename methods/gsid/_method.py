@@ -15,7 +15,7 @@ class GsidMethod(SceneMethod[GsidSettings, GsidScene]):
 
     name = GSID
     summary = "surfels with materials under local lamps of spherical Gaussians and an environment (GS-ID)"
-    kernels = ("maps 3", "features 8", "photometric", "harmonics", "trace")
+    kernels = ("maps 3", "features 8", "photometric", "harmonics", "trace", "Adam")
     asks: tuple[Ask, ...] = ASKS
     settings_type: type[GsidSettings] = GsidSettings
     scene_type = GsidScene

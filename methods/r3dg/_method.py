@@ -39,7 +39,7 @@ class R3dgMethod(SceneMethod[R3dgSettings, R3dgScene]):
 
     name = METHOD
     summary = "surfels shaded one by one, each with incident light of its own (Relightable 3D Gaussians)"
-    kernels = ("maps 3", "features 16", "photometric", "trace")
+    kernels = ("maps 3", "features 16", "photometric", "trace", "Adam")
     settings_type = R3dgSettings
     scene_type = R3dgScene
     checks = (check_places, check_photographs)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from graycard import Progress
 from graycard.io import silent
 
-SURFEL_KERNELS = ("features 3", "maps 3", "photometric", "depth normal", "harmonics")
+SURFEL_KERNELS = ("features 3", "maps 3", "photometric", "depth normal", "harmonics", "Adam")
 """Parts of the engine that a fit of surfels to photographs uses."""
 
 
@@ -19,7 +19,7 @@ def warm_kernels(parts: Sequence[str] | None = None, progress: Progress = silent
     Args:
         parts: of the engine: ``"maps 3"`` for :func:`rasterize` and ``"features 3"`` for
             :func:`rasterize_features` with three channels (also 8 and 16), ``"photometric"``,
-            ``"depth normal"``, ``"harmonics"``, ``"trace"``. None: all.
+            ``"depth normal"``, ``"harmonics"``, ``"trace"``, ``"Adam"``. None: all.
         progress: Called now and then.
 
     Returns:

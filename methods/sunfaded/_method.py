@@ -29,7 +29,7 @@ class SunFadedMethod(SceneMethod[SunFadedSettings, SunFadedScene]):
 
     name = METHOD
     summary = "surfels with albedo, ambient light and a learnt lamp on the camera (SunFaded)"
-    kernels = ("maps 3", "maps 8", "photometric", "depth normal")
+    kernels = ("maps 3", "maps 8", "photometric", "depth normal", "Adam")
     asks = GEOMETRY_ASKS
     settings_type = SunFadedSettings
     scene_type = SunFadedScene

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
-from torch.optim.adam import adam
 
 from graycard import MethodError
 from graycard.methods.splat.fit._parameters import Parameters
@@ -124,16 +123,18 @@ def adam_step(
 
     Raises:
         MethodError: A gradient is not finite.
+        ValueError: A parameter is not float32 on the CPU.
     """
-    everything = state.parameters.all
+    from graycard.methods.splat.fit._adam_kernel import Moved, move_all  # Numba takes long to import
+
+    everything, moved = state.parameters.all, []
     for name, gradient in gradients.items():
         _check_finite(gradient, name, state.step)
         m = state.moments[name]
-        adam(
-            [everything[name]], [gradient.contiguous()], [m.first], [m.second], [], [m.steps],
-            fused=True, amsgrad=False, beta1=0.9, beta2=0.999, lr=rates[name].at(share),
-            weight_decay=0.0, eps=EPSILON, maximize=False,
-        )  # fmt: skip
+        m.steps.add_(1)
+        means, rate = (m.first, m.second), rates[name].at(share)
+        moved.append(Moved(everything[name], gradient.contiguous(), *means, rate, int(m.steps)))
+    move_all(moved, EPSILON)
     return replace(state, step=state.step + 1)
 
 
@@ -173,7 +174,7 @@ def watch_screen(
 
 
 def _dense(values: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """Copies, which steps may change, in C order: the fused Adam of torch reads memory as it lies."""
+    """Copies, which steps may change, in C order: the kernel of Adam reads memory as it lies."""
     return {name: v.clone(memory_format=torch.contiguous_format) for name, v in values.items()}
 
 

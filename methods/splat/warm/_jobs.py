@@ -15,6 +15,7 @@ from graycard import Camera
 from graycard.methods.splat._rays import camera_rays
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._trace import build_bvh, trace_rays
+from graycard.methods.splat.fit._adam_kernel import Moved, move_all
 from graycard.methods.splat.ops._depth_normal import depth_normal_map
 from graycard.methods.splat.ops._harmonics import spherical_harmonics_colours
 from graycard.methods.splat.ops._losses import photometric_map
@@ -89,6 +90,10 @@ def _harmonics() -> None:
     spherical_harmonics_colours(coefficients, centres, _camera().position, 0).sum().backward()
 
 
+def _adam() -> None:
+    move_all([Moved(*torch.zeros(4, 1), rate=1.0, steps=1)], 1.0)
+
+
 def _trace() -> None:
     one = torch.ones(1, 1)
     geometry = one.expand(1, 3).clone(), torch.tensor([[1.0, 0, 0, 0]]), one.expand(1, 2).clone()
@@ -107,11 +112,12 @@ JOBS = {
     "depth normal": Job(_depth_normal, 4),
     "harmonics": Job(_harmonics, 2),
     "trace": Job(_trace, 20),
+    "Adam": Job(_adam, 1),
 }
 """By their names."""
 PARTS = {
     **{f"features {c}": (f"draw {c}", f"pull {c}") for c in CHANNELS},
     **{f"maps {c}": (f"draw {c}, shaped", f"pull {c}, shaped") for c in CHANNELS},
-    **{name: (name,) for name in ("photometric", "depth normal", "harmonics", "trace")},
+    **{name: (name,) for name in ("photometric", "depth normal", "harmonics", "trace", "Adam")},
 }
 """Jobs of the parts of the engine, by the names of the parts."""
