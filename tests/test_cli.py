@@ -160,6 +160,22 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
     assert 50 < cost["peak_mib"] < 8000
 
 
+def test_speed_measures_what_steps_cost(tmp_path: Path, capsys: Capture):
+    assert main(["speed", "steps", "--quick", "--json", str(tmp_path / "s.json")]) == 0
+    assert "as long with pictures of 32 x 32 as with those of 16 x 16" in last_line(capsys)
+    costs = json.loads((tmp_path / "s.json").read_text())
+    cases = [(cost["method"], cost["size"]) for cost in costs]
+    assert cases == [("gsid", 16), ("gsid", 32), ("goris", 16), ("goris", 32)]
+    for cost in costs:
+        assert cost["steps"] == 2
+        assert 0 < cost["least_ms"] <= cost["ms"] < 60_000
+        assert sum(cost["parts"].values()) == pytest.approx(1)
+        assert cost["parts"]["drawing"] > 0
+    lamps, rays = ([cost["parts"][part] > 0 for cost in costs] for part in ("lamps", "tracing"))
+    assert lamps == [True, True, False, False]
+    assert rays == [False, False, True, True]
+
+
 def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert main(["methods", "--json", str(tmp_path / "m.json")]) == 0
     assert last_line(capsys) == "methods: 19 work, 0 cannot be loaded"
@@ -395,7 +411,7 @@ def test_idle_threads_sleep_soon_unless_told_otherwise(set_by_user: dict[str, st
     assert run.stdout.splitlines()[-1] == f"{found} []"
 
 
-@pytest.mark.parametrize("what", ["truth", "engine", "score"])
+@pytest.mark.parametrize("what", ["truth", "engine", "score", "steps"])
 def test_nothing_can_be_timed_no_time(what: str, capsys: Capture):
     assert main(["speed", what, "--repeats", "0"]) == 2
     assert "expected --repeats of 1 or more, got 0" in capsys.readouterr().err

@@ -3,6 +3,9 @@
 
 from graycard.benchmarks.speed._score import ScoreCost as ScoreCost
 from graycard.benchmarks.speed._score import measure_scoring as measure_scoring
+from graycard.benchmarks.speed._second_stages import StageCost as StageCost
+from graycard.benchmarks.speed._second_stages import growth as growth
+from graycard.benchmarks.speed._second_stages import measure_second_stages as measure_second_stages
 from graycard.benchmarks.speed._truth import TruthCost as TruthCost
 from graycard.benchmarks.speed._truth import measure_truth as measure_truth
 from graycard.benchmarks.speed.engine._measure import PARTS as PARTS

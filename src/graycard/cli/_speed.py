@@ -21,18 +21,19 @@ Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"],
 class SpeedCommand:
     """Measure what the machinery costs, beside a peer in the same run."""
 
-    what: Annotated[Literal["truth", "engine", "score"], tyro.conf.Positional]
+    what: Annotated[Literal["truth", "engine", "score", "steps"], tyro.conf.Positional]
     """truth: light split by source and lobe, beside Mitsuba's path tracer.
     engine: surfels, stage by stage, beside the machine's peak and other implementations.
-    score: one view with all its layers, on one core."""
+    score: one view with all its layers, on one core.
+    steps: a step of the second stages by the size of the pictures, on one core."""
     repeats: int = 5
-    """How often each is timed; medians count."""
+    """How often each is timed; medians count. Of steps eight times as many."""
     parts: Annotated[Parts, tyro.conf.arg(help_behavior_hint="")] = ()
     """engine: measure these only."""
     workloads: Annotated[tuple[str, ...], optional("WORKLOAD ...")] = ()
     """engine: stages, peers and the tracer on these workloads only (A to E)."""
     quick: bool = False
-    """engine and score: everything once, on next to nothing, to see that it works."""
+    """engine, score and steps: everything once, on next to nothing, to see that it works."""
     json: Json = None
     """Also write the figures to this file."""
     plot: Annotated[Path | None, optional("FILE.svg")] = None
@@ -44,8 +45,9 @@ class SpeedCommand:
             raise GraycardError(f"expected --repeats of 1 or more, got {self.repeats}")
         if self.what == "engine":
             return self._engine(terminal)
-        self._refuse_options(*() if self.what == "score" else ("quick",))
-        return self._truth(terminal) if self.what == "truth" else self._score(terminal)
+        self._refuse_options(*("quick",) if self.what == "truth" else ())
+        measures = {"truth": self._truth, "score": self._score, "steps": self._steps}
+        return measures[self.what](terminal)
 
     def _refuse_options(self, *others: str) -> None:
         """Refuse what only the engine takes, and ``others``.
@@ -77,6 +79,25 @@ class SpeedCommand:
         terminal.out.print(
             f"speed: a view of {size} x {size} takes at most {worst.view_s:.2f} s on one core "
             f"({worst.family}) and {peak:.0f} MiB, from files to scores"
+        )
+        return OK
+
+    def _steps(self, terminal: Terminal) -> int:
+        from graycard.benchmarks.speed import growth, measure_second_stages
+
+        sizes, steps, surfels = ((16, 32), 2, 100) if self.quick else ((112, 256), 8 * self.repeats, 5000)
+        with terminal.progress() as progress:
+            costs = measure_second_stages(sizes, steps, surfels, progress)
+        table = new_table("method", "pixels", "ms a step", "least", *costs[0].parts)
+        for c in costs:
+            shares = (f"{100 * share:.0f} %" for share in c.parts.values())
+            table.add_row(c.method, f"{c.size} x {c.size}", f"{c.ms:.1f}", f"{c.least_ms:.1f}", *shares)
+        terminal.out.print(table)
+        write_optional_json(self.json, costs)
+        worst, ratio = max(growth(costs).items(), key=lambda pair: pair[1])
+        terminal.out.print(
+            f"speed: a step of a second stage takes at most {ratio:.2f} times as long with pictures of "
+            f"{sizes[1]} x {sizes[1]} as with those of {sizes[0]} x {sizes[0]} ({worst})"
         )
         return OK
 
