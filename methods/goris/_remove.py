@@ -27,7 +27,7 @@ from graycard.methods.goris._model import (
 )
 from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._settings import GorisSettings
-from graycard.methods.goris._training_views import LAYERS, TrainingView
+from graycard.methods.goris._training_views import LAYERS, TrainingView, tiles_of
 from graycard.methods.removal import (
     BackgroundPoints,
     RenderedView,
@@ -44,6 +44,7 @@ from graycard.methods.splat import (
     LossResult,
     Parameters,
     TrainConfig,
+    Window,
     initial_state,
     joined_surfels,
     photometric_map,
@@ -140,7 +141,7 @@ def without_object(
     for name in (LABEL, SURROUNDINGS, SKY):
         rates.pop(name)
     aims = [_removal_target(target) for target in targets]
-    objective = RemovalObjective(shots, aims, settings, extent, seed)
+    objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
     config = TrainConfig(
         settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
@@ -261,6 +262,12 @@ class RemovalTarget:
         """All of it."""
         return self.kept, self.rough, self.glossy, self.encoded, *self.layers.values()
 
+    def at(self, window: Window) -> "RemovalTarget":
+        """Those of a part of the view."""
+        kept, rough, glossy = (window.of(mask) for mask in (self.kept, self.rough, self.glossy))
+        layers = {name: window.of(layer) for name, layer in self.layers.items()}
+        return RemovalTarget(kept, rough, glossy, window.of(self.encoded), layers)
+
 
 def _removal_target(target: Target) -> RemovalTarget:
     known = target.known
@@ -279,13 +286,25 @@ def _removal_target(target: Target) -> RemovalTarget:
     )
 
 
+def _tiled(
+    shots: Sequence[TrainingView], aims: Sequence[RemovalTarget], settings: GorisSettings
+) -> tuple[Sequence[TrainingView], Sequence[RemovalTarget]]:
+    """Tiles of all views; the views themselves where the loss looks at each hole as a whole."""
+    if settings.hole_loss == "lpips":
+        return shots, aims
+    pairs = zip(shots, aims, strict=True)
+    cut = [aim.at(window) for shot, aim in pairs for window in shot.windows(settings.tile)]
+    return tiles_of(shots, settings.tile), cut
+
+
 @dataclass(frozen=True, eq=False)
 class RemovalObjective:
-    """Photographs where they are not masked out, and the inpainting where the object was."""
+    """Photographs where they are not masked out, and the inpainting where the object was; a tile a step."""
 
     shots: Sequence[TrainingView]
+    """Tiles of all views."""
     aims: Sequence[RemovalTarget]
-    """One a view."""
+    """One a tile."""
     settings: GorisSettings
     extent: float
     """Of the scene, metres."""

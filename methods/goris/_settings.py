@@ -60,7 +60,7 @@ class GorisSettings(RemovalSettings):
     """Pixels, about, along the sides of what is drawn at a step with light transport: views are cut into
     tiles, and in each round every tile of every view has its turn once (inferred; the paper draws whole
     views, on a GPU). A step costs about the same for pictures of any size. Blurs and losses that look at
-    neighbours end with the tile, as they end with a picture."""
+    neighbours end with the tile, as they end with a picture. LPIPS of holes looks at whole views."""
     decay: Decay = "exponential"
     """Of the weight of the prior's normals; ``linear`` in the released code."""
     decay_share: float = 0.2

@@ -37,6 +37,11 @@ class TrainingView:
     normal: torch.Tensor | None = None
     """Shape ``(H, W, 3)``, world, unit, or zero where a prior knows nothing; None without one."""
 
+    def windows(self, side: int) -> list[Window]:
+        """Parts of about ``side`` pixels a side: each pixel is in one of them."""
+        camera = self.photograph.camera
+        return windows_of(camera.height, camera.width, side)
+
     def at(self, window: Window) -> "TrainingView":
         """A part of the view."""
         glossy, target = window.of(self.glossy), window.of(self.target)
@@ -66,10 +71,8 @@ def training_views(
 
 
 def tiles_of(shots: Sequence[TrainingView], side: int) -> list[TrainingView]:
-    """All views, cut into tiles of about ``side`` pixels a side: each pixel is in one of them."""
-    sizes = [(shot.photograph.camera.height, shot.photograph.camera.width) for shot in shots]
-    windows = [windows_of(height, width, side) for height, width in sizes]
-    return [shot.at(window) for shot, own in zip(shots, windows, strict=True) for window in own]
+    """All views, cut into tiles of about ``side`` pixels a side."""
+    return [shot.at(window) for shot in shots for window in shot.windows(side)]
 
 
 def looked_at(shots: Sequence[TrainingView]) -> list[tuple[Camera, torch.Tensor]]:

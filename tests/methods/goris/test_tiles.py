@@ -7,7 +7,8 @@ import torch
 from glossy_sheets import EXTENT, GlossyWorld, glossy_world, seen, shots_of_world, with_settings
 from graycard.methods.goris._model import DIFFUSE, FRESNEL, REGION, ROUGHNESS, SURROUNDINGS
 from graycard.methods.goris._objective import LightObjective
-from graycard.methods.goris._training_views import tiles_of
+from graycard.methods.goris._remove import RemovalTarget, _tiled
+from graycard.methods.goris._training_views import TrainingView, tiles_of
 from graycard.methods.splat import CENTRES, ROTATIONS, Window, view_at, windows_of
 from graycard.methods.surfels import COEFFICIENTS, DETAIL
 
@@ -91,3 +92,28 @@ def test_a_picture_no_larger_than_a_tile_has_the_same_bits(world: GlossyWorld):
         loss = LightObjective(some, settings, EXTENT, 0)(values, 1).loss
         found.append([loss, *torch.autograd.grad(loss, [values[name] for name in MOVING])])
     assert all(torch.equal(whole, tile) for whole, tile in zip(*found, strict=True))
+
+
+def aim_of(shot: TrainingView, seed: int) -> RemovalTarget:
+    draws = torch.Generator().manual_seed(seed)
+    kept, rough, glossy, even = (torch.rand(HEIGHT, WIDTH, generator=draws) for _ in range(4))
+    return RemovalTarget(kept, rough, glossy, shot.photograph.encoded, {"roughness": even})
+
+
+def test_a_removal_has_tiles_with_their_targets(world: GlossyWorld):
+    shots = shots_of_world(world)
+    aims = [aim_of(shot, number) for number, shot in enumerate(shots)]
+    tiles, cut = _tiled(shots, aims, with_settings(tile=18))
+    assert len(tiles) == len(cut) == 4 * len(shots)
+    windows = windows_of(HEIGHT, WIDTH, 18)
+    for number, (tile, aim) in enumerate(zip(tiles, cut, strict=True)):
+        window, of_view = windows[number % 4], aims[number // 4]
+        assert torch.equal(tile.target, window.of(shots[number // 4].target))
+        pairs = zip(aim.parts, of_view.parts, strict=True)
+        assert all(torch.equal(part, window.of(whole)) for part, whole in pairs)
+
+
+def test_a_loss_of_whole_holes_has_whole_views(world: GlossyWorld):
+    shots = shots_of_world(world)
+    aims = [aim_of(shot, 0) for shot in shots]
+    assert _tiled(shots, aims, with_settings(tile=18, hole_loss="lpips")) == (shots, aims)
