@@ -55,9 +55,9 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "skies": ("_Seen", "aten::mm"),
     "losses": ("_Compare", "_Mismatch", "_Normals", "_Over", "_Colours"),
     "blur": ("aten::convolution", "aten::mkldnn", "aten::_slow_conv", "aten::replication", "aten::upsample"),
-    "Adam": ("aten::_fused_adam_",),
 }
-"""Beginnings of what the profiler calls them. All else is arithmetic of PyTorch, pixel by pixel."""
+"""Beginnings of what the profiler calls them. All else is arithmetic of PyTorch, pixel by pixel. It does not
+see Adam, whose kernel is called without it."""
 REST = "PyTorch"
 
 
