@@ -3,7 +3,7 @@
 
 The paper says that lamps are aggregated adaptively, and its figures show that some are out; not how. Here
 changes are tried on all views at half their size, and the best of a kind is kept if the loss over all pixels
-of all views falls (inferred).
+of all views falls (inferred). Views larger than a tile are made smaller for it: its cost does not grow.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +27,7 @@ from graycard.methods.gsid._lights import (
 from graycard.methods.gsid._model import LitPicture
 from graycard.methods.gsid._objective import DeferredView, GsidObjective
 from graycard.methods.gsid._settings import GsidSettings
-from graycard.methods.gsid._stage import LightStage, at_half_size, objective_in
+from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size, objective_in
 from graycard.methods.splat import FitState, Parameters
 
 HEIGHT = 0.25
@@ -69,7 +69,8 @@ def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = N
     if stage.settings.lamps == 0:
         return state
     parameters = state.parameters
-    kept = _Trial(stage, at_half_size(stage, parameters), parameters)
+    whole = at_tile_size(stage, parameters)
+    kept = _Trial(whole, at_half_size(whole, parameters), parameters)
     for proposals in (_pruned, _merged, _split, _put):
         kept = kept.best(proposals(kept))
     if found is not None:
@@ -88,6 +89,7 @@ class _Trial:
     """Lights, and how well they explain all views."""
 
     stage: LightStage
+    """With views that are no larger than a tile."""
     half: LightStage
     """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters

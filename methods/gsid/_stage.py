@@ -64,6 +64,16 @@ def at_half_size(stage: LightStage, parameters: Parameters) -> LightStage:
     )
 
 
+def at_tile_size(stage: LightStage, parameters: Parameters) -> LightStage:
+    """Return the stage with views halved until no side is longer than one and a half tiles: at the cost of a
+    tile a view all of them can be looked at.
+    """
+    smaller, most = stage, 1.5 * stage.settings.tile
+    while max(max(shot.shown.shape[:2]) for shot in smaller.shots) > most:
+        smaller = at_half_size(smaller, parameters)
+    return smaller
+
+
 def objective_in(stage: LightStage, parameters: Parameters) -> GsidObjective:
     """Return the loss, with rays traced to where the lamps are."""
     settings, tiles, reached = stage.settings, [], []

@@ -29,7 +29,7 @@ from graycard.methods.gsid._lights import (
     first_lights,
     lamps_from,
 )
-from graycard.methods.gsid._stage import LightStage, at_half_size
+from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size
 from graycard.methods.splat import FitState, Parameters, initial_state
 from lit_sheets import EXTENT, LAMPS, World
 
@@ -166,3 +166,15 @@ def test_without_lamps_nothing_is_tried(world: World):
     settings = replace(SETTINGS, lamps=0)
     state = state_of(world, TRUE[:0], SENT[:0], settings)
     assert aggregated(state, stage_of(world, settings)) is state
+
+
+@pytest.mark.parametrize(("tile", "size"), [(24, (32, 36)), (16, (16, 18)), (11, (8, 9))])
+def test_views_larger_than_a_tile_are_looked_at_smaller(world: World, tile: int, size: tuple[int, int]):
+    """Lamps change for the same cost whatever the size of pictures; what is no larger stays as it is."""
+    stage = stage_of(world, replace(SETTINGS, tile=tile))
+    state = state_of(world, TRUE, SENT)
+    smaller = at_tile_size(stage, state.parameters)
+    assert {shot.shown.shape[:2] for shot in smaller.shots} == {size}
+    assert (smaller is stage) is (size == (32, 36))
+    mean = smaller.shots[0].linear.mean(dim=(0, 1))
+    torch.testing.assert_close(mean, stage.shots[0].linear.mean(dim=(0, 1)))
