@@ -34,6 +34,8 @@ from graycard.methods.removal import (
     RenderedView,
     Target,
     check_some,
+    choice_of,
+    hull_holes,
     targets_of,
     views_behind,
     wall_surfels,
@@ -41,6 +43,7 @@ from graycard.methods.removal import (
     with_hull,
 )
 from graycard.methods.splat import (
+    CENTRES,
     Checkpoint,
     LossResult,
     Parameters,
@@ -140,7 +143,10 @@ def without_object(
         _effects(fitted.all, shots, settings, extent) if settings.effect_mask else None,
         added,
     )
-    targets, wall = targets_of(behind, priors, settings.references)
+    if settings.holes == "hull":
+        masks = [shot.target.numpy() > 0 for shot in shots]
+        behind = hull_holes(behind, masks, settings.grow, fitted.surfels[CENTRES][theirs].numpy())
+    targets, wall = targets_of(behind, priors, settings.references, choice_of(settings))
     start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
     rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY):

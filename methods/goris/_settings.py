@@ -17,8 +17,8 @@ step on one core."""
 
 
 _LATER = (
-    "grow", "least_inside", "second_share", "references", "hole_weight", "effect_mask", "least_effect",
-    "doubtful_go", "shadow", "material_inpainting", "hole_loss", "distilled",
+    "grow", "least_inside", "second_share", "references", "reference_choice", "holes", "hole_weight",
+    "effect_mask", "least_effect", "doubtful_go", "shadow", "material_inpainting", "hole_loss", "distilled",
 )  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
