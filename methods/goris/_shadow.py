@@ -45,7 +45,7 @@ DOUBT = 10.0
 """Weight of the light being what it was expected to be, times the variance of the logarithm of what points
 differ by from what is explained, beside the mean weight of a texel in the points: the more uneven a surface,
 the less is it believed."""
-EVEN = 0.2
+EVEN = 0.4
 """Deviation of the logarithm of brightness, beyond which a point counts less and less (Cauchy): reflectance
 is not the same everywhere."""
 ROUNDS = 3

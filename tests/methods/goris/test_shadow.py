@@ -101,7 +101,7 @@ def test_the_share_that_a_box_takes_of_a_known_light_is_found():
     clear = torch.from_numpy(~hit_box(points.double().numpy(), np.array([[0.0, 0.0, 1.0]]))[:, 0])
     shaded = clear & (wanted[:, 0] < 0.7)
     assert int(shaded.sum()) > 20
-    assert float((found - wanted)[clear].abs().mean()) < 0.01
+    assert float((found - wanted)[clear].abs().mean()) < 0.015
     assert float((found - wanted)[shaded].mean().abs()) < 0.05
     assert float((1 - wanted)[shaded].mean()) > 0.3
     red, blue = (1 - found)[shaded].mean(dim=0)[[0, 2]].tolist()
