@@ -27,12 +27,15 @@ from graycard.methods.goris._model import (
 )
 from graycard.methods.goris._objective import surface_loss
 from graycard.methods.goris._settings import GorisSettings
+from graycard.methods.goris._shadow import without_shadow
 from graycard.methods.goris._training_views import LAYERS, TrainingView, tiles_of
 from graycard.methods.removal import (
     BackgroundPoints,
     RenderedView,
     Target,
     check_some,
+    choice_of,
+    hull_holes,
     targets_of,
     views_behind,
     wall_surfels,
@@ -40,6 +43,7 @@ from graycard.methods.removal import (
     with_hull,
 )
 from graycard.methods.splat import (
+    CENTRES,
     Checkpoint,
     LossResult,
     Parameters,
@@ -127,15 +131,23 @@ def without_object(
     check_some(theirs, f"with a label of {settings.least_inside:g} or more", "least_inside")
     gone = theirs | next_to_object(fitted, shots, settings.grow) if settings.doubtful_go else theirs
     check_some(gone, "seen next to the object alone, or its own", "grow")
-    left = fitted.take(~gone)
+    left, added = fitted.take(~gone), None
+    if settings.shadow:
+        target = surfels_of(fitted.take(theirs).surfels)
+        unshaded = without_shadow(target, left, shots, settings, extent)
+        left, added = unshaded.parameters, unshaded.added
     behind = views_behind(
         capture,
         _drawn(left.all, settings, extent),
         [shot.target.numpy() > 0 for shot in shots],
         settings.grow,
         _effects(fitted.all, shots, settings, extent) if settings.effect_mask else None,
+        added,
     )
-    targets, wall = targets_of(behind, priors, settings.references)
+    if settings.holes == "hull":
+        masks = [shot.target.numpy() > 0 for shot in shots]
+        behind = hull_holes(behind, masks, settings.grow, fitted.surfels[CENTRES][theirs].numpy())
+    targets, wall = targets_of(behind, priors, settings.references, choice_of(settings))
     start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
     rates = light_rates(extent, settings, found=True)
     for name in (LABEL, SURROUNDINGS, SKY):

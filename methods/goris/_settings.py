@@ -17,8 +17,8 @@ step on one core."""
 
 
 _LATER = (
-    "grow", "least_inside", "second_share", "references", "hole_weight", "effect_mask", "least_effect",
-    "doubtful_go", "material_inpainting", "hole_loss", "distilled",
+    "grow", "least_inside", "second_share", "references", "reference_choice", "holes", "hole_weight",
+    "effect_mask", "least_effect", "doubtful_go", "shadow", "material_inpainting", "hole_loss", "distilled",
 )  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
@@ -105,6 +105,9 @@ class GorisSettings(RemovalSettings):
     doubtful_go: bool = True
     """Whether glossy surfels that photographs show mostly within the widened masks of the object are removed
     with it; False, the paper: only what is labelled as the object."""
+    shadow: bool = False
+    """Whether the object's shadow is removed, too, a step beyond the paper: surfels and photographs are
+    brightened by the light that the object blocked before anything is inpainted."""
     material_inpainting: bool = True
     """Whether holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""
     hole_loss: Literal["photometric", "lpips"] = "photometric"

@@ -9,11 +9,13 @@ from graycard.methods.removal._filled import BackgroundPoints as BackgroundPoint
 from graycard.methods.removal._filled import Target as Target
 from graycard.methods.removal._filled import targets_of as targets_of
 from graycard.methods.removal._grouping import GroupingMethod as GroupingMethod
+from graycard.methods.removal._hull import hull_holes as hull_holes
 from graycard.methods.removal._method import KeepMethod as KeepMethod
 from graycard.methods.removal._method import OneReferenceMethod as OneReferenceMethod
 from graycard.methods.removal._method import PerViewMethod as PerViewMethod
 from graycard.methods.removal._method import RemovalMethod as RemovalMethod
 from graycard.methods.removal._method import wall_surfels as wall_surfels
+from graycard.methods.removal._references import choice_of as choice_of
 from graycard.methods.removal._scene import Emptied as Emptied
 from graycard.methods.removal._scene import RemovalScene as RemovalScene
 from graycard.methods.removal._settings import GroupingSettings as GroupingSettings

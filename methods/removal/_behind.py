@@ -47,6 +47,7 @@ def views_behind(
     masks: Sequence[np.ndarray],
     grow: float,
     effects: Sequence[np.ndarray] | None = None,
+    added: Sequence[np.ndarray] | None = None,
 ) -> list[Behind]:
     """The training views without the object.
 
@@ -57,6 +58,8 @@ def views_behind(
         grow: By which they are widened, a share of the width.
         effects: Where views show the object by way of other surfaces, as ``masks``; None: nowhere. There
             photographs are in doubt too, but what is there is seen.
+        added: Light that photographs lack for the object's shadow, one a view, shape ``(H, W, 3)``, linear,
+            display range; None: none.
     """
     hidden = [widened(mask, grow) for mask in masks]
     doubts = hidden
@@ -70,6 +73,7 @@ def views_behind(
         others = [(cameras[k], drawn[k].depth, hidden[k]) for k in range(len(cameras)) if k != number]
         hole = hidden[number] & ~seen_elsewhere(cameras[number], shown.depth, hidden[number], others)
         photograph = np.asarray(capture.photograph(view), np.float64) * capture.exposure
+        photograph = photograph if added is None else photograph + added[number]
         picture = np.where(doubts[number][..., None], shown.picture, photograph)
         found.append(Behind(view, doubts[number], hole, picture, shown.depth, shown.layers))
     return found

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Holes that a prior inpaints, and the points of the background that inpainted views show."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 import torch
@@ -45,8 +45,20 @@ class Target:
     """What it is to show besides, by name, each ``(H, W)`` or ``(H, W, C)``."""
 
 
+class Choice(NamedTuple):
+    """How views that tell others are chosen."""
+
+    candidates: int
+    """How many views are filled in."""
+    pick: Callable[[Mapping[int, Target], int], dict[int, Target]]
+    """Handed those and how many are wanted."""
+
+
 def targets_of(
-    behind: Sequence[Behind], priors: Priors, references: int
+    behind: Sequence[Behind],
+    priors: Priors,
+    references: int,
+    choose: Choice | None = None,
 ) -> tuple[list[Target], BackgroundPoints]:
     """What views are to show, and the points that their holes show.
 
@@ -55,11 +67,14 @@ def targets_of(
         priors: They inpaint radiance.
         references: Views that are filled in and tell the others, those with the largest holes; 0: all views
             are, and none tells another.
+        choose: Which of more views that are filled in tell the others; None: those with the largest holes.
 
     Raises:
         MethodError: The prior does not inpaint, or its answer is not sound.
     """
-    filled = filled_views(behind, priors, references)
+    filled = filled_views(behind, priors, choose.candidates if choose and references else references)
+    if choose and references:
+        filled = choose.pick(filled, references)
     wall = _joined([_wall(target) for target in filled.values()])
     if not references:
         return own_targets(behind, filled), wall

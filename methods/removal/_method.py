@@ -9,6 +9,8 @@ import torch
 from graycard import srgb_encode
 from graycard.methods.removal._behind import drawn_colours, views_behind
 from graycard.methods.removal._filled import BackgroundPoints, Target, targets_of
+from graycard.methods.removal._hull import hull_holes
+from graycard.methods.removal._references import choice_of
 from graycard.methods.removal._scene import RemovalScene
 from graycard.methods.removal._settings import OneReferenceSettings, PerViewSettings, RemovalSettings
 from graycard.methods.removal._stages import (
@@ -23,7 +25,14 @@ from graycard.methods.removal._stages import (
     shown,
 )
 from graycard.methods.removal._target import target_surfels
-from graycard.methods.splat import Parameters, Surfels, joined_surfels, surfels_of, surfels_on_surface
+from graycard.methods.splat import (
+    CENTRES,
+    Parameters,
+    Surfels,
+    joined_surfels,
+    surfels_of,
+    surfels_on_surface,
+)
 from graycard.methods.surfels import FitTask, SceneMethod, SurfelSettings, with_colours
 
 NEW_OPACITY = 0.5
@@ -56,7 +65,10 @@ class RemovalMethod(SceneMethod[RemovalSettings, RemovalScene]):
         theirs = target_surfels(surfels_of(before.surfels), cameras, masks, settings.least_inside)
         left = before.take(~theirs)
         behind = views_behind(capture, drawn_colours(left.all), masks, settings.grow)
-        targets, wall = targets_of(behind, task.priors, settings.references)
+        if settings.holes == "hull":
+            places = before.surfels[CENTRES][theirs].numpy()
+            behind = hull_holes(behind, masks, settings.grow, places)
+        targets, wall = targets_of(behind, task.priors, settings.references, choice_of(settings))
         start = with_wall(left, int(theirs.sum()), wall, settings, task.seed)
         views = [shown(target, pixel_weights(target, settings.hole_weight), settings) for target in targets]
         return decomposition(self.name, capture, before, second_stage(task, start, views))

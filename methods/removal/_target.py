@@ -130,12 +130,16 @@ def check_some(theirs: torch.Tensor, how: str, setting: str) -> None:
 
 def _inside_hull(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Which places lie in the convex hull of those chosen; none where they span no volume."""
-    own = places[chosen]
-    if len(own):
-        low, high = np.percentile(own, [25, 75], axis=0)
-        reach = _FAR * np.maximum(high - low, _FLAT * (high - low).max())
-        own = own[np.all((own >= low - reach) & (own <= high + reach), axis=1)]
     try:
-        return Delaunay(own).find_simplex(places) >= 0
+        return Delaunay(without_strays(places[chosen])).find_simplex(places) >= 0
     except (QhullError, ValueError):  # too few, or all in a plane
         return np.zeros(len(places), bool)
+
+
+def without_strays(places: np.ndarray) -> np.ndarray:
+    """The places ``(M, 3)`` of an object but those that lie far off."""
+    if not len(places):
+        return places
+    low, high = np.percentile(places, [25, 75], axis=0)
+    reach = _FAR * np.maximum(high - low, _FLAT * (high - low).max())
+    return places[np.all((places >= low - reach) & (places <= high + reach), axis=1)]
