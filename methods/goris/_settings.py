@@ -12,9 +12,7 @@ Filter = Literal[Reading, "none"]
 Decay = Literal["exponential", "linear"]
 Traced = Literal["rough", "all"]
 LARGEST_SKY = 256
-"""Texels along a side of the environment map, as in the paper: to prefilter it takes 2.8 GiB and a second a
-step on one core."""
-
+"""Texels along a side of the environment map, as in the paper."""
 
 _LATER = (
     "grow", "least_inside", "second_share", "references", "hole_weight", "effect_mask", "least_effect",
@@ -144,6 +142,13 @@ class GorisSettings(RemovalSettings):
         """The same first stage, with everything later as it is by default: what its checkpoints depend on."""
         later = {part.name: part.default for part in fields(self) if part.name in _LATER}
         return replace(self, **later)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def with_exact_normals(self) -> "GorisSettings":
+        """The same with a weight of the prior's normals that does not decay."""
+        return replace(
+            self, least_normal_prior_weight=max(self.normal_prior_weight, self.least_normal_prior_weight)
+        )
 
     @property
     def radiance_steps(self) -> int:
