@@ -54,6 +54,8 @@ FIRST_REGION = 0.9
 """Initial region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
 """Initial regions and diffuse radiance keep this far from 0 and 1, whose logits are infinite."""
+_NONE = 1e-3
+"""Diffuse radiance of a metal, over ``BRIGHTEST``: nothing is not among the values of a sigmoid."""
 FRESNEL_RATE, FOUND_FRESNEL_RATE = LearningRateSchedule(2e-2, 5e-3), LearningRateSchedule(6e-3, 1.5e-3)
 """Learning rates of f0: gradients lead away from what :func:`initial_light` has found."""
 CENTRES_RATE = LearningRateSchedule(8e-5, 5e-6)
@@ -138,6 +140,8 @@ def fit_light(
         return start
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
     config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
+    if found is not None and found.reflectance.metal:
+        rates.pop(DIFFUSE)
     objective = LightObjective(shots, settings, extent, seed)
     return train(initial_state(start, seed), config, objective, progress).parameters
 
@@ -198,7 +202,10 @@ def as_photographs_allow(start: Parameters, found: InitialLight | None) -> Param
     diffuse, fresnel = (start.surfels[name].clone() for name in (DIFFUSE, FRESNEL))
     glossy = start.surfels[REGION][:, 0] < 0
     fresnel[glossy] = torch.logit(float_tensor(found.reflectance.f0))
-    diffuse[found.surfels] = torch.logit(srgb_encode_tensor(found.diffuse) / BRIGHTEST, eps=_SURE)
+    if found.reflectance.metal:
+        diffuse[glossy] = torch.logit(torch.tensor(_NONE))
+    else:
+        diffuse[found.surfels] = torch.logit(srgb_encode_tensor(found.diffuse) / BRIGHTEST, eps=_SURE)
     own = {DIFFUSE: diffuse, FRESNEL: fresnel}
     return Parameters(
         {**start.surfels, **own}, {**start.shared, SURROUNDINGS: found.surroundings.log().contiguous()}

@@ -66,7 +66,7 @@ class GorisSettings(RemovalSettings):
     (released code: 0.1 units)."""
     traced_degree: int = 1
     """Degree of the spherical harmonics that are evaluated along reflected rays, 0 to 3."""
-    sky_size: int = 16
+    sky_size: int = 32
     """Texels along the side of a face of the environment map, which reflected rays see where they meet no
     surfel (paper: 256; photographs here are small)."""
     normal_prior_weight: float = 0.5

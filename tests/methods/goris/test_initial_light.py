@@ -101,6 +101,18 @@ def test_a_metal_is_told_by_what_it_does_not_scatter(world: GlossyWorld, f0: tup
     assert not found.diffuse.any()
 
 
+@pytest.mark.parametrize("metal", [True, False])
+def test_a_metal_goes_on_to_scatter_nothing(world: GlossyWorld, metal: bool):
+    known, floor = (
+        reflecting(world, 0.6 if metal else 0.15, metal=metal),
+        torch.from_numpy(world.part == FLOOR),
+    )
+    settings = replace(SETTINGS, iterations=12, radiance_share=0.5)
+    fitted = fit_light(known.parameters, shots_of_world(known), settings, 0, silent)
+    scattered = (BRIGHTEST * fitted.surfels[DIFFUSE][floor].sigmoid()).median()
+    assert (float(scattered) < 0.002) == metal
+
+
 def noisy(found: Observations, noise: float, seed: int) -> Observations:
     """With a standard deviation of a share of the mean."""
     drawn = np.random.default_rng(seed).normal(size=found.colour.shape)
