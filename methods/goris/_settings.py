@@ -38,8 +38,8 @@ class GorisSettings(RemovalSettings):
     prior tells glossy surfaces."""
     flat_start: bool = True
     """Whether surfels of a flat glossy surface are initialised on the plane on which its outlines in the
-    views agree, and what faces other ways is not glossy; only where priors tell normals and glossy
-    surfaces."""
+    views agree and are held to its normal, and what faces other ways is not glossy; only where priors tell
+    normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``: radiance-only steps, before those with light transport (paper: 4/30; a short fit
     needs surfaces first). 1 only without ``transport``."""
@@ -70,7 +70,8 @@ class GorisSettings(RemovalSettings):
     """Texels along the side of a face of the environment map, which reflected rays see where they meet no
     surfel (paper: 256; photographs here are small)."""
     normal_prior_weight: float = 0.5
-    """Weight of the difference from the prior's normals on glossy surfaces, before it decays."""
+    """Weight of the difference from the prior's normals on glossy surfaces, before it decays. It does not
+    where a flat surface was found, whose normal is known better."""
     least_normal_prior_weight: float = 1e-3
     smooth_weight: float = 0.5
     """Weight of the edge-aware smoothness of f0, roughness and normals on glossy surfaces, by differences of
