@@ -8,9 +8,10 @@ import numpy as np
 import torch
 
 from graycard import Capture, Progress
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._filter import translation_parameters
 from graycard.methods.goris._flat import FlatSurface
-from graycard.methods.goris._initial_light import InitialLight, initial_lights
+from graycard.methods.goris._initial_light import InitialLight, initial_light
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -19,8 +20,6 @@ from graycard.methods.goris._model import (
     REGION,
     ROUGHNESS,
     SURROUNDINGS,
-    drawn_buffers,
-    picture_of,
 )
 from graycard.methods.goris._objective import LightObjective, RadianceObjective
 from graycard.methods.goris._settings import GorisSettings
@@ -34,7 +33,6 @@ from graycard.methods.splat import (
     Parameters,
     TrainConfig,
     initial_state,
-    photometric_map,
     scene_extent,
     share_inside,
     surfels_of,
@@ -56,10 +54,10 @@ FIRST_REGION = 0.9
 """Initial region where no prior tells glossy surfaces (released code)."""
 _SURE = 0.05
 """Initial regions and diffuse radiance keep this far from 0 and 1, whose logits are infinite."""
+_NONE = 1e-3
+"""Diffuse radiance of a metal, over ``BRIGHTEST``: nothing is not among the values of a sigmoid."""
 FRESNEL_RATE, FOUND_FRESNEL_RATE = LearningRateSchedule(2e-2, 5e-3), LearningRateSchedule(6e-3, 1.5e-3)
-"""Learning rates of f0: gradients lead away from what :func:`initial_lights` has found."""
-TRIAL = 1 / 8
-"""Share of the steps with light transport after which it is decided whether glossy surfaces are metals."""
+"""Learning rates of f0: gradients lead away from what :func:`initial_light` has found."""
 CENTRES_RATE = LearningRateSchedule(8e-5, 5e-6)
 """Learning rate of positions in the steps with light transport, in extents of the scene.
 
@@ -122,9 +120,6 @@ def fit_light(
 ) -> Parameters:
     """Fit light transport, and go on with geometry and radiance.
 
-    Where photographs tell an initial light of a metal and another of what is none, both are fitted for
-    :data:`TRIAL` of the steps, and the fit goes on from the one that is nearer to them.
-
     Args:
         coloured: Of :func:`fit_colours`.
         shots: The training views.
@@ -137,45 +132,18 @@ def fit_light(
         MethodError: The loss or a gradient is not finite.
     """
     extent = scene_extent([shot.photograph.camera for shot in shots])
-    start, found = with_light(coloured, shots, settings, seed), []
+    start, found = with_light(coloured, shots, settings, seed), None
     if settings.transport and settings.first_light and all(shot.told for shot in shots):
-        found = initial_lights(start.all, shots, settings, extent)
+        found = initial_light(start.all, shots, settings, extent)
+        start = as_photographs_allow(start, found)
     if settings.light_steps == 0:
         return start
-    rates = light_rates(extent, settings, bool(found)) | {CENTRES: CENTRES_RATE.times(extent)}
+    rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
     config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
+    if found is not None and found.reflectance.metal:
+        rates.pop(DIFFUSE)
     objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)
-    states = [initial_state(as_photographs_allow(start, light), seed) for light in found or [None]]
-    if len(states) > 1:
-        until = max(1, round(TRIAL * settings.light_steps))
-        for number, state in enumerate(states):
-            own = saved and saved.beside(f"trial-{number}")
-            states[number] = train(state, replace(config, until=until, checkpoint=own), objective, progress)
-        states.sort(key=lambda state: glossy_error(state.parameters, shots, settings, extent))
-    return train(states[0], config, objective, progress).parameters
-
-
-@torch.no_grad()
-def glossy_error(
-    parameters: Parameters, shots: Sequence[TrainingView], settings: GorisSettings, extent: float
-) -> float:
-    """Mean photometric difference from the photographs where they show glossy surfaces.
-
-    Args:
-        parameters: Of surfels with light transport.
-        shots: The training views.
-        settings: Of the method.
-        extent: Of the scene, metres.
-    """
-    values, total, pixels = parameters.all, 0.0, 0.0
-    for shot in shots:
-        view = shot.photograph
-        buffers = drawn_buffers(values, view.camera, view.sky, settings)
-        picture = picture_of(values, buffers, settings, extent)
-        differs = photometric_map(picture.encoded, view.encoded, settings.ssim_share).mean(dim=-1)
-        total += float((differs * shot.glossy).sum())
-        pixels += float(shot.glossy.sum())
-    return total / max(pixels, 1.0)
+    return train(initial_state(start, seed), config, objective, progress).parameters
 
 
 def own_stage(
@@ -233,8 +201,11 @@ def as_photographs_allow(start: Parameters, found: InitialLight | None) -> Param
         return start
     diffuse, fresnel = (start.surfels[name].clone() for name in (DIFFUSE, FRESNEL))
     glossy = start.surfels[REGION][:, 0] < 0
-    fresnel[glossy] = torch.logit(torch.tensor(found.f0))
-    diffuse[found.surfels] = torch.logit(srgb_encode_tensor(found.diffuse) / BRIGHTEST, eps=_SURE)
+    fresnel[glossy] = torch.logit(float_tensor(found.reflectance.f0))
+    if found.reflectance.metal:
+        diffuse[glossy] = torch.logit(torch.tensor(_NONE))
+    else:
+        diffuse[found.surfels] = torch.logit(srgb_encode_tensor(found.diffuse) / BRIGHTEST, eps=_SURE)
     own = {DIFFUSE: diffuse, FRESNEL: fresnel}
     return Parameters(
         {**start.surfels, **own}, {**start.shared, SURROUNDINGS: found.surroundings.log().contiguous()}
@@ -250,7 +221,7 @@ def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str
     Args:
         extent: Of the scene, metres.
         settings: Of the method.
-        found: Whether f0 was found by :func:`initial_lights`, or fitted by a stage before.
+        found: Whether f0 was found by :func:`initial_light`, or fitted by a stage before.
     """
     rates = learning_rates(extent, settings)
     rates = {name: LearningRateSchedule(rate.end or rate.start) for name, rate in rates.items()}

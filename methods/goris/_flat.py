@@ -18,6 +18,7 @@ from skimage.measure import label
 from skimage.morphology import convex_hull_image
 
 from graycard import Camera
+from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.removal import points_in_picture
 from graycard.methods.surfels import plane_depth
@@ -65,11 +66,18 @@ class FlatSurface:
     them."""
     depths: list[np.ndarray]
     """z-depth of each view, shape ``(H, W)``, metres, NaN where it does not see the surface."""
+    normal: np.ndarray
+    """Shape ``(3,)``, world, unit, towards the cameras: the median of a prior's, whose errors differ from
+    pixel to pixel."""
 
     def alone(self, shots: Sequence[TrainingView]) -> list[TrainingView]:
-        """The views with this surface as the only glossy one."""
-        masks = [torch.from_numpy(mask.astype(np.float32)) for mask in self.mirrors]
-        return [replace(shot, glossy=shot.glossy * mask) for shot, mask in zip(shots, masks, strict=True)]
+        """The views with this surface as the only glossy one, and its normal there in place of a prior's."""
+        return [self._alone(shot, float_tensor(mask)) for shot, mask in zip(shots, self.mirrors, strict=True)]
+
+    def _alone(self, shot: TrainingView, mirror: torch.Tensor) -> TrainingView:
+        assert shot.normal is not None, "normals told of the surface"
+        normal = torch.where(mirror[..., None] > 0, float_tensor(self.normal), shot.normal)
+        return replace(shot, glossy=shot.glossy * mirror, normal=normal)
 
 
 def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurface | None:
@@ -117,7 +125,8 @@ def flat_surface(shots: Sequence[TrainingView], points: np.ndarray) -> FlatSurfa
     )
     if _turn(places, leaning, common) > MOST_TURN:
         return None
-    return FlatSurface([g & (f | ~k) for g, f, k in zip(glossy, faces, known, strict=True)], depths)
+    mirrors = [g & (f | ~k) for g, f, k in zip(glossy, faces, known, strict=True)]
+    return FlatSurface(mirrors, depths, common)
 
 
 def _hull(flat: np.ndarray) -> np.ndarray:

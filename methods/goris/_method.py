@@ -35,7 +35,8 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
         saved = fit_checkpoint(METHOD, task.settings.first, seed, looked_at(shots))
         settings = as_glossy_as_told(task.settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
-        shots = shots if flat is None else flat.alone(shots)
+        if flat is not None:
+            shots, settings = flat.alone(shots), settings.with_exact_normals
         coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
         before = fit_light(coloured, shots, settings, seed, progress, saved)
         removed = without_object(

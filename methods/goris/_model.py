@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch.nn.functional import normalize
+from torch.nn.functional import adaptive_avg_pool2d, normalize
 
 from graycard import Camera
 from graycard.methods.goris._filter import filtered, pyramid, translated
@@ -43,6 +43,9 @@ BRIGHTEST = 1.5
 """Greatest diffuse radiance of a surfel, encoded: the released code divides photographs by it."""
 LEAST_COVER = 1e-3
 """Coverage of a pixel by surfels: layers are divided by no less."""
+LARGEST_FILTERED = 16
+"""Texels along the side of a face of the environment map from which it is filtered for rough surfaces: their
+lobes are wider than a texel, and the cost grows with the fourth power."""
 LEAST_GLOSS = 0.02
 """Share of a pixel that has to be glossy for a ray to be traced."""
 
@@ -293,9 +296,17 @@ def _reflected(
     reflection = reflected_radiance(values, buffers, settings, extent)
     light, passed = blurred(values, buffers, reflection, settings, extent).split([3, 1], dim=-1)
     roughness = buffers.roughness.flatten()[reflection.rows]
-    sky = reflected_sky(prefiltered_skies(values[SURROUNDINGS].exp()), reflection.directions, roughness)
+    sky = reflected_sky(_skies(values[SURROUNDINGS].exp()), reflection.directions, roughness)
     reflected = fresnel(buffers, reflection) * (light + passed * sky)
     return _image(reflected, reflection.rows, *buffers.roughness.shape)
+
+
+def _skies(surroundings: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """The environment as each of the ``ROUGHNESSES`` mirrors it; of a fine one by way of a coarser one."""
+    coarse = surroundings
+    if surroundings.shape[1] > LARGEST_FILTERED:
+        coarse = adaptive_avg_pool2d(surroundings.movedim(-1, 1), LARGEST_FILTERED).movedim(1, -1)
+    return surroundings, *prefiltered_skies(coarse)[1:]
 
 
 @torch.no_grad()

@@ -12,9 +12,7 @@ Filter = Literal[Reading, "none"]
 Decay = Literal["exponential", "linear"]
 Traced = Literal["rough", "all"]
 LARGEST_SKY = 256
-"""Texels along a side of the environment map, as in the paper: to prefilter it takes 2.8 GiB and a second a
-step on one core."""
-
+"""Texels along a side of the environment map, as in the paper."""
 
 _LATER = (
     "grow", "least_inside", "second_share", "references", "reference_choice", "holes", "hole_weight",
@@ -40,8 +38,8 @@ class GorisSettings(RemovalSettings):
     prior tells glossy surfaces."""
     flat_start: bool = True
     """Whether surfels of a flat glossy surface are initialised on the plane on which its outlines in the
-    views agree, and what faces other ways is not glossy; only where priors tell normals and glossy
-    surfaces."""
+    views agree and are held to its normal, and what faces other ways is not glossy; only where priors tell
+    normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``: radiance-only steps, before those with light transport (paper: 4/30; a short fit
     needs surfaces first). 1 only without ``transport``."""
@@ -73,11 +71,12 @@ class GorisSettings(RemovalSettings):
     (released code: 0.1 units)."""
     traced_degree: int = 1
     """Degree of the spherical harmonics that are evaluated along reflected rays, 0 to 3."""
-    sky_size: int = 16
+    sky_size: int = 32
     """Texels along the side of a face of the environment map, which reflected rays see where they meet no
     surfel (paper: 256; photographs here are small)."""
     normal_prior_weight: float = 0.5
-    """Weight of the difference from the prior's normals on glossy surfaces, before it decays."""
+    """Weight of the difference from the prior's normals on glossy surfaces, before it decays. It does not
+    where a flat surface was found, whose normal is known better."""
     least_normal_prior_weight: float = 1e-3
     smooth_weight: float = 0.5
     """Weight of the edge-aware smoothness of f0, roughness and normals on glossy surfaces, by differences of
@@ -156,6 +155,13 @@ class GorisSettings(RemovalSettings):
         """The same first stage, with everything later as it is by default: what its checkpoints depend on."""
         later = {part.name: part.default for part in fields(self) if part.name in _LATER}
         return replace(self, **later)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def with_exact_normals(self) -> "GorisSettings":
+        """The same with a weight of the prior's normals that does not decay."""
+        return replace(
+            self, least_normal_prior_weight=max(self.normal_prior_weight, self.least_normal_prior_weight)
+        )
 
     @property
     def radiance_steps(self) -> int:

@@ -313,7 +313,7 @@ def test_a_mirror_begins_on_the_plane_that_was_found_and_nothing_else_is_one(
 
     def found(shots: list[TrainingView], points: np.ndarray) -> FlatSurface:
         depths = [np.where(left, np.nan, plane_depth(one.photograph.camera, plane)) for one in shots]
-        return FlatSurface([~left & (one.glossy.numpy() > 0.5) for one in shots], depths)
+        return FlatSurface([~left & (one.glossy.numpy() > 0.5) for one in shots], depths, plane[:3])
 
     monkeypatch.setattr(_method, "flat_surface", found)
     settings = GorisSettings(iterations=16, surfels=1000, fill=0.9, sky_size=2)
@@ -337,7 +337,7 @@ def test_what_is_switched_off_is_not_looked_for(
 ):
     """Flat surfaces, and what photographs allow light to begin with."""
     asked: list[str] = []
-    looks = "flat_surface" if name == "flat_start" else "initial_lights"
+    looks = "flat_surface" if name == "flat_start" else "initial_light"
     monkeypatch.setattr(module, looks, lambda *_: asked.append(name))
     settings = GorisSettings(iterations=8, surfels=600, sky_size=2)
     for switch in (True, False):

@@ -20,6 +20,7 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import Camera
+from graycard.methods.goris import _model
 from graycard.methods.goris._filter import Reading, translation_parameters
 from graycard.methods.goris._model import (
     DIFFUSE,
@@ -46,6 +47,7 @@ from graycard.methods.goris._objective import (
 )
 from graycard.methods.goris._settings import Filter
 from graycard.methods.goris._training_views import TrainingView
+from graycard.methods.shading import prefiltered_skies
 from graycard.methods.splat import CENTRES, ROTATIONS, Surfels, rasterize, surfels_of
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, sky_basis, srgb_decode_tensor, srgb_encode_tensor
 
@@ -401,6 +403,7 @@ def test_the_weight_of_the_priors_normals_decays():
     linear = replace(paper, decay="linear")
     assert normal_prior_weight(linear, 100) == pytest.approx((0.5 + 1e-3) / 2)
     assert normal_prior_weight(replace(paper, normal_prior_weight=0.0), 0) == 0.0
+    assert normal_prior_weight(paper.with_exact_normals, 900) == pytest.approx(0.5)
 
 
 def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWorld):
@@ -488,3 +491,13 @@ def test_where_everything_is_glossy_mirrors_show_the_surroundings(world: GlossyW
     assert not found.radiance.any()
     assert picture.encoded.isfinite().all()
     assert float(picture.reflected.max()) > 0.1
+
+
+def test_a_fine_environment_is_filtered_from_a_coarser_one(world: GlossyWorld):
+    """As sharp as it is in a mirror, and in rough surfaces what it is when filtered as a whole."""
+    sky = torch.full((6, 64, 64, 3), 0.2)
+    sky[4, 20:31, 30:47] = 5.0
+    found, whole = _model._skies(sky), prefiltered_skies(sky)
+    assert torch.equal(found[0], sky)
+    for coarse, fine in zip(found[1:], whole[1:], strict=True):
+        torch.testing.assert_close(coarse, fine, atol=0.1 * float(fine.max()), rtol=0)
