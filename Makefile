@@ -6,7 +6,7 @@
 #   make coverage             run every test and ask for 90 % coverage
 #   make check                lint, format, types, and `make test`
 #   make gate                 run the smoke suite and compare it with the committed baseline
-#   make prior                train a network that tells geometry and material, half an hour on one core
+#   make prior                train a network that tells geometry and material, about twenty minutes on one core
 #   make weights              fetch the weights of LPIPS, FID and KID, so that their tests run
 #   make docs                 write the tables and pictures that the docs take from code
 
