@@ -6,6 +6,7 @@
 #   make coverage             run every test and ask for 90 % coverage
 #   make check                lint, format, types, and `make test`
 #   make gate                 run the smoke suite and compare it with the committed baseline
+#   make prior                train a network that tells geometry and material, about twenty minutes on one core
 #   make weights              fetch the weights of LPIPS, FID and KID, so that their tests run
 #   make docs                 write the tables and pictures that the docs take from code
 
@@ -14,7 +15,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all coverage kernels check lint gate weights docs clean
+.PHONY: help bench test test-all coverage kernels check lint gate prior weights docs clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -48,6 +49,9 @@ lint: .venv/installed-dev
 gate: .venv/installed
 	$(BIN)/graycard bench smoke --out runs/smoke
 	$(BIN)/graycard gate runs/smoke --baseline benchmarks/baselines/smoke.json
+
+prior: .venv/installed-test
+	$(BIN)/graycard train-prior --out runs/prior --plot runs/prior/curves.svg
 
 weights: .venv/installed
 	$(BIN)/graycard weights lpips

@@ -14,7 +14,7 @@ from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorMode
 from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import OraclePrior, truth_for
-from graycard.methods.priors._spec import KindSpec, PriorSpec, of_kind
+from graycard.methods.priors._spec import OWN_KINDS, KindSpec, PriorSpec, of_kind
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
     "none": frozenset(),
@@ -150,7 +150,8 @@ def _weights(spec: KindSpec) -> Path:
         raise MethodError(
             f"expected weights for {spec.kind} priors at {spec.weights or 'a path'}, got none. Nothing is "
             f"downloaded: give priors a path to a folder that holds {spec.kind}/ (transformers) or "
-            f"{spec.kind}.pt (TorchScript), or one in overrides.{spec.kind}.path"
+            f"{spec.kind}.pt (TorchScript), or one in overrides.{spec.kind}.path; a network of `graycard "
+            f"train-prior` tells of {', '.join(sorted(OWN_KINDS))}"
         )
     return spec.weights
 

@@ -14,6 +14,8 @@ from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
 from graycard.methods.priors import _colour, _depth, _filling, _inpainting, _light, _mask, _material, _normal
 
 WORST = 5
+OWN_KINDS: frozenset[PriorKind] = frozenset({"depth", "normal", "base_color", "roughness", "metallic"})
+"""Kinds that a network of ``graycard train-prior`` tells of."""
 LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "depth": _depth.LEVELS,
     "normal": _normal.LEVELS,
@@ -64,7 +66,8 @@ class PriorSpec:
     seed: int = 0
     """Of the oracle's errors."""
     path: str = ""
-    """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript)."""
+    """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript);
+    or a file of ``graycard train-prior``, whose name ends in ``.safetensors``."""
     overrides: Mapping[str, Override] = field(default_factory=dict)
     """By kind."""
 
@@ -162,6 +165,9 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
 
 
 def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | None:
+    path = override.path or spec.path
+    if path.endswith(".safetensors"):
+        return Path(path) if kind in OWN_KINDS else None
     if override.path:
         return Path(override.path)
     if not spec.path:

@@ -209,6 +209,22 @@ VERBS = (
         help="Bound how well one vector a point tells which lights reach it",
         example="graycard bounds data/multilight/studio-1003",
     ),
+    Verb(
+        name="train-prior",
+        group="for developers of graycard",
+        module="_priors",
+        command="TrainPriorCommand",
+        help="Train graycard's own network for geometry and material",
+        example="graycard train-prior --out runs/prior --minutes 9",
+    ),
+    Verb(
+        name="prior-errors",
+        group="for developers of graycard",
+        module="_priors",
+        command="PriorErrorsCommand",
+        help="Measure how wrong priors are, beside the oracle's severities",
+        example="graycard prior-errors data",
+    ),
 )
 """All verbs; those of one group stand together, in the order of the help."""
 
