@@ -12,7 +12,6 @@ from graycard.methods.gsid._aggregation import (
     APART,
     STRENGTHS,
     Lack,
-    _found_anew,
     _merged,
     _put,
     _split,
@@ -22,7 +21,6 @@ from graycard.methods.gsid._aggregation import (
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
-    AXES,
     DARK,
     POSITIONS,
     SHARPNESS,
@@ -147,19 +145,6 @@ def test_what_explains_less_is_not_kept(world: World):
     assert trial.best(iter([worse])) is trial
     better = trial_of(world, replace(state_of(world, TRUE + 0.5, SENT)))
     assert better.best(iter([dict(trial.lights)])).loss == pytest.approx(trial.loss)
-
-
-def test_lamps_that_are_found_anew_are_tried_one_by_one_too(world: World):
-    """All as they were found, and of those found the one that no lamp is near."""
-    trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:]))
-    found = FirstLights(
-        torch.from_numpy(TRUE).float(), torch.ones(2, 2, 3), torch.zeros(3), torch.full((6, 3), 0.05)
-    )
-    anew, added = _found_anew(trial, found)
-    assert torch.equal(anew[POSITIONS][:2], found.positions)
-    torch.testing.assert_close(added[POSITIONS][trial.out], found.positions[0])
-    assert torch.equal(added[POSITIONS][0], trial.lights[POSITIONS][0])
-    assert not torch.equal(added[AXES], trial.lights[AXES])
 
 
 def test_without_lamps_nothing_is_tried(world: World):

@@ -8,13 +8,13 @@ import torch
 
 from graycard.io import silent
 from graycard.methods.gsid import GsidSettings
-from graycard.methods.gsid._fit import lights_in, train_lights
+from graycard.methods.gsid._fit import train_lights
 from graycard.methods.gsid._guess import MaterialGuess
-from graycard.methods.gsid._lights import first_lights
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import SIDE, lit_side
 from graycard.methods.gsid._stage import LightStage, objective_in, renewed
-from graycard.methods.splat import GEOMETRY, Parameters, initial_state
+from graycard.methods.gsid._start import first_parameters
+from graycard.methods.splat import GEOMETRY, initial_state
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, World
 
@@ -30,8 +30,7 @@ def training_psnr(world: World, settings: GsidSettings) -> float:
     surface = {name: world.surface[name].clone() for name in (*GEOMETRY, "open sky")}
     surface |= first_materials(world.surfels, world.normals, shots)
     surface[SIDE] = lit_side(world.surfels, world.normals)
-    lights = first_lights(lights_in(stage, surface), settings)
-    fitted = train_lights(initial_state(Parameters(surface, lights), 0), stage, silent).parameters
+    fitted = train_lights(initial_state(first_parameters(stage, surface), 0), stage, silent).parameters
     objective = objective_in(renewed(stage, fitted), fitted)
     errors = [
         (srgb_encode_tensor(objective.picture(fitted.all, number).whole) - shot.shown).square().mean()
