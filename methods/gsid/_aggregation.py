@@ -78,6 +78,19 @@ def aggregated(state: FitState, stage: LightStage) -> FitState:
     return replace(state, parameters=replace(parameters, shared=dict(kept.lights)))
 
 
+@torch.no_grad()
+def without_dim_lamps(state: FitState, least: float) -> FitState:
+    """Return a state without the lamps that send less than a share ``least`` of all that lamps send."""
+    flux = lamps_from(state.parameters.shared).flux().sum(dim=-1)
+    kept = flux >= least * flux.sum()
+    shared = {name: v[kept] if name in LAMPS else v for name, v in state.parameters.shared.items()}
+    moments = {
+        name: replace(m, first=m.first[kept], second=m.second[kept]) if name in LAMPS else m
+        for name, m in state.moments.items()
+    }
+    return replace(state, parameters=replace(state.parameters, shared=shared), moments=moments)
+
+
 @dataclass(frozen=True, eq=False)
 class _Trial:
     """Lights, and how well they explain all views."""

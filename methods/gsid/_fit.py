@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from graycard import MethodError, Progress
-from graycard.methods.gsid._aggregation import aggregated
+from graycard.methods.gsid._aggregation import aggregated, without_dim_lamps
 from graycard.methods.gsid._bounces import bounces_between
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import (
@@ -97,7 +97,11 @@ def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None
 
 
 def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitState:
-    """In chunks: before each, rays are traced to where the lamps are then."""
+    """In chunks: before each, rays are traced to where the lamps are then, and lamps change.
+
+    After the last change lamps that are next to out are left out for good: the scene will not show them, and
+    the others have the steps that are left to make up for them.
+    """
     settings = stage.settings
     every = max(1, round(settings.aggregate_every * stage.steps))
     config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
@@ -105,6 +109,8 @@ def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitS
         stage = renewed(stage, state.parameters)
         if 0 < state.step <= settings.aggregate_until * stage.steps:
             state = aggregated(state, stage)
+        elif state.step > 0:
+            state = without_dim_lamps(state, settings.least_share)
         objective = objective_in(stage, state.parameters)
         state = train(state, replace(config, until=state.step + every), objective, progress)
     return state

@@ -17,6 +17,7 @@ from graycard.methods.gsid._aggregation import (
     _split,
     _Trial,
     aggregated,
+    without_dim_lamps,
 )
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import (
@@ -27,6 +28,7 @@ from graycard.methods.gsid._lights import (
     first_lights,
     lamps_from,
 )
+from graycard.methods.gsid._lights import LAMPS as LAMP_NAMES
 from graycard.methods.gsid._stage import LightStage, at_half_size
 from graycard.methods.splat import FitState, Parameters, initial_state
 from lit_sheets import EXTENT, LAMPS, World
@@ -151,3 +153,16 @@ def test_without_lamps_nothing_is_tried(world: World):
     settings = replace(SETTINGS, lamps=0)
     state = state_of(world, TRUE[:0], SENT[:0], settings)
     assert aggregated(state, stage_of(world, settings)) is state
+
+
+def test_dim_lamps_are_left_out(world: World):
+    """With what Adam remembers of them; others stay as they are."""
+    places, sent = np.concatenate([TRUE, FALSE[None]]), np.concatenate([SENT, [[0.01, 0.01, 0.01]]])
+    state = state_of(world, places[[0, 2, 1]], sent[[0, 2, 1]])
+    state.moments[POSITIONS].first[:] = torch.arange(3.0)[:, None]
+    after = without_dim_lamps(state, 0.02)
+    assert [len(after.parameters.shared[name]) for name in LAMP_NAMES] == [2] * 4
+    for name in LAMP_NAMES:
+        assert torch.equal(after.parameters.shared[name], state.parameters.shared[name][[0, 2]])
+    assert after.moments[POSITIONS].first[:, 0].tolist() == [0, 2]
+    assert loss_of(world, after) == pytest.approx(loss_of(world, state), rel=0.05)
