@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Adaptive aggregation: lamps are pruned, merged, split, moved and taken where that lowers the loss.
+"""Adaptive aggregation: lamps are pruned, merged, split and moved where that lowers the loss.
 
 The paper says that lamps are aggregated adaptively, and its figures show that some are out; not how. Here
 changes are tried on all views at half their size, and the best of a kind is kept if the loss over all pixels
@@ -12,7 +12,7 @@ from functools import cached_property
 
 import torch
 
-from graycard.methods.gsid._candidates import CLEAR, FirstLights
+from graycard.methods.gsid._candidates import CLEAR
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
     DARK,
@@ -21,7 +21,6 @@ from graycard.methods.gsid._lights import (
     LAMPS,
     POSITIONS,
     SHARPNESS,
-    first_lights,
     lamps_from,
 )
 from graycard.methods.gsid._model import LitPicture
@@ -54,17 +53,15 @@ class Lack:
 
 
 @torch.no_grad()
-def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = None) -> FitState:
+def aggregated(state: FitState, stage: LightStage) -> FitState:
     """Return a state whose lamps were changed wherever that lowers the loss over all views.
 
-    In turn: the weakest lamp is put out; the two that are nearest become one; the brightest becomes two; one
-    that is out shines where light is missing; and lights that were looked for anew take the place of all, or
-    those of them that no lamp is near are added. The best of each kind is kept, if it lowers the loss.
+    In turn: the weakest lamp is put out; the two that are nearest become one; the brightest becomes two; and
+    one that is out shines where light is missing. The best of each kind is kept, if it lowers the loss.
 
     Args:
         state: Of the second stage; used up.
         stage: What is looked at.
-        found: Lights that were looked for anew; None: they were not.
     """
     if stage.settings.lamps == 0:
         return state
@@ -73,8 +70,6 @@ def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = N
     kept = _Trial(whole, at_half_size(whole, parameters), parameters)
     for proposals in (_pruned, _merged, _split, _put):
         kept = kept.best(proposals(kept))
-    if found is not None:
-        kept = kept.best(_found_anew(kept, found))
     changed = torch.zeros(stage.settings.lamps, dtype=torch.bool)
     for name in LAMPS:
         changed |= (kept.lights[name] != parameters.shared[name]).flatten(1).any(dim=1)
@@ -82,6 +77,19 @@ def aggregated(state: FitState, stage: LightStage, found: FirstLights | None = N
         state.moments[name].first[changed] = 0
         state.moments[name].second[changed] = 0
     return replace(state, parameters=replace(parameters, shared=dict(kept.lights)))
+
+
+@torch.no_grad()
+def without_dim_lamps(state: FitState, least: float) -> FitState:
+    """Return a state without the lamps that send less than a share ``least`` of all that lamps send."""
+    flux = lamps_from(state.parameters.shared).flux().sum(dim=-1)
+    kept = flux >= least * flux.sum()
+    shared = {name: v[kept] if name in LAMPS else v for name, v in state.parameters.shared.items()}
+    moments = {
+        name: replace(m, first=m.first[kept], second=m.second[kept]) if name in LAMPS else m
+        for name, m in state.moments.items()
+    }
+    return replace(state, parameters=replace(state.parameters, shared=shared), moments=moments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,19 +217,6 @@ def _put(trial: _Trial) -> Iterator[Lights]:
         lights[SHARPNESS][out] = torch.tensor(FIRST_SHARPNESS).log() + steps
         lights[AMPLITUDES][out] = (strength * lack.intensity / lobes).log().clamp(min=DIMMEST)
         yield lights
-
-
-def _found_anew(trial: _Trial, found: FirstLights) -> Iterator[Lights]:
-    """All lights as they were found, and one by one the found lamps that are near none."""
-    anew = first_lights(found, trial.settings)
-    yield anew
-    out = trial.out
-    for number, place in enumerate(found.positions):
-        if out is not None and not _is_near(place, trial, CLEAR * trial.stage.extent):
-            lights = _changed(trial.lights)
-            for name in LAMPS:
-                lights[name][out] = anew[name][number]
-            yield lights
 
 
 def _is_near(place: torch.Tensor, trial: _Trial, reach: float) -> bool:

@@ -16,7 +16,8 @@ from torch.nn.functional import normalize
 
 from graycard.methods.gsid._bounces import Bounces
 from graycard.methods.gsid._model import SOFTEN
-from graycard.methods.gsid._settings import GsidSettings
+from graycard.methods.gsid._settings import GsidSettings, Visibility
+from graycard.methods.gsid._visibility import vector_visibility
 from graycard.methods.shading import (
     Lamps,
     Material,
@@ -74,6 +75,8 @@ class Samples:
     material: Material
     open: torch.Tensor
     """Shape ``(P,)``: share of the sky's light that arrives."""
+    shadow: torch.Tensor
+    """Shape ``(P, 3)``: drawn vectors, of any length, see :class:`GsidSettings`."""
     shown: torch.Tensor
     """Shape ``(P, 3)``: what the photographs show, linear, exposed."""
     eyes: torch.Tensor
@@ -121,34 +124,51 @@ class FirstLights:
     """Shape ``(6, 3)``: radiance of the faces of the cubemap, above 0."""
 
 
-def find_lights(
-    samples: Samples, surfels: Surfels, settings: GsidSettings, extent: float, by_way: ByWay | None = None
-) -> FirstLights:
-    """The lights that explain the samples best, at most ``settings.lamps`` lamps.
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Looks for lights that explain samples."""
 
-    Args:
-        samples: Pixels.
-        surfels: In the way of light.
-        settings: Of the fit.
-        extent: Of the scene, metres.
-        by_way: How light gets from surface to surface; None: not at all.
-    """
-    look = _Look(samples, samples.points.median(dim=0).values, surfels, settings, extent, by_way)
-    sky, shown = _sky_columns(samples, by_way), samples.shown
-    places, spacing = _grid(samples)
-    places = places[_distance(places, samples) > CLEAR * extent]
-    if settings.lamps == 0:
-        places = places[:0]
-    columns, seen = look.columns(places)
-    places, columns = places[seen > _SEEN], columns[:, seen > _SEEN]
-    levels, _ = _explained(
-        columns.mean(dim=-1)[..., None], sky.mean(dim=-1)[..., None], shown.mean(dim=-1)[..., None], DOUBT
-    )
-    given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
-    merged = _merged(places, given, 1.6 * spacing, settings.lamps)
-    refined = _refined(look, merged, sky, spacing / 2)
-    intensities, of_sky = _explained(look.columns(refined)[0], sky, shown, doubt=0)
-    return FirstLights(refined, intensities, look.middle, of_sky.clamp(min=LEAST_SKY * float(shown.mean())))
+    samples: Samples
+    surfels: Surfels
+    """In the way of light."""
+    settings: GsidSettings
+    extent: float
+    """Of the scene, metres."""
+    by_way: ByWay | None = None
+    """How light gets from surface to surface; None: not at all."""
+
+    def places(self) -> torch.Tensor:
+        """Where at most ``settings.lamps`` lamps hang that explain the samples, shape ``(k, 3)``, metres."""
+        look, samples = self._look(traced=True), self.samples
+        sky, shown = _sky_columns(samples, self.by_way).mean(dim=-1), samples.shown.mean(dim=-1)
+        places, spacing = _grid(samples)
+        places = places[_distance(places, samples) > CLEAR * self.extent]
+        if self.settings.lamps == 0:
+            places = places[:0]
+        columns, seen = look.columns(places)
+        places, columns = places[seen > _SEEN], columns[:, seen > _SEEN]
+        levels, _ = _explained(columns.mean(dim=-1)[..., None], sky[..., None], shown[..., None], DOUBT)
+        given = (levels[..., 0] * columns.mean(dim=(0, 3))).sum(dim=1)
+        merged = _merged(places, given, 1.6 * spacing, self.settings.lamps)
+        return _refined(look, merged, sky, spacing / 2)
+
+    def lights_at(self, places: torch.Tensor, *, traced: bool) -> FirstLights:
+        """Lamps at places ``(k, 3)`` and a sky, as strong as explains the samples best.
+
+        Args:
+            places: Metres.
+            traced: Whether rays find what is in the way of lamps; else what the fit begins with does: vectors
+                where it has some.
+        """
+        look, shown = self._look(traced=traced), self.samples.shown
+        sent, sky = _explained(look.columns(places)[0], _sky_columns(self.samples, self.by_way), shown, 0)
+        return FirstLights(places, sent, look.middle, sky.clamp(min=LEAST_SKY * float(shown.mean())))
+
+    def _look(self, *, traced: bool) -> "_Look":
+        form = self.settings.visibility
+        form = "traced" if traced and form != "none" else form
+        middle = self.samples.points.median(dim=0).values
+        return _Look(self.samples, middle, self.surfels, form, self.settings.lobes, self.extent, self.by_way)
 
 
 def _refined(look: "_Look", places: torch.Tensor, sky: torch.Tensor, step: float) -> torch.Tensor:
@@ -157,12 +177,12 @@ def _refined(look: "_Look", places: torch.Tensor, sky: torch.Tensor, step: float
     Args:
         look: What lamps give.
         places: Shape ``(k, 3)``, metres.
-        sky: Shape ``(P, 6, 3)``.
+        sky: Shape ``(P, 6)``, grey.
         step: Metres, halved :data:`HALVINGS` times.
     """
     if not len(places):
         return places
-    shown, sky = look.samples.shown.mean(dim=-1), sky.mean(dim=-1)
+    shown = look.samples.shown.mean(dim=-1)
     places, ways = places.clone(), torch.cat([torch.eye(3), -torch.eye(3)])
     columns = look.columns(places)[0].mean(dim=-1)
     for size in [step / 2**level for level in range(HALVINGS + 1) for _ in range(2)]:
@@ -206,7 +226,9 @@ class _Look:
     samples: Samples
     middle: torch.Tensor
     surfels: Surfels
-    settings: GsidSettings
+    form: Visibility
+    """What is in the way of lamps."""
+    lobes: int
     extent: float
     by_way: ByWay | None
 
@@ -218,13 +240,15 @@ class _Look:
 
     def _columns(self, places: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         samples = self.samples
-        reached = torch.ones(len(samples.points), len(places))
-        if self.settings.visibility != "none":
-            reached = lamp_visibility(self.surfels, samples.points, places, self.extent)
         arrival = arriving(self._lamps(places, 0.0), samples.points, SOFTEN * self.extent)
+        reached = torch.ones(len(samples.points), len(places))
+        if self.form == "traced":
+            reached = lamp_visibility(self.surfels, samples.points, places, self.extent)
+        elif self.form != "none":
+            reached = vector_visibility(self.form, samples.shadow, arrival.toward)
         arrival = arrival._replace(facing=arrival.facing * reached[..., None])
         even = lit_by_lamps(samples.material, samples.normal, samples.eye, arrival).whole
-        shapes = SHAPES[: self.settings.lobes]
+        shapes = SHAPES[: self.lobes]
         beams = [self._lamps(places, sharpness).intensity(-arrival.toward) for sharpness in shapes]
         found = torch.stack([even * beam for beam in beams], dim=2)
         if self.by_way is not None:

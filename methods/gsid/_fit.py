@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The second stage: materials and lights on surfels that stand still."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 
 from graycard import MethodError, Progress
-from graycard.methods.gsid._aggregation import aggregated
+from graycard.methods.gsid._aggregation import aggregated, without_dim_lamps
 from graycard.methods.gsid._bounces import bounces_between
-from graycard.methods.gsid._candidates import SAMPLES, ByWay, FirstLights, Samples, enough_cover, find_lights
 from graycard.methods.gsid._guess import MaterialGuess
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
@@ -18,7 +17,6 @@ from graycard.methods.gsid._lights import (
     POSITIONS,
     SHARPNESS,
     SKY,
-    first_lights,
 )
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import (
@@ -30,14 +28,12 @@ from graycard.methods.gsid._model import (
     SIDE,
     ground_of,
     lit_side,
-    matte_of,
-    pixels_of,
 )
 from graycard.methods.gsid._objective import deferred_views
 from graycard.methods.gsid._settings import GsidSettings
 from graycard.methods.gsid._stage import LightStage, objective_in, renewed
+from graycard.methods.gsid._start import first_parameters
 from graycard.methods.shading import (
-    Material,
     outward,
     sky_visibility,
 )
@@ -78,7 +74,7 @@ def fit_lights(
     stage = LightStage(surfels, deferred_views(capture, grounds, guesses), settings, extent, seed, between)
     surface = {name: geometry.surfels[name] for name in GEOMETRY} | {OPEN: opened}
     surface |= first_materials(surfels, normals, stage.shots) | {SIDE: lit_side(surfels, normals)}
-    parameters = Parameters(surface, first_lights(lights_in(stage, surface), settings))
+    parameters = first_parameters(stage, surface)
     return train_lights(initial_state(parameters, seed), stage, task.progress).parameters
 
 
@@ -101,16 +97,20 @@ def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None
 
 
 def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitState:
-    """In chunks: before each, rays are traced to where the lamps are then."""
+    """In chunks: before each, rays are traced to where the lamps are then, and lamps change.
+
+    After the last change lamps that are next to out are left out for good: the scene will not show them, and
+    the others have the steps that are left to make up for them.
+    """
     settings = stage.settings
     every = max(1, round(settings.aggregate_every * stage.steps))
     config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
     while state.step < stage.steps:
         stage = renewed(stage, state.parameters)
         if 0 < state.step <= settings.aggregate_until * stage.steps:
-            again = settings.search_again and state.step - every < stage.steps / 2 <= state.step
-            found = lights_in(stage, state.parameters.surfels) if again else None
-            state = aggregated(state, stage, found)
+            state = aggregated(state, stage)
+        elif state.step > 0:
+            state = without_dim_lamps(state, settings.least_share)
         objective = objective_in(stage, state.parameters)
         state = train(state, replace(config, until=state.step + every), objective, progress)
     return state
@@ -135,41 +135,3 @@ def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningR
     first = geometry_rates(extent) if settings.geometry_rate > 0 else {}
     rates |= {name: first[name].times(settings.geometry_rate) for name in first if name != CENTRES}
     return rates | (materials if settings.materials == "fitted" else {})
-
-
-@torch.no_grad()
-def lights_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> FirstLights:
-    """Look for the lights that explain the photographs, on surfels with materials."""
-    samples, by_way = _samples(surface, stage), None
-    if stage.bounces is not None:
-        nodes = torch.from_numpy(stage.bounces.nodes)
-        shares = stage.bounces.seen_from.shares(samples.points, samples.normal)
-        by_way = ByWay(stage.bounces, shares, matte_of(surface)[nodes], surface[OPEN][nodes])
-    return find_lights(samples, stage.surfels, stage.settings, stage.extent, by_way)
-
-
-@torch.no_grad()
-def _samples(surface: Mapping[str, torch.Tensor], stage: LightStage) -> Samples:
-    """Some pixels of all training views, with the materials that surfels have."""
-    parts: list[tuple[torch.Tensor, ...]] = []
-    for shot in stage.shots:
-        ground, material = shot.ground, pixels_of(surface, shot.ground).material
-        well = enough_cover(ground.drawn.alpha)
-        layers = (
-            ground.points, ground.normal, ground.eye, ground.open, shot.linear,
-            material.base_color, material.roughness, material.metallic,
-        )  # fmt: skip
-        parts.append(tuple(layer[well] for layer in layers))
-    points, normal, eye, opened, shown, *material = (torch.cat(layer) for layer in zip(*parts, strict=True))
-    if not len(points):
-        raise MethodError(
-            f"expected surfels that cover some pixels, got {len(stage.surfels)} that cover none by half. "
-            "Give the fit more iterations or surfels"
-        )
-    eyes = torch.tensor(np.array([shot.ground.camera.position for shot in stage.shots])).float()
-    count = min(SAMPLES, len(points))
-    chosen = torch.from_numpy(np.random.default_rng(stage.seed).choice(len(points), count, replace=False))
-    return Samples(
-        points[chosen], normal[chosen], eye[chosen], Material(*material)[chosen], opened[chosen],
-        shown[chosen], eyes,
-    )  # fmt: skip

@@ -85,10 +85,7 @@ class GsidSettings:
     """Share of the second stage after which lamps that do next to nothing are put where light is missing,
     and rays are traced anew (inferred)."""
     aggregate_until: float = 0.7
-    """Share of the second stage after which no lamp is moved so (inferred)."""
-    search_again: bool = True
-    """Whether lamps are looked for once more halfway through the second stage, on materials as they are by
-    then (inferred)."""
+    """Share of the second stage after which no lamp is moved so, and dim ones are left out (inferred)."""
     least_share: float = 2e-2
     """Of all local light: what a lamp must give to stay (inferred)."""
 

@@ -26,3 +26,29 @@ def vector_visibility(form: Visibility, vector: torch.Tensor, toward: torch.Tens
     if form == "vector_relu":
         return cosine.relu()
     return 1 - cosine.relu() ** _POWER
+
+
+def first_vectors(
+    form: Visibility, normals: torch.Tensor, toward: torch.Tensor, given: torch.Tensor, reached: torch.Tensor
+) -> torch.Tensor:
+    """The vectors that come nearest to what rays have found, shape ``(N, 3)``, unit.
+
+    Of each surfel these are tried: along its normal and against it; to and from each lamp; and to and from
+    the mean direction of the light that arrives, and of that which does not.
+
+    Args:
+        form: How a vector is read.
+        normals: Shape ``(N, 3)``, unit.
+        toward: Shape ``(N, K, 3)``, unit, to the lamps.
+        given: Shape ``(N, K)``: irradiance of each lamp, were nothing in its way.
+        reached: Shape ``(N, K)``: share of it that arrives.
+    """
+    lost = given * (1 - reached)
+    means = [normalize((part[..., None] * toward).sum(dim=1), dim=-1) for part in (lost, given - lost)]
+    ways = [*toward.unbind(dim=1), *means]
+    best, least = -normals, torch.full(normals.shape[:1], torch.inf)
+    for tried in (-normals, normals, *ways, *(-way for way in ways)):
+        off = (given * (vector_visibility(form, tried, toward) - reached)).square().sum(dim=1)
+        better = off < least
+        best, least = torch.where(better[:, None], tried, best), torch.where(better, off, least)
+    return best

@@ -12,23 +12,23 @@ from graycard.methods.gsid._aggregation import (
     APART,
     STRENGTHS,
     Lack,
-    _found_anew,
     _merged,
     _put,
     _split,
     _Trial,
     aggregated,
+    without_dim_lamps,
 )
 from graycard.methods.gsid._candidates import FirstLights
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
-    AXES,
     DARK,
     POSITIONS,
     SHARPNESS,
     first_lights,
     lamps_from,
 )
+from graycard.methods.gsid._lights import LAMPS as LAMP_NAMES
 from graycard.methods.gsid._stage import LightStage, at_half_size, at_tile_size
 from graycard.methods.splat import FitState, Parameters, initial_state
 from lit_sheets import EXTENT, LAMPS, World
@@ -149,19 +149,6 @@ def test_what_explains_less_is_not_kept(world: World):
     assert better.best(iter([dict(trial.lights)])).loss == pytest.approx(trial.loss)
 
 
-def test_lamps_that_are_found_anew_are_tried_one_by_one_too(world: World):
-    """All as they were found, and of those found the one that no lamp is near."""
-    trial = trial_of(world, state_of(world, TRUE[1:], SENT[1:]))
-    found = FirstLights(
-        torch.from_numpy(TRUE).float(), torch.ones(2, 2, 3), torch.zeros(3), torch.full((6, 3), 0.05)
-    )
-    anew, added = _found_anew(trial, found)
-    assert torch.equal(anew[POSITIONS][:2], found.positions)
-    torch.testing.assert_close(added[POSITIONS][trial.out], found.positions[0])
-    assert torch.equal(added[POSITIONS][0], trial.lights[POSITIONS][0])
-    assert not torch.equal(added[AXES], trial.lights[AXES])
-
-
 def test_without_lamps_nothing_is_tried(world: World):
     settings = replace(SETTINGS, lamps=0)
     state = state_of(world, TRUE[:0], SENT[:0], settings)
@@ -178,3 +165,16 @@ def test_views_larger_than_a_tile_are_looked_at_smaller(world: World, tile: int,
     assert (smaller is stage) is (size == (32, 36))
     mean = smaller.shots[0].linear.mean(dim=(0, 1))
     torch.testing.assert_close(mean, stage.shots[0].linear.mean(dim=(0, 1)))
+
+
+def test_dim_lamps_are_left_out(world: World):
+    """With what Adam remembers of them; others stay as they are."""
+    places, sent = np.concatenate([TRUE, FALSE[None]]), np.concatenate([SENT, [[0.01, 0.01, 0.01]]])
+    state = state_of(world, places[[0, 2, 1]], sent[[0, 2, 1]])
+    state.moments[POSITIONS].first[:] = torch.arange(3.0)[:, None]
+    after = without_dim_lamps(state, 0.02)
+    assert [len(after.parameters.shared[name]) for name in LAMP_NAMES] == [2] * 4
+    for name in LAMP_NAMES:
+        assert torch.equal(after.parameters.shared[name], state.parameters.shared[name][[0, 2]])
+    assert after.moments[POSITIONS].first[:, 0].tolist() == [0, 2]
+    assert loss_of(world, after) == pytest.approx(loss_of(world, state), rel=0.05)

@@ -15,13 +15,14 @@ from graycard.methods.gsid._candidates import (
     DOUBT,
     LEAST_SKY,
     FirstLights,
+    Samples,
+    Search,
     _distance,
     _explained,
     _merged,
-    find_lights,
 )
 from graycard.methods.gsid._draw import draw, reach_in_view
-from graycard.methods.gsid._fit import _samples, learning_rates, train_lights
+from graycard.methods.gsid._fit import learning_rates, train_lights
 from graycard.methods.gsid._lights import (
     LAMPS as NAMES,
 )
@@ -42,6 +43,7 @@ from graycard.methods.gsid._model import (
 )
 from graycard.methods.gsid._objective import few
 from graycard.methods.gsid._stage import LightStage, objective_in, reach_in
+from graycard.methods.gsid._start import samples_in
 from graycard.methods.shading import lamp_visibility, look_up, surroundings_of, unevenness
 from graycard.methods.splat import (
     CENTRES,
@@ -56,9 +58,7 @@ from graycard.methods.splat import (
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, LAMPS, World
 
-QUICK = GsidSettings(
-    visibility="traced", iterations=90, lamps=3, sky_size=4, tile=24, aggregate_every=0.5, search_again=False
-)
+QUICK = GsidSettings(visibility="traced", iterations=90, lamps=3, sky_size=4, tile=24, aggregate_every=0.5)
 TRUE = np.array([light.position for light in LAMPS])
 
 
@@ -75,10 +75,15 @@ def state_of(world: World, positions: np.ndarray, intensity: float = 0.5):
     return initial_state(Parameters(surface, lights), 0)
 
 
+def lights_of(samples: Samples, world: World, lamps: int) -> FirstLights:
+    search = Search(samples, world.surfels, replace(QUICK, lamps=lamps), EXTENT)
+    return search.lights_at(search.places(), traced=True)
+
+
 def test_lamps_begin_where_they_are(world: World):
     """On true materials, to about a spacing of the places that are tried."""
-    samples = _samples(world.surface, stage_of(world))
-    found = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT)
+    samples = samples_in(stage_of(world), world.surface)
+    found = lights_of(samples, world, 2)
     distance = np.linalg.norm(found.positions.numpy()[:, None] - TRUE, axis=-1)
     assert sorted(distance.argmin(axis=1)) == [0, 1]
     assert distance.min(axis=1).max() < 0.35
@@ -122,16 +127,16 @@ def test_places_that_are_near_are_one_lamp():
 
 
 def test_without_lamps_the_sky_explains_it(world: World):
-    samples = _samples(world.surface, stage_of(world))
-    found = find_lights(samples, world.surfels, replace(QUICK, lamps=0), EXTENT)
+    samples = samples_in(stage_of(world), world.surface)
+    found = lights_of(samples, world, 0)
     assert found.positions.shape == (0, 3)
     assert found.sky.max() > 0.05
 
 
 def test_the_sky_of_the_start_is_not_held_down(world: World):
     """Floor and board get of it what they get of the true sky, and no face begins dark."""
-    samples = _samples(world.surface, stage_of(world))
-    sky = find_lights(samples, world.surfels, replace(QUICK, lamps=2), EXTENT).sky[:, None, None]
+    samples = samples_in(stage_of(world), world.surface)
+    sky = lights_of(samples, world, 2).sky[:, None, None]
     irradiance = look_up(surroundings_of(sky).irradiance, torch.tensor([[0.0, 0.0, 1.0]]))
     torch.testing.assert_close(irradiance, torch.full((1, 3), torch.pi * 0.05), atol=0, rtol=0.25)
     assert float(sky.min()) == pytest.approx(LEAST_SKY * float(samples.shown.mean()))
@@ -212,14 +217,14 @@ def test_the_same_light_of_fewer_lamps_costs_less():
 
 
 def test_lamps_begin_away_from_what_is_seen(world: World):
-    samples = _samples(world.surface, stage_of(world))
+    samples = samples_in(stage_of(world), world.surface)
     points = samples.points[:40]
     near = _distance(
         torch.cat([points.mean(dim=0)[None] + torch.tensor([0.0, 0.0, 9.0]), points[:1]]), samples
     )
     assert near[0] > 8
     assert near[1] < CLEAR * EXTENT
-    found = find_lights(samples, world.surfels, replace(QUICK, lamps=8), EXTENT)
+    found = lights_of(samples, world, 8)
     assert _distance(found.positions, samples).min() > CLEAR * EXTENT / 2  # places are moved afterwards
 
 

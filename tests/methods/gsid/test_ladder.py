@@ -8,17 +8,18 @@ import torch
 
 from graycard.io import silent
 from graycard.methods.gsid import GsidSettings
-from graycard.methods.gsid._fit import lights_in, train_lights
+from graycard.methods.gsid._fit import train_lights
 from graycard.methods.gsid._guess import MaterialGuess
-from graycard.methods.gsid._lights import first_lights
 from graycard.methods.gsid._materials import first_materials
 from graycard.methods.gsid._model import SIDE, lit_side
+from graycard.methods.gsid._settings import Visibility
 from graycard.methods.gsid._stage import LightStage, objective_in, renewed
-from graycard.methods.splat import GEOMETRY, Parameters, initial_state
+from graycard.methods.gsid._start import first_parameters
+from graycard.methods.splat import GEOMETRY, initial_state
 from graycard.methods.surfels import srgb_encode_tensor
 from lit_sheets import EXTENT, World
 
-LADDER = GsidSettings(iterations=160, sky_size=4, tile=36, visibility="none", bounces=False)
+LADDER = GsidSettings(iterations=120, sky_size=4, tile=36, visibility="none", bounces=False)
 SLACK = 0.1
 """Decibels."""
 
@@ -30,8 +31,7 @@ def training_psnr(world: World, settings: GsidSettings) -> float:
     surface = {name: world.surface[name].clone() for name in (*GEOMETRY, "open sky")}
     surface |= first_materials(world.surfels, world.normals, shots)
     surface[SIDE] = lit_side(world.surfels, world.normals)
-    lights = first_lights(lights_in(stage, surface), settings)
-    fitted = train_lights(initial_state(Parameters(surface, lights), 0), stage, silent).parameters
+    fitted = train_lights(initial_state(first_parameters(stage, surface), 0), stage, silent).parameters
     objective = objective_in(renewed(stage, fitted), fitted)
     errors = [
         (srgb_encode_tensor(objective.picture(fitted.all, number).whole) - shot.shown).square().mean()
@@ -40,16 +40,15 @@ def training_psnr(world: World, settings: GsidSettings) -> float:
     return float(-10 * torch.stack(errors).mean().log10())
 
 
-@pytest.mark.slow
 def test_lamps_explain_more_than_surroundings_alone(world: World):
     """Rows ``gsid-sgm`` and ``gsid-env-ao``."""
     found = {lamps: training_psnr(world, replace(LADDER, lamps=lamps)) for lamps in (0, 8)}
     assert found[8] >= found[0] - SLACK
 
 
-@pytest.mark.slow
-def test_more_lamps_explain_more(world: World):
-    """Rows ``gsid-lamps-16`` and ``gsid-lamps-1``, with shadows that are traced."""
-    traced = replace(LADDER, visibility="traced")
-    found = {lamps: training_psnr(world, replace(traced, lamps=lamps)) for lamps in (1, 16)}
+@pytest.mark.parametrize("visibility", ["vector", pytest.param("traced", marks=pytest.mark.slow)])
+def test_more_lamps_explain_more(world: World, visibility: Visibility):
+    """Rows ``gsid-lamps-16`` and ``gsid-lamps-1``: with vectors, as by default, and with rays."""
+    shadowed = replace(LADDER, visibility=visibility)
+    found = {lamps: training_psnr(world, replace(shadowed, lamps=lamps)) for lamps in (1, 16)}
     assert found[16] >= found[1] - SLACK

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from graycard.methods.gsid._visibility import vector_visibility
+from graycard.methods.gsid._visibility import VECTOR_FORMS, first_vectors, vector_visibility
 from graycard.methods.shading import SLACK, lamp_visibility, outward, sky_visibility
 from graycard.methods.splat import Surfels
 from lit_sheets import EXTENT, World
@@ -90,3 +90,34 @@ def test_readings_of_a_vector(form, with_it: float, aside: float, against: float
     up = torch.tensor([0.0, 0.0, 3.0])
     toward = torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     torch.testing.assert_close(vector_visibility(form, up, toward), torch.tensor([with_it, aside, against]))
+
+
+UP, ASIDE = torch.tensor([0.0, 0.0, 1.0]), torch.tensor([0.8, 0.0, 0.6])
+
+
+def test_vectors_begin_with_what_rays_found():
+    """A surfel under two equal lamps, of which none, the one, the other or both are hidden."""
+    reached = torch.tensor([[1.0, 1.0], [0.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
+    toward = torch.stack([UP, ASIDE]).expand(4, 2, 3)
+    given, normals = torch.ones(4, 2), UP.expand(4, 3)
+    vectors = first_vectors("vector", normals, toward, given, reached)
+    told = vector_visibility("vector", vectors, toward)
+    torch.testing.assert_close(told[:3], reached[:3], atol=0.02, rtol=0)
+    torch.testing.assert_close(vectors[0], -UP)
+    assert told[3].max() < 0.6  # one vector for both: it points between them
+
+
+@pytest.mark.parametrize("form", VECTOR_FORMS)
+def test_no_other_vector_of_those_tried_is_nearer(form):
+    drawn = torch.Generator().manual_seed(0)
+    toward = torch.nn.functional.normalize(torch.randn(50, 3, 3, generator=drawn), dim=-1)
+    given, reached = torch.rand(2, 50, 3, generator=drawn)
+    normals = UP.expand(50, 3)
+    vectors = first_vectors(form, normals, toward, given, reached)
+    torch.testing.assert_close(vectors.norm(dim=1), torch.ones(50))
+
+    def off(tried: torch.Tensor) -> torch.Tensor:
+        return (given * (vector_visibility(form, tried, toward) - reached)).square().sum(dim=1)
+
+    for other in (-normals, normals, *toward.unbind(dim=1), *(-toward).unbind(dim=1)):
+        assert bool((off(vectors) <= off(other) + 1e-6).all())

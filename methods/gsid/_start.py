@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the second stage begins with: lights that are found, and vectors that know their shadows."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+
+from graycard import MethodError
+from graycard.methods.gsid._candidates import SAMPLES, ByWay, FirstLights, Samples, Search, enough_cover
+from graycard.methods.gsid._lights import first_lights, lamps_from
+from graycard.methods.gsid._model import (
+    OPEN,
+    SHADOW,
+    SOFTEN,
+    lit_normals,
+    matte_of,
+    pixels_of,
+)
+from graycard.methods.gsid._stage import LightStage, objective_in
+from graycard.methods.gsid._visibility import first_vectors
+from graycard.methods.shading import Material, arriving
+from graycard.methods.splat import Parameters
+
+
+@torch.no_grad()
+def first_parameters(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Parameters:
+    """Return the parameters before the first step of the second stage.
+
+    Lights are found with shadows of rays. Where vectors tell what is in the way, they begin as near to those
+    shadows as they come, and strengths are solved once more with what they tell: a lamp behind a wall may be
+    as strong as it likes to a ray, and would shine through the wall to a vector that does not know of it.
+    All lamps are tried, the brighter half of them, and so on, down to none: those begin with which the loss
+    over all views is least. So more lamps begin no worse than fewer.
+
+    Args:
+        stage: What is looked at.
+        surface: Parameters of the surfels, with materials.
+
+    Raises:
+        MethodError: Surfels cover nothing.
+    """
+    search = search_in(stage, surface)
+    places = search.places()
+    counts = sorted({len(places) >> halvings for halvings in range(len(places).bit_length() + 1)})
+    tried = [_with_lamps(stage, surface, search, places[:count]) for count in counts]
+    losses = [objective_in(stage, parameters).over_all(parameters.all) for parameters in tried]
+    return tried[int(np.argmin(losses))]
+
+
+def _with_lamps(
+    stage: LightStage, surface: Mapping[str, torch.Tensor], search: Search, places: torch.Tensor
+) -> Parameters:
+    """Parameters with lamps at places ``(k, 3)``."""
+    found, surface = search.lights_at(places, traced=True), dict(surface)
+    if stage.settings.visibility.startswith("vector") and len(places):
+        surface[SHADOW] = _vectors(stage, surface, found)
+        found = search_in(stage, surface).lights_at(places, traced=False)
+    return Parameters(surface, first_lights(found, stage.settings))
+
+
+def _vectors(stage: LightStage, surface: Mapping[str, torch.Tensor], found: FirstLights) -> torch.Tensor:
+    """Vectors of the surfels, shape ``(N, 3)``, that know the shadows of lamps."""
+    count, normals = len(found.positions), lit_normals(surface)
+    lamps = lamps_from(first_lights(found, stage.settings))[:count]
+    arrival = arriving(lamps, stage.surfels.centres, SOFTEN * stage.extent)
+    cosine = (arrival.toward * normals[:, None]).sum(dim=-1).relu()
+    given = arrival.facing.mean(dim=-1) * cosine
+    reached = stage.reached(found.positions)
+    return first_vectors(stage.settings.visibility, normals, arrival.toward, given, reached)
+
+
+@torch.no_grad()
+def search_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Search:
+    """Prepare to look for the lights that explain the photographs, on surfels with materials.
+
+    Raises:
+        MethodError: Surfels cover nothing.
+    """
+    samples, by_way = samples_in(stage, surface), None
+    if stage.bounces is not None:
+        nodes = torch.from_numpy(stage.bounces.nodes)
+        shares = stage.bounces.seen_from.shares(samples.points, samples.normal)
+        by_way = ByWay(stage.bounces, shares, matte_of(surface)[nodes], surface[OPEN][nodes])
+    return Search(samples, stage.surfels, stage.settings, stage.extent, by_way)
+
+
+@torch.no_grad()
+def samples_in(stage: LightStage, surface: Mapping[str, torch.Tensor]) -> Samples:
+    """Some pixels of all training views, with the materials that surfels have."""
+    parts: list[tuple[torch.Tensor, ...]] = []
+    for shot in stage.shots:
+        ground, pixels = shot.ground, pixels_of(surface, shot.ground)
+        material = pixels.material
+        well = enough_cover(ground.drawn.alpha)
+        layers = (
+            ground.points, ground.normal, ground.eye, ground.open, pixels.shadow, shot.linear,
+            material.base_color, material.roughness, material.metallic,
+        )  # fmt: skip
+        parts.append(tuple(layer[well] for layer in layers))
+    points, normal, eye, opened, shadow, shown, *material = (
+        torch.cat(layer) for layer in zip(*parts, strict=True)
+    )
+    if not len(points):
+        raise MethodError(
+            f"expected surfels that cover some pixels, got {len(stage.surfels)} that cover none by half. "
+            "Give the fit more iterations or surfels"
+        )
+    eyes = torch.tensor(np.array([shot.ground.camera.position for shot in stage.shots])).float()
+    count = min(SAMPLES, len(points))
+    chosen = torch.from_numpy(np.random.default_rng(stage.seed).choice(len(points), count, replace=False))
+    return Samples(
+        points[chosen], normal[chosen], eye[chosen], Material(*material)[chosen], opened[chosen],
+        shadow[chosen], shown[chosen], eyes,
+    )  # fmt: skip
