@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from graycard import Camera, look_at, open_truth
+from graycard import Camera, look_at, methods, open_truth
+from graycard.io import silent
 from graycard.methods.splat import CENTRES
+from graycard.methods.sunfaded import SunFadedScene, SunFadedSettings
 from graycard.methods.sunfaded._clearing import FEWEST, WINDOW, Clearing, clearing_of, scaled_depth
 from graycard.methods.sunfaded._guess import GeometryGuess
 from sparse_points import with_points
@@ -86,3 +88,17 @@ def test_without_a_prior_the_nearest_point_says_how_far_it_is_free(make_scene: C
         number = [other.name for other in capture.views].index(view.name)
         _, depth = view.camera.project(points.positions[points.point[points.view == number]])
         assert free.numpy() == pytest.approx(0.5 * depth.min())
+
+
+def test_a_fit_takes_them_away(make_scene: Callable[..., Path]):
+    """With a share of 1, by which what is as near as the nearest point goes."""
+    capture = with_points(make_scene(train=4, test=1))
+    near = clearing_of(capture, [GeometryGuess()] * 4, 1.0)
+
+    def left(clearing: float) -> int:
+        settings = SunFadedSettings(iterations=80, surfels=400, fill=0.0, clearing=clearing)
+        found = methods.load_method("sunfaded").fit(capture, methods.Priors(), settings, 0, silent)
+        assert isinstance(found, SunFadedScene)
+        return int(near(found.parameters.surfels).sum())
+
+    assert left(0.0) > 3 * left(1.0)
