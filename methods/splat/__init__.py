@@ -63,6 +63,7 @@ from graycard.methods.splat.fit._parameters import parameters_of as parameters_o
 from graycard.methods.splat.fit._parameters import scene_extent as scene_extent
 from graycard.methods.splat.fit._parameters import surfels_of as surfels_of
 from graycard.methods.splat.fit._train import LossResult as LossResult
+from graycard.methods.splat.fit._train import Misplaced as Misplaced
 from graycard.methods.splat.fit._train import Objective as Objective
 from graycard.methods.splat.fit._train import TrainConfig as TrainConfig
 from graycard.methods.splat.fit._train import train as train

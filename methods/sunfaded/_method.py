@@ -7,6 +7,7 @@ from dataclasses import replace
 import torch
 
 from graycard.methods.splat import Parameters, TrainConfig, initial_state, train
+from graycard.methods.sunfaded._clearing import clearing_of
 from graycard.methods.sunfaded._guess import (
     GEOMETRY_ASKS,
     GeometryGuess,
@@ -76,7 +77,8 @@ def _train_config(
     ]
     checkpoint = fit_checkpoint(METHOD, settings, task.seed, fitted)
     rates = learning_rates(task.extent, settings)
-    return task.config(settings.iterations, rates, density_rules(settings), checkpoint)
+    clearing = clearing_of(task.capture, lit, settings.clearing) if settings.clearing > 0 else None
+    return task.config(settings.iterations, rates, density_rules(settings), checkpoint, clearing)
 
 
 @torch.no_grad()

@@ -78,6 +78,10 @@ class SunFadedSettings:
     albedo_weight: float = 0.0
     """Of the variance of albedo over the surfels, while it moves: of two explanations of a bright place the
     one with more light and less paint is taken. Not in the paper."""
+    clearing: float = 0.5
+    """Share of the depth that a camera sees before which no surfel stays: by a prior's depth, scaled by the
+    sparse points, and without one by the nearest of these points in each view. 0: surfels may be anywhere.
+    Not in the paper, whose captures have many more views."""
     ssim_share: float = 0.2
     """Of the loss with light; the rest is the mean absolute difference. 0.2 as in the released code and in
     ``2dgs``; of the paper we know only that it compares pictures with the light on."""
@@ -90,11 +94,14 @@ class SunFadedSettings:
             raise ValueError(
                 f"expected 1 or more iterations and 2 or more surfels, got {self.iterations}, {self.surfels}"
             )
-        shares = (self.fill, self.first_albedo, self.least_weight, self.geometry_start, self.ssim_share)
+        shares = (
+            self.fill, self.first_albedo, self.least_weight, self.geometry_start, self.ssim_share,
+            self.clearing,
+        )  # fmt: skip
         if not all(0 <= share <= 1 for share in shares):
             raise ValueError(
-                "expected fill, first_albedo, least_weight, geometry_start and ssim_share in [0, 1], got "
-                f"{shares}"
+                "expected fill, first_albedo, least_weight, geometry_start, ssim_share and clearing in "
+                f"[0, 1], got {shares}"
             )
         if not (0 < self.tile <= 1 and 0 < self.blur <= 1):
             raise ValueError(f"expected tile and blur in (0, 1] of the width, got {self.tile}, {self.blur}")

@@ -7,6 +7,7 @@ from graycard.methods.surfels._checks import check_places as check_places
 from graycard.methods.surfels._colour import srgb_decode_tensor as srgb_decode_tensor
 from graycard.methods.surfels._colour import srgb_encode_tensor as srgb_encode_tensor
 from graycard.methods.surfels._compose import composed as composed
+from graycard.methods.surfels._fill import observations as observations
 from graycard.methods.surfels._fitting import FitTask as FitTask
 from graycard.methods.surfels._fitting import SceneMethod as SceneMethod
 from graycard.methods.surfels._fitting import check_checkpoint as check_checkpoint

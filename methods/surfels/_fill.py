@@ -56,7 +56,7 @@ def surfels_between(
     """
     numbers = [n for n, view in enumerate(capture.views) if view.split == "train"]
     cameras = [capture.views[n].camera for n in numbers]
-    seen = [_observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
+    seen = [observations(points, n, camera) for n, camera in zip(numbers, cameras, strict=True)]
     each = count // len(numbers)
     if each < MANY or not all(len(depths) for _, depths in seen):
         return None
@@ -77,7 +77,7 @@ def surfels_between(
     return Surfels(*(torch.cat([getattr(part, name) for part in parts]) for name in names))
 
 
-def _observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def observations(points: Points, number: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     """Pixels and depths of the points that a view saw; without tracks, of those that project into it."""
     if len(points.point):
         seen = points.view == number

@@ -18,6 +18,7 @@ from graycard.methods.splat import (
     Checkpoint,
     DensityRules,
     LearningRateSchedule,
+    Misplaced,
     Objective,
     Parameters,
     TrainConfig,
@@ -62,6 +63,7 @@ class FitTask(Generic[SettingsT]):
         rates: Mapping[str, LearningRateSchedule],
         rules: DensityRules | None = None,
         checkpoint: Checkpoint | None = None,
+        misplaced: Misplaced | None = None,
     ) -> TrainConfig:
         """Return the configuration of a fit of the whole capture.
 
@@ -70,8 +72,9 @@ class FitTask(Generic[SettingsT]):
             rates: Learning rates by the names of parameters.
             rules: When surfels come and go; None: never.
             checkpoint: Where the fit is saved; None: nowhere.
+            misplaced: Which surfels go whenever some are taken away; None: only those that ``rules`` name.
         """
-        return TrainConfig(steps, rates, self.extent, rules, checkpoint)
+        return TrainConfig(steps, rates, self.extent, rules, checkpoint, misplaced=misplaced)
 
     def train(self, start: Parameters, config: TrainConfig, objective: Objective) -> Parameters:
         """Fit parameters from their start to the end of a budget.

@@ -329,6 +329,26 @@ def test_surfels_go_by_what_was_seen_of_them_before_new_ones_come():
     assert len(splat.train_step(state, plan, far_from_zero).parameters) == 3
 
 
+def test_surfels_that_cannot_be_where_they_are_go_when_others_do():
+    rules = splat.DensityRules(start=0.0, until=1.0, every=0.2, reset_every=1.0, largest=None)
+
+    def misplaced(surfels: Mapping[str, torch.Tensor]) -> torch.Tensor:
+        return surfels["albedo"][:, 0] > 0.7
+
+    rates = {"albedo": splat.LearningRateSchedule(1e-4)}
+    plan = splat.TrainConfig(10, rates, 1.0, rules, misplaced=misplaced)
+    parameters = some_parameters()
+    parameters.surfels["albedo"][[1, 3], 0] = 0.8  # pyright: ignore[reportIndexIssue]
+    state = splat.initial_state(parameters, 0)
+    left = {
+        step: splat.train_step(replace(state, step=step), plan, far_from_zero).parameters.surfels["albedo"]
+        for step in (0, 1)
+    }
+    assert len(left[0]) == 5  # after one step nothing comes or goes
+    assert len(left[1]) == 3
+    assert (left[1][:, 0] < 0.7).all()
+
+
 def test_every_view_once_in_a_round_in_an_order_of_the_seed():
     orders = {
         (seed, first): [splat.view_at(first + step, 9, seed) for step in range(9)]

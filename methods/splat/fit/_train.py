@@ -11,7 +11,7 @@ from graycard import Progress
 from graycard.io import peak_memory_mib
 from graycard.methods._resumed import add_resumed
 from graycard.methods.splat.fit._checkpoint import NOTHING_SPENT, Checkpoint, Spent, load_saved, save_state
-from graycard.methods.splat.fit._densify import DensityRules, densify, prune, reset_opacity
+from graycard.methods.splat.fit._densify import DensityRules, densify, keep, prune, reset_opacity
 from graycard.methods.splat.fit._optimise import (
     FitState,
     LearningRateSchedule,
@@ -42,6 +42,10 @@ Objective = Callable[[Mapping[str, torch.Tensor], int], LossResult]
 else, or a fit that was cut off would go on differently."""
 
 
+Misplaced = Callable[[Mapping[str, torch.Tensor]], torch.Tensor]
+"""From the parameters of the surfels by name to those that cannot be where they are, shape ``(N,)``, bool."""
+
+
 @dataclass(frozen=True, eq=False)
 class TrainConfig:
     """The budget, learning rates and densification of a fit.
@@ -60,6 +64,8 @@ class TrainConfig:
     checkpoint: Checkpoint | None = None
     until: int | None = None
     """Stop, and save, after so many of the ``steps``; None: after all of them."""
+    misplaced: Misplaced | None = None
+    """Which surfels go whenever ``rules`` take some away, besides those that these name; None: no others."""
 
     @property
     def last(self) -> int:
@@ -140,5 +146,7 @@ def _densified(state: FitState, config: TrainConfig) -> FitState:
     if rules.densifies(step, budget):
         # Pruning comes first: it looks at what was seen on the screen, which densifying forgets.
         state = prune(state, rules, config.extent, rules.was_reset(step, budget))
+        if config.misplaced is not None:
+            state = keep(state, ~config.misplaced(state.parameters.surfels))
         state = densify(state, rules, config.extent)
     return reset_opacity(state, rules) if rules.resets(step, budget) else state
