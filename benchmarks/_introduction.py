@@ -5,7 +5,6 @@ Code of others runs when it is imported. So a method that does not come with gra
 bench itself, but by a worker process of its own, behind the guard of a fit; what comes back is text.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,7 @@ from graycard.benchmarks._guard import Guard, closed
 from graycard.benchmarks._jobs import Outcome, guarded
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks._workers import run_all
-from graycard.io import dumps, from_builtins, silent, to_builtins
+from graycard.io import dumps, from_builtins, parse_json, silent, to_builtins
 from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import check_priors
 
@@ -95,4 +94,4 @@ def meet(meeting: Meeting) -> Outcome:
 def _heard(outcome: Outcome) -> Introduction:
     if outcome.reason:
         raise MethodError(outcome.reason)
-    return from_builtins(Introduction, json.loads(outcome.value), MethodError, "what a method says of itself")
+    return from_builtins(Introduction, parse_json(outcome.value), MethodError, "what a method says of itself")
