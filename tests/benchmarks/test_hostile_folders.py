@@ -24,15 +24,6 @@ from graycard.predictions import write_composed, write_environment, write_relit,
 ESCAPES = (
     "../../../../outside/pwn", "/tmp/graycard-pwn", "..", "a/../../b", "a\\..\\b", "con", "x\x1b[2J", ".x",
 )  # fmt: skip
-    "../../../../outside/pwn",
-    "/tmp/graycard-pwn",
-    "..",
-    "a/../../b",
-    "a\\..\\b",
-    "con",
-    "x\x1b[2J",
-    ".x",
-)
 
 
 @pytest.fixture
