@@ -12,9 +12,9 @@ from typing import Any
 
 from graycard import MethodError
 from graycard.benchmarks._guard import Guard, closed
-from graycard.benchmarks._jobs import Outcome, guarded
+from graycard.benchmarks._jobs import guarded
 from graycard.benchmarks._suites import SuiteMethod
-from graycard.benchmarks._workers import run_all
+from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.io import dumps, from_builtins, parse_json, silent, to_builtins
 from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import check_priors
@@ -43,7 +43,7 @@ class Meeting:
 
 
 def introduce(
-    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, timeout_s: float | None = None
+    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, limits: Limits = USUAL
 ) -> list[Introduction]:
     """What each method says of itself.
 
@@ -52,7 +52,7 @@ def introduce(
         dataset: ``DATASET``, whose truth is closed.
         jobs: The folder of all jobs of the run, closed as well.
         at_a_time: Number of workers.
-        timeout_s: An import that takes longer has failed; None for no limit.
+        limits: Time and memory of each import.
 
     Raises:
         UnknownNameError: A method does not exist.
@@ -60,7 +60,7 @@ def introduce(
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs) for method in foreign]
-    met = iter(run_all(meet, meetings, at_a_time, silent, timeout_s=timeout_s) if foreign else ())
+    met = iter(run_all(meet, meetings, at_a_time, silent, limits=limits) if foreign else ())
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 
 
