@@ -8,6 +8,8 @@ from graycard.benchmarks._edition import refuse_sealed as refuse_sealed
 from graycard.benchmarks._fit import FitSpec as FitSpec
 from graycard.benchmarks._fit import fit_scene as fit_scene
 from graycard.benchmarks._fit import load_for as load_for
+from graycard.benchmarks._foreground import check_import as check_import
+from graycard.benchmarks._foreground import fit_apart as fit_apart
 from graycard.benchmarks._gate import Baseline as Baseline
 from graycard.benchmarks._gate import Expected as Expected
 from graycard.benchmarks._gate import GateVerdict as GateVerdict
@@ -30,8 +32,9 @@ from graycard.benchmarks._suites import suite_names as suite_names
 from graycard.benchmarks._suites import with_predictions as with_predictions
 from graycard.benchmarks._until_decided import Plan as Plan
 from graycard.benchmarks._until_decided import run_until_decided as run_until_decided
-from graycard.benchmarks._workers import run_all as run_all
 from graycard.benchmarks.validity._check import RULES as RULES
 from graycard.benchmarks.validity._check import Validity as Validity
 from graycard.benchmarks.validity._check import check_result as check_result
 from graycard.benchmarks.validity._record import Breach as Breach
+from graycard.benchmarks.workers import Limits as Limits
+from graycard.benchmarks.workers import run_all as run_all

@@ -5,8 +5,8 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
-from graycard import Capture, EnvironmentLight, Light, Truth, open_truth
-from graycard.io import output_error
+from graycard import Capture, DatasetError, EnvironmentLight, Light, Truth, open_truth
+from graycard.io import inside, output_error
 from graycard.methods import Changes, Composable, Composed, Decomposition, Relightable, Relit
 
 
@@ -84,7 +84,8 @@ def _relighting(truth: Truth, folder: Path) -> dict[str, tuple[Light, ...]]:
     root = Path(truth.root or "")
     return {
         edit.name: tuple(
-            _copied(light, root / edit.folder, folder / edit.name) for light in truth.relit_lights(edit.name)
+            _copied(light, inside(root, edit.folder, error=DatasetError), inside(folder, edit.name))
+            for light in truth.relit_lights(edit.name)
         )
         for edit in truth.edits
     }
@@ -94,10 +95,11 @@ def _copied(light: Light, source: Path, folder: Path) -> Light:
     """The light with its image, if it has one, in a folder."""
     if not isinstance(light, EnvironmentLight):
         return light
-    copy = (folder / light.image).absolute()
+    original = inside(source, light.image, error=DatasetError)
+    copy = inside(folder, light.image).absolute()
     try:
         copy.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(source / light.image, copy)
+        shutil.copyfile(original, copy)
     except OSError as cause:
         raise output_error(copy, cause) from cause
     return replace(light, image=str(copy))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard import RecordError
-from graycard.io import check_version, from_builtins, read_json, write_json
+from graycard.io import Label, Name, check_version, from_builtins, read_json, write_json
 from graycard.records import RunRecord, Score
 
 BASELINE_VERSION = 1
@@ -18,12 +18,12 @@ BASELINE_VERSION = 1
 class Expected:
     """One score that a baseline expects."""
 
-    track: str
-    scene: str
-    method: str
+    track: Name
+    scene: Name
+    method: Label
     seed: int
-    metric: str
-    protocol: str
+    metric: Label
+    protocol: Label
     value: float
     tolerance: float
     """By how much it may get worse, in the unit of the metric."""
@@ -38,7 +38,7 @@ class Expected:
 class Baseline:
     """The scores that a run must reach."""
 
-    suite: str
+    suite: Name
     suite_version: int
     scores: tuple[Expected, ...]
     format: Literal["graycard-baseline"] = "graycard-baseline"

@@ -5,7 +5,6 @@ Code of others runs when it is imported. So a method that does not come with gra
 bench itself, but by a worker process of its own, behind the guard of a fit; what comes back is text.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any
 
 from graycard import MethodError
 from graycard.benchmarks._guard import Guard, closed
-from graycard.benchmarks._jobs import Outcome, guarded
+from graycard.benchmarks._jobs import guarded
 from graycard.benchmarks._suites import SuiteMethod
-from graycard.benchmarks._workers import run_all
-from graycard.io import dumps, from_builtins, silent, to_builtins
+from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
+from graycard.io import dumps, from_builtins, parse_json, silent, to_builtins
 from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
 from graycard.methods.priors import check_priors
 
@@ -44,7 +43,7 @@ class Meeting:
 
 
 def introduce(
-    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, timeout_s: float | None = None
+    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, limits: Limits = USUAL
 ) -> list[Introduction]:
     """What each method says of itself.
 
@@ -53,7 +52,7 @@ def introduce(
         dataset: ``DATASET``, whose truth is closed.
         jobs: The folder of all jobs of the run, closed as well.
         at_a_time: Number of workers.
-        timeout_s: An import that takes longer has failed; None for no limit.
+        limits: Time and memory of each import.
 
     Raises:
         UnknownNameError: A method does not exist.
@@ -61,7 +60,7 @@ def introduce(
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs) for method in foreign]
-    met = iter(run_all(meet, meetings, at_a_time, silent, timeout_s=timeout_s) if foreign else ())
+    met = iter(run_all(meet, meetings, at_a_time, silent, limits=limits) if foreign else ())
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 
 
@@ -95,4 +94,4 @@ def meet(meeting: Meeting) -> Outcome:
 def _heard(outcome: Outcome) -> Introduction:
     if outcome.reason:
         raise MethodError(outcome.reason)
-    return from_builtins(Introduction, json.loads(outcome.value), MethodError, "what a method says of itself")
+    return from_builtins(Introduction, parse_json(outcome.value), MethodError, "what a method says of itself")

@@ -19,10 +19,12 @@ from graycard import GraycardError, OutputError, open_predictions
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
+from graycard.benchmarks.workers import Outcome, worker_progress
 from graycard.eval import score_predictions
 from graycard.io import (
     file_lock,
     from_builtins,
+    printable,
     read_json,
     sha256,
     silent,
@@ -42,19 +44,6 @@ DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
 
 PROTOCOLS = "albedo"
 """A bench scores by graycard's rules and puts the published albedo protocols beside them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a job ended."""
-
-    reason: str = ""
-    """Why it failed; empty if it did not."""
-    fatal: bool = False
-    """Whether the run cannot go on: there is no room for results."""
-    reused: bool = False
-    """Whether all was there already."""
-    value: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,8 +195,9 @@ def _read_or_none(cls: type[R], path: Path) -> R | None:
 
 
 def _lock(job: FitJob) -> AbstractContextManager[None]:
-    """One process at a time in a job folder; also waits for a worker whose bench was killed."""
-    return file_lock(writable_folder(job.folder) / ".lock", lambda: None)
+    """One process at a time in a job folder; says for which one it waits."""
+    progress = worker_progress()
+    return file_lock(writable_folder(job.folder) / ".lock", lambda who: progress(0.0, f"waiting for {who}"))
 
 
 def _threads(count: int) -> AbstractContextManager[Any]:
@@ -224,9 +214,10 @@ def guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
     except OutputError as error:
         return Outcome(reason=str(error), fatal=True)  # a full disk is no fault of the method
     except GraycardError as error:
-        return Outcome(reason=f"{words_of(error) or type(error).__name__}{_logged(log, error)}")
+        words = printable(words_of(error)) or type(error).__name__
+        return Outcome(reason=f"{words}{_logged(log, error)}")
     except BaseException as error:  # Ctrl+C does not reach a worker: whoever raised it here is the job
-        return Outcome(reason=f"{type(error).__name__}: {words_of(error)}{_logged(log, error)}")
+        return Outcome(reason=f"{type(error).__name__}: {printable(words_of(error))}{_logged(log, error)}")
 
 
 def _logged(log: Path | None, error: BaseException) -> str:
@@ -234,5 +225,5 @@ def _logged(log: Path | None, error: BaseException) -> str:
     ours = isinstance(error, GraycardError) and isinstance(error.__cause__, GraycardError | None)
     if log is None or ours:
         return ""
-    write_bytes(log, "".join(traceback.format_exception(error)).encode(errors="replace"))
+    write_bytes(log, printable("".join(traceback.format_exception(error))).encode())
     return f" (traceback in {log.name})"

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from graycard.io import Name
 from graycard.synth import SceneSpec
 
 TUNING = 1000
@@ -15,8 +16,8 @@ TUNING = 1000
 class SceneTemplate:
     """A kind of scene, of which a range has many."""
 
-    track: str
-    family: str
+    track: Name
+    family: Name
     knobs: Mapping[str, Any] = field(default_factory=dict)
     """As those of a scene; of a list the values are taken in turn."""
 

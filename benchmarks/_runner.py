@@ -26,7 +26,6 @@ from graycard.benchmarks._edition import refuse_sealed
 from graycard.benchmarks._introduction import Introduction, introduce
 from graycard.benchmarks._jobs import (
     FitJob,
-    Outcome,
     RenderJob,
     find_fit,
     find_rendered,
@@ -48,8 +47,8 @@ from graycard.benchmarks._run_record import (
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, scaled_iterations
-from graycard.benchmarks._workers import run_all
 from graycard.benchmarks.claims import claims_of_suite, judge_run
+from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
@@ -99,7 +98,7 @@ class Bench:
     jobs: int
     """At a time."""
     progress: Progress
-    timeout_s: float | None
+    limits: Limits
     whole: Suite | None
     """The suite that this one was narrowed from; None for a whole one."""
     terms: Terms
@@ -122,7 +121,7 @@ def run_bench(
     progress: Progress,
     dataset: Path | None = None,
     *,
-    timeout_s: float | None = None,
+    limits: Limits = USUAL,
     whole: Suite | None = None,
     terms: Terms = Terms(),
 ) -> RunRecord:
@@ -134,8 +133,7 @@ def run_bench(
         jobs: Number of fits at a time.
         progress: Called after each job.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
-        timeout_s: A fit or scoring that takes longer has failed, stages that a fit found done left out; None
-            for no limit.
+        limits: Of each fit and each scoring; time of stages that a fit found done is left out.
         whole: What the suite was narrowed from: what ``run.json`` has of its other parts stays in it.
         terms: The budget of fits, and what vouches for sealed scenes.
 
@@ -146,7 +144,7 @@ def run_bench(
         RunError: A scene could not be rendered or is sealed, the folder holds another run, or ``jobs`` < 1.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, whole, terms)
+    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, whole, terms)
     before = record_before(run, suite, terms.budget, terms.edition)
     if before is not None and before.looks is not None:
         raise RunError(
@@ -192,7 +190,7 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     for method in bench.suite.methods:
         if method.predictions:
             check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
-    known = introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.timeout_s)
+    known = introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.limits)
     if bench.terms.budget == 1:
         return bench, known
     own = [_iterations(row, bench.terms.budget) for row in known]
@@ -212,7 +210,7 @@ def _iterations(known: Introduction, budget: float) -> dict[str, int]:
 
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
     """Make all predictions; stages go once all is done that could go on from them."""
-    outcomes = run_all(run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.timeout_s)
+    outcomes = run_all(run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits)
     fitted = list(zip(plan, outcomes, strict=True))
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         shutil.rmtree(bench.run / STAGES, ignore_errors=True)
@@ -224,7 +222,7 @@ def _score(bench: Bench, fitted: Ended) -> Ended:
     made = [job for job, outcome in fitted if not outcome.reason]
     progress = bench.part(2, "scoring")
     outcomes = run_all(
-        run_score, made, bench.jobs, progress, find_scores, bench.timeout_s, tasks_each=SCORED_EACH
+        run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=SCORED_EACH
     )
     return list(zip(made, outcomes, strict=True))
 

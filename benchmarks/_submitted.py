@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from graycard import PredictionError, open_predictions
-from graycard.io import dumps, sha256_of_files, write_bytes
+from graycard.io import dumps, inside, sha256_of_files, write_bytes
 from graycard.predictions import INDEX, finish_predictions
 from graycard.records import Job
 
@@ -84,7 +84,7 @@ def take_predictions(given: Given, folder: Path, job: Job) -> None:
     shutil.rmtree(folder, ignore_errors=True)
     wanted = {name: value for name, value in hashes.items() if name != INDEX}
     for name in wanted:
-        write_bytes(folder / name, _read(given.folder / name))
+        write_bytes(inside(folder, name), _read(given.folder / name))
     if _digest(hashes) != given.sha256 or sha256_of_files(folder) != wanted:
         raise PredictionError(
             f"expected {given.folder} to stay as it was when the bench began, got other files. Run it again"

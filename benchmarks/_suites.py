@@ -2,7 +2,6 @@
 """A suite is a TOML file: which scenes, how they are rendered, which methods with which settings."""
 
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks.convergence import swept
-from graycard.io import from_builtins
+from graycard.io import Label, Name, from_builtins, read_toml
 from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
 from graycard.synth import RenderSettings, SceneSpec, all_families, scene_name
@@ -25,7 +24,7 @@ FOLDER = Path(__file__).parent / "suites"
 class SuiteMethod:
     """A method of a suite."""
 
-    name: str
+    name: Label
     """A registered name or ``module:attribute``."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Those that differ from the method's defaults."""
@@ -69,7 +68,7 @@ class SuiteMethod:
 class Suite:
     """What a bench runs: every method on every scene with every seed."""
 
-    name: str
+    name: Name
     version: int
     title: str
     render: RenderSettings
@@ -156,10 +155,7 @@ def load_suite(name: str) -> Suite:
         RecordError: The file is no TOML, has an unknown or missing key, or a sweep that is none.
     """
     path = suite_path(name)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
-        raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
+    data = read_toml(path)
     for scene in data.get("scenes", []):
         check_track(str(scene.get("track") if isinstance(scene, dict) else scene))
     return from_builtins(Suite, swept(data, str(path)), RecordError, str(path))

@@ -22,6 +22,7 @@ from graycard.benchmarks.claims import (
     made_for_others,
     pursue,
 )
+from graycard.benchmarks.workers import USUAL, Limits
 from graycard.eval.statistics import LEAST_SCENES, level_up_to
 from graycard.io import dumps, sha256
 from graycard.records import Look, Looks, RunRecord
@@ -46,7 +47,7 @@ def run_until_decided(
     plan: Plan,
     dataset: Path | None = None,
     *,
-    timeout_s: float | None = None,
+    limits: Limits = USUAL,
 ) -> RunRecord:
     """Run a suite, add scenes until all claims that can be tested are decided, and write ``RUN/run.json``.
 
@@ -57,7 +58,7 @@ def run_until_decided(
         progress: Called after each job.
         plan: How far it may go; the same at every call on a folder.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
-        timeout_s: As of :func:`run_bench`.
+        limits: As of :func:`run_bench`.
 
     Raises:
         RunError: The plan cannot be kept, or is not that which the run began with.
@@ -69,7 +70,7 @@ def run_until_decided(
     _check_reserve(suite, plan.most)
     files = {paper.name: claims_path(name) for paper, name in zip(pursued.papers, names, strict=True)}
     looks = Looks(plan.most, level_up_to(plan.most), {paper: sha256(file) for paper, file in files.items()})
-    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, timeout_s, suite, Terms())
+    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, suite, Terms())
     before = _before(bench, looks, files)
     return _Course(bench, names, before, _batches(suite), pursued, looks).to_the_end()
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from graycard import Camera, Capture, Light, Progress
 from graycard.methods._contract import Priors, check_layers
-from graycard.methods._store import restore, store
+from graycard.methods._store import restore, store, whole_decomposition
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +87,7 @@ class GrayMethod:
         Raises:
             MethodError: It is missing, damaged, or of another method.
         """
-        facts, arrays = restore(folder, "gray")
-        red, green, blue = arrays["radiance"].tolist()
-        return Gray(float(facts["reflectance"]), (red, green, blue))
+        with whole_decomposition(folder):
+            facts, arrays = restore(folder, "gray")
+            red, green, blue = arrays["radiance"].tolist()
+            return Gray(float(facts["reflectance"]), (red, green, blue))

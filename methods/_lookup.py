@@ -11,7 +11,7 @@ import numpy as np
 from graycard import Camera, Capture, EnvironmentLight, Light, MethodError
 from graycard.lights import light_from_json, light_to_json
 from graycard.methods._contract import Priors, check_layers
-from graycard.methods._store import restore, store
+from graycard.methods._store import restore, store, whole_decomposition
 
 _SURROUNDINGS = "environments"
 
@@ -98,7 +98,8 @@ def load_lookup(folder: Path, method: str) -> Lookup:
     Raises:
         MethodError: It is missing, damaged, or of another method.
     """
-    return unpack(method, *restore(folder, method))
+    with whole_decomposition(folder):
+        return unpack(method, *restore(folder, method))
 
 
 def photographs(capture: Capture, priors: Priors) -> dict[str, np.ndarray]:

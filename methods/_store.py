@@ -2,7 +2,8 @@
 """A decomposition on disk: ``decomposition.json`` says what it is, ``arrays.safetensors`` holds numbers."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from graycard import MethodError
 from graycard.io import read_json, write_bytes, write_json
 
 INDEX, ARRAYS = "decomposition.json", "arrays.safetensors"
+_DAMAGE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
+"""Errors of code that is handed facts and arrays of a stranger; PyTorch's are RuntimeErrors."""
 
 
 def store(folder: Path, method: str, facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
@@ -44,12 +47,22 @@ def restore(folder: Path, method: str) -> tuple[dict[str, Any], dict[str, np.nda
     if not isinstance(index, dict) or index.get("method") != method:
         came = index.get("method") if isinstance(index, dict) else index
         raise MethodError(f"expected a decomposition by {method!r} in {folder}, got one by {came!r}")
-    try:
+    with whole_decomposition(folder):
         data = (Path(folder) / ARRAYS).read_bytes()
         if hashlib.sha256(data).hexdigest() != index["sha256"]:
             raise ValueError(f"{ARRAYS} is not the one that {INDEX} was written for")
         return dict(index["facts"]), load(data)
-    except (OSError, KeyError, ValueError, TypeError, SafetensorError) as cause:
-        raise MethodError(
-            f"expected a whole decomposition in {folder}, got a damaged one: {cause}"
-        ) from cause
+
+
+@contextmanager
+def whole_decomposition(folder: Path) -> Iterator[None]:
+    """Say of a decomposition that it is damaged where its facts or arrays are not those that are expected.
+
+    Raises:
+        MethodError: The block met a value that is missing, of another type, or of another shape.
+    """
+    try:
+        yield
+    except (*_DAMAGE, SafetensorError) as cause:
+        what = f"no {cause}" if isinstance(cause, KeyError) else str(cause)
+        raise MethodError(f"expected a whole decomposition in {folder}, got a damaged one: {what}") from cause

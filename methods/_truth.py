@@ -16,7 +16,7 @@ from graycard.layers import LOBES, PARTS
 from graycard.lights import light_to_json
 from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Guest, NoSettings, Priors
 from graycard.methods._lookup import Lookup, pack, unpack
-from graycard.methods._store import restore, store
+from graycard.methods._store import restore, store, whole_decomposition
 
 WITHOUT_TARGET = "counterfactual.radiance"
 _SURFACE = (
@@ -130,14 +130,19 @@ class TruthMethod:
         Raises:
             MethodError: It is missing, damaged, or of another method.
         """
-        facts, arrays = restore(folder, "truth")
-        stored = {name: a for name, a in arrays.items() if name.startswith(f"{_CHANGED}/")}
-        known = unpack("truth", facts, {name: a for name, a in arrays.items() if name not in stored})
-        changed: dict[str, dict[str, np.ndarray]] = {}
-        for name, values in stored.items():
-            _, change, camera = name.split("/")
-            changed.setdefault(change, {})[camera] = values
-        return TrueDecomposition(known, facts["target"], changed)
+        with whole_decomposition(folder):
+            return _restored(*restore(folder, "truth"))
+
+
+def _restored(facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> TrueDecomposition:
+    """The oracle that was saved."""
+    stored = {name: a for name, a in arrays.items() if name.startswith(f"{_CHANGED}/")}
+    known = unpack("truth", facts, {name: a for name, a in arrays.items() if name not in stored})
+    changed: dict[str, dict[str, np.ndarray]] = {}
+    for name, values in stored.items():
+        _, change, camera = name.split("/")
+        changed.setdefault(change, {})[camera] = values
+    return TrueDecomposition(known, facts["target"], changed)
 
 
 def _changed(capture: Capture, priors: Priors) -> dict[str, dict[str, np.ndarray]]:

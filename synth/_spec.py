@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from graycard import Sensor
+from graycard.io import Name
 
 GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
@@ -112,8 +113,8 @@ class SceneSpec:
         ValueError: The seed is negative.
     """
 
-    track: str
-    family: str
+    track: Name
+    family: Name
     seed: int
     knobs: Mapping[str, Any] = field(default_factory=dict)
     """Values that differ from the family's defaults, by name."""

@@ -2,7 +2,6 @@
 """Claims of a paper as data: a TOML file says what was claimed, of which rows, and what would show it."""
 
 import math
-import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard import TRACKS, RecordError, UnknownNameError
-from graycard.io import from_builtins
+from graycard.io import Label, Name, from_builtins, read_toml
 from graycard.records import Asker
 
 FOLDER = Path(__file__).parent
@@ -67,7 +66,7 @@ class Along:
 class Check:
     """One comparison: rows of a suite, a quantity, a rule."""
 
-    id: str
+    id: Label
     says: str
     """What has to be seen, in words."""
     rule: Rule
@@ -143,7 +142,7 @@ class Nested:
 class Claim:
     """What a paper says, and the comparisons that it comes down to."""
 
-    id: str
+    id: Label
     sentence: str
     source: str
     """Table or section."""
@@ -201,11 +200,11 @@ class Arithmetic:
 class Paper:
     """All claims of one paper."""
 
-    name: str
+    name: Name
     version: int
     title: str
-    track: str = ""
-    suite: str = ""
+    track: Name = ""
+    suite: Name = ""
     """Whose runs have the rows that are compared."""
     bound: str = ""
     trivial: str = ""
@@ -252,10 +251,7 @@ def load_claims(name: str) -> Paper:
         RecordError: The file is no TOML, has an unknown or missing key, or a check that cannot be made.
     """
     path = claims_path(name)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
-        raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
+    data = read_toml(path)
     return from_builtins(Paper, data, RecordError, str(path))
 
 

@@ -2,14 +2,13 @@
 """Which priors a fit is given: part of what addresses a job, of a suite, of a run record."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 from graycard import RecordError, UnknownNameError
-from graycard.io import dumps, from_builtins
+from graycard.io import dumps, from_builtins, read_toml
 from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
 from graycard.methods.priors import _colour, _depth, _filling, _inpainting, _light, _mask, _material, _normal
 
@@ -123,15 +122,11 @@ def parse_priors(text: str) -> PriorSpec:
         UnknownNameError: A source, a kind or a parameter that does not exist.
     """
     if text.endswith(".toml"):
-        try:
-            data: dict[str, Any] = tomllib.loads(Path(text).read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
-            raise RecordError(f"expected priors as TOML in {text}, got: {cause}") from cause
-        return from_builtins(PriorSpec, data, RecordError, text)
+        return from_builtins(PriorSpec, read_toml(Path(text)), RecordError, text)
     source, _, more = text.partition(":")
     if source not in SOURCES:
         raise UnknownNameError("source of priors", source, SOURCES)
-    data = {"source": source}
+    data: dict[str, Any] = {"source": source}
     if more and source == "oracle" and more.isdecimal():
         data["severity"] = int(more)
     elif more and source == "pretrained":

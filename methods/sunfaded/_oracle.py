@@ -10,7 +10,7 @@ import torch
 
 from graycard import Camera, Capture, Light, MethodError, Progress
 from graycard.methods._contract import Priors, check_layers
-from graycard.methods._store import restore, store
+from graycard.methods._store import restore, store, whole_decomposition
 from graycard.methods.splat import Maps, view_at
 from graycard.methods.sunfaded._layers import Lighting, local_lights
 from graycard.methods.sunfaded._light import POSITION
@@ -149,13 +149,14 @@ class OracleSunFadedMethod:
         Raises:
             MethodError: It is missing, damaged, or of another method.
         """
-        facts, arrays = restore(folder, METHOD)
-        known: dict[str, dict[str, np.ndarray]] = {}
-        for key, values in arrays.items():
-            owner, _, name = key.partition("/")
-            known.setdefault(owner, {})[name] = values
-        lights = {name: torch.from_numpy(v.copy()) for name, v in known.pop(_SHARED).items()}
-        return OracleSunFadedScene(known, lights, lighting_from_json(facts))
+        with whole_decomposition(folder):
+            facts, arrays = restore(folder, METHOD)
+            known: dict[str, dict[str, np.ndarray]] = {}
+            for key, values in arrays.items():
+                owner, _, name = key.partition("/")
+                known.setdefault(owner, {})[name] = values
+            lights = {name: torch.from_numpy(v.copy()) for name, v in known.pop(_SHARED).items()}
+            return OracleSunFadedScene(known, lights, lighting_from_json(facts))
 
 
 def fit_lights(

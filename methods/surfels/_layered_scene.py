@@ -12,7 +12,7 @@ import torch
 
 from graycard import Camera
 from graycard.methods._contract import check_layers
-from graycard.methods._store import restore, store
+from graycard.methods._store import restore, store, whole_decomposition
 from graycard.methods.splat import Parameters
 
 
@@ -48,7 +48,8 @@ class SavedScene(ABC):
         Raises:
             MethodError: It is missing, damaged, or of another method.
         """
-        return cls._restored(SceneContents(method, *restore(folder, method)), folder)
+        with whole_decomposition(folder):
+            return cls._restored(SceneContents(method, *restore(folder, method)), folder)
 
     @abstractmethod
     def _contents(self) -> SceneContents:

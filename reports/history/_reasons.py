@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The words of people in ``history.toml``: editions of the rules, and why verdicts changed."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 from graycard import RecordError
-from graycard.io import from_builtins
+from graycard.io import from_builtins, read_toml
 
 REASONS = "history.toml"
 """Beside ``history.json``."""
@@ -91,8 +90,5 @@ def load_reasons(folder: Path) -> Reasons:
         RecordError: It is missing, no TOML, or has an unknown or missing key or an unknown cause.
     """
     path = Path(folder) / REASONS
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as cause:
-        raise RecordError(f"expected TOML in {path}, got: {cause}") from cause
+    data = read_toml(path)
     return from_builtins(Reasons, data, RecordError, str(path))

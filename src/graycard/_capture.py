@@ -10,7 +10,7 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._errors import DatasetError, UnknownNameError
 from graycard._sensor import Sensor
-from graycard.io import IN_MEMORY, read_layers, read_rgb
+from graycard.io import IN_MEMORY, Name, inside, read_layers, read_rgb
 from graycard.points import Points, no_points, read_points
 
 POINTS = "points.ply"
@@ -23,7 +23,7 @@ Split = Literal["train", "test"]
 class View:
     """One camera of a scene. A method fits on ``train`` views and is scored on ``test`` views."""
 
-    name: str
+    name: Name
     split: Split
     camera: Camera
 
@@ -32,8 +32,8 @@ class View:
 class Capture:
     """What a user with a camera would have: linear photographs, cameras, granted masks. Never truth."""
 
-    track: str
-    scene: str
+    track: Name
+    scene: Name
     views: tuple[View, ...]
     exposure: float
     """Factor that brings radiance to display range: the 99th percentile of the training photographs
@@ -128,8 +128,8 @@ def file_of(root: Path | None, name: str) -> Path:
     """A file of a capture or a truth that was opened.
 
     Raises:
-        DatasetError: It is in memory only.
+        DatasetError: It is in memory only, or the name leads out of the folder.
     """
     if root is None:
         raise DatasetError("expected a capture or truth that was opened from a folder, got one in memory")
-    return root / name
+    return inside(root, name, error=DatasetError) if name else root

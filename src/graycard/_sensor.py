@@ -5,6 +5,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from graycard.io import Name
+
 MOST_BITS = 16
 
 
@@ -26,7 +28,7 @@ class Sensor:
     """Electrons at white; 0 where light was counted without noise."""
     read_noise: float = 0.0
     """Standard deviation, electrons."""
-    exposures: Mapping[str, float] = field(default_factory=dict)
+    exposures: Mapping[Name, float] = field(default_factory=dict)
     """Factor on the capture's exposure by name of a training view, as EXIF tells it; 1 where none is."""
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from graycard._capture import View, file_of, find_view
 from graycard._errors import DatasetError
 from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
-from graycard.io import IN_MEMORY, from_builtins, read_json, read_layers, read_rgb
+from graycard.io import IN_MEMORY, Label, Name, from_builtins, read_json, read_layers, read_rgb
 from graycard.lights import EnvironmentLight, Light, read_lights
 
 
@@ -19,7 +19,7 @@ class SceneObject:
 
     id: int
     """1 or more; 0 is where nothing is seen."""
-    name: str
+    name: Label
     emits: bool
     """Whether it is the surface of a light."""
 
@@ -28,8 +28,8 @@ class SceneObject:
 class Truth:
     """Everything exact about a scene, with the variance of what is estimated."""
 
-    track: str
-    scene: str
+    track: Name
+    scene: Name
     views: tuple[View, ...]
     exposure: float
     diameter: float

@@ -14,7 +14,16 @@ from typing import Any
 from graycard._capture import Capture, file_of
 from graycard._errors import DatasetError
 from graycard._truth import Truth
-from graycard.io import MANIFEST, Manifest, check_files, from_builtins, read_json, read_manifest, write_json
+from graycard.io import (
+    MANIFEST,
+    Manifest,
+    check_distinct,
+    check_files,
+    from_builtins,
+    read_json,
+    read_manifest,
+    write_json,
+)
 
 TRACKS = ("dark", "tabletop", "multilight")
 
@@ -115,6 +124,7 @@ def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
             f"expected {path} to be of {manifest.track}/{manifest.scene}, as its manifest says, "
             f"got {found.track}/{found.scene}"
         )
+    _check_distinct(found, path)
     wanted = (
         {"train"} if cls is Capture else {"train", "test"}
     )  # photographs of a user may all be for training
@@ -123,6 +133,16 @@ def _open(cls: type[Any], folder: Path, name: str, check: bool) -> Any:
             f"expected {' and '.join(sorted(wanted))} views in {path}, got {len(found.views)} views"
         )
     return replace(found, root=folder)
+
+
+def _check_distinct(found: Capture | Truth, path: Path) -> None:
+    """Refuse views, or edits, whose files are one where names differ in case alone."""
+    edits = found.edits if isinstance(found, Truth) else ()
+    try:
+        check_distinct(view.name for view in found.views)
+        check_distinct(edit.name for edit in edits)
+    except ValueError as cause:
+        raise DatasetError(f"{path}: {cause}. Rename one") from cause
 
 
 def _is_whole_or_absent(folder: Path) -> bool:

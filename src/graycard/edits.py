@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from graycard._errors import UnknownNameError
+from graycard.io import Label, Name
 
 RELIGHTING, COMPOSITION = "relighting", "composition"
 """Folders of changed lights and of the composition, relative to the truth, and to a predictions folder."""
@@ -34,7 +35,7 @@ class LightEdit:
     On disk it is a folder ``truth/relighting/<name>`` with the changed lights and the held-out views.
     """
 
-    name: str
+    name: Name
     summary: str
     """One sentence that says what is changed."""
 
@@ -80,12 +81,12 @@ def find_edit(edits: Iterable[LightEdit], name: str) -> LightEdit:
 class Donor:
     """The scene that an object is taken out of, and which object it is."""
 
-    track: str
-    family: str
+    track: Name
+    family: Name
     seed: int
     knobs: Mapping[str, Any]
     """All of them, the defaults included."""
-    object: str
+    object: Label
     """Name of the object in its own scene."""
     object_id: int
     """Its id there."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from graycard._camera import Camera
 from graycard._errors import DatasetError, GraycardError, UnknownNameError
-from graycard.io import from_builtins, read_json, to_builtins, write_json
+from graycard.io import Label, Name, RelativePath, from_builtins, read_json, to_builtins, write_json
 
 Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]
@@ -25,7 +25,7 @@ _UNIT_TOLERANCE = 1e-5
 class PointLight:
     """A light without extent that shines equally in all directions."""
 
-    name: str
+    name: Label
     position: Vector
     """Metres, in ``frame``."""
     intensity: Vector
@@ -47,7 +47,7 @@ class SpotLight:
     ``cutoff_angle`` (both half angles, degrees).
     """
 
-    name: str
+    name: Label
     position: Vector
     """Metres, in ``frame``."""
     direction: Vector
@@ -107,7 +107,7 @@ class GaussianLight:
         ValueError: It has no lobe.
     """
 
-    name: str
+    name: Label
     position: Vector
     """Metres, in ``frame``."""
     lobes: tuple[SphericalGaussian, ...]
@@ -147,7 +147,7 @@ class GaussianLight:
 class RectangleLight:
     """A one-sided, diffusely emitting rectangle, ``position ± half_u ± half_v``; it shines along u x v."""
 
-    name: str
+    name: Label
     position: Vector
     """Centre in the world, metres."""
     half_u: Vector
@@ -167,7 +167,7 @@ class RectangleLight:
 class SphereLight:
     """A diffusely emitting sphere."""
 
-    name: str
+    name: Label
     position: Vector
     """Centre in the world, metres."""
     radius: float
@@ -194,8 +194,8 @@ class EnvironmentLight:
     ``(sin t cos p, sin t sin p, cos t)`` with ``t = pi (i + 0.5) / H`` and ``p = 2 pi (j + 0.5) / W``.
     """
 
-    name: str
-    image: str
+    name: Name
+    image: RelativePath
     """EXR file of R, G, B radiance in W/m²/sr, relative to the file that lists the lights."""
 
 
@@ -238,7 +238,22 @@ def light_from_json(data: Any, error: type[GraycardError] = DatasetError, source
     kind = str(data["type"])
     if kind not in _TYPES:
         raise UnknownNameError("light type", kind, _TYPES)
-    return from_builtins(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)
+    light = from_builtins(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)
+    if not _all_finite(to_builtins(light)):
+        raise error(f"expected finite numbers of light {light.name!r} in {source}, got {data!r}. Mend them")
+    return light
+
+
+def _all_finite(data: Any) -> bool:
+    """Tell whether no number of JSON data is infinite or not a number: those are texts there."""
+    match data:
+        case dict():
+            return all(_all_finite(value) for key, value in data.items() if key not in ("name", "image"))
+        case list():
+            return all(map(_all_finite, data))
+        case str():
+            return data not in ("inf", "-inf", "nan")
+    return True
 
 
 def read_lights(path: Path) -> tuple[Light, ...]:

@@ -121,21 +121,23 @@ def read_points(path: Path) -> Points:
     Without colours points are grey; without an ``observation`` element nothing says where they were seen.
 
     Raises:
-        DatasetError: The file is missing, cut off, or no such PLY; or a position is not finite.
+        DatasetError: The file is missing, cut off, or no such PLY; a position is not finite, or a colour out
+            of its range: 0 to 255 as a whole number, 0 to 1 as a float.
     """
     elements = _read_ply(path)
     vertices = elements.get("vertex")
     if vertices is None or not set("xyz") <= set(vertices.dtype.names or ()):
         raise DatasetError(f"expected a PLY with x, y, z of each vertex at {path}, got {list(elements)}")
     positions = np.stack([vertices[n].astype(np.float64) for n in "xyz"], axis=-1)
+    colors = _colors(vertices, path)
     if not np.isfinite(positions).all():
         raise DatasetError(f"expected finite positions in {path}, got others. Leave these points out")
     seen = elements.get("observation")
     if seen is None or seen.dtype.names != _OBSERVATION.names:
-        return without_tracks(positions, _colors(vertices))
+        return without_tracks(positions, colors)
     pixel = np.stack([seen["x"], seen["y"]], axis=-1).astype(np.float64)
     try:
-        return Points(positions, _colors(vertices), seen["point"], seen["view"], pixel)
+        return Points(positions, colors, seen["point"], seen["view"], pixel)
     except ValueError as cause:
         raise DatasetError(f"{path}: {cause}") from cause
 
@@ -149,12 +151,14 @@ def _header(elements: dict[str, np.ndarray]) -> bytes:
     return ("\n".join([*lines, "end_header"]) + "\n").encode()
 
 
-def _colors(vertices: np.ndarray) -> np.ndarray:
+def _colors(vertices: np.ndarray, path: Path) -> np.ndarray:
     if not {"red", "green", "blue"} <= set(vertices.dtype.names or ()):
         return np.full((len(vertices), 3), 128, dtype=np.uint8)
     found = np.stack([vertices[n] for n in ("red", "green", "blue")], axis=-1)
-    scale = 1 if np.issubdtype(found.dtype, np.integer) else 255  # floats in [0, 1]
-    return np.clip(np.rint(found * scale), 0, 255).astype(np.uint8)
+    most = 255 if np.issubdtype(found.dtype, np.integer) else 1
+    if not ((found >= 0) & (found <= most)).all():
+        raise DatasetError(f"expected colours from 0 to {most} in {path}, got others. Scale or mend them")
+    return np.rint(found * (255 // most)).astype(np.uint8)
 
 
 def _read_ply(path: Path) -> dict[str, np.ndarray]:
@@ -174,7 +178,7 @@ def _read_ply(path: Path) -> dict[str, np.ndarray]:
     try:
         read = _text_rows if text else _binary_rows
         return read(data[start:], _layouts(lines))
-    except (ValueError, KeyError, IndexError) as cause:
+    except (ValueError, KeyError, IndexError, OverflowError) as cause:
         raise DatasetError(f"expected a whole PLY at {path}, got one cut off or damaged: {cause}") from cause
 
 

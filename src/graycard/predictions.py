@@ -22,8 +22,12 @@ from graycard.edits import COMPOSITION, RELIGHTING, composed_file, relit_file
 from graycard.io import (
     IN_MEMORY,
     KnownLayers,
+    Label,
+    Name,
+    RelativePath,
     check_version,
     from_builtins,
+    inside,
     read_json,
     read_known_layers,
     read_rgb,
@@ -47,12 +51,12 @@ PREDICTIONS_VERSION = 1
 class Predictions:
     """What a method says about a scene."""
 
-    method: str
-    track: str
-    scene: str
+    method: Label
+    track: Name
+    scene: Name
     format: str = "graycard-predictions"
     format_version: int = PREDICTIONS_VERSION
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[RelativePath, str] = field(default_factory=dict)
     """SHA-256 by relative path; optional, and checked where it is given."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)
     hashes: Mapping[str, str] | None = field(default=None, repr=False, compare=False, metadata=IN_MEMORY)
@@ -79,7 +83,7 @@ class Predictions:
             PredictionError: The file is missing or broken, has no layer that is known, or was changed
                 after its hash was taken.
         """
-        path = self._root / VIEWS / f"{view}.exr"
+        path = inside(self._root, VIEWS, f"{view}.exr", error=PredictionError)
         if not path.is_file():
             have = ", ".join(self.view_names()) or "none"
             raise PredictionError(
@@ -128,7 +132,7 @@ class Predictions:
         return self._optional(composed_file(view))
 
     def _optional(self, name: str) -> dict[str, np.ndarray] | None:
-        path = self._root / name
+        path = inside(self._root, name, error=PredictionError)
         if not path.is_file() and name not in self.files:
             return None
         self._check_hash(path)
@@ -144,7 +148,7 @@ class Predictions:
             PredictionError: The file is broken or was changed after its hash was taken, or a light has an
                 unknown key or type.
         """
-        path = self._root / LIGHTS
+        path = inside(self._root, LIGHTS, error=PredictionError)
         if not path.is_file() and LIGHTS not in self.files:
             return None
         self._check_hash(path)
@@ -160,12 +164,7 @@ class Predictions:
             PredictionError: The file is missing or broken, lies outside of the folder, was changed after its
                 hash was taken, or holds values that are not finite or below 0.
         """
-        path = self._root / light.image
-        if not path.resolve().is_relative_to(self._root.resolve()):
-            raise PredictionError(
-                f"expected the image of light {light.name!r} in the predictions folder, got {light.image}. "
-                "Put it beside lights.json"
-            )
+        path = inside(self._root, light.image, error=PredictionError)
         self._check_hash(path)
         values = read_rgb(path, PredictionError)
         if not (values >= 0).all() or not np.isfinite(values).all():
@@ -265,7 +264,7 @@ def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> Non
     """
     for name, values in layers.items():
         _refuse_codes(view, name, values)
-    write_layers(Path(folder) / VIEWS / f"{view}.exr", layers)
+    write_layers(inside(folder, VIEWS, f"{view}.exr"), layers)
 
 
 def _refuse_codes(where: str, layer: str, values: np.ndarray) -> None:
@@ -291,7 +290,7 @@ def write_environment(folder: Path, light: EnvironmentLight, image: np.ndarray) 
     """
     _refuse_codes(light.name, "radiance", image)
     path = f"{ENVIRONMENTS}/{light.name}.exr"
-    write_rgb(Path(folder) / path, image)
+    write_rgb(inside(folder, path), image)
     return replace(light, image=path)
 
 
@@ -309,7 +308,7 @@ def write_relit(folder: Path, edit: str, view: str, radiance: np.ndarray) -> Non
         OutputError: The folder cannot be written to, or the disk is full.
     """
     _refuse_codes(f"{edit}, {view}", "radiance", radiance)
-    write_layers(Path(folder) / relit_file(edit, view), {"radiance": radiance})
+    write_layers(inside(folder, relit_file(edit, view)), {"radiance": radiance})
 
 
 def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
@@ -325,7 +324,7 @@ def write_composed(folder: Path, view: str, radiance: np.ndarray) -> None:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     _refuse_codes(f"composition, {view}", "radiance", radiance)
-    write_layers(Path(folder) / composed_file(view), {"radiance": radiance})
+    write_layers(inside(folder, composed_file(view)), {"radiance": radiance})
 
 
 def finish_predictions(

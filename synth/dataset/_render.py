@@ -54,7 +54,7 @@ def render_scene(
     place = Place(Path(dataset), spec.track, scene_name(spec))
     if find_scene(spec, settings, dataset) is None:
         writable_folder(place.final.parent)
-        with file_lock(place.lock, lambda: progress(0.0, f"another graycard is at work on {place.scene}")):
+        with file_lock(place.lock, lambda who: progress(0.0, f"{who} is at work on {place.scene}")):
             if find_scene(spec, settings, dataset) is None:
                 _make(place, spec, settings, progress, threads)
     progress(1.0, f"{place.scene} is there")

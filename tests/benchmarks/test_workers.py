@@ -1,10 +1,28 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many jobs a process does, and what its death costs."""
+"""How many jobs a process does, what its death costs, and what it leaves behind: nothing."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
 
 from graycard.benchmarks import run_all
-from graycard.benchmarks._jobs import Outcome
+from graycard.benchmarks.workers import Limits, Outcome, worker_progress
+from graycard.benchmarks.workers._family import MARK, end_orphans
 from graycard.io import silent
-from worker_jobs import die_at_one, tell_process
+from worker_jobs import (
+    die_at_one,
+    end,
+    fork_with_lock,
+    leave_with,
+    report,
+    speak,
+    tell_process,
+    wait_for,
+)
 
 
 def test_a_process_does_one_job_or_as_many_as_are_said() -> None:
@@ -31,3 +49,121 @@ def test_what_is_found_needs_no_process() -> None:
     )
     assert [outcome.value for outcome in found] == [0, 1, 2]
     assert heard == []
+
+
+ENDS = {
+    "exit 0": "exit code 0",
+    "exit 7": "exit code 7",
+    "abort": "exit code -6",
+    "killed": "exit code -9",
+    "descriptors": "closed its files",
+    "memory": "exit code 1",
+    "hang": "expected an end within 5 s",
+    "system exit": "exit code 3",
+    "unpicklable": "exit code 1",
+}
+
+
+def test_each_way_to_end_fails_its_own_job_at_once() -> None:
+    jobs = [*ENDS, "well"]
+    start = time.monotonic()
+    outcomes = run_all(end, jobs, 2, silent, limits=Limits(5, 4096))
+    found = dict(zip(jobs, outcomes, strict=True))
+    assert found["well"] == Outcome(value="well")
+    assert {how: words in found[how].reason for how, words in ENDS.items()} == dict.fromkeys(ENDS, True)
+    assert time.monotonic() - start < 30 * len(jobs)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+@pytest.mark.parametrize("how", ["return", "abort"])
+def test_children_end_with_their_worker(tmp_path: Path, how: str) -> None:
+    (outcome,) = run_all(leave_with, [(how, str(tmp_path))], 1, silent)
+    assert outcome.value == ("return" if how == "return" else None)
+    ids = (tmp_path / "ids").read_text().split()
+    assert len(ids) == 4
+    alive = [pid for pid in ids if _state(pid) not in ("", "Z", "X")]
+    assert not alive
+
+
+def test_a_child_does_not_hold_the_lock_of_a_dead_worker(tmp_path: Path) -> None:
+    (died,) = run_all(fork_with_lock, [str(tmp_path)], 1, silent)
+    assert "exit code -6" in died.reason
+    start = time.monotonic()
+    (done,) = run_all(wait_for, [(str(tmp_path), 0.0)], 1, silent)
+    assert done.value == []
+    assert time.monotonic() - start < 20
+
+
+def test_who_waits_says_for_whom(tmp_path: Path) -> None:
+    first, second = run_all(wait_for, [(str(tmp_path), 2.0)] * 2, 2, silent)
+    (words,) = first.value or second.value
+    assert words.startswith("process ")
+
+
+def test_what_a_worker_prints_is_shown_without_control_characters(capfd: pytest.CaptureFixture[str]) -> None:
+    run_all(speak, ["a\x1b]0;owned\x07b"], 1, silent)
+    shown = capfd.readouterr().err
+    assert "out a\\x1b]0;owned\\x07b" in shown
+    assert "err a\\x1b]0;owned\\x07b" in shown
+    assert "raw \\x1b[2J" in shown
+    assert "\x1b" not in shown
+
+
+def test_a_job_may_tell_its_progress() -> None:
+    heard: list[tuple[float, str]] = []
+    outcomes = run_all(report, range(2), 1, lambda done, what: heard.append((done, what)))
+    assert [outcome.value for outcome in outcomes] == [False, False]
+    assert heard == [(0.25, "half of 0"), (0.5, "1 of 2"), (0.75, "half of 1"), (1.0, "2 of 2")]
+    assert worker_progress() is silent
+
+
+_BENCH = """
+import sys, worker_jobs
+from graycard.benchmarks import run_all
+from graycard.io import silent
+if __name__ == "__main__":
+    run_all(worker_jobs.wait_for, [(sys.argv[1], 600.0)], 1, silent)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells a process of the death of its parent")
+def test_workers_end_with_a_bench_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "bench.py"
+    script.write_text(_BENCH)
+    places = os.pathsep.join(path for path in sys.path if path)
+    bench = subprocess.Popen(
+        [sys.executable, str(script), str(tmp_path)], env={**os.environ, "PYTHONPATH": places}
+    )
+    lock = tmp_path / "lock"
+    for _ in range(600):
+        if lock.exists() and lock.read_text():
+            break
+        time.sleep(0.1)
+    worker = lock.read_text().split()[1]
+    bench.kill()
+    bench.wait()
+    for _ in range(100):
+        if _state(worker) in ("", "Z", "X"):
+            return
+        time.sleep(0.1)
+    pytest.fail("the worker outlives its bench")
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
+    gone = subprocess.Popen(["sleep", "600"], env={**os.environ, MARK: "1-0-0"})
+    mine = subprocess.Popen(["sleep", "600"])
+    end_orphans()
+    try:
+        assert gone.wait(10) == -9
+        assert mine.poll() is None
+    finally:
+        mine.kill()
+        mine.wait()
+
+
+def _state(pid: str) -> str:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return ""

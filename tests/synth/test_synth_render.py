@@ -642,12 +642,12 @@ def test_the_lock_is_held_by_one_and_leaves_nothing(tmp_path: Path) -> None:
 
     def second() -> None:
         inside.wait(10)
-        with file_lock(tmp_path / "lock", waiting.set):
+        with file_lock(tmp_path / "lock", lambda who: waiting.set()):
             order.append("second")
 
     thread = threading.Thread(target=second)
     thread.start()
-    with file_lock(tmp_path / "lock", lambda: order.append("waited for nothing")):
+    with file_lock(tmp_path / "lock", lambda who: order.append("waited for nothing")):
         inside.set()
         assert waiting.wait(10)
         order.append("first")

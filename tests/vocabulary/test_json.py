@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graycard import GraycardError, MethodError, RecordError, UnknownNameError
-from graycard.io import dumps, from_builtins
+from graycard.io import Label, Name, RelativePath, dumps, from_builtins
 from graycard.io._decode import IN_MEMORY
 from graycard.lights import (
     GaussianLight,
@@ -75,6 +75,9 @@ JSON_VALUES = st.recursive(
 )
 """As records hold what is untyped: tuples for lists, and no infinities, which come back as text."""
 
+NAMED: dict[Any, st.SearchStrategy[Any]] = {
+    kind: st.sampled_from(["a", "Süd 1", "test_000"]) for kind in (Label, Name, RelativePath)
+}
 PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     float: st.floats(allow_nan=False),
     int: st.integers(),
@@ -88,8 +91,10 @@ PLAIN: dict[Any, st.SearchStrategy[Any]] = {
 def values_of(kind: Any) -> st.SearchStrategy[Any]:
     """Draw values of a field's type."""
     origin, args = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        return NAMED[kind]
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
-        hints = get_type_hints(kind)
+        hints = get_type_hints(kind, include_extras=True)
         return st.builds(kind, **{f.name: values_of(hints[f.name]) for f in dataclasses.fields(kind)})
     if origin is Literal:
         return st.sampled_from(args)
@@ -117,12 +122,13 @@ numbers = st.floats(0, 1e6)
 vectors = st.tuples(numbers, numbers, numbers)
 frames: st.SearchStrategy[Literal["world", "camera"]] = st.sampled_from(["world", "camera"])
 lobes = st.builds(SphericalGaussian, st.just((0.0, 0.0, 1.0)), numbers, vectors)
+names = NAMED[Label]
 lights = st.one_of(
-    st.builds(PointLight, st.text(), vectors, vectors, frames),
-    st.builds(SpotLight, st.text(), vectors, vectors, vectors, st.floats(0, 90), st.floats(90, 180), frames),
-    st.builds(GaussianLight, st.text(), vectors, st.lists(lobes, min_size=1, max_size=3).map(tuple), frames),
-    st.builds(RectangleLight, st.text(), vectors, vectors, vectors, vectors),
-    st.builds(SphereLight, st.text(), vectors, st.floats(1e-3, 9), vectors),
+    st.builds(PointLight, names, vectors, vectors, frames),
+    st.builds(SpotLight, names, vectors, vectors, vectors, st.floats(0, 90), st.floats(90, 180), frames),
+    st.builds(GaussianLight, names, vectors, st.lists(lobes, min_size=1, max_size=3).map(tuple), frames),
+    st.builds(RectangleLight, names, vectors, vectors, vectors, vectors),
+    st.builds(SphereLight, names, vectors, st.floats(1e-3, 9), vectors),
 )
 
 

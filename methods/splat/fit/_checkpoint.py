@@ -13,7 +13,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from graycard import MethodError, OutputError
-from graycard.io import write_bytes
+from graycard.io import parse_json, write_bytes
 from graycard.methods.splat.fit._optimise import AdamMoments, FitState, ScreenStatistics
 from graycard.methods.splat.fit._parameters import Parameters
 
@@ -178,7 +178,7 @@ def _facts(metadata: Mapping[str, str] | None) -> dict[str, Any]:
         ValueError: It is no header of a saved fit.
     """
     rest = dict(metadata or {})
-    facts = json.loads(rest.pop("fit", "{}"))
+    facts = parse_json(rest.pop("fit", "{}"))
     if rest != FORMAT:
         raise ValueError(f"metadata {json.dumps(rest)}")
     return facts

@@ -32,6 +32,8 @@ def optional(metavar: str) -> Any:
 
 
 Json = Annotated[Path | None, optional("FILE")]
+Timeout = Annotated[float | None, optional("SECONDS")]
+Memory = Annotated[float | None, optional("GIB")]
 
 
 @runtime_checkable

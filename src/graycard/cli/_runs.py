@@ -3,18 +3,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from graycard._errors import GraycardError, RecordError
-from graycard.cli._options import Json, optional, parse_settings, show_help
+from graycard.cli._options import Json, Memory, Timeout, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
 from graycard.io import Progress
 from graycard.records import Looks, RunRecord, read_run
+
+if TYPE_CHECKING:
+    from graycard.benchmarks import Limits
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,25 @@ class MethodsCommand:
         return OK
 
 
+def limits_of(timeout: float | None, memory: float | None) -> Limits:
+    """Return the limits of fits that options ask for.
+
+    Args:
+        timeout: Seconds; None for a day.
+        memory: GiB; None for all that the machine has.
+
+    Raises:
+        GraycardError: A number is not above 0.
+    """
+    from graycard.benchmarks import Limits
+
+    for option, value in (("--timeout", timeout), ("--memory", memory)):
+        if value is not None and not 0 < value < math.inf:
+            raise GraycardError(f"expected a number above 0, got {value}. Mend {option}")
+    usual = Limits()
+    return Limits(timeout or usual.time_s, None if memory is None else max(1, round(memory * 1024)))
+
+
 @dataclass(frozen=True)
 class FitCommand:
     """Fit a method on a scene; its own settings may follow as options."""
@@ -78,6 +101,10 @@ class FitCommand:
     SEVERITY is 0, the truth itself, to 5."""
     donor: Annotated[Path | None, optional("SCENE")] = None
     """Also fit this scene, and insert its object as the truth does."""
+    timeout: Timeout = None
+    """Seconds after which the fit has failed; a day by default."""
+    memory: Memory = None
+    """Memory that the fit may take, GiB; that of the machine by default."""
 
     @classmethod
     def settings_of(cls, subject: str) -> type[Any]:
@@ -88,7 +115,7 @@ class FitCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Fit, then render every view."""
-        from graycard.benchmarks import FitSpec, fit_scene, load_for
+        from graycard.benchmarks import FitSpec, check_import, fit_apart, load_for
         from graycard.dataset import check_scene
         from graycard.io import to_builtins
         from graycard.methods import asks_of
@@ -99,6 +126,7 @@ class FitCommand:
         for folder in (self.scene, self.donor):
             if folder is not None:
                 check_scene(folder)
+        check_import(self.method, self.scene)
         method = load_for(self.method, self.scene)
         settings = parse_settings(method.settings_type, rest, f"graycard fit {self.method}", type(self))
         priors = parse_priors(self.priors)
@@ -106,7 +134,7 @@ class FitCommand:
             self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
         )
         with terminal.progress() as progress:
-            cost = fit_scene(spec, self.out, progress, self.save).cost
+            cost = fit_apart(spec, self.out, progress, self.save, limits_of(self.timeout, self.memory)).cost
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
             terminal.advise(
@@ -129,8 +157,10 @@ class BenchCommand:
     """Add rows of these names, with predictions by other code at FOLDER/<track>/<scene>/."""
     jobs: Annotated[int | None, optional("INT")] = None
     """Fits at a time; as many as there are cores by default."""
-    timeout: Annotated[float | None, optional("SECONDS")] = None
-    """Seconds after which a fit has failed, stages that it found done left out; no limit by default."""
+    timeout: Timeout = None
+    """Seconds after which a fit has failed, stages that it found done left out; a day by default."""
+    memory: Memory = None
+    """Memory that a fit may take, GiB; that of the machine by default."""
     out: Annotated[Path | None, optional("RUN")] = None
     """The run folder; runs/<suite> by default."""
     dataset: Annotated[Path | None, optional("DATASET")] = None
@@ -221,8 +251,16 @@ class BenchCommand:
         kind = f"{'-sealed' * self.sealed}{f'-budget-{self.budget:g}' if self.budget != 1 else ''}"
         run = self.out or Path("runs") / f"{suite.name}{kind}"
         part_of = whole if self.tracks or self.methods or self.predictions or self.sealed else None
-        limits: Any = {"timeout_s": self.timeout, "whole": part_of, "terms": terms}
-        return run, run_bench(suite, run, jobs, progress, self.dataset, **limits)
+        return run, run_bench(
+            suite,
+            run,
+            jobs,
+            progress,
+            self.dataset,
+            limits=limits_of(self.timeout, self.memory),
+            whole=part_of,
+            terms=terms,
+        )
 
     def _pursue(self, jobs: int, progress: Progress) -> tuple[Path, RunRecord]:
         """Run the suite, and add scenes until its claims are decided."""
@@ -230,7 +268,8 @@ class BenchCommand:
 
         suite, plan = load_suite(self.suite), Plan(self.max_scenes or 0, self.claims)
         run = self.out or Path("runs") / f"{suite.name}-until-decided"
-        return run, run_until_decided(suite, run, jobs, progress, plan, self.dataset, timeout_s=self.timeout)
+        limits = limits_of(self.timeout, self.memory)
+        return run, run_until_decided(suite, run, jobs, progress, plan, self.dataset, limits=limits)
 
 
 @dataclass(frozen=True)

@@ -14,17 +14,26 @@ from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
+from rich.text import Text
 
-from graycard.io import Progress, write_json
+from graycard.io import Progress, printable, write_json
 
 OK, FAILED = 0, 1
 WIDE = 1000
 """Columns of what is no terminal."""
 
 
+class _PrintableConsole(Console):
+    """A console that shows control characters of names and messages as escapes, and does not obey them."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a text ready to be printed, on its own or in the cell of a table."""
+        return super().render_str(printable(text), **options)
+
+
 def _console(stderr: bool) -> Console:
     """Return a console that cuts nothing off: in a file or a pipe its lines are as long as need be."""
-    console = Console(stderr=stderr, soft_wrap=True, highlight=False, markup=False, emoji=False)
+    console = _PrintableConsole(stderr=stderr, soft_wrap=True, highlight=False, markup=False, emoji=False)
     if not console.is_terminal:
         console.width = WIDE
     return console
@@ -64,7 +73,7 @@ class Terminal:
             task = bar.add_task("", total=1.0)
 
             def report(done: float, doing: str, /) -> None:
-                bar.update(task, completed=done, description=doing)
+                bar.update(task, completed=done, description=printable(doing))
 
             yield report
 

@@ -15,6 +15,7 @@ from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._photographs import write_mask, write_photograph
+from graycard.io import check_distinct, check_label, check_name
 
 LOOSE = 1e-3
 """A pose whose axes are this near to a rotation was rounded when it was written, and is made one."""
@@ -94,13 +95,31 @@ def view_name(image: str) -> str:
     return "_".join(parts[1:] if len(parts) > 1 and parts[0] == "images" else parts).lstrip(".")
 
 
+def source_file(folder: Path, text: str, where: str) -> Path:
+    """Return the file that another program's files name, below their folder; links are followed.
+
+    Raises:
+        DatasetError: It is absolute, leads out of the folder, or holds control characters.
+    """
+    path = PurePosixPath(text.replace("\\", "/"))
+    try:
+        check_label(text)
+        if path.is_absolute() or ".." in path.parts or (path.parts[:1] and path.parts[0].endswith(":")):
+            raise ValueError(f"got {text!r}")
+    except ValueError as cause:
+        raise DatasetError(
+            f"expected a path below {folder} in {where}, relative to it: {cause}. Put the file there"
+        ) from cause
+    return folder / path
+
+
 def check_names(names: Iterable[str], where: Path) -> None:
     """Prove that there are shots and that no two have one name.
 
     Raises:
         DatasetError: There is none, or two have one name.
     """
-    counts = Counter(names)
+    counts = Counter(names := tuple(names))
     if not counts:
         raise DatasetError(f"expected one or more photographs with their cameras in {where}, got none")
     double = [name for name, count in counts.items() if count > 1]
@@ -109,6 +128,10 @@ def check_names(names: Iterable[str], where: Path) -> None:
             f"expected photographs of different names in {where}, got {counts[double[0]] if double else 1} "
             f"named {double[0] if double else ''!r} (folder and suffix aside). Rename them"
         )
+    try:
+        check_distinct(map(check_name, names))
+    except ValueError as cause:
+        raise DatasetError(f"{cause}, in {where}. Rename the photograph") from cause
 
 
 def _rigid(pose: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
-from graycard.exchange._cameras import PosedPhotograph, make_camera, view_name, write_photographs
+from graycard.exchange._cameras import PosedPhotograph, make_camera, source_file, view_name, write_photographs
 from graycard.exchange._colmap_points import PointLines, parse_points, point_lines
 from graycard.io import write_bytes
 from graycard.points import Points
@@ -130,9 +130,9 @@ def _read_model(folder: Path, model: Path, held_out: bool) -> list[PosedPhotogra
             known = ", ".join(cameras) or "none"
             raise DatasetError(f"expected a camera of {_CAMERAS} in {where}, got {camera_id}. Known: {known}")
         pose = _pose(_numbers(fields[1:8], float, where), where)
-        mask = folder / "masks" / f"{name}.png"
+        mask = source_file(folder / "masks", f"{name}.png", where)
         camera = make_camera(*cameras[camera_id], pose, where)
-        image = folder / "images" / name
+        image = source_file(folder / "images", name, where)
         shots.append(
             PosedPhotograph(view_name(name), camera, image, mask if mask.is_file() else None, held_out)
         )

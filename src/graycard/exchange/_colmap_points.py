@@ -67,7 +67,7 @@ def parse_points(lines: Iterable[tuple[int, str]], keypoints: Keypoints, path: P
     table = np.array(seen, dtype=np.float64).reshape(-1, 4)
     return Points(
         np.array(positions),
-        np.array(colors).clip(0, 255).astype(np.uint8),
+        np.array(colors, dtype=np.uint8),
         table[:, 0].astype(np.int64),
         table[:, 1].astype(np.int64),
         table[:, 2:],
@@ -82,8 +82,10 @@ def _point(
         position, color = [float(f) for f in fields[1:4]], [int(f) for f in fields[4:7]]
         if len(fields) < 8 or len(fields) % 2 or not np.isfinite(position).all():
             raise ValueError(f"{len(fields)} fields")
+        if not all(0 <= value <= 255 for value in color):
+            raise ValueError(f"the colour {' '.join(fields[4:7])}")
         track = [_observation(*pair, keypoints) for pair in zip(fields[8::2], fields[9::2], strict=True)]
-    except (ValueError, KeyError, IndexError) as cause:
+    except (ValueError, KeyError, IndexError, OverflowError) as cause:
         raise DatasetError(
             f"expected {_FIELDS} of images and keypoints that are there in {where}, got {cause}"
         ) from cause

@@ -9,7 +9,14 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
-from graycard.exchange._cameras import PosedPhotograph, image_name, make_camera, view_name, write_photographs
+from graycard.exchange._cameras import (
+    PosedPhotograph,
+    image_name,
+    make_camera,
+    source_file,
+    view_name,
+    write_photographs,
+)
 from graycard.io import read_json, write_json
 from graycard.points import Points, read_points, without_tracks, write_points
 
@@ -78,7 +85,7 @@ def read_nerfstudio_points(folder: Path) -> Points | None:
         return None
     if not isinstance(name, str):
         raise DatasetError(f"expected ply_file_path as text in {folder / INDEX}, got {name!r}")
-    found = read_points(folder / name)
+    found = read_points(source_file(folder, name, str(folder / INDEX)))
     return without_tracks(found.positions, found.colors)
 
 
@@ -104,8 +111,8 @@ def _shot(
     return PosedPhotograph(
         view_name(image),
         _camera({**index, **frame}, where),
-        folder / image,
-        None if mask is None else folder / mask,
+        source_file(folder, image, where),
+        None if mask is None else source_file(folder, mask, where),
         image in held_out,
     )
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Captures to and from the folders of other programs; nothing is left half-written."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ from graycard.io import (
     Manifest,
     Progress,
     atomic_folder,
+    check_name,
     silent,
     write_layers,
     write_manifest,
@@ -97,7 +97,10 @@ def import_capture(
     """
     if track not in TRACKS:
         raise UnknownNameError("track", track, TRACKS)
-    _check_scene_name(scene)
+    try:
+        check_name(scene)
+    except ValueError as cause:
+        raise DatasetError(f"{cause}. Give the scene another --scene") from cause
     kind, shots = _read(Path(source))
     listed = any(shot.held_out for shot in shots)
     kept = _split([_kept_of(s, track) for s in shots], 0 if listed else hold_out_every)
@@ -246,10 +249,3 @@ def _write_photographs(
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(train)} that are black")
     return 1 / white
-
-
-def _check_scene_name(scene: str) -> None:
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]*", scene):
-        raise DatasetError(
-            f"expected a scene name of letters, digits, dots, dashes and underscores, got {scene!r}"
-        )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files: hashes of code, atomic writing, hashing, locks, JSON, EXR, manifests, memory and progress."""
+"""Files: names, hashes, atomic writing, locks, JSON, TOML, EXR, manifests, memory and progress."""
 
 from graycard.io._code import code_hash as code_hash
 from graycard.io._code import reached_code as reached_code
@@ -23,6 +23,7 @@ from graycard.io._json import check_version as check_version
 from graycard.io._json import dumps as dumps
 from graycard.io._json import from_builtins as from_builtins
 from graycard.io._json import read_json as read_json
+from graycard.io._json import read_toml as read_toml
 from graycard.io._json import to_builtins as to_builtins
 from graycard.io._json import write_json as write_json
 from graycard.io._lock import file_lock as file_lock
@@ -36,5 +37,14 @@ from graycard.io._manifest import write_manifest as write_manifest
 from graycard.io._memory import blocks as blocks
 from graycard.io._memory import keep_freed_memory as keep_freed_memory
 from graycard.io._memory import peak_memory_mib as peak_memory_mib
+from graycard.io._names import Label as Label
+from graycard.io._names import Name as Name
+from graycard.io._names import RelativePath as RelativePath
+from graycard.io._names import check_distinct as check_distinct
+from graycard.io._names import check_label as check_label
+from graycard.io._names import check_name as check_name
+from graycard.io._names import inside as inside
+from graycard.io._names import printable as printable
 from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
+from graycard.io._strict import parse_json as parse_json

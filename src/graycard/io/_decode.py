@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Decode JSON data into dataclasses: msgspec checks types, this module keys and the strings of numbers.
+"""Decode JSON data into dataclasses: msgspec checks types, this module keys, names and strings of numbers.
 
 msgspec ignores keys that are no field of a dataclass, and knows no infinities in JSON. So data is prepared
-first: every key is checked, and ``"inf"``, ``"-inf"`` and ``"nan"`` become floats where a float is expected.
+first: every key is checked, names pass the check of their type (``graycard.io.Name`` and its like), and
+``"inf"``, ``"-inf"`` and ``"nan"`` become floats where a float is expected.
 """
 
 import dataclasses
@@ -12,10 +13,12 @@ from functools import cache, partial
 from itertools import chain, repeat
 from pathlib import Path
 from types import UnionType
-from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import numpy as np
+
+from graycard.io._names import TextRule
 
 T = TypeVar("T")
 
@@ -27,14 +30,21 @@ Prepare = Callable[[Any], Any]
 _NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
-class UnknownKeyError(ValueError):
+class RefusedError(ValueError):
+    """A part of the data that is refused before msgspec sees it."""
+
+    def __init__(self, words: str) -> None:
+        super().__init__(words)
+        self.path = ""
+        """Place of the part, as in ``.scores[3]``."""
+
+
+class UnknownKeyError(RefusedError):
     """A key that is no field of its dataclass."""
 
     def __init__(self, key: str, fields: Sequence[str]) -> None:
         super().__init__(f'can not match "{key}" to any field')
         self.key, self.fields = key, fields
-        self.path = ""
-        """Place of the record that has the key, as in ``.scores[3]``."""
 
 
 def decode(cls: type[T], data: Any) -> T:
@@ -42,6 +52,7 @@ def decode(cls: type[T], data: Any) -> T:
 
     Raises:
         UnknownKeyError: A key is no field, or one that is never written.
+        RefusedError: A text is none for its type, as a name that leaves its folder.
         msgspec.ValidationError: A key is missing, a value has another type, or a dataclass refuses it.
         TypeError: The dataclass has a field of a type that msgspec does not know.
     """
@@ -62,7 +73,7 @@ class _Record(NamedTuple):
 
 @cache
 def _record_of(cls: type[Any]) -> _Record:
-    kinds, names = get_type_hints(cls), stored_fields(cls)
+    kinds, names = get_type_hints(cls, include_extras=True), stored_fields(cls)
     return _Record(names, [(name, p) for name in names if (p := _preparation(kinds[name])) is not None])
 
 
@@ -70,6 +81,9 @@ def _record_of(cls: type[Any]) -> _Record:
 def _preparation(kind: Any) -> Prepare | None:
     """Return a function that makes data of a type ready for msgspec; None where it is ready as it is."""
     origin, args = get_origin(kind) or kind, get_args(kind)
+    if origin is Annotated:
+        rules = [rule for rule in args[1:] if isinstance(rule, TextRule)]
+        return partial(_prepare_text, rules[0]) if rules else _preparation(args[0])
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return partial(_prepare_record, kind)
     if kind is float:
@@ -79,8 +93,8 @@ def _preparation(kind: Any) -> Prepare | None:
     if origin in (Union, UnionType):
         return _preparation_of_union(args)
     if isinstance(origin, type) and issubclass(origin, Mapping):
-        prepare = _preparation(args[1] if args else Any)
-        return prepare and partial(_prepare_mapping, prepare)
+        keys, values = (_preparation(part) for part in args or (str, Any))
+        return partial(_prepare_mapping, keys or _keep, values or _keep) if keys or values else None
     if isinstance(origin, type) and issubclass(origin, tuple | list | Sequence) and origin is not str:
         return _preparation_of_items([_preparation(item) for item in args if item is not ...])
     return None
@@ -119,7 +133,7 @@ def _prepare_record(cls: type[Any], data: Any) -> Any:
         if name in ready:
             try:
                 ready[name] = prepare(ready[name])
-            except UnknownKeyError as error:
+            except RefusedError as error:
                 error.path = f".{name}{error.path}"
                 raise
     return ready
@@ -135,17 +149,26 @@ def _prepare_number(value: Any) -> Any:
     return float(value) if isinstance(value, float) else value  # a float64 of NumPy is no float to msgspec
 
 
-def _prepare_mapping(prepare: Prepare, data: Any) -> Any:
+def _prepare_mapping(prepare_key: Prepare, prepare: Prepare, data: Any) -> Any:
     if not isinstance(data, Mapping):
         return data
-    ready = dict(data)
+    ready = {}
     for key, value in data.items():
         try:
-            ready[key] = prepare(value)
-        except UnknownKeyError as error:
+            ready[prepare_key(key)] = prepare(value)
+        except RefusedError as error:
             error.path = f"[{key!r}]{error.path}"
             raise
     return ready
+
+
+def _prepare_text(rule: TextRule, value: Any) -> Any:
+    if type(value) is not str:
+        return value
+    try:
+        return rule.check(value)
+    except ValueError as cause:
+        raise RefusedError(str(cause)) from cause
 
 
 def _prepare_items(every: Sequence[Prepare], data: Any) -> Any:
@@ -155,7 +178,7 @@ def _prepare_items(every: Sequence[Prepare], data: Any) -> Any:
     try:
         for prepare, value in zip(chain(every, repeat(every[-1])), data, strict=False):
             ready.append(prepare(value))
-    except UnknownKeyError as error:
+    except RefusedError as error:
         error.path = f"[{len(ready)}]{error.path}"
         raise
     return ready

@@ -10,7 +10,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from graycard.io._decode import UnknownKeyError
+from graycard.io._decode import RefusedError, UnknownKeyError
 
 _PLACE = re.compile(r"(?P<words>.*) - at (?:`key` in )?`\$(?P<path>[^`]*)`", re.DOTALL)
 """As msgspec ends its messages: ``Expected `float`, got `str` - at `$.scores[3].value` ``."""
@@ -32,6 +32,8 @@ def explain(cls: type[Any], data: Any, cause: Exception) -> str:
     """Return why ``data`` is no ``cls``, in one line, with the place and a name that was probably meant."""
     if isinstance(cause, UnknownKeyError):
         return f"{cause}{_at(cause.path)}{_nearest(cause.key, cause.fields)}"
+    if isinstance(cause, RefusedError):
+        return f"{cause}{_at(cause.path)}"
     if not isinstance(cause, msgspec.ValidationError):
         return str(cause)
     placed = _PLACE.fullmatch(str(cause))

@@ -4,7 +4,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from graycard._errors import GraycardError, RecordError
 from graycard.io._decode import decode, stored_fields
 from graycard.io._explain import explain
 from graycard.io._files import write_bytes
+from graycard.io._strict import parse_json, parse_toml
 
 T = TypeVar("T")
 
@@ -102,9 +103,26 @@ def read_json(path: Path, error: type[GraycardError] = RecordError) -> Any:
     Raises:
         RecordError: (or ``error``) There is no such file, or it is not JSON.
     """
+    return _read(path, "JSON", parse_json, error)
+
+
+def read_toml(path: Path, error: type[GraycardError] = RecordError) -> dict[str, Any]:
+    """Return the data in a TOML file.
+
+    Raises:
+        RecordError: (or ``error``) There is no such file, or it is not TOML.
+    """
+    return _read(path, "TOML", parse_toml, error)
+
+
+def _read(path: Path, kind: str, parse: Callable[[str], Any], error: type[GraycardError]) -> Any:
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
+        text = Path(path).read_text(encoding="utf-8")
     except OSError as cause:
-        raise error(f"expected a JSON file at {path}, got {cause.strerror or cause}") from cause
+        raise error(f"expected a {kind} file at {path}, got {cause.strerror or cause}") from cause
     except ValueError as cause:
-        raise error(f"expected JSON in {path}, got text that breaks off or is none: {cause}") from cause
+        raise error(f"expected {kind} in {path}, got what is no text in UTF-8: {cause}") from cause
+    try:
+        return parse(text)
+    except ValueError as cause:
+        raise error(f"expected {kind} in {path}, got text that breaks off or is none: {cause}") from cause

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from graycard._errors import DatasetError, NewerFormatError
 from graycard.io._files import sha256_of_files
 from graycard.io._json import check_version, from_builtins, read_json, write_json
+from graycard.io._names import Name, RelativePath
 
 MANIFEST = "manifest.json"
 FORMAT_VERSION = 1
@@ -24,14 +25,14 @@ class Manifest:
 
     format: Literal["graycard-capture", "graycard-truth"]
     format_version: int
-    track: str
-    scene: str
+    track: Name
+    scene: Name
     generator: Mapping[str, Any]
     """Who made it: names and versions, renderer variant."""
     seeds: Mapping[str, int]
     settings: Mapping[str, Any]
     """Scene knobs and render settings; empty in a capture, which must not tell the scene."""
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[RelativePath, str] = field(default_factory=dict)
     """SHA-256 of each file by its path relative to the folder."""
 
 

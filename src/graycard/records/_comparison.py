@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard._errors import OlderRecordError, RecordError
-from graycard.io import read_json
+from graycard.io import Label, Name, read_json
 from graycard.records._run import read_record
 
 COMPARISON = "comparison.json"
@@ -23,7 +23,7 @@ better. Too few scenes says that so few cannot tell, or not among so many pairs.
 class MethodStanding:
     """One method by one metric on one track."""
 
-    method: str
+    method: Label
     competes: bool
     """Whether it was handed nothing beyond the capture; only such methods are ranked."""
     scenes: int
@@ -51,8 +51,8 @@ class MethodStanding:
 class PairDifference:
     """Two methods by one metric, on the scenes that both have scores of."""
 
-    first: str
-    second: str
+    first: Label
+    second: Label
     scenes: int
     difference: float | None
     """Mean over scenes of first less second, in the metric's unit, whichever way is better."""
@@ -75,8 +75,8 @@ class PairDifference:
 class MetricComparison:
     """All methods by one metric on one track."""
 
-    track: str
-    metric: str
+    track: Name
+    metric: Label
     methods: tuple[MethodStanding, ...]
     """In the order of the run."""
     pairs: tuple[PairDifference, ...]
@@ -89,11 +89,11 @@ class MetricComparison:
 class AboveCeiling:
     """A score better than the noise of the truth allows: the prediction holds that very noise."""
 
-    track: str
-    scene: str
-    method: str
+    track: Name
+    scene: Name
+    method: Label
     seed: int
-    metric: str
+    metric: Label
     value: float
     ceiling: float
     excess: float
@@ -108,7 +108,7 @@ class AboveCeiling:
 class Comparison:
     """All that a run says about which method is better: ``comparison.json``."""
 
-    suite: str
+    suite: Name
     suite_version: int
     level: float
     """Of all intervals, as in 0.95."""

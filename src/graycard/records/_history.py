@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from graycard.io import Name, RelativePath
 from graycard.records._run import read_record
 
 HISTORY = "history.json"
@@ -69,7 +70,7 @@ class ClaimEntry:
 class PaperEntry:
     """The claims of one paper, and the file that they were read from."""
 
-    name: str
+    name: Name
     version: int
     claims_sha256: str
     claims: tuple[ClaimEntry, ...]
@@ -82,7 +83,7 @@ class LedgerEntry:
     suite: str
     """Empty for papers' tables against themselves, which no run is needed for."""
     suite_version: int
-    file: str
+    file: RelativePath
     """Place of the ledger below the folder of the history, as ``dark/claims.json``."""
     date: str
     """Day of publication, ISO 8601."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard._errors import RecordError
-from graycard.io import read_json
+from graycard.io import Label, Name, read_json
 from graycard.records._looks import Edition
 from graycard.records._run import read_record
 
@@ -32,7 +32,7 @@ Asker = Literal["paper", "graycard"]
 class RowMean:
     """A row of the run by the quantity of a check."""
 
-    row: str
+    row: Label
     value: float | None
     """Mean over the scenes of the check; None where the row lacks one."""
     reason: str = ""
@@ -95,7 +95,7 @@ class CheckResult:
 class RowFit:
     """A fitted row of the run, for the reader who asks if it was fitted to the end."""
 
-    row: str
+    row: Label
     steps: int | None
     """Steps of each fit; None where the method has no such setting."""
     training: float | None
@@ -149,7 +149,7 @@ class ClaimResult:
 class PaperResult:
     """All claims of one paper."""
 
-    name: str
+    name: Name
     version: int
     title: str
     claims_sha256: str

@@ -4,14 +4,16 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from graycard.io import Label, RelativePath
+
 
 @dataclass(frozen=True, slots=True)
 class Look:
     """One look at the claims, after some scenes."""
 
-    scenes: tuple[str, ...]
+    scenes: tuple[RelativePath, ...]
     """Those that this look added, ``<track>/<scene>``, in order; of the first look those of the suite."""
-    rows: tuple[str, ...]
+    rows: tuple[Label, ...]
     """Those that were fitted on them."""
     undecided: tuple[str, ...] = ()
     """Ids of the pursued claims that stayed undecided, as ``goris R7``."""

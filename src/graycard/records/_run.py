@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
-from graycard.io import check_version, from_builtins, read_json
+from graycard.io import Label, Name, RelativePath, check_version, from_builtins, read_json
 from graycard.records._looks import Edition, Looks
 
 PUBLISHED_PAGE = "index.html"
@@ -29,9 +29,9 @@ what albedo is multiplied by, as the photographs do not change then."""
 class Score:
     """One number about one prediction, with all that is needed to trust it."""
 
-    metric: str
+    metric: Label
     """Id, as in ``albedo.psnr.channel``."""
-    protocol: str
+    protocol: Label
     """Name and version of the rules (mask, gauge, colour space, pooling), as in ``graycard-1``."""
     status: Status
     value: float | None
@@ -40,7 +40,7 @@ class Score:
     higher_is_better: bool
     optimum: float
     """The value of a perfect prediction; may be infinite."""
-    per_view: Mapping[str, float] = field(default_factory=dict)
+    per_view: Mapping[Name, float] = field(default_factory=dict)
     """Value by test view."""
     noise_ceiling: float | None = None
     """The best value that the truth's own noise allows; None where the truth is exact."""
@@ -64,9 +64,9 @@ class Score:
 class ScoreSheet:
     """All scores of one predictions folder on one scene: what ``graycard score`` writes."""
 
-    track: str
-    scene: str
-    method: str
+    track: Name
+    scene: Name
+    method: Label
     predictions_sha256: str
     """Hash over the files of the predictions folder."""
     truth_sha256: str
@@ -97,9 +97,9 @@ class ScoreSheet:
 class Job:
     """One fit: a pure function of this record."""
 
-    track: str
-    scene: str
-    method: str
+    track: Name
+    scene: Name
+    method: Label
     """Its name in this run: the row of a table."""
     seed: int
     settings: Mapping[str, Any]
@@ -144,7 +144,7 @@ class JobResult:
 
     job: Job
     job_hash: str
-    folder: str
+    folder: RelativePath
     """Folder of the job, relative to the run."""
     status: Literal["done", "failed"]
     reason: str = ""
@@ -160,11 +160,11 @@ class JobResult:
 class SceneRecord:
     """A scene of a run."""
 
-    track: str
-    scene: str
-    family: str
+    track: Name
+    scene: Name
+    family: Name
     seed: int
-    folder: str
+    folder: Label
     """``<track>/<scene>`` folder, relative to the run."""
     truth_sha256: str
     title: str
@@ -177,7 +177,7 @@ class SceneRecord:
 class MethodRecord:
     """A method of a run."""
 
-    name: str
+    name: Label
     """The row of a table."""
     summary: str
     """One sentence."""
@@ -195,7 +195,7 @@ class MethodRecord:
 class MetricRecord:
     """What a metric means, for the reader of a table."""
 
-    id: str
+    id: Label
     title: str
     """Short, for a table head."""
     group: str
@@ -216,7 +216,7 @@ class MetricRecord:
 class RunRecord:
     """A whole run: ``run.json``."""
 
-    suite: str
+    suite: Name
     suite_version: int
     scenes: tuple[SceneRecord, ...]
     methods: tuple[MethodRecord, ...]

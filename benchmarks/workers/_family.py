@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A process with all that it started: they end together.
+
+A worker leads a session of its own, and its environment holds a mark that its children inherit. So whatever
+it leaves behind is found by session or by mark, and killed; without ``/proc``, by its process group.
+"""
+
+import contextlib
+import ctypes
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+MARK = "GRAYCARD_WORKER"
+"""Environment variable with the id and the start of the bench's process, and a number."""
+_PDEATHSIG = 1
+_PROC = Path("/proc")
+_ATTEMPTS = 20
+
+
+def lead_family() -> None:
+    """Make this process the leader of a session, which ends with the process that started it."""
+    with contextlib.suppress(OSError, AttributeError):
+        os.setsid()
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+
+
+@contextlib.contextmanager
+def marked(number: int) -> Iterator[str]:
+    """Mark the processes that are started within the block; yields the mark."""
+    before = os.environ.get(MARK)
+    os.environ[MARK] = mark = f"{os.getpid()}-{_started(os.getpid())}-{number}"
+    try:
+        yield mark
+    finally:
+        if before is None:
+            del os.environ[MARK]
+        else:
+            os.environ[MARK] = before
+
+
+def end_family(leader: int, mark: str) -> None:
+    """Kill a worker and all that it started; return when nothing of it runs any more."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(leader, signal.SIGKILL)
+    for attempt in range(_ATTEMPTS):
+        found = [pid for pid, _, own in _processes() if own == mark or _session(pid) == leader]
+        if not _kill(found):
+            return
+        time.sleep(0.01 * (attempt + 1))
+
+
+def end_orphans() -> None:
+    """Kill what workers of a bench that is gone have left behind."""
+    for pid, _, mark in _processes():
+        bench, _, rest = mark.partition("-")
+        if bench.isdecimal() and _started(int(bench)) != rest.partition("-")[0]:
+            _kill([pid])
+
+
+def _kill(processes: list[int]) -> int:
+    """Kill processes, and count those that were still there."""
+    killed = 0
+    for pid in processes:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.kill(pid, signal.SIGKILL)
+            killed += 1
+    return killed
+
+
+def _processes() -> Iterator[tuple[int, str, str]]:
+    """Processes of this user but this one: id, state, and mark, empty without one; zombies are left out."""
+    for entry in _PROC.glob("[0-9]*"):
+        pid = int(entry.name)
+        state = _stat(pid)[:1]
+        if pid == os.getpid() or state in ([], ["Z"], ["X"]):
+            continue
+        try:
+            content = (entry / "environ").read_bytes()
+        except OSError:
+            continue
+        found = [part for part in content.split(b"\0") if part.startswith(f"{MARK}=".encode())]
+        yield pid, state[0], found[0].decode(errors="replace").partition("=")[2] if found else ""
+
+
+def _session(pid: int) -> int:
+    fields = _stat(pid)
+    return int(fields[3]) if len(fields) > 3 else -1
+
+
+def _started(pid: int) -> str:
+    """When a process started, in the kernel's ticks; empty for one that is not there."""
+    fields = _stat(pid)
+    return fields[19] if len(fields) > 19 else ""
+
+
+def _stat(pid: int) -> list[str]:
+    """Fields of ``/proc/<pid>/stat`` from the state on; none for a process that is not there."""
+    try:
+        return (_PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return []

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Jobs in worker processes, one after another or several at a time."""
+
+import contextlib
+import multiprocessing
+import os
+import sys
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import count
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from typing import Any, TypeVar
+
+from graycard import MethodError, OutputError, Progress
+from graycard.benchmarks.workers._family import end_family, end_orphans, marked
+from graycard.benchmarks.workers._outcome import Outcome
+from graycard.benchmarks.workers._worker import Step, serve
+from graycard.io import printable
+
+J = TypeVar("J")
+DAY_S = 24 * 3600.0
+_NUMBERS = count()
+_GRACE_S = 5.0
+"""Time in which a process that has no more jobs is to end by itself."""
+_LOOK_S = 0.2
+"""Time between two looks for dead workers: their children may keep their pipes open."""
+_PRINTED = 2**16
+"""Bytes of a worker's output that are taken at a time."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of one job: enough for any by default, and an end for all."""
+
+    time_s: float | None = DAY_S
+    """A job that takes longer has failed; None for no limit."""
+    memory_mib: int | None = None
+    """Memory that its process may write to; None: that of the machine."""
+
+
+USUAL = Limits()
+"""Limits of a job where nobody asks for others."""
+
+
+def _machine_mib() -> int:
+    """Return the memory of this machine."""
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2**20
+
+
+@dataclass(eq=False)
+class _Worker:
+    """A process with the job that it is at."""
+
+    process: BaseProcess
+    pipe: Connection
+    output: Connection
+    mark: str
+    tasks: int = 0
+    """Jobs that it was given."""
+    job: int | None = None
+    """Number of the job that it is at."""
+    deadline: float | None = None
+    silent: bool = field(default=False)
+    """Whether its output has ended."""
+
+    @property
+    def open_pipes(self) -> tuple[Connection, ...]:
+        """Return the pipes that it may still write to."""
+        return (self.pipe,) if self.silent else (self.pipe, self.output)
+
+    def give(self, number: int, job: Any, timeout_s: float | None) -> None:
+        """Give it a job."""
+        self.job, self.tasks = number, self.tasks + 1
+        self.deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # its death is met below
+            self.pipe.send((job,))
+
+    def heard(self) -> Outcome | Step | None:
+        """Return its next message; None where it will send no more."""
+        try:
+            return self.pipe.recv() if self.pipe.poll() else None
+        except (EOFError, ConnectionResetError):
+            return None
+        except Exception as cause:
+            return Outcome(reason=f"expected an outcome that can be sent, got {type(cause).__name__}")
+
+    def show_output(self) -> None:
+        """Print what it has printed, control characters as escapes."""
+        try:
+            text = os.read(self.output.fileno(), _PRINTED)
+        except OSError:
+            text = b""
+        self.silent = not text
+        sys.stderr.write(printable(text.decode(errors="replace")))
+        sys.stderr.flush()
+
+    def end(self) -> None:
+        """End it with all that it has started."""
+        with contextlib.suppress(OSError):
+            self.pipe.send(None)
+        if self.job is None:
+            _await_end(self.process)
+        end_family(self.process.pid or 0, self.mark)
+        self.process.join()
+        while not self.silent and self.output.poll():
+            self.show_output()
+        for pipe in (self.pipe, self.output):
+            pipe.close()
+
+
+@dataclass(eq=False)
+class _Pool:
+    """Workers, the jobs that wait for one, and the outcomes so far."""
+
+    work: Callable[[Any], Outcome]
+    jobs: Sequence[Any]
+    todo: deque[int]
+    outcomes: dict[int, Outcome]
+    progress: Progress
+    limits: Limits
+    tasks_each: int
+    workers: list[_Worker] = field(default_factory=list)
+
+    def run(self, at_a_time: int) -> None:
+        """Do all jobs."""
+        try:
+            while self.todo or any(worker.job is not None for worker in self.workers):
+                self._hand_out(at_a_time)
+                self._await()
+        finally:
+            for worker in self.workers:
+                worker.end()
+
+    def _hand_out(self, at_a_time: int) -> None:
+        """Give each free worker a job, and start workers as long as there are jobs and room for them."""
+        while self.todo:
+            free = next((worker for worker in self.workers if worker.job is None), None)
+            if free is None and len(self.workers) >= at_a_time:
+                return
+            if free is None:
+                self.workers.append(free := _start(self.work, self.limits))
+            number = self.todo.popleft()
+            free.give(number, self.jobs[number], self.limits.time_s)
+
+    def _await(self) -> None:
+        """Wait until something happens to a worker, and take note of it."""
+        deadlines = [worker.deadline for worker in self.workers if worker.deadline is not None]
+        patience = min([_LOOK_S, *(max(0.0, deadline - time.monotonic()) for deadline in deadlines)])
+        ready = wait([pipe for worker in self.workers for pipe in worker.open_pipes], patience)
+        for worker in tuple(self.workers):
+            if worker.output in ready:
+                worker.show_output()
+            if worker.pipe in ready or worker.process.exitcode is not None:
+                self._listen(worker)
+            elif worker.deadline is not None and time.monotonic() >= worker.deadline:
+                limit = f"{self.limits.time_s:g} s"
+                words = f"expected an end within {limit}, got none. Give it a longer --timeout"
+                self._close(worker, Outcome(reason=words))
+
+    def _listen(self, worker: _Worker) -> None:
+        """Take a message of a worker, or note its death."""
+        message = worker.heard()
+        if isinstance(message, Step):
+            self.progress((len(self.outcomes) + message.done) / len(self.jobs), message.doing)
+        elif message is None:
+            _await_end(worker.process)
+            self._close(worker, Outcome(reason=_death(worker.process.exitcode)))
+        elif worker.tasks >= self.tasks_each:
+            self._close(worker, message)
+        else:
+            self._note(worker, message)
+
+    def _close(self, worker: _Worker, outcome: Outcome) -> None:
+        """End a worker, and note how its job ended."""
+        self.workers.remove(worker)
+        number, done = worker.job, not outcome.reason
+        worker.job = None if done else worker.job
+        worker.end()
+        worker.job = number
+        self._note(worker, outcome)
+
+    def _note(self, worker: _Worker, outcome: Outcome) -> None:
+        if worker.job is None:
+            return
+        if outcome.fatal:
+            raise OutputError(outcome.reason)
+        self.outcomes[worker.job] = outcome
+        worker.job = worker.deadline = None
+        self.progress(len(self.outcomes) / len(self.jobs), f"{len(self.outcomes)} of {len(self.jobs)}")
+
+
+def run_all(
+    work: Callable[[J], Outcome],
+    jobs: Sequence[J],
+    at_a_time: int,
+    progress: Progress,
+    find_cached: Callable[[J], Outcome | None] = lambda job: None,
+    limits: Limits = USUAL,
+    *,
+    tasks_each: int = 1,
+) -> list[Outcome]:
+    """Do jobs in worker processes; outcomes in the order of the jobs.
+
+    A worker that ends without an outcome (out of memory, a crash in native code, ``os._exit``) fails its own
+    job only; a fresh one goes on. Processes that a job has started end with its worker, and workers end with
+    the process that started them. What they print is shown with control characters as escapes.
+
+    Args:
+        work: Does a job; must be importable by a fresh process.
+        jobs: What to do.
+        at_a_time: Number of workers.
+        progress: Called after each job, and by jobs that use :func:`worker_progress`.
+        find_cached: Returns the outcome of a job that need not be done again, else None.
+        limits: Time and memory of each job.
+        tasks_each: Number of jobs that a process does before a fresh one takes over. More than 1 only for
+            work that leaves nothing behind: the memory of a fit is measured over its whole process.
+
+    Raises:
+        OutputError: A job could not write its result.
+        MethodError: No process can be started.
+    """
+    outcomes = {number: found for number, job in enumerate(jobs) if (found := find_cached(job)) is not None}
+    todo = deque(number for number in range(len(jobs)) if number not in outcomes)
+    if todo:
+        end_orphans()
+        _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each).run(at_a_time)
+    return [outcomes[number] for number in range(len(jobs))]
+
+
+def _start(work: Callable[[Any], Outcome], limits: Limits) -> _Worker:
+    """Start a worker, and tell it what its work is."""
+    context = multiprocessing.get_context("spawn")
+    pipe, far = context.Pipe()
+    output, printed = context.Pipe(duplex=False)
+    resource_tracker.ensure_running()  # within the block it would bear the mark, and end with the worker
+    memory = limits.memory_mib or _machine_mib()
+    process = context.Process(target=serve, args=(far, printed, memory))
+    try:
+        with marked(next(_NUMBERS)) as mark:
+            process.start()
+    except OSError as cause:
+        raise MethodError(
+            f"expected room for a worker process, got {cause.strerror}. Try fewer --jobs"
+        ) from cause
+    finally:
+        far.close()
+        printed.close()
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        pipe.send(work)
+    return _Worker(process, pipe, output, mark)
+
+
+def _await_end(process: BaseProcess) -> None:
+    """Wait a while for the end of a process; ``join`` takes one that closes all its files for ended."""
+    patience = time.monotonic() + _GRACE_S
+    while process.exitcode is None and time.monotonic() < patience:
+        time.sleep(0.01)
+
+
+def _death(code: int | None) -> str:
+    """Say how a worker ended."""
+    if code is None:
+        return "The worker process closed its files and gave no outcome. Mend the method"
+    if code < 0:
+        return (
+            f"The worker process was killed or crashed, exit code {code} (out of memory, or native code). "
+            "Try fewer --jobs"
+        )
+    return f"The worker process was ended by its own code, exit code {code}. Mend the method"
