@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from scipy.optimize import nnls
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._model import (
@@ -27,7 +27,17 @@ from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.removal import widened
 from graycard.methods.shading import look_up, solid_angles, texel_directions
-from graycard.methods.splat import SH_DC, Parameters, Rays, Surfels, build_bvh, gather, surfels_of, trace_rays
+from graycard.methods.splat import (
+    NEAR_DISTANCE,
+    SH_DC,
+    Parameters,
+    Rays,
+    Surfels,
+    build_bvh,
+    gather,
+    surfels_of,
+    trace_rays,
+)
 from graycard.methods.surfels import COEFFICIENTS, DETAIL, srgb_decode_tensor, srgb_encode_tensor
 
 SIZE = 9
@@ -123,8 +133,8 @@ class Hiders:
         """Share of light that passes the object, or all others, along R rays, shape ``(R,)``."""
         surfels = self.target if target else self.others
         nothing = surfels.centres.new_zeros(len(surfels), 0)
-        how = {} if target else {"near": self.near}
-        return trace_rays(surfels, rays, nothing, bvh=build_bvh(surfels), **how).transmittance
+        near = NEAR_DISTANCE if target else self.near
+        return trace_rays(surfels, rays, nothing, bvh=build_bvh(surfels), near=near).transmittance
 
 
 def cosines_of(normals: torch.Tensor, directions: torch.Tensor) -> torch.Tensor:
@@ -307,7 +317,7 @@ def shares_left(
     if int(telling.sum()) < FEWEST:
         return [torch.ones_like(one.diffuse) for one in drawn]
     light = light_found(seen.of(telling), brightness[telling], look_up(sky, directions))
-    reached, tree = seen.emptied @ light, cKDTree(points.numpy())
+    reached, tree = seen.emptied @ light, KDTree(points.numpy())
     light = light * sizes[:, None]
     found = []
     for one in drawn:

@@ -27,6 +27,7 @@ from graycard.methods.splat._store import export_ply as export_ply
 from graycard.methods.splat._store import load_surfels as load_surfels
 from graycard.methods.splat._store import save_surfels as save_surfels
 from graycard.methods.splat._surfels import Surfels as Surfels
+from graycard.methods.splat._trace import NEAR_DISTANCE as NEAR_DISTANCE
 from graycard.methods.splat._trace import build_bvh as build_bvh
 from graycard.methods.splat._trace import trace_rays as trace_rays
 from graycard.methods.splat._warm import SURFEL_KERNELS as SURFEL_KERNELS

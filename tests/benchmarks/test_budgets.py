@@ -13,6 +13,7 @@ from graycard.benchmarks import Terms, _runner, load_suite, run_bench
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks.claims import check_budgets
+from graycard.benchmarks.workers import USUAL
 from graycard.cli import main
 from graycard.io import read_json, sha256, silent, write_json
 from graycard.records import read_run
@@ -32,7 +33,7 @@ def test_iterations_of_each_row_are_multiplied(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(_runner, "introduce", lambda *_: known)
     suite = load_suite(str(write_reserve_suite(tmp_path)))
     suite = replace(suite, methods=suite.methods[:2])
-    bench = _runner.Bench(suite, tmp_path, tmp_path, 1, silent, None, None, Terms(0.5))
+    bench = _runner.Bench(suite, tmp_path, tmp_path, 1, silent, USUAL, None, Terms(0.5))
     scaled, found = _runner._introduced(bench)
     assert [k.settings for k in found] == [{"iterations": 500, "lamps": 8}, {"reflectance": 0.18}]
     assert [dict(m.settings) for m in scaled.suite.methods] == [{"iterations": 500}, {}]

@@ -39,7 +39,7 @@ def warmed(parts: Sequence[str], progress: Progress = silent) -> list[str]:
     if not missing or not _is_writable(stamps):
         return []
     remove_unused(cache_root())
-    with file_lock(stamps / "lock", lambda: progress(0.0, "waiting for kernels of another process")):
+    with file_lock(stamps / "lock", lambda who: progress(0.0, f"waiting for kernels of {who}")):
         _compile_apart([name for name in missing if not _stamp(stamps, name).exists()], stamps, progress)
     left = [name for name in missing if not _stamp(stamps, name).exists()]
     for number, name in enumerate(left, len(missing) - len(left)):
