@@ -4,15 +4,16 @@
 import contextlib
 import shutil
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from graycard import MethodError, Progress
-from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
-from graycard.benchmarks._introduction import introduce
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene, load_for
 from graycard.benchmarks._jobs import guarded
-from graycard.benchmarks._suites import SuiteMethod
 from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all, worker_progress
+from graycard.io import silent
+from graycard.methods import BUILT_IN
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,19 +25,22 @@ class _Asked:
     save: Path | None
 
 
-def check_import(method: str, scene: Path) -> None:
-    """Import a method in a process of its own, before this one does: its code may end a process.
+def check_import(method: str, scene: Path, limits: Limits = USUAL) -> None:
+    """Import a method of others in a process of its own, before this one does: its code may end a process.
 
     Args:
         method: A registered name or ``module:attribute``.
         scene: ``DATASET/<track>/<scene>``, whose dataset is closed meanwhile.
+        limits: Of time and memory.
 
     Raises:
-        UnknownNameError: No method has this name.
-        MethodError: It fails to import, or ends its process.
+        MethodError: It fails to import, or ends its process; the traceback of its code is printed.
     """
-    dataset = Path(scene).absolute().parents[1]
-    introduce([SuiteMethod(method)], dataset, dataset, 1)
+    if method in BUILT_IN:
+        return
+    (outcome,) = run_all(_import, [(method, scene)], 1, silent, limits=limits)
+    if outcome.reason:
+        raise MethodError(outcome.reason)
 
 
 def fit_apart(
@@ -58,7 +62,8 @@ def fit_apart(
         limits: Of time and memory.
 
     Raises:
-        MethodError: The fit failed, or its process ended; the traceback of the method's code is printed.
+        MethodError: The fit failed, for whatever reason, or its process ended. The traceback of the method's
+            code is printed.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     new = [folder for folder in (predictions, save) if folder is not None and not folder.exists()]
@@ -74,15 +79,23 @@ def fit_apart(
     return outcome.value
 
 
+def _import(asked: tuple[str, Path]) -> Outcome:
+    """Import a method, in a worker."""
+    method, scene = asked
+    return guarded(lambda: _with_traceback(lambda: load_for(method, scene) and None), None)
+
+
 def _fit(asked: _Asked) -> Outcome:
-    """Fit, in a worker; the traceback of a method's own error is for whoever writes it."""
+    """Fit, in a worker."""
+    given = asked.spec, asked.predictions, worker_progress(), asked.save
+    return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)
 
-    def work() -> Outcome:
-        try:
-            return Outcome(value=fit_scene(asked.spec, asked.predictions, worker_progress(), asked.save))
-        except MethodError as error:
-            if error.__cause__ is not None:
-                traceback.print_exception(error.__cause__)
-            raise
 
-    return guarded(work, None)
+def _with_traceback(work: Callable[[], Fitted | None]) -> Outcome:
+    """Do some work, and print the traceback of a method's own error, for whoever writes it."""
+    try:
+        return Outcome(value=work())
+    except MethodError as error:
+        if error.__cause__ is not None:
+            traceback.print_exception(error.__cause__)
+        raise

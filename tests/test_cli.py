@@ -194,27 +194,30 @@ def test_the_help_of_a_fit_shows_the_settings_of_the_method(args: list[str], cap
 
 def test_a_fit_that_is_told_to_end_leaves_nothing_behind(tiny_scenes: dict[str, Path], tmp_path: Path):
     """Neither its copy of the capture nor half an answer."""
-    code = (
-        "import sys, time, graycard.methods._gray as plain\n"
-        "from graycard.cli import main\n"
-        "def wait(*_): print('fits', flush=True); time.sleep(60)\n"
-        "plain.GrayMethod.fit = wait\n"
-        "sys.exit(main(sys.argv[1:]))\n"
+    (tmp_path / "slow.py").write_text(
+        "import time\n"
+        "from graycard.methods._gray import GrayMethod\n"
+        "class Slow(GrayMethod):\n"
+        "    def fit(self, *_):\n"
+        "        print('fits', flush=True)\n"
+        "        time.sleep(60)\n"
     )
     (tmp_path / "copies").mkdir()
-    args = ["fit", "gray", str(tiny_scenes["dark"]), "--out", str(tmp_path / "p")]
+    args = ["fit", "slow:Slow", str(tiny_scenes["dark"]), "--out", str(tmp_path / "p")]
+    places = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
     with subprocess.Popen(
-        [sys.executable, "-c", code, *args],
-        env={**os.environ, "TMPDIR": str(tmp_path / "copies")},
-        stdout=subprocess.PIPE,
+        [sys.executable, "-m", "graycard", *args],
+        env={**os.environ, "TMPDIR": str(tmp_path / "copies"), "PYTHONPATH": places},
+        stderr=subprocess.PIPE,
         text=True,
     ) as fit:
-        assert fit.stdout is not None
-        assert fit.stdout.readline() == "fits\n"
+        assert fit.stderr is not None
+        assert fit.stderr.readline() == "fits\n"
         assert [*(tmp_path / "copies").iterdir()]
         fit.terminate()
         assert fit.wait(30) == 143
     assert not [*(tmp_path / "copies").iterdir()]
+    assert not (tmp_path / "p").exists()
 
 
 def test_a_reader_that_has_seen_enough_is_no_traceback():

@@ -21,6 +21,8 @@ FOLDER: Final = Path(__file__).parent / "noise"
 views."""
 
 
+_BUDGET: Final = ("iterations", "surfels")
+"""Settings that say how long a fit is: others with these are fits of another noise."""
 Origin = Literal["these fits", "same rows", "other rows"]
 
 
@@ -71,6 +73,13 @@ class _Measured:
         values = np.moveaxis(np.array(even, np.float64), 1, 2)
         return values if np.isfinite(values).all() else None
 
+    def fitted_alike(self, row: str, run: Readings) -> bool:
+        """Tell whether a row was measured with the budget that it has in a run."""
+        if row not in self.readings.rows:
+            return False
+        here, there = run.settings(row), self.readings.settings(row)
+        return all(here.get(name) == there.get(name) for name in _BUDGET)
+
     def stand_ins(self, row: str, run: Readings) -> list[str]:
         """Measured rows that may stand in for one: itself, those of its method, or all."""
         rows = sorted(self.readings.rows)
@@ -100,7 +109,7 @@ def noise_of(sample: Sample, track: str, readings: Readings) -> FitNoise | None:
     measured = _measured(track)
     if measured is None:
         return None
-    if set(fitted) <= measured.readings.rows:
+    if all(measured.fitted_alike(row, readings) for row in fitted):
         return _direct(check, fitted, measured)
     return _by_stand_ins(sample, fitted, readings, measured)
 

@@ -130,6 +130,8 @@ def train(
             look = Look(state.step, float(np.mean(state.losses)), _looked(state.net, validation))
             state.record.looks += (look,)
             state.losses = []
+            state.record.seconds = before + time.perf_counter() - began
+            _keep(state, out)
             progress(state.step / settings.steps, f"step {state.step}, loss {look.loss:.3f}")
         if time.perf_counter() - began > seconds:
             break

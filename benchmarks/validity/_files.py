@@ -12,7 +12,7 @@ from graycard.benchmarks.validity._record import Breach, difference, place_of
 from graycard.eval import in_every_view, judged_mask, score_predictions, training_gauges
 from graycard.io import Manifest, damaged_files, from_builtins, read_json, read_manifest, sha256, to_builtins
 from graycard.predictions import predictions_hash
-from graycard.records import JobResult, RunRecord, SceneRecord
+from graycard.records import JobResult, RunRecord, SceneRecord, job_folder
 
 _PARTS = ("capture", "truth")
 
@@ -59,7 +59,7 @@ def hash_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 
 def _predictions(result: JobResult, run: Path) -> Iterator[Breach]:
-    predictions = run / result.folder / "predictions"
+    predictions = job_folder(run, result) / "predictions"
     if not predictions.is_dir():
         what = f"expected predictions in {predictions}, got none"
         yield Breach("hashes", place_of(result), what, unknown=True)
@@ -72,8 +72,8 @@ def _predictions(result: JobResult, run: Path) -> Iterator[Breach]:
 def _records(result: JobResult, run: Path) -> Iterator[Breach]:
     """Whether ``scores.json`` and ``job.json`` say what ``run.json`` says."""
     try:
-        scored = from_builtins(Scored, read_json(run / result.folder / SCORES), source=SCORES)
-        done = from_builtins(Done, read_json(run / result.folder / DONE), source=DONE)
+        scored = from_builtins(Scored, read_json(job_folder(run, result) / SCORES), source=SCORES)
+        done = from_builtins(Done, read_json(job_folder(run, result) / DONE), source=DONE)
     except GraycardError as cause:
         yield Breach("hashes", place_of(result), str(cause), unknown=True)
         return
@@ -146,7 +146,7 @@ def gauge_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 def _gauges(result: JobResult, scene: Path, run: Path) -> Iterator[Breach]:
     try:
-        fitted = training_gauges(run / result.folder / "predictions", scene)
+        fitted = training_gauges(job_folder(run, result) / "predictions", scene)
     except GraycardError as cause:
         yield Breach(
             "gauge", place_of(result), f"expected to fit the gauge again, got: {cause}", unknown=True
@@ -180,7 +180,7 @@ def score_breaches(run: RunRecord, folder: Path) -> list[Breach]:
     for result in (r for r in run.results if r.sheet):
         scene = scenes.get((result.job.track, result.job.scene))
         try:
-            again = score_predictions(folder / result.folder / "predictions", scene or folder, PROTOCOLS)
+            again = score_predictions(job_folder(folder, result) / "predictions", scene or folder, PROTOCOLS)
         except GraycardError as cause:
             what = f"expected to score it again, got: {cause}"
             found.append(Breach("scores", place_of(result), what, unknown=True))

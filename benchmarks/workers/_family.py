@@ -2,20 +2,24 @@
 """A process with all that it started: they end together.
 
 A worker leads a session of its own, and its environment holds a mark that its children inherit. So whatever
-it leaves behind is found by session or by mark, and killed; without ``/proc``, by its process group.
+it leaves behind is found by session or by mark, and killed; without ``/proc``, by its process group. A child
+with a session of its own and another environment is not found.
 """
 
 import contextlib
 import ctypes
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
 MARK = "GRAYCARD_WORKER"
-"""Environment variable with the id and the start of the bench's process, and a number."""
+"""Environment variable: namespace, id and start of the bench's process, and a number."""
+_TEMPORARY = "graycard-worker-"
 _PDEATHSIG = 1
 _PROC = Path("/proc")
 _ATTEMPTS = 20
@@ -33,7 +37,7 @@ def lead_family() -> None:
 def marked(number: int) -> Iterator[str]:
     """Mark the processes that are started within the block; yields the mark."""
     before = os.environ.get(MARK)
-    os.environ[MARK] = mark = f"{os.getpid()}-{_started(os.getpid())}-{number}"
+    os.environ[MARK] = mark = f"{_namespace()}-{os.getpid()}-{_started(os.getpid())}-{number}"
     try:
         yield mark
     finally:
@@ -55,11 +59,36 @@ def end_family(leader: int, mark: str) -> None:
 
 
 def end_orphans() -> None:
-    """Kill what workers of a bench that is gone have left behind."""
+    """Kill what workers of a bench that is gone have left running, and remove their temporary files."""
+    if not _PROC.exists():
+        return
     for pid, _, mark in _processes():
-        bench, _, rest = mark.partition("-")
-        if bench.isdecimal() and _started(int(bench)) != rest.partition("-")[0]:
+        if _is_orphan(mark):
             _kill([pid])
+    for folder in Path(tempfile.gettempdir()).glob(f"{_TEMPORARY}*"):
+        if _is_orphan(folder.name.removeprefix(_TEMPORARY)):
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def temporary_folder(mark: str) -> Path:
+    """Make the folder for temporary files of a worker; they go with it."""
+    return Path(tempfile.mkdtemp(prefix=f"{_TEMPORARY}{mark}-"))
+
+
+def _is_orphan(mark: str) -> bool:
+    """Tell whether the bench that made a mark is gone."""
+    parts = mark.split("-")
+    if len(parts) < 4 or parts[0] != _namespace() or not parts[1].isdecimal():
+        return False
+    return _started(int(parts[1])) != parts[2]
+
+
+def _namespace() -> str:
+    """Return the namespace of process ids: a container numbers its own; empty where nobody knows."""
+    try:
+        return "".join(filter(str.isdigit, os.readlink("/proc/self/ns/pid")))
+    except OSError:
+        return ""
 
 
 def _kill(processes: list[int]) -> int:

@@ -4,7 +4,9 @@
 import contextlib
 import multiprocessing
 import os
+import shutil
 import sys
+import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -13,13 +15,14 @@ from itertools import count
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, TypeVar
 
 from graycard import MethodError, OutputError, Progress
-from graycard.benchmarks.workers._family import end_family, end_orphans, marked
+from graycard.benchmarks.workers._family import end_family, end_orphans, marked, temporary_folder
 from graycard.benchmarks.workers._outcome import Outcome
 from graycard.benchmarks.workers._worker import Step, serve
-from graycard.io import printable
+from graycard.io import output_error, printable
 
 J = TypeVar("J")
 DAY_S = 24 * 3600.0
@@ -59,6 +62,8 @@ class _Worker:
     pipe: Connection
     output: Connection
     mark: str
+    folder: Path
+    """Its temporary files."""
     tasks: int = 0
     """Jobs that it was given."""
     job: int | None = None
@@ -110,6 +115,7 @@ class _Worker:
             self.show_output()
         for pipe in (self.pipe, self.output):
             pipe.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
 
 
 @dataclass(eq=False)
@@ -232,26 +238,47 @@ def run_all(
 
 
 def _start(work: Callable[[Any], Outcome], limits: Limits) -> _Worker:
-    """Start a worker, and tell it what its work is."""
+    """Start a worker, and tell it what its work is.
+
+    Raises:
+        OutputError: There is no room for temporary files.
+        MethodError: No process can be started.
+    """
     context = multiprocessing.get_context("spawn")
-    pipe, far = context.Pipe()
-    output, printed = context.Pipe(duplex=False)
     resource_tracker.ensure_running()  # within the block it would bear the mark, and end with the worker
-    memory = limits.memory_mib or _machine_mib()
-    process = context.Process(target=serve, args=(far, printed, memory))
+    with contextlib.ExitStack() as undo, marked(next(_NUMBERS)) as mark:
+        folder = _temporary(mark)
+        undo.callback(shutil.rmtree, folder, ignore_errors=True)
+        try:
+            pipe, far = context.Pipe()
+            undo.callback(pipe.close)
+            with far:
+                output, printed = context.Pipe(duplex=False)
+                undo.callback(output.close)
+                with printed:
+                    given = far, printed, limits.memory_mib or _machine_mib(), folder
+                    process = context.Process(target=serve, args=given)
+                    process.start()
+        except OSError as cause:
+            raise MethodError(
+                f"expected room for a worker process, got {cause.strerror}. Try fewer --jobs"
+            ) from cause
+        worker = _Worker(process, pipe, output, mark, folder)
+        undo.pop_all()
     try:
-        with marked(next(_NUMBERS)) as mark:
-            process.start()
+        with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+            pipe.send(work)
+    except BaseException:
+        worker.end()
+        raise
+    return worker
+
+
+def _temporary(mark: str) -> Path:
+    try:
+        return temporary_folder(mark)
     except OSError as cause:
-        raise MethodError(
-            f"expected room for a worker process, got {cause.strerror}. Try fewer --jobs"
-        ) from cause
-    finally:
-        far.close()
-        printed.close()
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-        pipe.send(work)
-    return _Worker(process, pipe, output, mark)
+        raise output_error(Path(tempfile.gettempdir()), cause) from cause
 
 
 def _await_end(process: BaseProcess) -> None:

@@ -4,10 +4,12 @@
 import contextlib
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 from graycard import Progress
@@ -45,18 +47,20 @@ def worker_progress() -> Progress:
     return report
 
 
-def serve(pipe: Connection, output: Connection, memory_mib: int) -> None:
+def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path) -> None:
     """Do jobs until there are no more; the first message is the work.
 
     Args:
         pipe: Of work and jobs, and of outcomes.
         output: Takes what the process prints.
         memory_mib: Memory that the process may write to.
+        folder: For temporary files, of its children too.
     """
     global _pipe
     lead_family()
     _print_to(output)
     _limit_memory(memory_mib)
+    os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
     keep_freed_memory()
     _pipe = pipe
     work: Callable[[Any], Any] = pipe.recv()

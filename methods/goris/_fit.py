@@ -3,6 +3,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -110,6 +111,14 @@ def fit_colours(
     return train(state, config, RadianceObjective(shots, settings, seed), progress).parameters
 
 
+class FittedLight(NamedTuple):
+    """Surfels with light transport."""
+
+    parameters: Parameters
+    metal: bool = False
+    """Whether the glossy surfaces are of a metal, whose diffuse radiance stays where it began."""
+
+
 def fit_light(
     coloured: Parameters,
     shots: Sequence[TrainingView],
@@ -117,7 +126,7 @@ def fit_light(
     seed: int,
     progress: Progress,
     saved: Checkpoint | None = None,
-) -> Parameters:
+) -> FittedLight:
     """Fit light transport, and go on with geometry and radiance.
 
     Args:
@@ -136,14 +145,15 @@ def fit_light(
     if settings.transport and settings.first_light and all(shot.told for shot in shots):
         found = initial_light(start.all, shots, settings, extent)
         start = as_photographs_allow(start, found)
+    metal = found is not None and found.reflectance.metal
     if settings.light_steps == 0:
-        return start
+        return FittedLight(start, metal)
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
     config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
-    if found is not None and found.reflectance.metal:
+    if metal:
         rates.pop(DIFFUSE)
     objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)
-    return train(initial_state(start, seed), config, objective, progress).parameters
+    return FittedLight(train(initial_state(start, seed), config, objective, progress).parameters, metal)
 
 
 def own_stage(

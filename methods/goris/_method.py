@@ -38,11 +38,11 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
         if flat is not None:
             shots, settings = flat.alone(shots), settings.with_exact_normals
         coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
-        before = fit_light(coloured, shots, settings, seed, progress, saved)
+        light = fit_light(coloured, shots, settings, seed, progress, saved)
         removed = without_object(
-            capture, before, shots, priors, settings=settings, seed=seed, progress=progress, saved=saved
+            capture, light, shots, priors, settings=settings, seed=seed, progress=progress, saved=saved
         )
-        return _decomposition(task.with_settings(settings), before, removed, saved)
+        return _decomposition(task.with_settings(settings), light.parameters, removed, saved)
 
 
 def _decomposition(

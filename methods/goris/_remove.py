@@ -11,7 +11,7 @@ from graycard import Camera, Capture, Progress
 from graycard.methods._contract import Priors
 from graycard.methods._tensors import float_tensor
 from graycard.methods.goris._appearance import appearance_loss, box_around
-from graycard.methods.goris._fit import light_rates, own_stage
+from graycard.methods.goris._fit import FittedLight, light_rates, own_stage
 from graycard.methods.goris._model import (
     BRIGHTEST,
     DIFFUSE,
@@ -100,7 +100,7 @@ class Removed:
 
 def without_object(
     capture: Capture,
-    fitted: Parameters,
+    light: FittedLight,
     shots: Sequence[TrainingView],
     priors: Priors,
     *,
@@ -113,7 +113,7 @@ def without_object(
 
     Args:
         capture: The photographs.
-        fitted: Parameters after the first stage.
+        light: The first stage.
         shots: The training views.
         priors: They inpaint radiance and materials.
         settings: Of the method.
@@ -125,7 +125,7 @@ def without_object(
         MethodError: No surfel is the object's or all are, the prior's answer is not sound, or the loss or a
             gradient is not finite.
     """
-    extent = scene_extent([shot.photograph.camera for shot in shots])
+    extent, fitted = scene_extent([shot.photograph.camera for shot in shots]), light.parameters
     labelled = fitted.surfels[LABEL][:, 0].sigmoid() >= settings.least_inside
     theirs = with_hull(surfels_of(fitted.surfels), labelled)
     check_some(theirs, f"with a label of {settings.least_inside:g} or more", "least_inside")
@@ -150,7 +150,7 @@ def without_object(
     targets, wall = targets_of(behind, priors, settings.references, choice_of(settings))
     start = with_painted_wall(left, int(theirs.sum()), wall, settings, seed)
     rates = light_rates(extent, settings, found=True)
-    for name in (LABEL, SURROUNDINGS, SKY):
+    for name in (LABEL, SURROUNDINGS, SKY, *([DIFFUSE] if light.metal else [])):
         rates.pop(name)
     aims = [_removal_target(target) for target in targets]
     objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)

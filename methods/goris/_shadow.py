@@ -51,6 +51,8 @@ LEAST_HIDDEN = 0.003
 surfaces, whose reflectance is another."""
 FEWEST = 50
 """Points without which no light is found."""
+_LEAST_SPREAD = 1e-4
+"""Of what is not explained, so that even an even light on an even surface has one solution."""
 DOUBT = 10.0
 """Weight of the light being what it was expected to be, times the variance of the logarithm of what points
 differ by from what is explained, beside the mean weight of a texel in the points: the more uneven a surface,
@@ -237,7 +239,7 @@ def _explained(seen: np.ndarray, told: np.ndarray, expected: np.ndarray) -> np.n
         rows = seen * weights[:, None]
         normal = rows.T @ rows
         spread = _DEVIATION * np.median(np.abs(off))
-        doubt = DOUBT * spread**2 * np.trace(normal) / len(normal)
+        doubt = DOUBT * max(spread, _LEAST_SPREAD) ** 2 * np.trace(normal) / len(normal)
         root = np.linalg.cholesky(normal + doubt * np.eye(len(normal))).T
         light, _ = nnls(root, np.linalg.solve(root.T, rows.T @ (told * weights) + doubt * expected))
     return light

@@ -69,7 +69,7 @@ def light_of_lamps(
     still = _Still(
         points.detach().reshape(-1, 3),
         eye.detach().reshape(-1, 3),
-        None if way.shares is None else way.shares.detach().reshape(-1, len(lamps)),
+        None if way.shares is None or not len(lamps) else way.shares.detach().reshape(-1, len(lamps)),
         torch.ones(len(lamps)) if way.known is None else way.known.float(),
         soften**2,
     )

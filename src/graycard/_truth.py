@@ -10,7 +10,7 @@ from graycard._capture import View, file_of, find_view
 from graycard._errors import DatasetError
 from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard.io import IN_MEMORY, Label, Name, from_builtins, read_json, read_layers, read_rgb
-from graycard.lights import EnvironmentLight, Light, read_lights
+from graycard.lights import EnvironmentLight, Light, check_finite, read_lights
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Truth:
         Raises:
             DatasetError: The file is missing or broken.
         """
-        return read_lights(file_of(self.root, "lights.json"))
+        return _finite_lights(file_of(self.root, "lights.json"))
 
     def environment(self, light: EnvironmentLight) -> np.ndarray:
         """The image of one of :meth:`lights`, shape ``(H, W, 3)``, float32, radiance in W/m²/sr.
@@ -101,7 +101,7 @@ class Truth:
             UnknownNameError: There is no such edit.
             DatasetError: The file is missing or broken.
         """
-        return read_lights(file_of(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
+        return _finite_lights(file_of(self.root, f"{find_edit(self.edits, edit).folder}/lights.json"))
 
     def composition(self) -> Composition | None:
         """The object of another scene that is put into this one; None where none is.
@@ -129,6 +129,12 @@ class Truth:
     def emitter_ids(self) -> frozenset[int]:
         """Ids of the objects that are surfaces of lights."""
         return frozenset(o.id for o in self.objects if o.emits)
+
+
+def _finite_lights(path: Path) -> tuple[Light, ...]:
+    lights = read_lights(path)
+    check_finite(lights, str(path))
+    return lights
 
 
 def _refuse_training(view: View) -> None:

@@ -4,6 +4,7 @@
 Each kind of light is a type of its own. On disk a light is a JSON object whose ``type`` names it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -238,10 +239,20 @@ def light_from_json(data: Any, error: type[GraycardError] = DatasetError, source
     kind = str(data["type"])
     if kind not in _TYPES:
         raise UnknownNameError("light type", kind, _TYPES)
-    light = from_builtins(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)
-    if not _all_finite(to_builtins(light)):
-        raise error(f"expected finite numbers of light {light.name!r} in {source}, got {data!r}. Mend them")
-    return light
+    return from_builtins(_TYPES[kind], {k: v for k, v in data.items() if k != "type"}, error, source)
+
+
+def check_finite(lights: Sequence[Light], source: str) -> None:
+    """Refuse lights of a truth with a number that is infinite or none; a predicted light may fail by itself.
+
+    Raises:
+        DatasetError: There is one.
+    """
+    for light in lights:
+        if not _all_finite(data := to_builtins(light)):
+            raise DatasetError(
+                f"expected finite numbers of light {light.name!r} in {source}, got {data!r}. Render it anew"
+            )
 
 
 def _all_finite(data: Any) -> bool:

@@ -384,7 +384,7 @@ def test_a_method_that_breaks_fails_alone(
     assert BREAKS["CannotWrite"] in unwritten.reason
     assert "expected an end within 12 s, got none" in hung.reason
     assert "no convergence" in (run / raised.folder / "error.txt").read_text()
-    assert "expected the worker to come back, got its death (exit code 9)" in died.reason
+    assert "ended by its own code, exit code 9" in died.reason
     assert "no convergence" in capsys.readouterr().err
     assert (run / "report" / "index.html").is_file()
 

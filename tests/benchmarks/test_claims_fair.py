@@ -151,7 +151,7 @@ def test_rows_that_a_claim_compares_differ_in_what_it_is_about_alone() -> None:
     staged = {row: settings for row, settings in rows.items() if row.startswith("sunfaded-staged")}
     assert len(staged) == 8
     for settings in staged.values():
-        assert settings.keys() - {"iterations", "schedule"} <= {"beta", "geometry_prior"}
+        assert settings.keys() - {"iterations", "surfels", "schedule"} <= {"beta", "geometry_prior"}
     rows = {m.row: dict(m.settings) for m in load_suite("claims-multilight").methods}
     changed = {"lamps": 0, "visibility": "none"}
     assert rows["gsid-paper-env"] == rows["gsid-paper"] | changed

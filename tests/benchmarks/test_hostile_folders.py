@@ -17,7 +17,7 @@ from graycard.benchmarks import FitSpec, fit_scene
 from graycard.dataset import manifest_of
 from graycard.eval import score_predictions
 from graycard.io import silent, write_manifest, write_rgb
-from graycard.lights import EnvironmentLight, read_lights
+from graycard.lights import EnvironmentLight
 from graycard.methods import load_method
 from graycard.predictions import write_composed, write_environment, write_relit, write_view
 
@@ -114,7 +114,7 @@ def test_lights_without_finite_numbers_are_refused(scene: Path, tmp_path: Path, 
     with pytest.raises(GraycardError, match="expected finite numbers of light"):
         score_predictions(tmp_path / "p", scene)
     with pytest.raises(GraycardError, match="expected finite numbers of light"):
-        read_lights(scene / "truth" / "lights.json")
+        open_truth(scene / "truth").lights()
 
 
 @pytest.mark.parametrize("name", ESCAPES)

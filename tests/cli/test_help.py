@@ -45,7 +45,7 @@ def test_each_verb_is_in_one_group():
 
 
 def test_the_verbs_of_developers_come_last():
-    assert NAMES[-2:] == ["speed", "bounds"]
+    assert NAMES[-4:] == ["speed", "bounds", "train-prior", "prior-errors"]
     assert sections()["for developers of graycard"][0].split()[0] == "speed"
 
 
@@ -94,10 +94,10 @@ def test_mistakes_and_help_import_no_stage(args: list[str]):
 
 
 def test_a_verb_is_imported_alone():
-    code = "import sys; from graycard.cli._table import VERBS; VERBS[-3].load(); print(*sys.modules)"
+    code = "import sys; from graycard.cli._table import VERBS; VERBS[-5].load(); print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     modules = {verb.module for verb in VERBS}
-    assert {m for m in modules if f"graycard.cli.{m}" in shown.split()} == {VERBS[-3].module} == {"_doctor"}
+    assert {m for m in modules if f"graycard.cli.{m}" in shown.split()} == {VERBS[-5].module} == {"_doctor"}
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=NAMES)

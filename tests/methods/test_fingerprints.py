@@ -106,7 +106,7 @@ REACHED = {
     "an argument of a decorator": (
         "methods/splat/trace/_backward.py", 'error_model="numpy"', 'error_model="python"', {"goris"},
     ),
-    "the type of a field": ("predictions.py", "files: Mapping[str, str]", "files: Mapping[str, bytes]", ALL),
+    "the type of a field": ("predictions.py", "Mapping[RelativePath, str]", "Mapping[Name, str]", ALL),
     "a module that is imported late": (
         "methods/surfels/_compose_kernels.py", "left = 1 - alpha", "left = 2 - alpha", FITTED,
     ),

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graycard import GraycardError, MethodError, RecordError, UnknownNameError
-from graycard.io import Label, Name, RelativePath, dumps, from_builtins
+from graycard.io import AnyPlace, FolderBelow, Label, Name, RelativePath, dumps, from_builtins
 from graycard.io._decode import IN_MEMORY
 from graycard.lights import (
     GaussianLight,
@@ -76,7 +76,8 @@ JSON_VALUES = st.recursive(
 """As records hold what is untyped: tuples for lists, and no infinities, which come back as text."""
 
 NAMED: dict[Any, st.SearchStrategy[Any]] = {
-    kind: st.sampled_from(["a", "Süd 1", "test_000"]) for kind in (Label, Name, RelativePath)
+    kind: st.sampled_from(["a", "Süd 1", "test_000"])
+    for kind in (AnyPlace, FolderBelow, Label, Name, RelativePath)
 }
 PLAIN: dict[Any, st.SearchStrategy[Any]] = {
     float: st.floats(allow_nan=False),

@@ -126,7 +126,8 @@ class FitCommand:
         for folder in (self.scene, self.donor):
             if folder is not None:
                 check_scene(folder)
-        check_import(self.method, self.scene)
+        limits = limits_of(self.timeout, self.memory)
+        check_import(self.method, self.scene, limits)
         method = load_for(self.method, self.scene)
         settings = parse_settings(method.settings_type, rest, f"graycard fit {self.method}", type(self))
         priors = parse_priors(self.priors)
@@ -134,7 +135,7 @@ class FitCommand:
             self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
         )
         with terminal.progress() as progress:
-            cost = fit_apart(spec, self.out, progress, self.save, limits_of(self.timeout, self.memory)).cost
+            cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
             terminal.advise(

@@ -37,6 +37,8 @@ from graycard.io._manifest import write_manifest as write_manifest
 from graycard.io._memory import blocks as blocks
 from graycard.io._memory import keep_freed_memory as keep_freed_memory
 from graycard.io._memory import peak_memory_mib as peak_memory_mib
+from graycard.io._names import AnyPlace as AnyPlace
+from graycard.io._names import FolderBelow as FolderBelow
 from graycard.io._names import Label as Label
 from graycard.io._names import Name as Name
 from graycard.io._names import RelativePath as RelativePath

@@ -7,6 +7,7 @@ import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 from graycard.io._names import printable
@@ -28,11 +29,13 @@ def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     if sys.platform == "win32":  # has no flock; two processes then race, and one of them says so
         yield
         return
+    _forget_at_fork()
     descriptor = _acquire(path, on_wait)
     _held.add(descriptor)
     try:
-        os.ftruncate(descriptor, 0)
-        os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
+        with contextlib.suppress(OSError):  # a full disk is met by what is written next
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode())
         yield
     finally:
         path.unlink(missing_ok=True)
@@ -76,5 +79,7 @@ def _forget_locks() -> None:
     _held.clear()
 
 
-if hasattr(os, "register_at_fork"):
+@cache
+def _forget_at_fork() -> None:
+    """Let forked processes forget locks, from the first lock on."""
     os.register_at_fork(after_in_child=_forget_locks)

@@ -73,6 +73,26 @@ def check_relative_path(text: str) -> str:
     return text
 
 
+def check_folder(text: str) -> str:
+    """Return a :func:`check_relative_path`, or nothing: the folder itself.
+
+    Raises:
+        ValueError: It leads out of the folder.
+    """
+    return check_relative_path(text) if text else text
+
+
+def check_place(text: str) -> str:
+    """Return a path that may lead anywhere, but is printable, or nothing.
+
+    Raises:
+        ValueError: It is too long, or holds control characters or surrogates.
+    """
+    for part in filter(None, text.split("/")):
+        check_label(part)
+    return text
+
+
 @dataclass(frozen=True, slots=True)
 class TextRule:
     """Metadata of a type: the check that its texts pass when they are decoded."""
@@ -87,6 +107,10 @@ Name = Annotated[str, TextRule(check_name)]
 """A text that names one file or folder."""
 RelativePath = Annotated[str, TextRule(check_relative_path)]
 """Names joined by ``/``."""
+FolderBelow = Annotated[str, TextRule(check_folder)]
+"""Names joined by ``/``, or none: a folder below another, or that one."""
+AnyPlace = Annotated[str, TextRule(check_place)]
+"""A path that whoever runs graycard has chosen: relative or absolute, printable."""
 
 
 def inside(root: Path, *names: str, error: type[GraycardError] = OutputError) -> Path:

@@ -53,8 +53,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def _distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        keys = [key for key, _ in pairs]
-        double = next(key for key in keys if keys.count(key) > 1)
+        known: set[str] = set()
+        double = next(key for key, _ in pairs if key in known or known.add(key))
         raise ValueError(f"the key {double!a} stands there twice")
     return found
 

@@ -46,5 +46,6 @@ from graycard.records._run import Score as Score
 from graycard.records._run import ScoreSheet as ScoreSheet
 from graycard.records._run import Status as Status
 from graycard.records._run import is_published as is_published
+from graycard.records._run import job_folder as job_folder
 from graycard.records._run import read_run as read_run
 from graycard.records._run import read_score_sheet as read_score_sheet

@@ -7,7 +7,17 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
-from graycard.io import Label, Name, RelativePath, check_version, from_builtins, read_json
+from graycard.io import (
+    AnyPlace,
+    FolderBelow,
+    Label,
+    Name,
+    RelativePath,
+    check_version,
+    from_builtins,
+    inside,
+    read_json,
+)
 from graycard.records._looks import Edition, Looks
 
 PUBLISHED_PAGE = "index.html"
@@ -40,7 +50,7 @@ class Score:
     higher_is_better: bool
     optimum: float
     """The value of a perfect prediction; may be infinite."""
-    per_view: Mapping[Name, float] = field(default_factory=dict)
+    per_view: Mapping[RelativePath, float] = field(default_factory=dict)
     """Value by test view."""
     noise_ceiling: float | None = None
     """The best value that the truth's own noise allows; None where the truth is exact."""
@@ -144,7 +154,7 @@ class JobResult:
 
     job: Job
     job_hash: str
-    folder: RelativePath
+    folder: FolderBelow
     """Folder of the job, relative to the run."""
     status: Literal["done", "failed"]
     reason: str = ""
@@ -164,8 +174,8 @@ class SceneRecord:
     scene: Name
     family: Name
     seed: int
-    folder: Label
-    """``<track>/<scene>`` folder, relative to the run."""
+    folder: AnyPlace
+    """``<track>/<scene>`` folder, relative to the run where it lies there; else where ``--dataset`` was."""
     truth_sha256: str
     title: str
     """One line that says what is to be seen."""
@@ -266,6 +276,15 @@ class RunRecord:
     def submitted(self) -> tuple[str, ...]:
         """Rows whose predictions other code has made: what that saw is not known."""
         return tuple(method.name for method in self.methods if method.predictions)
+
+
+def job_folder(run: Path, result: JobResult) -> Path:
+    """Return the folder of a job in a run folder.
+
+    Raises:
+        RecordError: The record names one outside of the run, or a link leads there.
+    """
+    return inside(run, result.folder, error=RecordError) if result.folder else Path(run)
 
 
 def is_published(folder: Path) -> bool:

@@ -18,6 +18,7 @@ from glossy_sheets import (
 )
 from graycard import Camera, Capture, View, methods
 from graycard.io import silent
+from graycard.methods.goris._fit import FittedLight
 from graycard.methods.goris._remove import _drawn, _effects, without_object
 from graycard.methods.removal._behind import views_behind
 from graycard.methods.removal._target import widened
@@ -39,7 +40,13 @@ def test_photographs_are_doubted_where_they_show_the_object_or_its_reflection(tm
     for effect_mask in (True, False):
         settings = with_settings(iterations=4, effect_mask=effect_mask, grow=0.03)
         changed[effect_mask] = without_object(
-            room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
+            room,
+            FittedLight(world.parameters),
+            shots,
+            priors,
+            settings=settings,
+            seed=0,
+            progress=silent,
         ).changed
     for view, shot, effect in zip(room.train, shots, effects, strict=True):
         hidden = widened(shot.target.numpy() > 0.5, 0.03)

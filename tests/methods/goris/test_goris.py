@@ -28,7 +28,7 @@ from graycard.io import silent
 from graycard.layers import find_fault
 from graycard.methods.goris import GlossyScene, GorisMethod, GorisScene, GorisSettings, _fit, _method, _remove
 from graycard.methods.goris._distil import cameras_between, distilled
-from graycard.methods.goris._fit import light_rates, with_light
+from graycard.methods.goris._fit import FittedLight, light_rates, with_light
 from graycard.methods.goris._flat import FlatSurface
 from graycard.methods.goris._model import (
     DIFFUSE,
@@ -369,7 +369,7 @@ def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say
         priors = methods.Priors(models={"inpainting": asked})
         without_object(
             room,
-            world.parameters,
+            FittedLight(world.parameters),
             shots_of_world(world),
             priors,
             settings=settings,
@@ -441,11 +441,28 @@ def test_what_photographs_show_next_to_the_object_stays_if_the_paper_is_followed
     for doubtful_go in (True, False):
         settings = with_settings(iterations=4, grow=0.05, doubtful_go=doubtful_go)
         after = without_object(
-            room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
+            room,
+            FittedLight(world.parameters),
+            shots,
+            priors,
+            settings=settings,
+            seed=0,
+            progress=silent,
         ).parameters
         floor = after.surfels[CENTRES][:, 2].abs() < 0.02
         left.append(int(floor.sum()))
     assert left[1] > left[0]
+
+
+@pytest.mark.parametrize("metal", [True, False])
+def test_what_a_metal_scatters_stays_when_the_object_goes(world: GlossyWorld, room: Capture, metal: bool):
+    priors = methods.Priors(models={"inpainting": Painter(world)})
+    settings, shots = with_settings(iterations=8), shots_of_world(world)
+    light = FittedLight(world.parameters, metal=metal)
+    after = without_object(room, light, shots, priors, settings=settings, seed=0, progress=silent).parameters
+    known = {tuple(row) for row in world.parameters.surfels[DIFFUSE].tolist()}
+    kept = sum(tuple(row) in known for row in after.surfels[DIFFUSE].tolist())
+    assert (kept > 0.5 * len(after)) == metal
 
 
 def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyWorld, room: Capture):
@@ -453,7 +470,13 @@ def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyW
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=80, grow=0.03), shots_of_world(world)
     after = without_object(
-        room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent
+        room,
+        FittedLight(world.parameters),
+        shots,
+        priors,
+        settings=settings,
+        seed=0,
+        progress=silent,
     ).parameters
     assert torch.equal(after.shared[SURROUNDINGS], world.parameters.shared[SURROUNDINGS])
     assert float(after.surfels[LABEL].sigmoid().max()) < settings.least_inside
@@ -483,7 +506,15 @@ def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
     monkeypatch.setattr(_remove, "light_rates", rates)
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=8, first_light=False), shots_of_world(world)
-    without_object(room, world.parameters, shots, priors, settings=settings, seed=0, progress=silent)
+    without_object(
+        room,
+        FittedLight(world.parameters),
+        shots,
+        priors,
+        settings=settings,
+        seed=0,
+        progress=silent,
+    )
     assert asked == [True]
 
 
@@ -566,6 +597,11 @@ def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, r
     shots = [replace(shot, target=torch.ones_like(shot.target)) for shot in shots_of_world(world)]
     mirrors = next_to_object(world.parameters, shots, 0.0)
     seen = world.parameters.take(mirrors | torch.from_numpy(world.part == OBJECT))
-    given = (room, seen, shots, methods.Priors(models={"inpainting": Painter(world)}))
+    given = (
+        room,
+        FittedLight(seen),
+        shots,
+        methods.Priors(models={"inpainting": Painter(world)}),
+    )
     with pytest.raises(MethodError, match="alone, or its own, got all.* change grow"):
         without_object(*given, settings=SETTINGS, seed=0, progress=silent)

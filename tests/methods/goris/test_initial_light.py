@@ -108,7 +108,7 @@ def test_a_metal_goes_on_to_scatter_nothing(world: GlossyWorld, metal: bool):
         torch.from_numpy(world.part == FLOOR),
     )
     settings = replace(SETTINGS, iterations=12, radiance_share=0.5)
-    fitted = fit_light(known.parameters, shots_of_world(known), settings, 0, silent)
+    fitted = fit_light(known.parameters, shots_of_world(known), settings, 0, silent).parameters
     scattered = (BRIGHTEST * fitted.surfels[DIFFUSE][floor].sigmoid()).median()
     assert (float(scattered) < 0.002) == metal
 
@@ -211,7 +211,9 @@ def test_what_was_found_moves_less_than_what_was_guessed(world: GlossyWorld, mon
     monkeypatch.setattr(_fit, "initial_light", lambda *_: found)
 
     def moved(first: bool, begun: float) -> float:
-        own = fit_light(wood.parameters, shots, replace(settings, first_light=first), 0, silent).surfels
+        own = fit_light(
+            wood.parameters, shots, replace(settings, first_light=first), 0, silent
+        ).parameters.surfels
         return float((own[FRESNEL][glossy] - torch.logit(torch.tensor(begun))).abs().mean())
 
     assert 0 < moved(True, float(found.reflectance.f0[0])) < 0.5 * moved(False, FIRST_FRESNEL)
@@ -220,11 +222,13 @@ def test_what_was_found_moves_less_than_what_was_guessed(world: GlossyWorld, mon
 def test_a_fit_of_light_gets_nearer_to_photographs(world: GlossyWorld):
     """From coloured surfels: lower than its start, and the same again to the bit."""
     shots = shots_of_world(world)
-    ends = [fit_light(world.parameters, shots, SETTINGS, 0, silent) for _ in range(2)]
+    ends = [fit_light(world.parameters, shots, SETTINGS, 0, silent).parameters for _ in range(2)]
     for name, values in ends[0].all.items():
         assert torch.equal(values, ends[1].all[name]), name
     objective = LightObjective(shots, SETTINGS, EXTENT, 0)
-    start = fit_light(world.parameters, shots, replace(SETTINGS, iterations=2, radiance_share=0.5), 0, silent)
+    start = fit_light(
+        world.parameters, shots, replace(SETTINGS, iterations=2, radiance_share=0.5), 0, silent
+    ).parameters
 
     def loss(values: dict[str, torch.Tensor]) -> float:
         return sum(float(objective(values, step).loss.detach()) for step in range(4))

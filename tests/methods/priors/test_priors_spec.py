@@ -162,7 +162,7 @@ def test_a_spec_in_a_word(tmp_path):
         ),
         ("oracle:9", RecordError, "expected a severity of 0 to 5, got 9"),
         ("classical:1", RecordError, "expected priors as in oracle:3"),
-        ("nowhere.toml", RecordError, "expected priors as TOML in nowhere.toml, got"),
+        ("nowhere.toml", RecordError, "expected a TOML file at nowhere.toml, got"),
     ],
 )
 def test_words_that_are_none(text: str, error: type[Exception], message: str):
