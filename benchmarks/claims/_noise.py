@@ -78,7 +78,7 @@ class _Measured:
         if row not in self.readings.rows:
             return False
         here, there = run.settings(row), self.readings.settings(row)
-        return all(here.get(name) == there.get(name) for name in _BUDGET)
+        return all(here[name] == there[name] for name in _BUDGET if name in here and name in there)
 
     def stand_ins(self, row: str, run: Readings) -> list[str]:
         """Measured rows that may stand in for one: itself, those of its method, or all."""

@@ -130,8 +130,6 @@ def train(
             look = Look(state.step, float(np.mean(state.losses)), _looked(state.net, validation))
             state.record.looks += (look,)
             state.losses = []
-            state.record.seconds = before + time.perf_counter() - began
-            _keep(state, out)
             progress(state.step / settings.steps, f"step {state.step}, loss {look.loss:.3f}")
         if time.perf_counter() - began > seconds:
             break
@@ -236,7 +234,7 @@ def _restore(state: _State, out: Path) -> None:
     names = list(state.net.state_dict())
     state.net.load_state_dict({name: kept[f"net.{name}"] for name in names})
     moments: dict[int, Any] = {
-        n: {key: kept[f"{key}.{name}"] for key in ("exp_avg", "exp_avg_sq", "step")}
+        n: {key: kept[f"{key}.{name}"].clone() for key in ("exp_avg", "exp_avg_sq", "step")}
         for n, name in enumerate(names)
     }
     groups = state.optimizer.state_dict()["param_groups"]

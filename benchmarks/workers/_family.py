@@ -51,11 +51,13 @@ def end_family(leader: int, mark: str) -> None:
     """Kill a worker and all that it started; return when nothing of it runs any more."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(leader, signal.SIGKILL)
+    quiet = 0
     for attempt in range(_ATTEMPTS):
         found = [pid for pid, _, own in _processes() if own == mark or _session(pid) == leader]
-        if not _kill(found):
+        quiet = 0 if _kill(found) else quiet + 1
+        if quiet == 2:  # one that was just being started shows its environment a moment later
             return
-        time.sleep(0.01 * (attempt + 1))
+        time.sleep(0.005 * (attempt + 1))
 
 
 def end_orphans() -> None:
@@ -111,7 +113,7 @@ def _processes() -> Iterator[tuple[int, str, str]]:
         try:
             content = (entry / "environ").read_bytes()
         except OSError:
-            continue
+            content = b""
         found = [part for part in content.split(b"\0") if part.startswith(f"{MARK}=".encode())]
         yield pid, state[0], found[0].decode(errors="replace").partition("=")[2] if found else ""
 

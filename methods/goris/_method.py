@@ -36,7 +36,7 @@ class GorisMethod(SceneMethod[GorisSettings, GorisScene]):
         settings = as_glossy_as_told(task.settings, shots)
         flat = flat_surface(shots, capture.points().positions) if settings.flat_start else None
         if flat is not None:
-            shots, settings = flat.alone(shots), settings.with_exact_normals
+            shots = flat.alone(shots)
         coloured = fit_colours(capture, shots, settings, seed, progress, flat=flat, saved=saved)
         light = fit_light(coloured, shots, settings, seed, progress, saved)
         removed = without_object(

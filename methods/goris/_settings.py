@@ -38,8 +38,8 @@ class GorisSettings(RemovalSettings):
     prior tells glossy surfaces."""
     flat_start: bool = True
     """Whether surfels of a flat glossy surface are initialised on the plane on which its outlines in the
-    views agree and are held to its normal, and what faces other ways is not glossy; only where priors tell
-    normals and glossy surfaces."""
+    views agree, with one normal for a prior, and what faces other ways is not glossy; only where priors
+    tell normals and glossy surfaces."""
     radiance_share: float = 0.4
     """Of ``iterations``: radiance-only steps, before those with light transport (paper: 4/30; a short fit
     needs surfaces first). 1 only without ``transport``."""
@@ -75,8 +75,7 @@ class GorisSettings(RemovalSettings):
     """Texels along the side of a face of the environment map, which reflected rays see where they meet no
     surfel (paper: 256; photographs here are small)."""
     normal_prior_weight: float = 0.5
-    """Weight of the difference from the prior's normals on glossy surfaces, before it decays. It does not
-    where a flat surface was found, whose normal is known better."""
+    """Weight of the difference from the prior's normals on glossy surfaces, before it decays."""
     least_normal_prior_weight: float = 1e-3
     smooth_weight: float = 0.5
     """Weight of the edge-aware smoothness of f0, roughness and normals on glossy surfaces, by differences of
@@ -155,13 +154,6 @@ class GorisSettings(RemovalSettings):
         """The same first stage, with everything later as it is by default: what its checkpoints depend on."""
         later = {part.name: part.default for part in fields(self) if part.name in _LATER}
         return replace(self, **later)  # pyright: ignore[reportArgumentType]
-
-    @property
-    def with_exact_normals(self) -> "GorisSettings":
-        """The same with a weight of the prior's normals that does not decay."""
-        return replace(
-            self, least_normal_prior_weight=max(self.normal_prior_weight, self.least_normal_prior_weight)
-        )
 
     @property
     def radiance_steps(self) -> int:

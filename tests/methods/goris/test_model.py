@@ -403,7 +403,6 @@ def test_the_weight_of_the_priors_normals_decays():
     linear = replace(paper, decay="linear")
     assert normal_prior_weight(linear, 100) == pytest.approx((0.5 + 1e-3) / 2)
     assert normal_prior_weight(replace(paper, normal_prior_weight=0.0), 0) == 0.0
-    assert normal_prior_weight(paper.with_exact_normals, 900) == pytest.approx(0.5)
 
 
 def test_the_objective_is_low_at_the_truth_and_moves_everything(world: GlossyWorld):
