@@ -2,7 +2,10 @@
 """Train graycard's own network on scenes of its own seeds, and measure how wrong priors are."""
 
 from graycard.benchmarks.training._errors import UNITS as UNITS
+from graycard.benchmarks.training._errors import best_constant as best_constant
 from graycard.benchmarks.training._errors import errors_of as errors_of
+from graycard.benchmarks.training._looks import Look as Look
+from graycard.benchmarks.training._measure import CONSTANT as CONSTANT
 from graycard.benchmarks.training._measure import FLAT as FLAT
 from graycard.benchmarks.training._measure import SOURCES as SOURCES
 from graycard.benchmarks.training._measure import PriorErrors as PriorErrors
@@ -13,7 +16,6 @@ from graycard.benchmarks.training._scenes import TRAINING as TRAINING
 from graycard.benchmarks.training._scenes import VALIDATION as VALIDATION
 from graycard.benchmarks.training._scenes import check_seeds as check_seeds
 from graycard.benchmarks.training._scenes import training_scene as training_scene
-from graycard.benchmarks.training._train import Look as Look
 from graycard.benchmarks.training._train import TrainRecord as TrainRecord
 from graycard.benchmarks.training._train import TrainSettings as TrainSettings
 from graycard.benchmarks.training._train import train as train

@@ -15,6 +15,8 @@ UNITS: Mapping[PriorKind, tuple[str, ...]] = {
     "metallic": ("mean",),
 }
 """Of the errors of each kind."""
+_ROUNDS = 30
+"""Of the search for a median of directions."""
 
 
 def errors_of(kind: str, told: np.ndarray, true: np.ndarray, seen: np.ndarray) -> tuple[float, ...]:
@@ -42,6 +44,27 @@ def errors_of(kind: str, told: np.ndarray, true: np.ndarray, seen: np.ndarray) -
         gains = (a * b).sum(axis=0) / np.maximum((a * a).sum(axis=0), 1e-12)
         return (float(np.sqrt(np.mean((gains * a - b) ** 2))),)
     return (float(np.abs(told - true)[seen].mean()),)
+
+
+def best_constant(kind: str, true: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """Return the best answer that is one value all over a view: it knows the truth, but tells no shape.
+
+    Normals: the direction of their geometric median, by Weiszfeld's iteration. Others: the median of each
+    channel.
+
+    Args:
+        kind: What is asked.
+        true: The layer, shape ``(H, W)`` or ``(H, W, 3)``.
+        seen: Shape ``(H, W)``, bool; elsewhere the answer is no better or worse.
+    """
+    values = true[seen].astype(np.float64)
+    best = np.median(values, axis=0)
+    if kind == "normal":
+        for _ in range(_ROUNDS):
+            away = np.linalg.norm(values - best, axis=-1)
+            best = np.average(values, axis=0, weights=1 / np.maximum(away, 1e-3))
+            best /= np.linalg.norm(best)
+    return np.broadcast_to(best, true.shape)
 
 
 def _errors_of_depth(told: np.ndarray, true: np.ndarray) -> tuple[float, float]:

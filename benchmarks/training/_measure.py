@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard import MethodError, View, open_capture, open_truth
-from graycard.benchmarks.training._errors import UNITS, errors_of
+from graycard.benchmarks.training._errors import UNITS, best_constant, errors_of
 from graycard.io import Progress
 from graycard.methods import Ask, PriorKind, Priors
 from graycard.methods.priors import PriorSpec, make_priors, parse_priors
@@ -16,10 +16,13 @@ from graycard.methods.priors import PriorSpec, make_priors, parse_priors
 FLAT = "flat"
 """Stands for an answer that looks at nothing: normals that face the camera, one depth, one grey, roughness of
 a half, no metal."""
-SOURCES = (FLAT, "classical", *(f"oracle:{severity}" for severity in range(6)))
+CONSTANT = "constant"
+"""Stands for the best answer that is one value all over a view: it knows the truth, but tells no shape."""
+SOURCES = (FLAT, CONSTANT, "classical", "pretrained:own", *(f"oracle:{severity}" for severity in range(6)))
 """What is measured unless others are named."""
 PAINT = "base_color"
 """Of the true layers, the one that is shown in place of the photograph where a method asks anew."""
+_MARKS = (FLAT, CONSTANT)
 _TRUTH = (*UNITS, "object_id")
 
 
@@ -29,7 +32,7 @@ class PriorErrors:
 
     track: str
     source: str
-    """As on a command line, or :data:`FLAT`."""
+    """As on a command line, or :data:`FLAT` or :data:`CONSTANT`."""
     shown: str
     """``photograph``, or ``base_color``: the true paint in its place."""
     views: int
@@ -44,7 +47,8 @@ def measure_priors(
 
     Args:
         scenes: Folders with ``capture`` and ``truth``.
-        sources: Each as on a command line, or :data:`FLAT`; what a source does not answer is left out.
+        sources: Each as on a command line, or :data:`FLAT` or :data:`CONSTANT`; what a source does not
+            answer is left out.
         views: How many of each scene, evenly along its walk.
         progress: Told about each scene.
 
@@ -78,7 +82,7 @@ def _of_scene(
     known = {view.name: {n: v for n, v in truth.layers(view).items() if n in _TRUTH} for view in chosen}
     kinds: list[PriorKind] = [kind for kind in UNITS if all(kind in true for true in known.values())]
     asks = [Ask(kind, ("photograph", PAINT), optional=True) for kind in kinds]
-    told = None if source == FLAT else make_priors(parse_priors(source), asks, capture, known)
+    told = source if source in _MARKS else make_priors(parse_priors(source), asks, capture, known)
     for view in chosen:
         true = known[view.name]
         photograph = np.asarray(capture.photograph(view), np.float64) * capture.exposure
@@ -88,15 +92,18 @@ def _of_scene(
 
 
 def _of_view(
-    told: Priors | None, image: np.ndarray, view: View, true: Mapping[str, np.ndarray]
+    told: Priors | str, image: np.ndarray, view: View, true: Mapping[str, np.ndarray]
 ) -> Mapping[str, tuple[float, ...]]:
-    """Errors of the answers about one image, by kind."""
+    """Errors of the answers about one image, by kind; ``told`` may be a word of :data:`_MARKS`."""
     seen = true["object_id"] > 0
-    kinds = [kind for kind in UNITS if kind in true and (told is None or kind in told.kinds)]
-    answers = {
-        kind: _flat(kind, view) if told is None else getattr(told, kind)(image, view) for kind in kinds
-    }
-    return {kind: errors_of(kind, answer, true[kind], seen) for kind, answer in answers.items()}
+    kinds = [kind for kind in UNITS if kind in true and (isinstance(told, str) or kind in told.kinds)]
+
+    def answer(kind: str) -> np.ndarray:
+        if isinstance(told, str):
+            return _flat(kind, view) if told == FLAT else best_constant(kind, true[kind], seen)
+        return getattr(told, kind)(image, view)
+
+    return {kind: errors_of(kind, answer(kind), true[kind], seen) for kind in kinds}
 
 
 def _flat(kind: str, view: View) -> np.ndarray:
@@ -114,5 +121,5 @@ def check_sources(sources: Sequence[str]) -> None:
         RecordError: It is none.
     """
     for source in sources:
-        if source != FLAT and parse_priors(source) == PriorSpec():
+        if source not in _MARKS and parse_priors(source) == PriorSpec():
             raise MethodError(f"expected sources of priors that answer something, got {source}")

@@ -12,14 +12,11 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from graycard import GraycardError
-from graycard.benchmarks.training._batches import random_views, whole_views
-from graycard.benchmarks.training._errors import errors_of
+from graycard.benchmarks.training._batches import random_views
+from graycard.benchmarks.training._looks import Errors, Look, Views, errors_of_constants, errors_of_network
 from graycard.benchmarks.training._loss import loss_of, weighted
 from graycard.io import Progress, atomic_path, from_builtins, read_json, sha256, write_json
-from graycard.methods.priors.network import HEADS, GeometryNet, inputs_of
-from graycard.methods.surfels import srgb_decode_tensor
-
-Views = Mapping[str, np.ndarray]
+from graycard.methods.priors.network import GeometryNet, inputs_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +46,6 @@ class TrainSettings:
                 raise ValueError(f"expected {name} to be 1 or more, got {getattr(self, name)}")
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """What the curves show at one step."""
-
-    step: int
-    loss: float
-    """Mean over the steps since the last look."""
-    errors: Mapping[str, Mapping[str, tuple[float, ...]]]
-    """Of validation views, by track and kind, as :func:`errors_of` gives them; means over views."""
-
-
 @dataclass(slots=True)
 class TrainRecord:
     """What a training was: beside its weights."""
@@ -75,8 +61,12 @@ class TrainRecord:
     seconds: float = 0.0
     """Of one thread, looks included."""
     looks: tuple[Look, ...] = ()
+    last: Look | None = None
+    """At the weights in the file; its step is less than that of the settings where the fit was cut off."""
+    constant: Errors = field(default_factory=dict)
+    """Of the best constant of each validation view: what the curves are held against."""
     weights: str = ""
-    """SHA-256 of the file of weights; empty before the end."""
+    """SHA-256 of the file of weights."""
 
 
 @dataclass(slots=True)
@@ -107,13 +97,13 @@ def train(
         training: Views of :func:`read_views` by name of their scene.
         validation: Those of the curves; the part of a name before the first ``/`` is the track.
         settings: How.
-        out: ``own.safetensors`` is written here at the end, ``own.json`` with the record and
-            ``own.state.safetensors`` when it is cut off, too.
+        out: ``own.safetensors``, ``own.json`` with the record and ``own.state.safetensors`` are written here,
+            when it is cut off, too.
         progress: Told about each look.
         seconds: After this time, and one step, the training is cut off; run it again to go on.
 
     Returns:
-        The record; that of a training that was cut off has no hash of weights.
+        The record; ``last.step`` tells how far the training came.
 
     Raises:
         GraycardError: The folder holds a training of other settings or scenes.
@@ -127,17 +117,22 @@ def train(
         state.losses.append(_step(state, data, settings))
         state.step += 1
         if state.step % settings.look_every == 0 or state.step == settings.steps:
-            look = Look(state.step, float(np.mean(state.losses)), _looked(state.net, validation))
+            look = _look(state, validation)
             state.record.looks += (look,)
             state.losses = []
             progress(state.step / settings.steps, f"step {state.step}, loss {look.loss:.3f}")
         if time.perf_counter() - began > seconds:
             break
+    state.record.last = _look(state, validation) if state.losses else state.record.looks[-1]
     state.record.seconds = before + time.perf_counter() - began
-    if state.step == settings.steps:
-        _write_weights(state, out)
+    _write_weights(state, out)
     _keep(state, out)
     return state.record
+
+
+def _look(state: _State, validation: Mapping[str, Views]) -> Look:
+    """Where the training stands."""
+    return Look(state.step, float(np.mean(state.losses)), errors_of_network(state.net, validation))
 
 
 def _joined(scenes: Mapping[str, Views]) -> Views:
@@ -174,29 +169,6 @@ def _share(step: int, steps: int) -> float:
     return min((step + 1) / rise, 1) * 0.5 * (1 + np.cos(np.pi * step / steps))
 
 
-@torch.inference_mode()
-def _looked(net: GeometryNet, validation: Mapping[str, Views]) -> dict[str, dict[str, tuple[float, ...]]]:
-    """Errors by track and kind, means over all views."""
-    found: dict[str, dict[str, list[tuple[float, ...]]]] = {}
-    net.eval()
-    for name, views in validation.items():
-        batch = whole_views(views, np.arange(len(views["image"])))
-        told = net(inputs_of(batch["image"], batch["rays"]))
-        told["depth"], told["base_color"] = told["depth"].exp(), srgb_decode_tensor(told["base_color"])
-        of_track = found.setdefault(name.partition("/")[0], {})
-        for kind in [head for head in HEADS if head != "seen"]:
-            for number, depth in enumerate(views["depth"]):
-                values = told[kind][number].permute(1, 2, 0).numpy()
-                values = values if values.shape[-1] == 3 else values[..., 0]
-                errors = errors_of(kind, values, views[kind][number].astype(np.float32), np.isfinite(depth))
-                of_track.setdefault(kind, []).append(errors)
-    net.train()
-    return {
-        track: {kind: tuple(float(x) for x in np.mean(errors, axis=0)) for kind, errors in kinds.items()}
-        for track, kinds in found.items()
-    }
-
-
 def _state(
     training: Mapping[str, Views], validation: Mapping[str, Views], settings: TrainSettings, out: Path
 ) -> _State:
@@ -210,6 +182,7 @@ def _state(
     state = _State(net, optimizer, record)
     if _state_file(out).exists():
         _restore(state, out)
+    state.record.constant = errors_of_constants(validation)
     return state
 
 
@@ -260,5 +233,5 @@ def _write_weights(state: _State, out: Path) -> None:
     path = out / "own.safetensors"
     with atomic_path(path) as partial:
         halves = {name: values.half().contiguous() for name, values in state.net.state_dict().items()}
-        save_file(halves, partial, {"network": "graycard own", "seed": str(state.record.settings.seed)})
+        save_file(halves, partial, {"network": "graycard own"})  # one word: the order of several is chance
     state.record.weights = sha256(path)

@@ -150,8 +150,8 @@ def _weights(spec: KindSpec) -> Path:
         raise MethodError(
             f"expected weights for {spec.kind} priors at {spec.weights or 'a path'}, got none. Nothing is "
             f"downloaded: give priors a path to a folder that holds {spec.kind}/ (transformers) or "
-            f"{spec.kind}.pt (TorchScript), or one in overrides.{spec.kind}.path; a network of `graycard "
-            f"train-prior` tells of {', '.join(sorted(OWN_KINDS))}"
+            f"{spec.kind}.pt (TorchScript), or one in overrides.{spec.kind}.path; graycard's own network "
+            f"tells of {', '.join(sorted(OWN_KINDS))}"
         )
     return spec.weights
 

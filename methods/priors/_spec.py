@@ -13,8 +13,12 @@ from graycard.methods._priors import KINDS, SOURCES, PriorKind, PriorSource
 from graycard.methods.priors import _colour, _depth, _filling, _inpainting, _light, _mask, _material, _normal
 
 WORST = 5
+OWN = "own"
+"""Path that stands for graycard's own weights; a folder of that name is ``./own``."""
+OWN_WEIGHTS = Path(__file__).with_name("own.safetensors")
+"""File of graycard's own weights, which comes with the package."""
 OWN_KINDS: frozenset[PriorKind] = frozenset({"depth", "normal", "base_color", "roughness", "metallic"})
-"""Kinds that a network of ``graycard train-prior`` tells of."""
+"""Kinds that graycard's own network tells of."""
 LEVELS: Mapping[PriorKind, tuple[Any, ...]] = {
     "depth": _depth.LEVELS,
     "normal": _normal.LEVELS,
@@ -40,7 +44,7 @@ class Override:
     source: PriorSource | None = None
     severity: int | None = None
     path: str | None = None
-    """Where the weights are."""
+    """Where the weights are; ``own`` for graycard's own."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Single parameters of the oracle's errors, in place of those of the severity."""
     algorithm: str | None = None
@@ -65,8 +69,8 @@ class PriorSpec:
     seed: int = 0
     """Of the oracle's errors."""
     path: str = ""
-    """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript);
-    or a file of ``graycard train-prior``, whose name ends in ``.safetensors``."""
+    """Folder of weights: ``<path>/<kind>`` (transformers) or ``<path>/<kind>.pt`` (TorchScript); ``own`` for
+    graycard's own weights; or a file of such weights that ends in ``.safetensors``."""
     overrides: Mapping[str, Override] = field(default_factory=dict)
     """By kind."""
 
@@ -114,8 +118,8 @@ def parse_priors(text: str) -> PriorSpec:
     """A spec in a word, as on a command line.
 
     Args:
-        text: ``none``, ``classical``, ``oracle`` or ``oracle:3`` (severity), ``pretrained:FOLDER``, or a path
-            to a TOML file with the fields of a spec.
+        text: ``none``, ``classical``, ``oracle`` or ``oracle:3`` (severity), ``pretrained:own`` (graycard's
+            own weights), ``pretrained:FOLDER``, or a path to a TOML file with the fields of a spec.
 
     Raises:
         RecordError: It is none of these, or the file is broken.
@@ -132,7 +136,9 @@ def parse_priors(text: str) -> PriorSpec:
     elif more and source == "pretrained":
         data["path"] = more
     elif more:
-        raise RecordError(f"expected priors as in oracle:3 or pretrained:FOLDER, got {text!r}")
+        raise RecordError(
+            f"expected priors as in oracle:3, pretrained:own or pretrained:FOLDER, got {text!r}"
+        )
     return from_builtins(PriorSpec, data, RecordError, text)
 
 
@@ -161,8 +167,9 @@ def of_kind(spec: PriorSpec, kind: PriorKind | str) -> KindSpec:
 
 def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | None:
     path = override.path or spec.path
-    if path.endswith(".safetensors"):
-        return Path(path) if kind in OWN_KINDS else None
+    if path == OWN or path.endswith(".safetensors"):
+        weights = OWN_WEIGHTS if path == OWN else Path(path)
+        return weights if kind in OWN_KINDS else None
     if override.path:
         return Path(override.path)
     if not spec.path:

@@ -10,12 +10,15 @@ from graycard import GraycardError, MethodError
 from graycard.benchmarks import training
 from graycard.benchmarks.training import TRAINING, VALIDATION, TrainSettings, ViewSettings
 from graycard.cli import main
+from graycard.cli._priors import TrainPriorCommand
 from graycard.io import from_builtins, read_json, sha256, silent
 from graycard.methods import Ask
 from graycard.methods.priors import Override, PriorSpec, weights_of
 from graycard.methods.priors._own import load_own
-from graycard.synth import all_families, family_of
+from graycard.methods.priors._spec import OWN_WEIGHTS
+from graycard.synth import all_families, family_of, scene_name
 
+RECORD = Path(training.__file__).with_name("own.json")
 TINY, SEEDS = ViewSettings(16, 3), (100_001, 100_002)
 
 
@@ -91,10 +94,13 @@ def test_three_steps_give_weights_that_answer(views: Path, tmp_path: Path):
 def test_a_training_that_was_cut_off_ends_as_it_would_have(views: Path, tmp_path: Path):
     whole = fitted(views, tmp_path / "whole")
     for step in (1, 2):
-        assert fitted(views, tmp_path / "cut", seconds=0).weights == "", step
+        cut = fitted(views, tmp_path / "cut", seconds=0)
+        assert cut.last is not None
+        assert cut.last.step == step
+        assert cut.weights == sha256(tmp_path / "cut" / "own.safetensors") != whole.weights
     resumed = fitted(views, tmp_path / "cut")
     assert resumed.weights == whole.weights
-    assert resumed.looks == whole.looks
+    assert (resumed.looks, resumed.last) == (whole.looks, whole.looks[-1])
     with pytest.raises(GraycardError, match="expected .* to be free or to hold a training of these settings"):
         fitted(views, tmp_path / "cut", seed=1)
 
@@ -117,8 +123,27 @@ def test_errors_are_what_they_say():
     assert training.errors_of("roughness", depth + 0.25, depth, seen) == pytest.approx((0.25,))
 
 
+def test_no_constant_is_better_than_the_best():
+    rng = np.random.default_rng(3)
+    seen = rng.random((9, 9)) < 0.7
+    normals = rng.normal((0, 0, 2), 1, (9, 9, 3))
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals[seen & (normals[..., 0] > 0)] = 0, 1, 0  # a table, as most of a view is
+
+    def chord(constant: np.ndarray) -> float:
+        return float(np.linalg.norm(constant - normals, axis=-1)[seen].mean())
+
+    best = training.best_constant("normal", normals, seen)
+    assert np.ptp(best, axis=(0, 1)).max() == 0
+    assert np.linalg.norm(best[0, 0]) == pytest.approx(1)
+    others = best[0, 0] + rng.normal(0, 0.05, (50, 3))
+    assert chord(best) <= min(chord(other / np.linalg.norm(other)) for other in others) + 1e-4
+    rough = rng.random((9, 9))
+    assert training.best_constant("roughness", rough, seen)[0, 0] == np.median(rough[seen])
+
+
 def test_errors_grow_with_the_severity_of_the_oracle(tiny_scenes: dict[str, Path]):
-    sources = ("flat", "oracle:0", "oracle:2", "oracle:5")
+    sources = ("flat", "constant", "oracle:0", "oracle:2", "oracle:5", "pretrained:own")
     found = training.measure_priors([tiny_scenes["tabletop"]], sources, 2, silent)
     rows = {row.source: row for row in found if row.shown == "photograph"}
     assert list(rows) == list(sources)
@@ -128,7 +153,9 @@ def test_errors_grow_with_the_severity_of_the_oracle(tiny_scenes: dict[str, Path
     for kind in ("normal", "depth", "base_color"):
         errors = [rows[source].errors[kind][0] for source in ("oracle:0", "oracle:2", "oracle:5")]
         assert errors == sorted(errors)
-    assert rows["flat"].errors["depth"][1] == 1
+    for source in ("flat", "constant"):
+        assert rows[source].errors["depth"][1] == 1
+    assert rows["pretrained:own"].errors["depth"][1] < 1
     assert rows["flat"].views == 2
 
 
@@ -148,5 +175,16 @@ def test_the_command_measures_a_dataset(tiny_scenes: dict[str, Path], tmp_path: 
 def test_the_curves_are_drawn(views: Path, tmp_path: Path):
     drawn = training.training_plot(fitted(views, tmp_path))
     assert drawn.startswith("<?xml")
-    for words in ("loss of training views", "normals: mean angle, degrees", "multilight"):
+    for words in ("stroke-dasharray", "loss of training views", "normals: mean angle, degrees", "multilight"):
         assert words in drawn
+
+
+def test_the_record_is_that_of_the_weights_that_come_along():
+    record = from_builtins(training.TrainRecord, read_json(RECORD))
+    assert record.weights == sha256(OWN_WEIGHTS)
+    assert record.last is not None
+    assert set(record.last.errors) == set(record.constant) == {"dark", "multilight", "tabletop"}
+    specs = [training.training_scene(seed) for seed in range(100_000, 100_000 + len(record.training))]
+    assert record.training == tuple(f"{spec.track}/{scene_name(spec)}" for spec in specs)
+    assert len(record.training) == TrainPriorCommand(Path()).scenes  # as `make prior` has it
+    assert record.settings.steps == TrainPriorCommand(Path()).steps

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrainPriorCommand:
-    """Train a network for `--priors pretrained:FOLDER/own.safetensors`: render small views of scenes of its
-    own seeds, then fit its weights. Cut off, the same command goes on; views are kept.
+    """Train the network of `--priors pretrained:own` anew: render small views of scenes of its own seeds,
+    then fit its weights. Cut off, the same command goes on; views are kept. Use the weights by
+    `--priors pretrained:FOLDER/own.safetensors`.
     """
 
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
@@ -79,13 +80,12 @@ class TrainPriorCommand:
             render_views([*training, *validation], ViewSettings(), views, progress)
             shown = read_views(training, views), read_views(validation, views)
             record = train(*shown, settings, self.out, progress, seconds)
-        if self.plot is not None and record.looks:
+        if self.plot is not None:
             write_bytes(self.plot, training_plot(record).encode())
-        last = record.looks[-1].step if record.looks else 0
+        step = 0 if record.last is None else record.last.step
+        stopped = "" if step == self.steps else f" (stopped at step {step}); the same command goes on"
         terminal.out.print(
-            f"train-prior: {self.out / 'own.safetensors'}, {record.parameters} weights"
-            if record.weights
-            else f"train-prior: stopped (last look at step {last} of {self.steps}); the same command goes on"
+            f"train-prior: {self.out / 'own.safetensors'}, {record.parameters} weights{stopped}"
         )
         return OK
 
@@ -97,8 +97,9 @@ class PriorErrorsCommand:
     data: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|DATASET ...")]
     """Scenes, or datasets of which all scenes count."""
     priors: Annotated[tuple[str, ...], optional("SOURCE ...")] = field(default=())
-    """Sources as in `graycard fit --priors`, or `flat`, which looks at nothing; by default flat, classical
-    and the oracle's six severities."""
+    """Sources as in `graycard fit --priors`, or `flat`, which looks at nothing, or `constant`, the best value
+    that is one all over a view; by default these, classical, graycard's own network and the oracle's six
+    severities."""
     views: int = 4
     """Views of each scene."""
     json: Json = None

@@ -97,8 +97,8 @@ class FitCommand:
     save: Annotated[Path | None, optional("FOLDER")] = None
     """Also save the decomposition itself here."""
     priors: str = "none"
-    """Source of priors: none, oracle:SEVERITY, classical, pretrained:FOLDER, or a path that ends in .toml.
-    SEVERITY is 0, the truth itself, to 5."""
+    """Source of priors: none, oracle:SEVERITY, classical, pretrained:own, pretrained:FOLDER, or a path that
+    ends in .toml. SEVERITY is 0, the truth itself, to 5."""
     donor: Annotated[Path | None, optional("SCENE")] = None
     """Also fit this scene, and insert its object as the truth does."""
     timeout: Timeout = None

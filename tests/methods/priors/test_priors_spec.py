@@ -158,7 +158,7 @@ def test_a_spec_in_a_word(tmp_path):
         (
             "oracle:worst",
             RecordError,
-            "expected priors as in oracle:3 or pretrained:FOLDER, got 'oracle:wo",
+            "expected priors as in oracle:3, pretrained:own or pretrained:FOLDER, got 'oracle:wo",
         ),
         ("oracle:9", RecordError, "expected a severity of 0 to 5, got 9"),
         ("classical:1", RecordError, "expected priors as in oracle:3"),
