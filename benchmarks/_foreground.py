@@ -81,8 +81,11 @@ def fit_apart(
 
 def _import(asked: tuple[str, Path]) -> Outcome:
     """Import a method, in a worker."""
-    method, scene = asked
-    return guarded(lambda: _with_traceback(lambda: load_for(method, scene) and None), None)
+
+    def imported() -> None:
+        load_for(*asked)
+
+    return guarded(lambda: _with_traceback(imported), None)
 
 
 def _fit(asked: _Asked) -> Outcome:
