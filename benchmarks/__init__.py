@@ -36,5 +36,6 @@ from graycard.benchmarks.validity._check import RULES as RULES
 from graycard.benchmarks.validity._check import Validity as Validity
 from graycard.benchmarks.validity._check import check_result as check_result
 from graycard.benchmarks.validity._record import Breach as Breach
+from graycard.benchmarks.workers import USUAL as USUAL
 from graycard.benchmarks.workers import Limits as Limits
 from graycard.benchmarks.workers import run_all as run_all

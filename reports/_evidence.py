@@ -22,7 +22,7 @@ from graycard import (
 )
 from graycard.dataset import manifest_of
 from graycard.layers import find_fault, not_meant
-from graycard.records import JobResult, SceneRecord
+from graycard.records import JobResult, SceneRecord, job_folder
 from graycard.reports._format import count
 from graycard.reports._scores import find_score
 
@@ -132,7 +132,7 @@ def open_method(
     if result.status == "failed":
         return MethodEvidence(method, fault=result.reason or "the job failed", seeds=seeds, competes=competes)
     try:
-        found = open_predictions(run / result.folder / "predictions")
+        found = open_predictions(job_folder(run, result) / "predictions")
     except GraycardError as cause:
         return MethodEvidence(method, fault=str(cause), seeds=seeds, competes=competes)
     layers, faults = _read_views(found, views)

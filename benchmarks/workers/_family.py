@@ -20,9 +20,12 @@ from pathlib import Path
 MARK = "GRAYCARD_WORKER"
 """Environment variable: namespace, id and start of the bench's process, and a number."""
 _TEMPORARY = "graycard-worker-"
+"""Begin of the names of folders for temporary files; the mark follows."""
 _PDEATHSIG = 1
+"""Option of prctl: the signal that comes when the parent dies (``sys/prctl.h``)."""
 _PROC = Path("/proc")
 _ATTEMPTS = 20
+"""Most rounds of killing: a child may start others meanwhile."""
 
 
 def lead_family() -> None:
@@ -104,7 +107,7 @@ def _kill(processes: list[int]) -> int:
 
 
 def _processes() -> Iterator[tuple[int, str, str]]:
-    """Processes of this user but this one: id, state, and mark, empty without one; zombies are left out."""
+    """Yield id, state and mark (empty without one) of other living processes of this user."""
     for entry in _PROC.glob("[0-9]*"):
         pid = int(entry.name)
         state = _stat(pid)[:1]
@@ -124,13 +127,13 @@ def _session(pid: int) -> int:
 
 
 def _started(pid: int) -> str:
-    """When a process started, in the kernel's ticks; empty for one that is not there."""
+    """Return the start of a process in the kernel's ticks; empty for one that is not there."""
     fields = _stat(pid)
     return fields[19] if len(fields) > 19 else ""
 
 
 def _stat(pid: int) -> list[str]:
-    """Fields of ``/proc/<pid>/stat`` from the state on; none for a process that is not there."""
+    """Return the fields of ``/proc/<pid>/stat`` from the state on; none for a process that is not there."""
     try:
         return (_PROC / str(pid) / "stat").read_text(errors="replace").rpartition(")")[2].split()
     except OSError:

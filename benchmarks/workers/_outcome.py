@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a job ended."""
+"""The outcome of a job: a value, or the reason of its failure."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,12 +7,12 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a job ended."""
+    """The outcome of a job: a value, or the reason of its failure."""
 
     reason: str = ""
     """Why it failed; empty if it did not."""
     fatal: bool = False
-    """Whether the run cannot go on: there is no room for results."""
+    """True if the run cannot go on, as there is no room for results."""
     reused: bool = False
-    """Whether all was there already."""
+    """True if all was there already."""
     value: Any = None

@@ -69,8 +69,8 @@ class _Worker:
     job: int | None = None
     """Number of the job that it is at."""
     deadline: float | None = None
-    silent: bool = field(default=False)
-    """Whether its output has ended."""
+    silent: bool = False
+    """True once its output has ended."""
 
     @property
     def open_pipes(self) -> tuple[Connection, ...]:
@@ -103,15 +103,17 @@ class _Worker:
         sys.stderr.write(printable(text.decode(errors="replace")))
         sys.stderr.flush()
 
-    def end(self) -> None:
-        """End it with all that it has started."""
-        with contextlib.suppress(OSError):
-            self.pipe.send(None)
-        if self.job is None:
+    def end(self, *, idle: bool) -> None:
+        """End it with all that it has started; one that is idle has time to end by itself."""
+        if idle:
+            with contextlib.suppress(OSError):
+                self.pipe.send(None)
             _await_end(self.process)
-        end_family(self.process.pid or 0, self.mark)
+        assert self.process.pid is not None, "it was started"
+        end_family(self.process.pid, self.mark)
         self.process.join()
-        while not self.silent and self.output.poll():
+        patience = time.monotonic() + _GRACE_S  # what was not found may go on printing
+        while not self.silent and self.output.poll() and time.monotonic() < patience:
             self.show_output()
         for pipe in (self.pipe, self.output):
             pipe.close()
@@ -139,7 +141,7 @@ class _Pool:
                 self._await()
         finally:
             for worker in self.workers:
-                worker.end()
+                worker.end(idle=worker.job is None)
 
     def _hand_out(self, at_a_time: int) -> None:
         """Give each free worker a job, and start workers as long as there are jobs and room for them."""
@@ -183,10 +185,7 @@ class _Pool:
     def _close(self, worker: _Worker, outcome: Outcome) -> None:
         """End a worker, and note how its job ended."""
         self.workers.remove(worker)
-        number, done = worker.job, not outcome.reason
-        worker.job = None if done else worker.job
-        worker.end()
-        worker.job = number
+        worker.end(idle=not outcome.reason)
         self._note(worker, outcome)
 
     def _note(self, worker: _Worker, outcome: Outcome) -> None:
@@ -269,7 +268,7 @@ def _start(work: Callable[[Any], Outcome], limits: Limits) -> _Worker:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             pipe.send(work)
     except BaseException:
-        worker.end()
+        worker.end(idle=False)
         raise
     return worker
 

@@ -5,6 +5,7 @@ import dataclasses
 import importlib
 import inspect
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -12,9 +13,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graycard import DatasetError, OutputError
+from graycard import DatasetError, OutputError, RecordError
 from graycard.io import check_distinct, check_label, check_name, inside, printable
 from graycard.io._names import TextRule, check_relative_path
+from graycard.records import Job, JobResult, job_folder
 from house import modules
 
 GOOD = ["test_000", "a", "Lampe Süd", "view.left-1", "日本", "x" * 200]
@@ -56,6 +58,15 @@ def test_printable_texts_hold_no_control_character_and_are_left_alone(text: str)
     shown = printable(text)
     assert printable(shown) == shown
     assert not re.search(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]", shown)
+
+
+@pytest.mark.parametrize("folder", ["", ".", "jobs/dark/a"])
+def test_a_job_lies_in_its_run(tmp_path: Path, folder: str):
+    result = JobResult(Job("dark", "s", "m", 0, {}), "", folder, "done")
+    assert job_folder(tmp_path, result) == tmp_path / folder
+    for bad in ("..", "../x", "/tmp", "./x"):
+        with pytest.raises(RecordError, match="expected a path that stays in its folder"):
+            job_folder(tmp_path, replace(result, folder=bad))
 
 
 def test_labels_may_hold_what_files_may_not():

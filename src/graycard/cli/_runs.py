@@ -73,13 +73,12 @@ def limits_of(timeout: float | None, memory: float | None) -> Limits:
     Raises:
         GraycardError: A number is not above 0.
     """
-    from graycard.benchmarks import Limits
+    from graycard.benchmarks import USUAL, Limits
 
     for option, value in (("--timeout", timeout), ("--memory", memory)):
         if value is not None and not 0 < value < math.inf:
             raise GraycardError(f"expected a number above 0, got {value}. Mend {option}")
-    usual = Limits()
-    return Limits(timeout or usual.time_s, None if memory is None else max(1, round(memory * 1024)))
+    return Limits(timeout or USUAL.time_s, None if memory is None else max(1, round(memory * 1024)))
 
 
 @dataclass(frozen=True)

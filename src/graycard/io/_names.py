@@ -74,12 +74,12 @@ def check_relative_path(text: str) -> str:
 
 
 def check_folder(text: str) -> str:
-    """Return a :func:`check_relative_path`, or nothing: the folder itself.
+    """Return a :func:`check_relative_path`, or nothing or ``.``: the folder itself.
 
     Raises:
         ValueError: It leads out of the folder.
     """
-    return check_relative_path(text) if text else text
+    return text if text in ("", ".") else check_relative_path(text)
 
 
 def check_place(text: str) -> str:

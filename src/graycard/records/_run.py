@@ -284,7 +284,7 @@ def job_folder(run: Path, result: JobResult) -> Path:
     Raises:
         RecordError: The record names one outside of the run, or a link leads there.
     """
-    return inside(run, result.folder, error=RecordError) if result.folder else Path(run)
+    return Path(run) if result.folder in ("", ".") else inside(run, result.folder, error=RecordError)
 
 
 def is_published(folder: Path) -> bool:
