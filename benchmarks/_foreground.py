@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A single fit, in a process of its own: whoever asked for it outlives a crash of the method."""
+"""Fit once, in a process of its own: the process that asks outlives a crash of the method."""
 
 import contextlib
 import shutil
@@ -18,7 +18,7 @@ from graycard.methods import BUILT_IN
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """What is fitted, and where it is written to."""
+    """A fit that is asked for, with the folders that it is written to."""
 
     spec: FitSpec
     predictions: Path
@@ -55,11 +55,11 @@ def fit_apart(
     A fit that fails leaves no folder that was not there before.
 
     Args:
-        spec: What to fit.
-        predictions: Where to.
+        spec: The fit.
+        predictions: Folder of the predictions.
         progress: Called now and then.
-        save: Also write the decomposition itself, to this folder.
-        limits: Of time and memory.
+        save: Folder of the decomposition itself; None: it is not saved.
+        limits: Limits of time and memory.
 
     Raises:
         MethodError: The fit failed, for whatever reason, or its process ended. The traceback of the method's

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a step of a second stage costs by the size of the pictures, and on what it is spent."""
+"""Measure a step of the second stages by the size of pictures, and its parts."""
 
 import statistics
 import time
@@ -41,7 +41,7 @@ class StagedMethod:
     name: str
     family: str
     settings: Mapping[str, Any]
-    """With them the second stage has no breaks."""
+    """Settings that leave out what interrupts the second stage."""
 
 
 METHODS = (
@@ -69,7 +69,7 @@ class StageCost:
     size: int
     """Pixels along each side."""
     steps: int
-    """Of which the time was taken."""
+    """Number of steps that were timed."""
     ms: float
     """CPU time of a step, median; other programs hardly change it."""
     least_ms: float
@@ -101,7 +101,7 @@ def measure_second_stages(
 
 
 def growth(costs: Sequence[StageCost]) -> dict[str, float]:
-    """How many times as long a step takes with the largest pictures as with the smallest, by method."""
+    """Return the time of a step with the largest pictures over that with the smallest, by method."""
     found = {}
     for name in dict.fromkeys(cost.method for cost in costs):
         by_size = {cost.size: cost.ms for cost in costs if cost.method == name}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a network is shown in one step: views cut, mirrored, exposed, tinted and made noisy at random."""
+"""Draw the batch of a step: views cut, mirrored, exposed, tinted and made noisy at random."""
 
 from collections.abc import Mapping
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How wrong a prior's answer about one view is, by the measures with which methods look at it."""
+"""Measure errors of a prior's answer about one view, as methods look at it."""
 
 from collections.abc import Mapping
 
@@ -14,9 +14,9 @@ UNITS: Mapping[PriorKind, tuple[str, ...]] = {
     "roughness": ("mean",),
     "metallic": ("mean",),
 }
-"""Of the errors of each kind."""
+"""Names of the errors of each kind."""
 _ROUNDS = 30
-"""Of the search for a median of directions."""
+"""Rounds of the search for a median of directions."""
 
 
 def errors_of(kind: str, told: np.ndarray, true: np.ndarray, seen: np.ndarray) -> tuple[float, ...]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is seen of a training while it runs: the loss, and how wrong the network is about validation views."""
+"""Looks at a training while it runs: its loss, and the network's errors on validation views."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ from graycard.methods.surfels import srgb_decode_tensor
 
 Views = Mapping[str, np.ndarray]
 Errors = Mapping[str, Mapping[str, tuple[float, ...]]]
-"""By track and kind, as :func:`errors_of` gives them; means over views."""
+"""Errors by track and kind, in the units of :func:`errors_of`; means over views."""
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """What the curves show at one step."""
+    """One point of the curves."""
 
     step: int
     loss: float
     """Mean over the steps since the last look."""
     errors: Errors
-    """Of validation views."""
+    """Errors on validation views."""
 
 
 @torch.inference_mode()

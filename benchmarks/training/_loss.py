@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far what a network tells is from the truth, as a loss."""
+"""Loss between a network's maps and the true ones."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,7 @@ WEIGHTS = {
     "metallic": 0.3,
     "seen": 0.2,
 }
-"""Of the parts of the loss."""
+"""Weights of the parts of the loss."""
 STEEP = 0.1
 """Log of depths of neighbours from which on they are on two surfaces: their slope is none."""
 

@@ -19,25 +19,25 @@ a half, no metal."""
 CONSTANT = "constant"
 """Stands for the best answer that is one value all over a view: it knows the truth, but tells no shape."""
 SOURCES = (FLAT, CONSTANT, "classical", "pretrained:own", *(f"oracle:{severity}" for severity in range(6)))
-"""What is measured unless others are named."""
+"""Sources that are measured unless others are named."""
 PAINT = "base_color"
-"""Of the true layers, the one that is shown in place of the photograph where a method asks anew."""
+"""True layer that is shown in place of the photograph where a method asks anew."""
 _MARKS = (FLAT, CONSTANT)
 _TRUTH = (*UNITS, "object_id")
 
 
 @dataclass(frozen=True, slots=True)
 class PriorErrors:
-    """How wrong one source is on the views of one track."""
+    """Errors of one source on the views of one track."""
 
     track: str
     source: str
-    """As on a command line, or :data:`FLAT` or :data:`CONSTANT`."""
+    """Source as on a command line, or :data:`FLAT` or :data:`CONSTANT`."""
     shown: str
     """``photograph``, or ``base_color``: the true paint in its place."""
     views: int
     errors: Mapping[str, tuple[float, ...]]
-    """By kind, as :func:`errors_of` gives them; means over views."""
+    """Errors by kind, in the units of :func:`errors_of`; means over views."""
 
 
 def measure_priors(

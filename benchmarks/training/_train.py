@@ -21,7 +21,7 @@ from graycard.methods.priors.network import GeometryNet, inputs_of
 
 @dataclass(frozen=True, slots=True)
 class TrainSettings:
-    """How weights are fitted.
+    """Settings of a training.
 
     Raises:
         ValueError: A number is out of its range.
@@ -31,14 +31,14 @@ class TrainSettings:
     batch: int = 8
     """Views in a step."""
     rate: float = 1.5e-3
-    """Of AdamW at its highest; it rises over a twentieth of the steps and falls by a cosine to 0."""
+    """Highest rate of AdamW; it rises over a twentieth of the steps and falls by a cosine to 0."""
     decay: float = 0.01
-    """Of the weights."""
+    """Weight decay."""
     look_every: int = 150
     """Steps between two looks at the validation views."""
     seed: int = 0
     bf16: bool = True
-    """Whether convolutions are taken in bfloat16: twice as fast where the processor has it, else slow."""
+    """Take convolutions in bfloat16: twice as fast where the processor has it, else slow."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "batch", "look_every"):
@@ -48,7 +48,7 @@ class TrainSettings:
 
 @dataclass(slots=True)
 class TrainRecord:
-    """What a training was: beside its weights."""
+    """Record of a training, kept beside its weights."""
 
     settings: TrainSettings
     training: tuple[str, ...]
@@ -56,22 +56,22 @@ class TrainRecord:
     validation: tuple[str, ...]
     """Names of the scenes of the curves."""
     views: tuple[int, int]
-    """How many of each."""
+    """Numbers of training and of validation views."""
     parameters: int = 0
     seconds: float = 0.0
-    """Of one thread, looks included."""
+    """Seconds of one thread, looks included."""
     looks: tuple[Look, ...] = ()
     last: Look | None = None
     """At the weights in the file; its step is less than that of the settings where the fit was cut off."""
     constant: Errors = field(default_factory=dict)
-    """Of the best constant of each validation view: what the curves are held against."""
+    """Errors of the best constant of each validation view, against which curves are held."""
     weights: str = ""
     """SHA-256 of the file of weights."""
 
 
 @dataclass(slots=True)
 class _State:
-    """What a training goes on from."""
+    """State that a training goes on from."""
 
     net: GeometryNet
     optimizer: torch.optim.AdamW
@@ -131,7 +131,7 @@ def train(
 
 
 def _look(state: _State, validation: Mapping[str, Views]) -> Look:
-    """Where the training stands."""
+    """Return the training's loss and errors at this step."""
     return Look(state.step, float(np.mean(state.losses)), errors_of_network(state.net, validation))
 
 

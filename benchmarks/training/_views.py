@@ -23,7 +23,7 @@ LAYERS = ("image", "depth", "normal", "base_color", "roughness", "metallic")
 
 @dataclass(frozen=True, slots=True)
 class ViewSettings:
-    """How training scenes are photographed.
+    """Settings of the views of training scenes.
 
     Raises:
         ValueError: A number is out of its range.
@@ -32,7 +32,7 @@ class ViewSettings:
     size: int = 112
     """Width and height, pixels: those of the suites."""
     views: int = 5
-    """Of each scene, along the walk of its family."""
+    """Number of views of a scene, along the walk of its family."""
 
     def __post_init__(self) -> None:
         self.rendering()  # checks both

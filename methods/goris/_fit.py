@@ -116,7 +116,7 @@ class FittedLight(NamedTuple):
 
     parameters: Parameters
     metal: bool = False
-    """Whether the glossy surfaces are of a metal, whose diffuse radiance stays where it began."""
+    """True if glossy surfaces are of a metal: their diffuse radiance then stays where it began."""
 
 
 def fit_light(

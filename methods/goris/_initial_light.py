@@ -85,12 +85,12 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Reflectance:
-    """What glossy surfaces are."""
+    """Material of the glossy surfaces."""
 
     f0: np.ndarray
     """Shape ``(3,)``; alike in all channels of what is no metal."""
     metal: bool
-    """Whether they scatter no light."""
+    """True if they scatter no light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,10 @@ def initial_light(
 
 
 def found_reflectance(found: Observations) -> Reflectance | None:
-    """What glossy surfels are; None where sightings do not determine it, see :func:`initial_light`."""
+    """Return the material of glossy surfels; None where sightings do not determine it.
+
+    See :func:`initial_light`.
+    """
     clear = found.take(np.abs(found.passed - 0.5) >= 0.5 - _CLEAR)
     _, number, count = np.unique(clear.surfel, return_inverse=True, return_counts=True)
     clear = clear.take(count[number] > 1)
@@ -167,7 +170,7 @@ def _dielectric_f0(clear: Observations) -> float:
 
 
 def _mirrored(clear: Observations) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Where reflected rays meet surfels: the factor of F0 and what is seen less all else that is reflected.
+    """Return, where reflected rays meet surfels, the factor of F0 and the radiance that it explains.
 
     Returns:
         Two of shape ``(K, 3)``, and the surfel of each.

@@ -275,7 +275,7 @@ class RemovalTarget:
         return self.kept, self.rough, self.glossy, self.encoded, *self.layers.values()
 
     def at(self, window: Window) -> "RemovalTarget":
-        """Those of a part of the view."""
+        """Return the targets of a part of the view."""
         kept, rough, glossy = (window.of(mask) for mask in (self.kept, self.rough, self.glossy))
         layers = {name: window.of(layer) for name, layer in self.layers.items()}
         return RemovalTarget(kept, rough, glossy, window.of(self.encoded), layers)

@@ -104,7 +104,7 @@ class GorisSettings(RemovalSettings):
     """Whether glossy surfels that photographs show mostly within the widened masks of the object are removed
     with it; False, the paper: only what is labelled as the object."""
     shadow: bool = False
-    """Whether the object's shadow is removed, too, a step beyond the paper: surfels and photographs are
+    """Remove the object's shadow, too, a step beyond the paper: surfels and photographs are
     brightened by the light that the object blocked before anything is inpainted."""
     material_inpainting: bool = True
     """Whether holes in glossy surfaces are inpainted as materials; False: as radiance, as anywhere else."""

@@ -45,14 +45,14 @@ SIZE = 9
 LEAST_COSINE = 0.1
 """Between a ray and the normal: at lower angles a ray meets the uneven surface that it starts on."""
 VIEWS, POINTS = 5, 7000
-"""How many training views are looked at, and about how many of their pixels."""
+"""Numbers of training views and, about, of their pixels that are looked at."""
 LEAST_HIDDEN = 0.003
 """Share of an even sky that the object hides from a point that tells of the light: others are of other
 surfaces, whose reflectance is another."""
 FEWEST = 50
 """Points without which no light is found."""
 _LEAST_SPREAD = 1e-4
-"""Of what is not explained, so that even an even light on an even surface has one solution."""
+"""Least spread of unexplained brightness, so that an even light on an even surface has one solution."""
 DOUBT = 10.0
 """Weight of the light being what it was expected to be, times the variance of the logarithm of what points
 differ by from what is explained, beside the mean weight of a texel in the points: the more uneven a surface,
@@ -61,7 +61,7 @@ EVEN = 0.4
 """Deviation of the logarithm of brightness, beyond which a point counts less and less (Cauchy): reflectance
 is not the same everywhere."""
 ROUNDS = 3
-"""How often the weights of the points are updated."""
+"""Number of times that the points' weights are updated."""
 LEAST_LEFT = 0.25
 """Share of the light that the object is believed to leave a point at least: no point gets brighter than by
 the inverse, where next to nothing is known of it."""
@@ -77,7 +77,7 @@ _REACH = 3.5
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What P points see of K directions all around; float32."""
+    """Shares of K directions all around that P points see; float32."""
 
     cosines: torch.Tensor
     """Shape ``(P, K)``: between direction and normal, 0 below :data:`LEAST_COSINE`."""
@@ -93,15 +93,15 @@ class Sight:
 
     @property
     def whole(self) -> torch.Tensor:
-        """The same with the object."""
+        """Return the shares with the object in place, shape ``(P, K)``."""
         return self.emptied * self.target
 
     def of(self, points: torch.Tensor) -> "Sight":
-        """What some of the points see, those of a mask ``(P,)``."""
+        """Return the shares of the points in a mask ``(P,)``."""
         return Sight(self.cosines[points], self.others[points], self.target[points])
 
     def weighted(self, sizes: torch.Tensor) -> "Sight":
-        """The same, directions ``(K,)`` weighted."""
+        """Return the shares with directions weighted by sizes ``(K,)``, sr."""
         return Sight(self.cosines * sizes, self.others, self.target)
 
     def left(self, light: torch.Tensor) -> torch.Tensor:
@@ -122,7 +122,7 @@ def light_directions() -> tuple[torch.Tensor, torch.Tensor]:
 
 @dataclass(frozen=True, eq=False)
 class Hiders:
-    """What is in the way of light."""
+    """Surfels in the way of light."""
 
     target: Surfels
     """The object's surfels."""
@@ -261,7 +261,7 @@ class Unshaded:
     parameters: Parameters
     """Surfels without the object, brightened."""
     added: list[np.ndarray]
-    """What photographs lack for the shadow: one a view, shape ``(H, W, 3)``, linear, exposed, 0 or more."""
+    """Radiance that the shadow took from each view, shape ``(H, W, 3)``, linear, exposed, 0 or more."""
 
 
 @torch.no_grad()

@@ -97,7 +97,7 @@ class _Trial:
     """Lights, and how well they explain all views."""
 
     stage: LightStage
-    """With views that are no larger than a tile."""
+    """Stage with views no larger than a tile."""
     half: LightStage
     """Stage with views of half the size, on which all proposals are tried."""
     parameters: Parameters

@@ -130,15 +130,15 @@ class Search:
 
     samples: Samples
     surfels: Surfels
-    """In the way of light."""
+    """Surfels in the way of light."""
     settings: GsidSettings
     extent: float
-    """Of the scene, metres."""
+    """Extent of the scene, metres."""
     by_way: ByWay | None = None
-    """How light gets from surface to surface; None: not at all."""
+    """Transport of light from surface to surface; None: without it."""
 
     def places(self) -> torch.Tensor:
-        """Where at most ``settings.lamps`` lamps hang that explain the samples, shape ``(k, 3)``, metres."""
+        """Return places of up to ``settings.lamps`` lamps that explain the samples, ``(k, 3)``, metres."""
         look, samples = self._look(traced=True), self.samples
         sky, shown = _sky_columns(samples, self.by_way).mean(dim=-1), samples.shown.mean(dim=-1)
         places, spacing = _grid(samples)
@@ -227,7 +227,7 @@ class _Look:
     middle: torch.Tensor
     surfels: Surfels
     form: Visibility
-    """What is in the way of lamps."""
+    """Model of what is in the way of lamps."""
     lobes: int
     extent: float
     by_way: ByWay | None

@@ -97,7 +97,7 @@ def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None
 
 
 def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitState:
-    """In chunks: before each, rays are traced to where the lamps are then, and lamps change.
+    """Fit lights in chunks: before each, trace rays to the lamps of then, and change lamps.
 
     After the last change lamps that are next to out are left out for good: the scene will not show them, and
     the others have the steps that are left to make up for them.

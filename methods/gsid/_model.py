@@ -257,7 +257,7 @@ def picture_of(
 def _besides_lamps(
     pixels: Pixels, surroundings: Surroundings, reach: Reach
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """What pixels show of the surroundings, and of light that came by way of other surfaces."""
+    """Return radiance from the surroundings, and from light by way of other surfaces, each ``(..., 3)``."""
     material, normal, eye, cover = pixels.material, pixels.normal, pixels.eye, pixels.cover[..., None]
     by_sky = lit_by_surroundings(material, normal, eye, surroundings).whole
     behind = look_up(surroundings.skies[0], -eye)
@@ -269,12 +269,12 @@ def _besides_lamps(
 
 
 class WholePicture(NamedTuple):
-    """What the loss of a fit looks at."""
+    """Radiance and flux that the loss of a fit looks at."""
 
     whole: torch.Tensor
-    """As in :class:`LitPicture`, shape ``(..., 3)``."""
+    """Radiance as in :class:`LitPicture`, shape ``(..., 3)``."""
     given: torch.Tensor
-    """As there, shape ``(K,)``."""
+    """Light of each lamp as there, shape ``(K,)``."""
 
 
 def whole_picture_of(

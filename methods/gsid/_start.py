@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the second stage begins with: lights that are found, and vectors that know their shadows."""
+"""Start of the second stage: lights that are found, and vectors that know their shadows."""
 
 from collections.abc import Mapping
 

@@ -29,7 +29,7 @@ class OwnNetwork:
     net: GeometryNet
 
     def answer(self, question: Question) -> np.ndarray:
-        """What the network says.
+        """Return the network's answer.
 
         Raises:
             MethodError: It gives no finite values: the weights are not those of such a network.
@@ -85,7 +85,7 @@ def _network(weights: Path, _: tuple[int, int]) -> GeometryNet:
 
 
 def _seen_by(question: Question) -> torch.Tensor:
-    """What the network sees of a question, ``(1, 5, H', W')``, of about as many pixels as it knows."""
+    """Return the network's input for a question, ``(1, 5, H', W')``, of about as many pixels as it knows."""
     height, width = np.shape(question.image)[:2]
     factor = SIDE / np.sqrt(height * width)
     tall, wide = (max(round(side * factor / STEP), 1) * STEP for side in (height, width))

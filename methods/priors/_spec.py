@@ -44,7 +44,7 @@ class Override:
     source: PriorSource | None = None
     severity: int | None = None
     path: str | None = None
-    """Where the weights are; ``own`` for graycard's own."""
+    """Place of the weights; ``own`` for graycard's own."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Single parameters of the oracle's errors, in place of those of the severity."""
     algorithm: str | None = None

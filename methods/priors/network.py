@@ -15,7 +15,7 @@ WIDTHS = (48, 96, 144, 160)
 HEADS = {"normal": 3, "depth": 1, "base_color": 3, "roughness": 1, "metallic": 1, "seen": 1}
 """Channels of what is told, in the order of the last layer."""
 CONTRAST = 500.0
-"""Of the curve by which pictures are compressed: a flash leaves corners at a thousandth of white."""
+"""Steepness of the curve that compresses pictures: a flash leaves corners at a thousandth of white."""
 SIDE = 112
 """Pixels along the side of a picture that the network knows."""
 STEP = 16

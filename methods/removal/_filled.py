@@ -46,10 +46,10 @@ class Target:
 
 
 class Choice(NamedTuple):
-    """How views that tell others are chosen."""
+    """Rule by which views that tell others are chosen."""
 
     candidates: int
-    """How many views are filled in."""
+    """Number of views that are filled in."""
     pick: Callable[[Mapping[int, Target], int], dict[int, Target]]
     """Handed those and how many are wanted."""
 

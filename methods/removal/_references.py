@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which inpainted views tell the others, as the released code of GOR-IS chooses them."""
+"""Choose the inpainted views that tell the others, as GOR-IS's released code does."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -16,7 +16,7 @@ CANDIDATES = 10
 
 
 def choice_of(settings: RemovalSettings) -> Choice | None:
-    """How references are chosen; None: those with the largest holes."""
+    """Return the rule for references; None for those with the largest holes."""
     return Choice(CANDIDATES, chosen_references) if settings.reference_choice == "release" else None
 
 

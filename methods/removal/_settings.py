@@ -45,11 +45,11 @@ class RemovalSettings(StagedSettings):
     references: int = 3
     """Views in which the hole is filled in, and which say so to the others; 0: every view for itself."""
     reference_choice: Literal["largest", "release"] = "largest"
-    """Which views those are: the ones with the largest holes; or out of ten, as in GOR-IS's released code,
+    """Rule for these views: those with the largest holes; or out of ten, as in GOR-IS's released code,
     those that agree least on what is in the holes and look least the same way."""
     holes: Literal["unseen", "hull"] = "unseen"
-    """What is filled in: what no other view has seen behind the object; or, as in GOR-IS's released code, all
-    that lies in the hull of the object, grown by half."""
+    """Pixels that are filled in: those that no other view sees behind the object; or, as in GOR-IS's code,
+    all that lies in the hull of the object, grown by half."""
     hole_weight: float = 1.0
     """Factor on the photometric loss of pixels in holes, beside 1 of those of photographs (GOR-IS: 0.01 in
     its code)."""

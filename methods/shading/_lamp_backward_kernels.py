@@ -132,7 +132,7 @@ def through_facets(normal, eye, toward, front, squared, glossy):
 
 @njit(**INLINED, **BORROWING)
 def through_surface(normal, eye, toward, material, to_returned, facing):
-    """What is returned of one lamp, the other way.
+    """Pass gradients of the light that one lamp has returned back to surface and lamp.
 
     Returns:
         Gradients of what faces the lamp, of the direction to it, of normals, and of the three of

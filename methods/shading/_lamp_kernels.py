@@ -16,7 +16,7 @@ from graycard.methods.splat import vectors as simd
 from graycard.methods.splat.parallel import BORROWING, INLINED, UNWRAPPED, run_in, share, task
 
 PARTS = 8
-"""In which sums over surfaces are taken, whatever the number of threads."""
+"""Parts in which sums over surfaces are taken, whatever the number of threads."""
 LANES = simd.LANES
 NEAREST = 1e-12
 """Least squared distance of a lamp, as in ``_lamps``."""
@@ -48,7 +48,7 @@ class LampRows(NamedTuple):
 
     positions: np.ndarray
     axes: np.ndarray
-    """Of length 1."""
+    """Unit axes of the lobes."""
     sharpness: np.ndarray
     amplitudes: np.ndarray
     known: np.ndarray
@@ -103,7 +103,7 @@ def way_to(lamps, lamp, points, softened):
 
 @njit(**INLINED, **BORROWING)
 def lobe_of(lamps, lobe, toward):
-    """Where a lobe is beside its axis, and how bright it is there, in shares of its amplitude."""
+    """Return ``toward`` plus a lobe's axis, and the lobe's brightness there in shares of its amplitude."""
     aside = added(toward, number(1.0), triple_of(lamps.axes, 3 * lobe))
     exponent = number(-0.5 * OVER_LN_2) * simd.load_scalar(lamps.sharpness, lobe) * dot(aside, aside)
     return aside, simd.exp2(exponent)
@@ -111,7 +111,7 @@ def lobe_of(lamps, lobe, toward):
 
 @njit(**INLINED, **BORROWING)
 def intensity_of(lamps, lamp, lobes, toward):
-    """What a lamp sends the other way than ``toward``."""
+    """Return the intensity that a lamp sends against ``toward``."""
     zero = number(0.0)
     sent = zero, zero, zero
     for lobe in range(lamp * lobes, (lamp + 1) * lobes):

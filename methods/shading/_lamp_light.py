@@ -24,7 +24,7 @@ class LampLight(NamedTuple):
 
 
 class InTheWay(NamedTuple):
-    """What is in the way of K lamps; no field: nothing."""
+    """Obstacles between surfaces and K lamps; without any field none."""
 
     vector: torch.Tensor | None = None
     """Shape ``(..., 3)``, of any length: brought to length 1, of light from the direction w ``1 - max(0, v .
@@ -87,7 +87,7 @@ def _check(*tensors: torch.Tensor) -> None:
 
 
 class _Still(NamedTuple):
-    """What no gradient passes: one row a surface."""
+    """Inputs that take no gradient: one row a surface."""
 
     points: torch.Tensor
     eye: torch.Tensor

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where no surface can be: before what a prior or the sparse points say that a training camera sees.
+"""Find space without surfaces: before what a training camera sees by a prior or the sparse points.
 
 What hangs right before a camera is seen by that camera alone, and explains its photograph however wrong it
 is: no other view objects. Such plates take the surfels that the surfaces behind them need.
@@ -25,15 +25,15 @@ FEWEST = 10
 
 @dataclass(frozen=True, eq=False)
 class Clearing:
-    """Which surfels hang before surfaces that a training camera sees."""
+    """Finds surfels that hang before surfaces which a training camera sees."""
 
     cameras: Sequence[Camera]
-    """Of the training views."""
+    """Cameras of the training views."""
     free: Sequence[torch.Tensor]
-    """Of each the z-depth before which nothing is, shape ``(H, W)``, metres; 0 where nobody knows."""
+    """Depth z of each before which nothing is, shape ``(H, W)``, metres; 0 where nobody knows."""
 
     def __call__(self, surfels: Mapping[str, torch.Tensor]) -> torch.Tensor:
-        """Those whose centre is where a camera looks through, shape ``(N,)``, bool."""
+        """Return True for surfels whose centre a camera looks through, shape ``(N,)``."""
         centres = surfels[CENTRES].detach()
         found = torch.zeros(len(centres), dtype=torch.bool)
         for camera, free in zip(self.cameras, self.free, strict=True):
@@ -52,7 +52,7 @@ def _before(centres: torch.Tensor, camera: Camera, free: torch.Tensor) -> torch.
 
 
 def clearing_of(capture: Capture, guesses: Sequence[GeometryGuess], share: float) -> Clearing:
-    """What is free before each training camera.
+    """Return the space that is free before each training camera.
 
     Where a prior tells depth, its scale is found by the sparse points that the view saw; else the nearest of
     these points is taken for the nearest surface.

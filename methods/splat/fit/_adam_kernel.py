@@ -28,7 +28,7 @@ class Moved(NamedTuple):
     """Running mean of its square."""
     rate: float
     steps: int
-    """How often it was moved, this time included."""
+    """Number of its moves, this one included."""
 
 
 def _floats_at(typing: Any, address: types.Type) -> Any:

@@ -65,7 +65,7 @@ class TrainConfig:
     until: int | None = None
     """Stop, and save, after so many of the ``steps``; None: after all of them."""
     misplaced: Misplaced | None = None
-    """Which surfels go whenever ``rules`` take some away, besides those that these name; None: no others."""
+    """Names surfels that go whenever ``rules`` take some away, besides theirs; None: no others."""
 
     @property
     def last(self) -> int:

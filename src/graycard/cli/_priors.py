@@ -35,15 +35,15 @@ class TrainPriorCommand:
     first_seed: Annotated[int | None, optional("INT")] = None
     """First seed of the scenes to train on; 100000 by default. Seeds that judge are refused."""
     steps: int = 1500
-    """Of eight views."""
+    """Steps of eight views each."""
     seed: int = 0
-    """Of weights and batches."""
+    """Seed of weights and batches."""
     bf16: bool = True
     """Compute in bfloat16: twice as fast on processors that have it, slow on others."""
     minutes: Annotated[float | None, optional("MINUTES")] = None
     """Stop the fit after this time; no limit by default."""
     plot: Annotated[Path | None, optional("FILE.svg")] = None
-    """Also draw the curves."""
+    """Draw the curves to this file, too."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Render what is missing, then fit.
@@ -103,7 +103,7 @@ class PriorErrorsCommand:
     views: int = 4
     """Views of each scene."""
     json: Json = None
-    """Also write the errors to this file."""
+    """Write the errors to this file, too."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Show a row for each track, image and source.

@@ -27,7 +27,7 @@ class SpeedCommand:
     score: one view with all its layers, on one core.
     steps: a step of the second stages by the size of the pictures, on one core."""
     repeats: int = 5
-    """How often each is timed; medians count. Of steps eight times as many."""
+    """Number of timings, of which medians count; of steps eight times as many."""
     parts: Annotated[Parts, tyro.conf.arg(help_behavior_hint="")] = ()
     """engine: measure these only."""
     workloads: Annotated[tuple[str, ...], optional("WORKLOAD ...")] = ()

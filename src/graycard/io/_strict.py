@@ -14,7 +14,7 @@ from typing import Any
 DEEPEST = 100
 """Levels of nesting that data may have; graycard's own has fewer than 20."""
 _LEAST, _MOST = -(2**63), 2**64 - 1
-"""Whole numbers that arrays can hold."""
+"""Range of whole numbers that arrays can hold."""
 
 
 def parse_json(text: str) -> Any:
