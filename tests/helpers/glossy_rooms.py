@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The world of ``glossy_sheets`` as a capture, and priors that know it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +11,12 @@ import torch
 from glossy_sheets import EXTENT, OBJECT, SETTINGS, GlossyWorld, shots_of_world
 from graycard import Capture, Points, View, methods, open_capture
 from graycard.dataset import write_index
-from graycard.io import Manifest, write_layers, write_manifest, write_rgb
+from graycard.io import Manifest, silent, write_layers, write_manifest, write_rgb
 from graycard.methods.goris import GlossyScene
+from graycard.methods.goris._fit import FittedLight
+from graycard.methods.goris._remove import Removed, without_object
 from graycard.methods.goris._scene import LAYERS
+from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.splat import CENTRES, SH_DC
 from graycard.methods.surfels import COEFFICIENTS, srgb_decode_tensor
@@ -32,6 +35,21 @@ class Painter:
         left = self.world.parameters.take(torch.from_numpy(self.world.part != OBJECT))
         layers = GlossyScene(left, SETTINGS, 1.0, EXTENT).render(question.view.camera, sorted(LAYERS))
         return layers[question.of].astype(np.float64)
+
+
+def removed_from(
+    world: GlossyWorld,
+    room: Capture,
+    priors: methods.Priors,
+    settings: GorisSettings,
+    *,
+    shots: Sequence[TrainingView] | None = None,
+    light: FittedLight | None = None,
+) -> Removed:
+    """Take the object out of the true surfels, or of others."""
+    shots = shots_of_world(world) if shots is None else shots
+    light = FittedLight(world.parameters) if light is None else light
+    return without_object(room, light, shots, priors, settings=settings, seed=0, progress=silent)
 
 
 def write_room(world: GlossyWorld, folder: Path) -> Capture:

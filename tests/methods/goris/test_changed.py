@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from glossy_rooms import Painter, write_room
+from glossy_rooms import Painter, removed_from, write_room
 from glossy_sheets import (
     EXTENT,
     OBJECT,
@@ -17,9 +17,7 @@ from glossy_sheets import (
     with_settings,
 )
 from graycard import Camera, Capture, View, methods
-from graycard.io import silent
-from graycard.methods.goris._fit import FittedLight
-from graycard.methods.goris._remove import _drawn, _effects, without_object
+from graycard.methods.goris._remove import _drawn, _effects
 from graycard.methods.removal._behind import views_behind
 from graycard.methods.removal._target import widened
 from graycard.methods.splat import scene_extent
@@ -39,15 +37,7 @@ def test_photographs_are_doubted_where_they_show_the_object_or_its_reflection(tm
     changed = {}
     for effect_mask in (True, False):
         settings = with_settings(iterations=4, effect_mask=effect_mask, grow=0.03)
-        changed[effect_mask] = without_object(
-            room,
-            FittedLight(world.parameters),
-            shots,
-            priors,
-            settings=settings,
-            seed=0,
-            progress=silent,
-        ).changed
+        changed[effect_mask] = removed_from(world, room, priors, settings, shots=shots).changed
     for view, shot, effect in zip(room.train, shots, effects, strict=True):
         hidden = widened(shot.target.numpy() > 0.5, 0.03)
         with_it, without = (changed[effect_mask][view.name] for effect_mask in (True, False))

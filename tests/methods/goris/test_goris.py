@@ -12,7 +12,7 @@ import torch
 from scipy.ndimage import maximum_filter
 
 from glossy_captures import QUICK, UNTOLD, NothingGlossy, told
-from glossy_rooms import Painter, knowing, write_room
+from glossy_rooms import Painter, knowing, removed_from, write_room
 from glossy_sheets import (
     EXTENT,
     FLOOR,
@@ -46,7 +46,6 @@ from graycard.methods.goris._remove import (
     _removal_target,
     next_to_object,
     with_painted_wall,
-    without_object,
 )
 from graycard.methods.goris._scene import LAYERS, _scattered
 from graycard.methods.goris._training_views import TrainingView
@@ -367,15 +366,7 @@ def test_holes_are_inpainted_as_materials_and_in_reference_views_as_settings_say
     for changes in ({}, {"material_inpainting": False}, {"references": 1}, {"references": 0}):
         asked, settings = Asked(Painter(world)), with_settings(**{"iterations": 4, "references": 2} | changes)
         priors = methods.Priors(models={"inpainting": asked})
-        without_object(
-            room,
-            FittedLight(world.parameters),
-            shots_of_world(world),
-            priors,
-            settings=settings,
-            seed=0,
-            progress=silent,
-        )
+        removed_from(world, room, priors, settings)
         found.append((len(asked.views), asked.layers))
     materials = {"diffuse", "f0", "roughness", "glossy", "normal"}
     assert [views for views, _ in found] == [2, 2, 1, 4]
@@ -440,15 +431,7 @@ def test_what_photographs_show_next_to_the_object_stays_if_the_paper_is_followed
     left = []
     for doubtful_go in (True, False):
         settings = with_settings(iterations=4, grow=0.05, doubtful_go=doubtful_go)
-        after = without_object(
-            room,
-            FittedLight(world.parameters),
-            shots,
-            priors,
-            settings=settings,
-            seed=0,
-            progress=silent,
-        ).parameters
+        after = removed_from(world, room, priors, settings, shots=shots).parameters
         floor = after.surfels[CENTRES][:, 2].abs() < 0.02
         left.append(int(floor.sum()))
     assert left[1] > left[0]
@@ -459,7 +442,7 @@ def test_what_a_metal_scatters_stays_when_the_object_goes(world: GlossyWorld, ro
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=8), shots_of_world(world)
     light = FittedLight(world.parameters, metal=metal)
-    after = without_object(room, light, shots, priors, settings=settings, seed=0, progress=silent).parameters
+    after = removed_from(world, room, priors, settings, shots=shots, light=light).parameters
     known = {tuple(row) for row in world.parameters.surfels[DIFFUSE].tolist()}
     kept = sum(tuple(row) in known for row in after.surfels[DIFFUSE].tolist())
     assert (kept > 0.5 * len(after)) == metal
@@ -469,15 +452,7 @@ def test_the_object_goes_with_its_mirror_image_and_all_else_stays(world: GlossyW
     """The second stage on surfels that are true, with a painter who is right."""
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=80, grow=0.03), shots_of_world(world)
-    after = without_object(
-        room,
-        FittedLight(world.parameters),
-        shots,
-        priors,
-        settings=settings,
-        seed=0,
-        progress=silent,
-    ).parameters
+    after = removed_from(world, room, priors, settings, shots=shots).parameters
     assert torch.equal(after.shared[SURROUNDINGS], world.parameters.shared[SURROUNDINGS])
     assert float(after.surfels[LABEL].sigmoid().max()) < settings.least_inside
     true = GlossyScene(world.parameters.take(torch.from_numpy(world.part != OBJECT)), settings, 1.0, EXTENT)
@@ -506,15 +481,7 @@ def test_what_the_first_stage_has_fitted_moves_slowly_in_the_second(
     monkeypatch.setattr(_remove, "light_rates", rates)
     priors = methods.Priors(models={"inpainting": Painter(world)})
     settings, shots = with_settings(iterations=8, first_light=False), shots_of_world(world)
-    without_object(
-        room,
-        FittedLight(world.parameters),
-        shots,
-        priors,
-        settings=settings,
-        seed=0,
-        progress=silent,
-    )
+    removed_from(world, room, priors, settings, shots=shots)
     assert asked == [True]
 
 
@@ -597,11 +564,6 @@ def test_a_scene_that_is_all_next_to_the_object_is_refused(world: GlossyWorld, r
     shots = [replace(shot, target=torch.ones_like(shot.target)) for shot in shots_of_world(world)]
     mirrors = next_to_object(world.parameters, shots, 0.0)
     seen = world.parameters.take(mirrors | torch.from_numpy(world.part == OBJECT))
-    given = (
-        room,
-        FittedLight(seen),
-        shots,
-        methods.Priors(models={"inpainting": Painter(world)}),
-    )
+    priors, light = methods.Priors(models={"inpainting": Painter(world)}), FittedLight(seen)
     with pytest.raises(MethodError, match="alone, or its own, got all.* change grow"):
-        without_object(*given, settings=SETTINGS, seed=0, progress=silent)
+        removed_from(world, room, priors, SETTINGS, shots=shots, light=light)
