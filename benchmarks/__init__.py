@@ -7,8 +7,7 @@ from graycard.benchmarks._edition import find_edition as find_edition
 from graycard.benchmarks._edition import refuse_sealed as refuse_sealed
 from graycard.benchmarks._fit import FitSpec as FitSpec
 from graycard.benchmarks._fit import fit_scene as fit_scene
-from graycard.benchmarks._fit import load_for as load_for
-from graycard.benchmarks._foreground import check_import as check_import
+from graycard.benchmarks._foreground import ask_apart as ask_apart
 from graycard.benchmarks._foreground import fit_apart as fit_apart
 from graycard.benchmarks._gate import Baseline as Baseline
 from graycard.benchmarks._gate import Expected as Expected
@@ -36,6 +35,6 @@ from graycard.benchmarks.validity._check import RULES as RULES
 from graycard.benchmarks.validity._check import Validity as Validity
 from graycard.benchmarks.validity._check import check_result as check_result
 from graycard.benchmarks.validity._record import Breach as Breach
-from graycard.benchmarks.workers import USUAL as USUAL
-from graycard.benchmarks.workers import Limits as Limits
-from graycard.benchmarks.workers import run_all as run_all
+from graycard.processes import USUAL as USUAL
+from graycard.processes import Limits as Limits
+from graycard.processes import run_all as run_all

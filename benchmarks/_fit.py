@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fit one method on one scene: the same for the command line, a process pool, and a cluster."""
+"""Fit one method on one scene: the same for the command line, a process pool, and a cluster.
 
-import random
-import sys
+No code of the method runs in the process that calls: that one reads the truth, hands over what the method
+needs, answers for priors, and writes the predictions.
+"""
+
+import tempfile
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -10,32 +13,25 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from graycard import Capture, MethodError, Progress
 from graycard.benchmarks._changes import changes_for
-from graycard.benchmarks._guard import GUARD, Guard, closed, closed_to_fits, copied_capture
 from graycard.benchmarks._guest import check_donor, guest_of
+from graycard.benchmarks._handed import copied_capture, places_of, scratch_folder
 from graycard.benchmarks._privileged import priors_for
-from graycard.io import peak_memory_mib, sha256, writable_folder
+from graycard.io import sha256, writable_folder
 from graycard.methods import (
     COMPOSITION,
     LIGHTS,
     RELIGHTING,
     Changes,
-    Compiled,
     Counting,
     Decomposition,
     Guest,
-    Method,
     Priors,
-    Staged,
     blame,
-    load_method,
-    resumed_time,
-    settings_of,
     write_predictions,
 )
+from graycard.methods.confined import ConfinedMethod, Known, Spent, confined
 from graycard.methods.priors import PriorSpec
 from graycard.predictions import clear_predictions
 from graycard.records import Access, Cost
@@ -62,6 +58,10 @@ class FitSpec:
     stages: Path | None = None
     """``RUN/stages/<code>/<capture>``, where a :class:`graycard.methods.Staged` method saves what other fits
     go on from; None: nothing is saved but where the settings say so."""
+    readable: tuple[Path, ...] = ()
+    """Files and folders that the method may read besides its code, its libraries and the capture."""
+    readable: tuple[Path, ...] = ()
+    """Files and folders that the method may read besides its code, its libraries and the capture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +79,8 @@ def fit_scene(
     save: Path | None = None,
     *,
     jobs: Path | None = None,
-    own: Path | None = None,
 ) -> Fitted:
-    """Fit a method and write its predictions folder; truth is closed while the method's code runs.
+    """Fit a method in a process of its own, to which truth is closed, and write its predictions folder.
 
     What is recorded is of the scene alone: a fit of the donor costs neither time nor memory there.
 
@@ -90,53 +89,43 @@ def fit_scene(
         predictions: Where to; older predictions are replaced, anything else is left alone.
         progress: Called now and then.
         save: Also write the decomposition itself, to this folder.
-        jobs: Folder of other fits, whose predictions are closed too.
-        own: The folder of this fit in ``jobs``.
+        jobs: Folder of all fits of a run: their predictions are closed too, and so are its records.
 
     Raises:
-        MethodError: The method, its settings or the capture do not go together, or it reached for truth.
+        MethodError: The method, its settings or the capture do not go together, it reached for truth, or its
+            process ended.
         DatasetError: The scene is missing or damaged, or the donor is not where its object comes from.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    guard = closed_to_fits(spec.scene, own, jobs, spec.donor, spec.stages)
-    with closed(guard):  # a module's own code runs when it is imported
-        method = load_method(spec.method)
-        settings_of(method, spec.settings)
-    donor = None if COMPOSITION in method.needs else spec.donor
-    if donor is not None:
-        check_donor(spec.scene, donor)
-    with ExitStack() as copies:
-        capture = copies.enter_context(copied_capture(spec.scene / "capture"))
-        fit = _Fit(spec, guard, capture, priors_for(method, spec.priors, capture, spec.scene), progress)
+    with ExitStack() as things:
+        scratch = things.enter_context(scratch_folder())
+        scenes = [spec.scene, *([spec.donor] if spec.donor else [])]
+        places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, spec.readable)
+        process = confined(spec.method, scratch, places, progress, spec.label)
+        fit = _Fit(spec, things.enter_context(process), scratch, things)
+        known = fit.method.load(spec.settings)
+        donor = None if COMPOSITION in known.needs else spec.donor
+        if donor is not None:
+            check_donor(spec.scene, donor)
+        capture = fit.capture_of(spec.scene)
+        priors = priors_for(known.needs, known.asks, spec.priors, capture, spec.scene)
         clear_predictions(predictions)
         if save is not None:
             writable_folder(save)
-        _compile_kernels(fit, method)
-        decomposition, spent = _timed_fit(fit, method)
+        fit.method.compile()
+        decomposition, spent = fit.timed(capture, priors)
         changes = changes_for(decomposition, capture, spec.scene)
         if donor is not None:
-            changes = replace(changes, guest=_guest(fit, donor, copies, changes))
-        cost = _written(fit, decomposition, changes, spent, predictions, alone=donor is None)
+            changes = replace(changes, guest=_guest(fit, known, donor, changes))
+        cost = _written(fit, decomposition, capture, changes, spent, predictions, alone=donor is None)
         if save is not None:
-            with closed(guard):
-                decomposition.save(save)
-        return Fitted(cost, _access(guard, capture, fit.priors, donor))
+            decomposition.save(save)
+        fit.method.keep_kernels()
+        return Fitted(cost, _access(fit, priors, donor))
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
-    """A fit under way: its spec, what is closed meanwhile, and what the method is given."""
-
-    spec: FitSpec
-    guard: Guard
-    capture: Capture
-    """The copy."""
-    priors: Priors
-    progress: Progress
-
-
-@dataclass(frozen=True, slots=True)
-class _Spent:
+class _Cost:
     """Cost of a fit, with the stages that it found done."""
 
     seconds: float
@@ -144,78 +133,70 @@ class _Spent:
     resumed_peak_mib: float
 
 
-def _timed_fit(fit: _Fit, method: Method) -> tuple[Decomposition, _Spent]:
-    """Fit, and say what that took."""
-    start = time.perf_counter()
-    with resumed_time() as resumed:
-        decomposition = _fitted(fit, method)
-    elapsed = time.perf_counter() - start + resumed.seconds
-    return decomposition, _Spent(elapsed, max(peak_memory_mib(), resumed.peak_mib), resumed.peak_mib)
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """A fit under way: its spec, the process of the method, its folder, and what is open until the end."""
 
+    spec: FitSpec
+    method: ConfinedMethod
+    scratch: Path
+    things: ExitStack
 
-def _compile_kernels(fit: _Fit, method: Method) -> None:
-    """Compile the kernels that the method needs and the cache lacks: its clock does not run yet.
+    def capture_of(self, scene: Path) -> Capture:
+        """Return a copy of a scene's capture, in a folder that the method may read."""
+        folder = Path(tempfile.mkdtemp(prefix="capture-", dir=self.scratch))
+        return self.things.enter_context(copied_capture(scene / "capture", folder / "capture"))
 
-    Raises:
-        UnknownNameError: It names kernels that there are not.
-        MethodError: It reaches for truth.
-    """
-    with closed(fit.guard), blame(fit.spec.method):
-        kernels = method.kernels if isinstance(method, Compiled) else ()
-        if kernels:
-            from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+    def fitted(self, capture: Capture, priors: Priors) -> tuple[Decomposition, Spent]:
+        """Return what the method makes of a capture, and the cost of what it found done.
 
-            warm_kernels(kernels, fit.progress)
+        Raises:
+            MethodError: It cannot fit the capture, or reaches for truth.
+        """
+        spec = self.spec
+        return self.method.fit(capture, priors, spec.settings, spec.seed, spec.stages)
 
-
-def _fitted(fit: _Fit, method: Method) -> Decomposition:
-    """Fit a method that has not been fitted before: what one keeps of a fit is not there in another.
-
-    Raises:
-        MethodError: It cannot fit the capture, or reaches for truth.
-    """
-    spec = fit.spec
-    seed_everything(spec.seed)
-    with closed(fit.guard), blame(spec.method):
-        settings = settings_of(method, spec.settings)
-        staged = isinstance(method, Staged) and method.staged
-        if spec.stages is not None and staged and not settings.checkpoint:
-            settings = replace(settings, checkpoint=f"{spec.stages}/")
-        return method.fit(fit.capture, fit.priors, settings, spec.seed, fit.progress)
+    def timed(self, capture: Capture, priors: Priors) -> tuple[Decomposition, _Cost]:
+        """Return what the method makes of a capture, and what that took."""
+        start = time.perf_counter()
+        decomposition, resumed = self.fitted(capture, priors)
+        elapsed = time.perf_counter() - start + resumed.seconds
+        peak = max(self.method.process.peak_mib(), resumed.peak_mib)
+        return decomposition, _Cost(elapsed, peak, resumed.peak_mib)
 
 
 def _written(
     fit: _Fit,
     decomposition: Decomposition,
+    capture: Capture,
     changes: Changes,
-    spent: _Spent,
+    spent: _Cost,
     predictions: Path,
     *,
     alone: bool,
 ) -> Cost:
-    """Write the predictions of what was fitted, and give the cost of both.
+    """Write the predictions of what was fitted, and return the cost of both.
 
     Args:
-        fit: What was fitted.
+        fit: The fit.
         decomposition: What came of it.
+        capture: What it was fitted to.
         changes: What it is to show besides the scene as it is.
         spent: What the fit took.
         predictions: Where to.
         alone: Whether nothing else was fitted in this process, so that its peak memory is that of the fit.
     """
-    seed_everything(fit.spec.seed)  # pictures are the same whatever was fitted besides
+    fit.method.seed(fit.spec.seed)  # pictures are the same whatever was fitted besides
     start = time.perf_counter()
-    with closed(fit.guard):
-        name = fit.spec.label or fit.spec.method
-        write_predictions(decomposition, fit.capture, name, predictions, fit.progress, changes)
-        elapsed = spent.seconds + time.perf_counter() - start
-        peak = max(peak_memory_mib(), spent.resumed_peak_mib) if alone else spent.peak_mib
-        with blame(fit.spec.method):
-            return Cost(elapsed, peak, _counts(decomposition, fit.capture))
+    write_predictions(decomposition, capture, fit.method.label, predictions, fit.method.progress, changes)
+    elapsed = spent.seconds + time.perf_counter() - start
+    peak = max(fit.method.process.peak_mib(), spent.resumed_peak_mib) if alone else spent.peak_mib
+    with blame(fit.spec.method):
+        return Cost(elapsed, peak, _counts(decomposition, capture))
 
 
-def _guest(fit: _Fit, donor: Path, copies: ExitStack, changes: Changes) -> Guest | None:
-    """The object that is to be put in; the copy of its capture lives as long as that of the scene.
+def _guest(fit: _Fit, known: Known, donor: Path, changes: Changes) -> Guest | None:
+    """Return the object that is to be put in; the copy of its capture lives as long as that of the scene.
 
     Raises:
         MethodError: The method puts no objects into scenes, or cannot fit this one.
@@ -226,18 +207,16 @@ def _guest(fit: _Fit, donor: Path, copies: ExitStack, changes: Changes) -> Guest
             f"expected {spec.method!r} to give a decomposition with compose(), got one without. Leave out "
             "--donor, or `composes` in the suite"
         )
-    capture = copies.enter_context(copied_capture(donor / "capture"))
 
-    def fit_donor(known: Capture) -> Decomposition:
-        method = load_for(spec.method, donor)
-        priors = priors_for(method, spec.priors, known, donor)
-        return _fitted(replace(fit, capture=known, priors=priors), method)
+    def fit_donor(capture: Capture) -> Decomposition:
+        priors = priors_for(known.needs, known.asks, spec.priors, capture, donor)
+        return fit.fitted(capture, priors)[0]
 
-    return guest_of(donor, capture, changes.composition, fit_donor)
+    return guest_of(donor, fit.capture_of(donor), changes.composition, fit_donor)
 
 
 def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
-    """What a method that counts says of a held-out view: the means over them.
+    """Return what a method that counts says of a held-out view: the means over them.
 
     Raises:
         MethodError: It does not give what it claims.
@@ -250,8 +229,8 @@ def _counts(decomposition: Decomposition, capture: Capture) -> dict[str, float]:
     return {name: float(sum(counts[name] for counts in found)) / len(found) for name in found[0]}
 
 
-def _access(guard: Guard, capture: Capture, priors: Priors, donor: Path | None) -> Access:
-    """What a fit could see, for the record."""
+def _access(fit: _Fit, priors: Priors, donor: Path | None) -> Access:
+    """Return what a fit could see, for the record."""
     layers = {name for found in priors.layers.values() for name in found}
     beside = {
         LIGHTS: priors.lights is not None,
@@ -259,25 +238,7 @@ def _access(guard: Guard, capture: Capture, priors: Priors, donor: Path | None) 
         COMPOSITION: priors.composition is not None,
     }
     privileged = layers | {name for name, there in beside.items() if there}
-    manifest = sha256(Path(capture.root or "") / "manifest.json")
+    manifest = sha256(fit.spec.scene / "capture" / "manifest.json")
     of_donor = "" if donor is None else sha256(donor / "capture" / "manifest.json")
-    return Access(GUARD, manifest, tuple(sorted(privileged)), tuple(guard.refused), of_donor)
-
-
-def load_for(name: str, scene: Path) -> Method:
-    """A method to fit on a scene, imported while truth is closed: a module's own code runs then.
-
-    Raises:
-        UnknownNameError: No method has this name.
-        MethodError: It fails to import, also for reaching for truth, or does not follow the contract.
-    """
-    with closed(closed_to_fits(scene)):
-        return load_method(name)
-
-
-def seed_everything(seed: int) -> None:
-    """Seed every global random source that a method may use; torch only if the method has loaded it."""
-    random.seed(seed)
-    np.random.seed(seed)  # noqa: NPY002 -- third-party methods draw from the legacy global state
-    if "torch" in sys.modules:
-        sys.modules["torch"].manual_seed(seed)
+    process = fit.method.process
+    return Access(process.guard, manifest, tuple(sorted(privileged)), process.refusals(), of_donor)

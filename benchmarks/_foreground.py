@@ -4,16 +4,18 @@
 import contextlib
 import shutil
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from graycard import MethodError, Progress
-from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene, load_for
+from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
+from graycard.benchmarks._handed import places_of, scratch_folder
 from graycard.benchmarks._jobs import guarded
-from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all, worker_progress
 from graycard.io import silent
-from graycard.methods import BUILT_IN
+from graycard.methods.confined import SERVE, confined
+from graycard.processes import USUAL, Limits, Outcome, run_all, worker_progress
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,22 +27,39 @@ class _Asked:
     save: Path | None
 
 
-def check_import(method: str, scene: Path, limits: Limits = USUAL) -> None:
-    """Import a method of others in a process of its own, before this one does: its code may end a process.
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A call that is asked for."""
+
+    method: str
+    scene: Path
+    function: str
+    arguments: Mapping[str, Any]
+
+
+def ask_apart(
+    method: str, scene: Path, function: str, limits: Limits = USUAL, *, told: Mapping[str, Any]
+) -> Any:
+    """Call a function where a method of others may be imported: in a process to which the dataset is closed.
 
     Args:
-        method: A registered name or ``module:attribute``.
-        scene: ``DATASET/<track>/<scene>``, whose dataset is closed meanwhile.
+        method: ``module:attribute``, or a registered name.
+        scene: ``DATASET/<track>/<scene>``.
+        function: ``module:function``, called there.
         limits: Of time and memory.
+        told: Its arguments by name, JSON data.
+
+    Returns:
+        JSON data.
 
     Raises:
-        MethodError: It fails to import, or ends its process; the traceback of its code is printed.
+        MethodError: It fails, or ends its process; the traceback of the method's own code is printed.
     """
-    if method in BUILT_IN:
-        return
-    (outcome,) = run_all(_import, [(method, scene)], 1, silent, limits=limits)
+    asked = _Question(method, scene, function, told)
+    (outcome,) = run_all(_ask, [asked], 1, silent, limits=limits, confines=SERVE)
     if outcome.reason:
         raise MethodError(outcome.reason)
+    return outcome.value
 
 
 def fit_apart(
@@ -68,7 +87,9 @@ def fit_apart(
     """
     new = [folder for folder in (predictions, save) if folder is not None and not folder.exists()]
     try:
-        (outcome,) = run_all(_fit, [_Asked(spec, predictions, save)], 1, progress, limits=limits)
+        (outcome,) = run_all(
+            _fit, [_Asked(spec, predictions, save)], 1, progress, limits=limits, confines=SERVE
+        )
         if outcome.reason:
             raise MethodError(outcome.reason)
     except BaseException:
@@ -79,13 +100,16 @@ def fit_apart(
     return outcome.value
 
 
-def _import(asked: tuple[str, Path]) -> Outcome:
-    """Import a method, in a worker."""
+def _ask(asked: _Question) -> Outcome:
+    """Call a function in a confined process of a worker."""
 
-    def imported() -> None:
-        load_for(*asked)
+    def work() -> Any:
+        with scratch_folder() as scratch:
+            places = places_of(scratch, [asked.scene], {})
+            with confined(asked.method, scratch, places) as method:
+                return method.call(asked.function, **asked.arguments)
 
-    return guarded(lambda: _with_traceback(imported), None)
+    return guarded(lambda: _with_traceback(work), None)
 
 
 def _fit(asked: _Asked) -> Outcome:
@@ -94,7 +118,7 @@ def _fit(asked: _Asked) -> Outcome:
     return guarded(lambda: _with_traceback(lambda: fit_scene(*given)), None)
 
 
-def _with_traceback(work: Callable[[], Fitted | None]) -> Outcome:
+def _with_traceback(work: Callable[[], Any]) -> Outcome:
     """Do some work, and print the traceback of a method's own error, for whoever writes it."""
     try:
         return Outcome(value=work())

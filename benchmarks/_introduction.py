@@ -5,32 +5,19 @@ Code of others runs when it is imported. So a method that does not come with gra
 bench itself, but by a worker process of its own, behind the guard of a fit; what comes back is text.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from graycard import MethodError
-from graycard.benchmarks._guard import Guard, closed
+from graycard import TRACKS, MethodError
+from graycard.benchmarks._handed import OPAQUE, places_of, scratch_folder
 from graycard.benchmarks._jobs import guarded
 from graycard.benchmarks._suites import SuiteMethod
-from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
-from graycard.io import dumps, from_builtins, parse_json, silent, to_builtins
-from graycard.methods import BUILT_IN, Ask, asks_of, fingerprint, load_method, settings_of
-from graycard.methods.priors import check_priors
-
-
-@dataclass(frozen=True, slots=True)
-class Introduction:
-    """What a method says of itself, with the settings and priors of a suite."""
-
-    summary: str
-    needs: tuple[str, ...]
-    settings: Mapping[str, Any]
-    """All of them, as in JSON."""
-    asks: tuple[Ask, ...]
-    fingerprint: str
-    """Version and hash of its code."""
+from graycard.io import from_builtins, silent, to_builtins
+from graycard.methods import BUILT_IN
+from graycard.methods.confined import SERVE, Introduction, confined
+from graycard.methods.confined import introduce as introduced
+from graycard.processes import USUAL, Limits, Outcome, run_all
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +36,7 @@ def introduce(
 
     Args:
         methods: Of a suite.
-        dataset: ``DATASET``, whose truth is closed.
+        dataset: ``DATASET``, whose scenes are closed.
         jobs: The folder of all jobs of the run, closed as well.
         at_a_time: Number of workers.
         limits: Time and memory of each import.
@@ -60,7 +47,8 @@ def introduce(
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs) for method in foreign]
-    met = iter(run_all(meet, meetings, at_a_time, silent, limits=limits) if foreign else ())
+    found = run_all(meet, meetings, at_a_time, silent, limits=limits, confines=SERVE)
+    met = iter(found)
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 
 
@@ -74,19 +62,22 @@ def introduction_of(method: SuiteMethod) -> Introduction:
     if method.predictions:
         says = f"Predictions of other code, submitted ({method.predictions}): what they saw is not known"
         return Introduction(says, (), {}, (), "")
-    loaded = load_method(method.name)
-    settings, asks = settings_of(loaded, method.settings), asks_of(loaded)
-    check_priors(method.priors, asks)
-    code = fingerprint(method.name, with_priors=bool(asks or loaded.needs))
-    return Introduction(loaded.summary, loaded.needs, to_builtins(settings), asks, code)
+    return introduced(method.name, method.settings, method.priors)
 
 
 def meet(meeting: Meeting) -> Outcome:
-    """Introduce a method in this process, truth closed; as JSON, for an object would bring its module."""
+    """Introduce a method in a process to which scenes and jobs are closed."""
+    row = meeting.method
+    asked = {"method": row.name, "settings": to_builtins(row.settings), "priors": to_builtins(row.priors)}
 
     def work() -> Outcome:
-        with closed(Guard(meeting.dataset, meeting.jobs)):
-            return Outcome(value=dumps(introduction_of(meeting.method)))
+        with scratch_folder() as scratch:
+            closed = [meeting.dataset / TRACKS[0] / OPAQUE]
+            places = places_of(scratch, closed, row.settings, meeting.jobs)
+            with confined(row.name, scratch, places) as method:
+                told = method.call("graycard.methods.confined:introduction_as_json", **asked)
+        what = "what a method says of itself"
+        return Outcome(value=from_builtins(Introduction, told, MethodError, what))
 
     return guarded(work, None)
 
@@ -94,4 +85,4 @@ def meet(meeting: Meeting) -> Outcome:
 def _heard(outcome: Outcome) -> Introduction:
     if outcome.reason:
         raise MethodError(outcome.reason)
-    return from_builtins(Introduction, parse_json(outcome.value), MethodError, "what a method says of itself")
+    return outcome.value

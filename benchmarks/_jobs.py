@@ -19,7 +19,6 @@ from graycard import GraycardError, OutputError, open_predictions
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
-from graycard.benchmarks.workers import Outcome, worker_progress
 from graycard.eval import score_predictions
 from graycard.io import (
     file_lock,
@@ -35,6 +34,7 @@ from graycard.io import (
 from graycard.methods import words_of
 from graycard.methods.priors import PriorSpec
 from graycard.predictions import predictions_hash
+from graycard.processes import Outcome, worker_progress
 from graycard.records import Access, Cost, Job, ScoreSheet
 from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
 
@@ -132,7 +132,7 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
     asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
     spec = FitSpec(*asked, donor=job.donor, stages=job.stages)
     with _threads(job.threads):
-        fitted = fit_scene(spec, predictions, silent, jobs=job.jobs, own=job.folder)
+        fitted = fit_scene(spec, predictions, silent, jobs=job.jobs)
     return fitted.cost, fitted.access
 
 

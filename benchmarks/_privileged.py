@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Truth that a method is given: what it needs by its own account, and what priors make their answers of."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,18 +10,21 @@ import numpy as np
 from graycard import Capture, DatasetError, EnvironmentLight, Truth, open_truth
 from graycard.benchmarks._changes import true_composition, true_relighting
 from graycard.layers import lights_of, with_derived
-from graycard.methods import COMPOSITION, LIGHTS, RELIGHTING, Ask, Method, Priors, asks_of
+from graycard.methods import COMPOSITION, LIGHTS, RELIGHTING, Ask, Priors
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
 
 ALWAYS = frozenset({"radiance", "base_color", "normal", "depth"})
 """Truth that every scene has; other layers need a target, lights of their own, or a renderer with LLVM."""
 
 
-def priors_for(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -> Priors:
+def priors_for(
+    needs: Sequence[str], asks: tuple[Ask, ...], spec: PriorSpec, capture: Capture, scene: Path
+) -> Priors:
     """Return the truth that a method needs, and what answers its asks; it is not to open the truth itself.
 
     Args:
-        method: The method that is to be fitted.
+        needs: Of the method that is to be fitted.
+        asks: Of that method.
         spec: Where answers come from.
         capture: The copy that is fitted.
         scene: ``DATASET/<track>/<scene>``, whose truth is opened once, and only if some of it is wanted.
@@ -29,8 +33,7 @@ def priors_for(method: Method, spec: PriorSpec, capture: Capture, scene: Path) -
         DatasetError: Truth is asked for, and the scene has none or a damaged one.
         MethodError: Method, priors and weights do not go together.
     """
-    asks = asks_of(method)
-    told, needed = truth_of(spec, asks), frozenset(method.needs)
+    told, needed = truth_of(spec, asks), frozenset(needs)
     if not told and not needed:
         return make_priors(spec, asks, capture, {})
     truth = open_truth(scene / "truth")

@@ -23,7 +23,7 @@ from typing import Any
 
 from graycard import Progress, open_truth
 from graycard.benchmarks._edition import refuse_sealed
-from graycard.benchmarks._introduction import Introduction, introduce
+from graycard.benchmarks._introduction import introduce
 from graycard.benchmarks._jobs import (
     FitJob,
     RenderJob,
@@ -48,11 +48,12 @@ from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
 from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
-from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
+from graycard.methods.confined import SERVE, Introduction
 from graycard.methods.priors import truth_of, weights_of
+from graycard.processes import USUAL, Limits, Outcome, run_all
 from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
@@ -210,7 +211,8 @@ def _iterations(known: Introduction, budget: float) -> dict[str, int]:
 
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
     """Make all predictions; stages go once all is done that could go on from them."""
-    outcomes = run_all(run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits)
+    progress = bench.part(1, "fitting")
+    outcomes = run_all(run_fit, plan, bench.jobs, progress, find_fit, bench.limits, confines=SERVE)
     fitted = list(zip(plan, outcomes, strict=True))
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         shutil.rmtree(bench.run / STAGES, ignore_errors=True)

@@ -22,9 +22,9 @@ from graycard.benchmarks.claims import (
     made_for_others,
     pursue,
 )
-from graycard.benchmarks.workers import USUAL, Limits
 from graycard.eval.statistics import LEAST_SCENES, level_up_to
 from graycard.io import dumps, sha256
+from graycard.processes import USUAL, Limits
 from graycard.records import Look, Looks, RunRecord
 from graycard.synth import SceneSpec
 

@@ -8,6 +8,9 @@ import. Kernels of equal code are shared between checkouts; a change of any file
 
 The cache is in ``NUMBA_CACHE_DIR`` if that is set, else in the user's cache folder. Where neither can be
 written to, Numba's own places are tried.
+
+A confined process (:mod:`graycard.processes`) has a cache of its own, with links to the kernels that there
+are: what it compiles reaches no other process, for compiled kernels are code.
 """
 
 import hashlib
@@ -25,11 +28,11 @@ from typing import Any
 import numba.core.config
 from numba import njit as njit
 from numba import prange as prange
-from platformdirs import user_cache_path
+
+from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
 
 METHODS = __name__.rpartition(".")[0]
 """The package whose kernels are kept here."""
-FOLDER = "kernels"
 UNUSED_DAYS = 30
 """Folders of kernels that no process has loaded for so long are removed."""
 
@@ -42,8 +45,39 @@ _NAME = re.compile(rb"\w+")
 
 def cache_root() -> Path:
     """Return the folder of all compiled kernels; it need not exist."""
+    shared = os.environ.get(SHARED_KERNELS)
+    return Path(shared) if shared else _own_root()
+
+
+def link_shared() -> list[str]:
+    """Link the kernels that there are by now into the cache of this process, if it is confined.
+
+    Returns:
+        The names of the folders that were looked for.
+    """
+    folders = [folder for folder in _own_root().glob("*") if folder.is_dir()] if _is_confined() else []
+    for folder in folders:
+        _link_files(cache_root() / folder.name, folder)
+    return [folder.name for folder in folders]
+
+
+def _is_confined() -> bool:
+    return bool(os.environ.get(SHARED_KERNELS))
+
+
+def _link_files(source: Path, folder: Path) -> None:
+    """Link the files of a folder into another, but for those that it has."""
+    for path in source.iterdir() if source.is_dir() else ():
+        link = folder / path.name
+        if not link.exists():
+            link.unlink(missing_ok=True)
+            link.symlink_to(path)
+
+
+def _own_root() -> Path:
+    """Return the folder that this process writes kernels to."""
     chosen = numba.core.config.CACHE_DIR  # pyright: ignore[reportAttributeAccessIssue]  # set by its import
-    return Path(chosen) / "graycard" if chosen else user_cache_path("graycard") / FOLDER
+    return kernel_root(chosen)
 
 
 def package_folder(package: str) -> Path:
@@ -106,7 +140,7 @@ class KernelCacheLocator:
     def __init__(self, function: Callable[..., Any], path: Path) -> None:
         self._line = function.__code__.co_firstlineno
         self._digest = code_digest(path)
-        self._folder = cache_root() / f"{path.parent.name}{path.stem}-{self._digest[:16]}"
+        self._folder = _own_root() / f"{path.parent.name}{path.stem}-{self._digest[:16]}"
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "KernelCacheLocator | None":
@@ -130,6 +164,8 @@ class KernelCacheLocator:
         self._folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=self._folder).close()
         os.utime(self._folder)
+        if _is_confined():
+            _link_files(cache_root() / self._folder.name, self._folder)
 
     def get_cache_path(self) -> str:
         """Return the folder."""

@@ -71,7 +71,7 @@ def write_predictions(
         OutputError: The folder cannot be written to, or the disk is full.
     """
     with blame(method):
-        _check(method, decomposition)
+        check_decomposition(method, decomposition)
         without = _without_target(decomposition, capture)
     for done, view in enumerate(capture.views):
         progress(done / len(capture.views), f"rendering {view.name}")
@@ -79,7 +79,7 @@ def write_predictions(
             layers = _layers(decomposition, without, view)
         write_view(folder, view.name, layers)
     with blame(method):
-        lights, images = _lights(decomposition), _environments(decomposition)
+        lights, images = lights_found(decomposition), _environments(decomposition)
     lights = lights and tuple(
         write_environment(folder, light, images[light.name]) if isinstance(light, EnvironmentLight) else light
         for light in lights
@@ -171,7 +171,13 @@ def _checked(name: str, values: np.ndarray, view: View) -> np.ndarray:
     return written
 
 
-def _check(method: str, decomposition: Decomposition) -> None:
+def check_decomposition(method: str, decomposition: Decomposition) -> None:
+    """Refuse what is no decomposition.
+
+    Raises:
+        MethodError: A member is missing, or it provides nothing.
+        UnknownNameError: It provides a layer that does not exist.
+    """
     missing = [m for m in ("provides", "render", "lights", "save") if not hasattr(decomposition, m)]
     if missing:
         raise MethodError(
@@ -184,7 +190,12 @@ def _check(method: str, decomposition: Decomposition) -> None:
         find_layer(name)
 
 
-def _lights(decomposition: Decomposition) -> tuple[Light, ...] | None:
+def lights_found(decomposition: Decomposition) -> tuple[Light, ...] | None:
+    """Return the lights of a decomposition; None where it does not look for any.
+
+    Raises:
+        MethodError: They are none.
+    """
     lights = decomposition.lights()
     if lights is None:
         return None

@@ -164,6 +164,16 @@ def origin(point: EntryPoint) -> str:
     return f"{point.dist.name} {point.dist.version}"
 
 
+def module_of(name: str) -> str:
+    """Return the module of a method; nothing is imported.
+
+    Raises:
+        UnknownNameError: No method has this name.
+        MethodError: It is offered twice.
+    """
+    return _find(name).module
+
+
 def _find(name: str) -> EntryPoint:
     if ":" in name:
         if os.getcwd() not in sys.path:

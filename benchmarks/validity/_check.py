@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a run is a valid result: one that another could trust, repeat, and not have made up by mistake."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -23,6 +23,7 @@ from graycard.benchmarks.validity._record import (
     count_breaches,
     finite_breaches,
     origin_breaches,
+    ways_of,
 )
 from graycard.benchmarks.validity._suite import Standard, part_of, standard_of, suite_breaches
 from graycard.io import silent
@@ -58,6 +59,8 @@ class Validity:
     """What of the suite the run is, in words; empty for all of it."""
     results: int
     """Number of fits that were looked at."""
+    closed: Mapping[str, int] = field(default_factory=dict)
+    """In how many fits truth was closed in which way: ``landlock-<version>+`` where the kernel did."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:
@@ -101,7 +104,9 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
         found += look(record, run)
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
-    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, len(record.results))
+    return Validity(
+        tuple(dict.fromkeys(found)), rules, standard.says, part, len(record.results), ways_of(record)
+    )
 
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:

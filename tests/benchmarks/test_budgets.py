@@ -13,9 +13,9 @@ from graycard.benchmarks import Terms, _runner, load_suite, run_bench
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks.claims import check_budgets
-from graycard.benchmarks.workers import USUAL
 from graycard.cli import main
 from graycard.io import read_json, sha256, silent, write_json
+from graycard.processes import USUAL
 from graycard.records import read_run
 from runs_by_hand import run_of
 from tiny_benches import made_without_renderer, write_reserve_suite

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 
 from graycard import (
     DatasetError,
@@ -21,7 +22,6 @@ from graycard import (
     open_truth,
 )
 from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
-from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
 from graycard.benchmarks._jobs import FitJob, find_fit, run_fit
 from graycard.dataset import manifest_of

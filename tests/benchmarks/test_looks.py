@@ -10,9 +10,9 @@ import pytest
 from graycard.benchmarks import Plan, _runner, load_suite, run_until_decided
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.benchmarks.claims import judge_run
-from graycard.benchmarks.workers import Outcome
 from graycard.cli import main
 from graycard.io import silent
+from graycard.processes import Outcome
 from graycard.records import ClaimResult, RunRecord, find_claim, read_ledger, read_run
 from tiny_benches import CLAIMS, TIE, made_without_renderer, write_claims, write_reserve_suite
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from graycard.benchmarks import run_all
-from graycard.benchmarks.workers import Limits, Outcome, worker_progress
-from graycard.benchmarks.workers._family import MARK, end_orphans, marked
 from graycard.io import silent
+from graycard.processes import Limits, Outcome, worker_progress
+from graycard.processes._family import MARK, end_orphans, marked
 from worker_jobs import (
     die_at_one,
     end,

@@ -11,8 +11,8 @@ import pytest
 from graycard import Progress
 from graycard.benchmarks import _runner
 from graycard.benchmarks._jobs import RenderJob
-from graycard.benchmarks.workers import Outcome
 from graycard.io import read_manifest, to_builtins, write_manifest
+from graycard.processes import Outcome
 from graycard.synth import SceneSpec, scene_name
 from graycard.synth.families import resolved_knobs
 

@@ -13,8 +13,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from graycard.benchmarks.workers import Outcome, worker_progress
 from graycard.io import file_lock, silent
+from graycard.processes import Outcome, worker_progress
 
 LONG_S = 600
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from graycard.benchmarks._guard import Guard
 
 from graycard import Camera, UnknownNameError
 from graycard.benchmarks import _fit
-from graycard.benchmarks._guard import Guard
 from graycard.io import silent
 from graycard.methods import Compiled, load_method, splat
 from graycard.methods.splat import rasterize, warm_kernels

@@ -35,7 +35,7 @@ def warmed(parts: Sequence[str], progress: Progress = silent) -> list[str]:
         UnknownNameError: There is no such part.
     """
     stamps = stamps_folder()
-    missing = [name for name in _jobs_of(parts) if not _stamp(stamps, name).exists()]
+    missing = missing_jobs(parts)
     if not missing or not _is_writable(stamps):
         return []
     remove_unused(cache_root())
@@ -47,6 +47,16 @@ def warmed(parts: Sequence[str], progress: Progress = silent) -> list[str]:
         compile_here([name])
     progress(1.0, "kernels are compiled")
     return missing
+
+
+def missing_jobs(parts: Sequence[str]) -> list[str]:
+    """Return the names of the jobs of parts that the cache lacks.
+
+    Raises:
+        UnknownNameError: There is no such part.
+    """
+    stamps = stamps_folder()
+    return [name for name in _jobs_of(parts) if not _stamp(stamps, name).exists()]
 
 
 def compile_here(names: Iterable[str]) -> None:

@@ -65,6 +65,9 @@ class CheckResultCommand:
         broken = sum(not breach.unknown for breach in found.breaches)
         says = {0: "valid", 1: "invalid", 2: "cannot be judged"}
         terminal.out.print(f"suite: {found.suite}")
+        for way, number in found.closed.items():
+            kernel = "by the kernel (Landlock)" if way.startswith("landlock") else "without Landlock"
+            terminal.out.print(f"truth: closed {kernel} in {number} fits ({way})")
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
             f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "

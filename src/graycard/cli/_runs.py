@@ -19,6 +19,7 @@ from graycard.records import Looks, RunRecord, read_run
 
 if TYPE_CHECKING:
     from graycard.benchmarks import Limits
+    from graycard.methods import Ask
 
 
 @dataclass(frozen=True)
@@ -114,10 +115,8 @@ class FitCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Fit, then render every view."""
-        from graycard.benchmarks import FitSpec, check_import, fit_apart, load_for
+        from graycard.benchmarks import FitSpec, fit_apart
         from graycard.dataset import check_scene
-        from graycard.io import to_builtins
-        from graycard.methods import asks_of
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 
         if not 0 <= self.seed < 2**32:
@@ -126,21 +125,59 @@ class FitCommand:
             if folder is not None:
                 check_scene(folder)
         limits = limits_of(self.timeout, self.memory)
-        check_import(self.method, self.scene, limits)
-        method = load_for(self.method, self.scene)
-        settings = parse_settings(method.settings_type, rest, f"graycard fit {self.method}", type(self))
+        settings, asks = self._told(rest, limits)
         priors = parse_priors(self.priors)
-        spec = FitSpec(
-            self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
-        )
+        spec = FitSpec(self.method, settings, self.seed, self.scene, priors=priors, donor=self.donor)
         with terminal.progress() as progress:
             cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
-        if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
+        if priors != PriorSpec() and (lacking := unanswered(priors, asks)):
             terminal.advise(
                 f"{self.priors} answers nothing of {', '.join(lacking)}, which {self.method} can ask for"
             )
         return OK
+
+    def _told(self, rest: list[str], limits: Limits) -> tuple[dict[str, Any], tuple[Ask, ...]]:
+        """Return the settings of the fit, and what the method asks a prior for.
+
+        Code of others is not imported here.
+
+        Raises:
+            GraycardError: The method does not load, or an argument is no setting of it.
+            SystemExit: A value is not allowed; tyro has said why.
+        """
+        from graycard.benchmarks import ask_apart
+        from graycard.io import from_builtins
+        from graycard.methods import BUILT_IN, Ask
+
+        if self.method in BUILT_IN:
+            told = told_settings(self.method, rest)
+        else:
+            asked = {"method": self.method, "args": rest}
+            told = ask_apart(self.method, self.scene, f"{__name__}:told_settings", limits, told=asked)
+        if told["exit"] is not None:
+            raise SystemExit(told["exit"])
+        return told["settings"], tuple(from_builtins(Ask, ask) for ask in told["asks"])
+
+
+def told_settings(method: str, args: list[str]) -> dict[str, Any]:
+    """Import a method, and return its settings by the arguments that ``graycard fit`` left over.
+
+    Returns:
+        JSON data: ``settings``, ``asks``, and ``exit``, an exit code where a value is not allowed, else None.
+
+    Raises:
+        GraycardError: It does not load, or an argument is no setting of it.
+    """
+    from graycard.io import to_builtins
+    from graycard.methods import asks_of, load_method
+
+    loaded = load_method(method)
+    try:
+        settings = parse_settings(loaded.settings_type, args, f"graycard fit {method}", FitCommand)
+    except SystemExit as end:
+        return {"settings": {}, "asks": [], "exit": end.code}
+    return {"settings": to_builtins(settings), "asks": to_builtins(list(asks_of(loaded))), "exit": None}
 
 
 @dataclass(frozen=True)

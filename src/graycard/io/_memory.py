@@ -40,14 +40,18 @@ def blocks(count: int) -> Iterator[slice]:
     return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
 
 
-def peak_memory_mib() -> float:
-    """The most memory that this process has held, MiB.
+def peak_memory_mib(pid: int | None = None) -> float:
+    """The most memory that a process has held, MiB.
 
     On Linux from the kernel's high-water mark: what ``getrusage`` says is inherited from the parent.
+
+    Args:
+        pid: Of the process; None for this one. Of others only Linux tells: elsewhere it is the most that any
+            process has held which this one started and which ended.
     """
-    status = Path("/proc/self/status")
+    status = Path(f"/proc/{pid or 'self'}/status")
     if status.is_file():
         lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
         return int(lines["VmHWM"].split()[0]) / 2**10
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = resource.getrusage(resource.RUSAGE_SELF if pid is None else resource.RUSAGE_CHILDREN).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from graycard import MethodError, OutputError, Progress
-from graycard.benchmarks.workers._family import end_family, end_orphans, marked, temporary_folder
-from graycard.benchmarks.workers._outcome import Outcome
-from graycard.benchmarks.workers._worker import Step, serve
 from graycard.io import output_error, printable
+from graycard.processes._confined import words_of_end
+from graycard.processes._family import end_family, end_orphans, marked, temporary_folder
+from graycard.processes._outcome import Outcome
+from graycard.processes._worker import Step, serve
 
 J = TypeVar("J")
 DAY_S = 24 * 3600.0
@@ -131,6 +132,7 @@ class _Pool:
     progress: Progress
     limits: Limits
     tasks_each: int
+    confines: str
     workers: list[_Worker] = field(default_factory=list)
 
     def run(self, at_a_time: int) -> None:
@@ -150,7 +152,7 @@ class _Pool:
             if free is None and len(self.workers) >= at_a_time:
                 return
             if free is None:
-                self.workers.append(free := _start(self.work, self.limits))
+                self.workers.append(free := _start(self.work, self.limits, self.confines))
             number = self.todo.popleft()
             free.give(number, self.jobs[number], self.limits.time_s)
 
@@ -176,7 +178,7 @@ class _Pool:
             self.progress((len(self.outcomes) + message.done) / len(self.jobs), message.doing)
         elif message is None:
             _await_end(worker.process)
-            self._close(worker, Outcome(reason=_death(worker.process.exitcode)))
+            self._close(worker, Outcome(reason=words_of_end(worker.process.exitcode)))
         elif worker.tasks >= self.tasks_each:
             self._close(worker, message)
         else:
@@ -207,6 +209,7 @@ def run_all(
     limits: Limits = USUAL,
     *,
     tasks_each: int = 1,
+    confines: str = "",
 ) -> list[Outcome]:
     """Do jobs in worker processes; outcomes in the order of the jobs.
 
@@ -223,6 +226,8 @@ def run_all(
         limits: Time and memory of each job.
         tasks_each: Number of jobs that a process does before a fresh one takes over. More than 1 only for
             work that leaves nothing behind: the memory of a fit is measured over its whole process.
+        confines: What the process runs that a job confines (:func:`started`), ``module:function``: it is
+            started with the worker, so that the job does not wait for it. Empty for jobs without one.
 
     Raises:
         OutputError: A job could not write its result.
@@ -232,11 +237,11 @@ def run_all(
     todo = deque(number for number in range(len(jobs)) if number not in outcomes)
     if todo:
         end_orphans()
-        _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each).run(at_a_time)
+        _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines).run(at_a_time)
     return [outcomes[number] for number in range(len(jobs))]
 
 
-def _start(work: Callable[[Any], Outcome], limits: Limits) -> _Worker:
+def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Worker:
     """Start a worker, and tell it what its work is.
 
     Raises:
@@ -255,7 +260,7 @@ def _start(work: Callable[[Any], Outcome], limits: Limits) -> _Worker:
                 output, printed = context.Pipe(duplex=False)
                 undo.callback(output.close)
                 with printed:
-                    given = far, printed, limits.memory_mib or _machine_mib(), folder
+                    given = far, printed, limits.memory_mib or _machine_mib(), folder, confines
                     process = context.Process(target=serve, args=given)
                     process.start()
         except OSError as cause:
@@ -285,15 +290,3 @@ def _await_end(process: BaseProcess) -> None:
     patience = time.monotonic() + _GRACE_S
     while process.exitcode is None and time.monotonic() < patience:
         time.sleep(0.01)
-
-
-def _death(code: int | None) -> str:
-    """Say how a worker ended."""
-    if code is None:
-        return "The worker process closed its files and gave no outcome. Mend the method"
-    if code < 0:
-        return (
-            f"The worker process was killed or crashed, exit code {code} (out of memory, or native code). "
-            "Try fewer --jobs"
-        )
-    return f"The worker process was ended by its own code, exit code {code}. Mend the method"

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from graycard import Progress
-from graycard.benchmarks.workers._family import lead_family
 from graycard.io import keep_freed_memory, silent
+from graycard.processes._confined import start_ahead
+from graycard.processes._family import lead_family
 
 OFTEN_S = 0.1
 """Time between two messages of progress."""
@@ -47,7 +48,7 @@ def worker_progress() -> Progress:
     return report
 
 
-def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path) -> None:
+def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path, confines: str) -> None:
     """Do jobs until there are no more; the first message is the work.
 
     Args:
@@ -55,6 +56,7 @@ def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path) -
         output: Takes what the process prints.
         memory_mib: Memory that the process may write to.
         folder: For temporary files, of its children too.
+        confines: What the process runs that the first job confines, ``module:function``; empty for none.
     """
     global _pipe
     lead_family()
@@ -62,6 +64,8 @@ def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path) -
     _limit_memory(memory_mib)
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
     keep_freed_memory()
+    if confines:
+        start_ahead(confines)  # it imports its modules while this process imports its own
     _pipe = pipe
     work: Callable[[Any], Any] = pipe.recv()
     while (job := pipe.recv()) is not None:

@@ -32,6 +32,11 @@ def lead_family() -> None:
     """Make this process the leader of a session, which ends with the process that started it."""
     with contextlib.suppress(OSError, AttributeError):
         os.setsid()
+    die_with_parent()
+
+
+def die_with_parent() -> None:
+    """Let the kernel kill this process when the one that started it ends; on Linux alone."""
     if sys.platform == "linux":
         ctypes.CDLL(None, use_errno=True).prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 

@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A method in a process that can reach nothing but its capture, and the decompositions that it makes."""
+
+import os
+import shutil
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+from weakref import finalize
+
+import numpy as np
+
+from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
+from graycard.io import atomic_path, inside, silent, to_builtins
+from graycard.methods._contract import Ask, Decomposition, Guest, Priors
+from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
+from graycard.methods._registry import BUILT_IN, module_of
+from graycard.methods.confined._kernels import keep_kernels, note_use
+from graycard.methods.confined._wire import (
+    ask_in,
+    error_in,
+    error_out,
+    light_out,
+    lights_in,
+    lights_out,
+    priors_out,
+    question_in,
+)
+from graycard.processes import (
+    ChannelError,
+    Confined,
+    Message,
+    Places,
+    started,
+    words_of_end,
+)
+
+SERVE = "graycard.methods.confined:serve"
+"""What the process runs."""
+_NO_PRIORS = Priors()
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What a method says of itself before it is fitted."""
+
+    needs: tuple[str, ...]
+    asks: tuple[Ask, ...]
+    settings: Mapping[str, Any]
+    """All of them, as in JSON."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spent:
+    """Cost of what a fit found done."""
+
+    seconds: float
+    peak_mib: float
+
+
+@dataclass(eq=False)
+class ConfinedMethod:
+    """A method in a process of its own."""
+
+    name: str
+    """A registered name or ``module:attribute``."""
+    label: str
+    """Its name in messages."""
+    process: Confined
+    scratch: Path
+    """Folder of the process."""
+    progress: Progress = silent
+    released: deque[int] = field(default_factory=deque)
+    """Numbers of decompositions that are not used any more."""
+    numbers: Iterator[int] = field(default_factory=count)
+    since: float = field(default_factory=time.time)
+
+    def load(self, settings: Mapping[str, Any]) -> Known:
+        """Import the method.
+
+        Args:
+            settings: Those that differ from its defaults.
+
+        Raises:
+            UnknownNameError: No method has this name.
+            MethodError: It does not load, or does not take its settings.
+        """
+        told = self.ask("load", {"method": self.name, "settings": dict(settings)}).data
+        return Known(tuple(told["needs"]), tuple(map(ask_in, told["asks"])), told["settings"])
+
+    def compile(self) -> None:
+        """Compile the kernels that it needs and the cache lacks: in no process that runs code of others.
+
+        Raises:
+            UnknownNameError: It names kernels that there are not.
+        """
+        found = self.ask("kernels", {"method": self.name}).data
+        if found["missing"]:
+            from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
+
+            warm_kernels([str(part) for part in found["parts"]], self.progress)
+            found = self.ask("kernels", {"method": self.name}).data
+        note_use(found["folders"])
+
+    def keep_kernels(self) -> None:
+        """Keep what a method of graycard's own has compiled; those of others are code of others."""
+        if self.name in BUILT_IN:
+            keep_kernels(self.scratch / "kernels" / "graycard", self.since)
+
+    def fit(
+        self,
+        capture: Capture,
+        priors: Priors,
+        settings: Mapping[str, Any],
+        seed: int,
+        stages: Path | None = None,
+    ) -> tuple[Decomposition, Spent]:
+        """Fit it.
+
+        Args:
+            capture: A copy in its folder.
+            priors: What it is handed; models answer in this process.
+            settings: Those that differ from its defaults.
+            seed: Of all that is drawn.
+            stages: Where it saves stages, if it has any.
+
+        Raises:
+            MethodError: It cannot fit the capture, or its process ended.
+        """
+        handed = priors_out(priors)
+        told = {
+            "method": self.name, "settings": dict(settings), "seed": seed, "priors": handed.data,
+            "capture": str(capture.root), "stages": None if stages is None else str(stages),
+        }  # fmt: skip
+        found = self.ask("fit", told, handed.arrays, priors).data
+        spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
+        return self.decomposition(found), spent
+
+    def seed(self, seed: int) -> None:
+        """Seed all random sources of the process."""
+        self.ask("seed", {"seed": seed})
+
+    def call(self, function: str, **arguments: Any) -> Any:
+        """Call ``module:function`` there with JSON data, and return what it gives.
+
+        Raises:
+            GraycardError: As it raises.
+        """
+        return self.ask("call", {"function": function, "arguments": arguments}).data
+
+    def ask(
+        self,
+        verb: str,
+        data: Mapping[str, Any],
+        arrays: Mapping[str, np.ndarray] = {},
+        priors: Priors = _NO_PRIORS,
+    ) -> Message:
+        """Ask for something, and answer what is asked meanwhile.
+
+        Raises:
+            MethodError: The process ended, or sent what is no message.
+            GraycardError: What the method's code raised.
+        """
+        released = [self.released.popleft() for _ in range(len(self.released))]
+        told = {**data, "label": self.label, "released": released}
+        try:
+            self.process.channel.send(Message(verb, told, arrays))
+            while (message := self.process.channel.receive()).kind != "done":
+                self._meet(message, priors)
+        except ChannelError as cause:
+            words = words_of_end(self.process.end())
+            raise MethodError(
+                f"expected method {self.label!r} to fit, got no answer: {cause}. {words}"
+            ) from None
+        return message
+
+    def decomposition(self, told: Mapping[str, Any]) -> Any:
+        """Return the decomposition of a number, which can do what is told; None where there is none."""
+        number = told["number"]
+        if number is None:
+            return None
+        kind = _kind_of(tuple(verb for verb in _VERBS if verb in told["able"]))
+        found = kind(self, int(number), frozenset(map(str, told["provides"])))
+        finalize(found, self.released.append, found.number)
+        return found
+
+    def _meet(self, message: Message, priors: Priors) -> None:
+        """Meet a message that comes before the answer.
+
+        Raises:
+            GraycardError: It is an error.
+        """
+        match message.kind:
+            case "progress":
+                self.progress(float(message.data[0]), str(message.data[1]))
+            case "ask":
+                self.process.channel.send(_answer(message, priors))
+            case "error":
+                raise error_in(message.data)
+            case other:
+                raise ChannelError(f"expected an answer, got {other!r}")
+
+
+def _answer(message: Message, priors: Priors) -> Message:
+    """Answer a question to a prior; an error is an answer too."""
+    try:
+        question = question_in(message.data, message.arrays)
+        priors.require(question.kind)
+        return Message("answer", None, {"answer": np.asarray(priors.models[question.kind].answer(question))})
+    except Exception as error:
+        return Message("error", error_out(error))
+
+
+@dataclass(frozen=True, eq=False)
+class ConfinedDecomposition:
+    """A decomposition in another process."""
+
+    method: ConfinedMethod
+    number: int
+    provides: frozenset[str]
+
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Render layers, as of :class:`graycard.methods.Decomposition`."""
+        told = {"number": self.number, "camera": to_builtins(camera), "layers": list(layers)}
+        return dict(self.method.ask("render", told).arrays)
+
+    def lights(self) -> tuple[Light, ...] | None:
+        """Return the lights that were found."""
+        return lights_in(self.method.ask("lights", {"number": self.number}).data)
+
+    def save(self, folder: Path) -> None:
+        """Write the decomposition.
+
+        Raises:
+            MethodError: The method writes something else than files.
+            OutputError: The folder cannot be written to, or the disk is full.
+        """
+        made = self.method.scratch / f"saved-{next(self.method.numbers)}"
+        made.mkdir()
+        self.method.ask("save", {"number": self.number, "folder": str(made)})
+        _take_files(made, folder)
+
+
+class _Relights(ConfinedDecomposition):
+    def relight(self, lights: tuple[Light, ...]) -> Any:
+        """Exchange the lights."""
+        told = {"number": self.number, "lights": lights_out(lights)}
+        return self.method.decomposition(self.method.ask("relight", told).data)
+
+
+class _Composes(ConfinedDecomposition):
+    def compose(self, composition: Composition, guest: Guest | None = None) -> Any:
+        """Put an object in; the guest is of the same process."""
+        told = {"number": self.number, "composition": to_builtins(composition), "guest": None}
+        masks: dict[str, np.ndarray] = {}
+        if guest is not None:
+            assert isinstance(guest.decomposition, ConfinedDecomposition), "it was fitted in this process"
+            told["guest"] = {
+                "number": guest.decomposition.number,
+                "cameras": {name: to_builtins(camera) for name, camera in guest.cameras.items()},
+            }
+            masks = dict(guest.masks)
+        return self.method.decomposition(self.method.ask("compose", told, masks).data)
+
+
+class _Removes(ConfinedDecomposition):
+    def remove(self, object_id: int) -> Any:
+        """Take an object away."""
+        told = {"number": self.number, "object": object_id}
+        return self.method.decomposition(self.method.ask("remove", told).data)
+
+
+class _Surrounds(ConfinedDecomposition):
+    def environment(self, light: EnvironmentLight) -> np.ndarray:
+        """Return the image of an environment."""
+        told = {"number": self.number, "light": light_out(light)}
+        return self.method.ask("environment", told).arrays["image"]
+
+
+class _Counts(ConfinedDecomposition):
+    def counts(self, camera: Camera) -> dict[str, float]:
+        """Count the work that a picture takes."""
+        return dict(self.method.ask("counts", {"number": self.number, "camera": to_builtins(camera)}).data)
+
+
+_VERBS: Mapping[str, type[ConfinedDecomposition]] = {
+    "relight": _Relights,
+    "compose": _Composes,
+    "remove": _Removes,
+    "environment": _Surrounds,
+    "counts": _Counts,
+}
+
+
+@cache
+def _kind_of(able: tuple[str, ...]) -> type[ConfinedDecomposition]:
+    """Return a kind of decomposition that can do these verbs and no others: what it claims is what it has."""
+    bases = tuple(_VERBS[verb] for verb in able) or (ConfinedDecomposition,)
+    return type("ConfinedDecomposition", bases, {})
+
+
+def _take_files(made: Path, folder: Path) -> None:
+    """Copy what a method has written to where it is wanted; its index, in the folder itself, comes last.
+
+    Raises:
+        MethodError: There is something else than files and folders.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    found = sorted(made.rglob("*"), key=lambda path: (path.parent == made and path.suffix == ".json", path))
+    for path in found:
+        if path.is_symlink() or not (path.is_file() or path.is_dir()):
+            raise MethodError(f"expected files of a saved decomposition, got {path.name}, which is none")
+    for path in (path for path in found if path.is_file()):
+        with atomic_path(inside(folder, *path.relative_to(made).parts)) as partial:
+            shutil.copyfile(path, partial)
+    shutil.rmtree(made, ignore_errors=True)
+
+
+@contextmanager
+def confined(
+    name: str,
+    scratch: Path,
+    places: Places,
+    progress: Progress = silent,
+    label: str = "",
+) -> Iterator[ConfinedMethod]:
+    """A process for the code of a method, which ends with the block.
+
+    Args:
+        name: A registered name or ``module:attribute``.
+        scratch: Folder of the process.
+        places: What is open and what is closed to it.
+        progress: Called now and then.
+        label: Name in messages; that of the method if empty.
+
+    Raises:
+        UnknownNameError: No method has this name.
+        MethodError: It is offered twice, or the process cannot be started.
+    """
+    module = module_of(name)
+    try:
+        process = started(SERVE)
+    except OSError as cause:
+        raise MethodError(f"expected room for a process, got {cause.strerror}. Try fewer --jobs") from cause
+    method = ConfinedMethod(name, label or name, process, scratch, progress)
+    try:
+        kernels = str(kernel_root(os.environ.get("NUMBA_CACHE_DIR")))
+        variables = {SHARED_KERNELS: kernels, "NUMBA_CACHE_DIR": str(scratch / "kernels")}
+        try:
+            process.confine(replace(places, readable=(*places.readable, kernels)), module, variables)
+        except ChannelError as cause:
+            raise MethodError(
+                f"expected a process for {name!r}, got {cause}. {words_of_end(process.end())}"
+            ) from None
+        yield method
+    finally:
+        process.end()
