@@ -98,6 +98,7 @@ def test_who_died_is_not_waited_for_even_if_its_children_hold_the_socket():
     assert channel.receive().kind == "last"
     with pytest.raises(ChannelError, match="has ended"):
         channel.receive()
+    channel.close()
     theirs.close()
 
 
