@@ -125,9 +125,9 @@ class _Server:
         if not parts:
             return Parcel({"parts": [], "missing": [], "folders": []})
         from graycard.methods._numba import link_shared  # Numba takes long to import
-        from graycard.methods.splat.warm import missing_jobs
+        from graycard.methods.splat import missing_kernels
 
-        return Parcel({"parts": parts, "missing": missing_jobs(parts), "folders": link_shared()})
+        return Parcel({"parts": parts, "missing": missing_kernels(parts), "folders": link_shared()})
 
     def do_seed(self, data: Any, arrays: Arrays) -> Parcel:
         """Seed all global random sources."""
