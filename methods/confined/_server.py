@@ -46,6 +46,7 @@ from graycard.methods.confined._wire import (
     lights_out,
     priors_in,
     question_out,
+    text_out,
 )
 from graycard.processes import Channel, ChannelError, Message
 
@@ -211,7 +212,7 @@ class _Server:
     def _progress(self, done: float, doing: str, /) -> None:
         if time.monotonic() >= self.told_s:
             self.told_s = time.monotonic() + OFTEN_S
-            self.channel.send(Message("progress", [float(done), str(doing)]))
+            self.channel.send(Message("progress", [float(done), text_out(str(doing))]))
 
 
 @dataclass(frozen=True, slots=True)
