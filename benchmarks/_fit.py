@@ -60,8 +60,6 @@ class FitSpec:
     go on from; None: nothing is saved but where the settings say so."""
     readable: tuple[Path, ...] = ()
     """Files and folders that the method may read besides its code, its libraries and the capture."""
-    readable: tuple[Path, ...] = ()
-    """Files and folders that the method may read besides its code, its libraries and the capture."""
 
 
 @dataclass(frozen=True, slots=True)

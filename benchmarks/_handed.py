@@ -85,7 +85,7 @@ def places_of(
         scenes: ``DATASET/<track>/<scene>`` of what is fitted: their datasets are closed.
         settings: Of the method; a ``checkpoint`` among them names a file or folder that it may write to.
         jobs: Folder of all jobs of the run, whose other files are closed with it.
-        stages: Where it saves stages.
+        stages: Where it saves stages, ``RUN/stages/<code>/<capture>``; other stages of the run are closed.
         readable: Files and folders that it may read besides.
 
     Raises:
@@ -93,6 +93,7 @@ def places_of(
     """
     closed = [place for scene in scenes for place in _of_dataset(Path(scene).absolute().parents[1], scene)]
     closed += [jobs.parent / name for name in _OF_RUNS] if jobs is not None else []
+    closed += [stages.parents[1]] if stages is not None else []
     opened = [stages] if stages is not None else []
     checkpoint = settings.get("checkpoint")
     if isinstance(checkpoint, str) and checkpoint:

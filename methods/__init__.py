@@ -39,3 +39,4 @@ from graycard.methods._registry import settings_of as settings_of
 from graycard.methods._resumed import Resumed as Resumed
 from graycard.methods._resumed import add_resumed as add_resumed
 from graycard.methods._resumed import resumed_time as resumed_time
+from graycard.methods._seeds import seed_everything as seed_everything

@@ -17,7 +17,7 @@ MUST_NOT_KNOW = {
     "src/graycard/*.py": ("synth", "methods", "eval", "benchmarks", "reports"),
     **{
         f"src/graycard/{room}/*.py": ("synth", "methods", "eval", "benchmarks", "reports")
-        for room in ("cli", "exchange", "io", "layers", "networks", "records")
+        for room in ("cli", "exchange", "io", "layers", "networks", "processes", "records")
     },
     "synth/**/*.py": ("methods", "eval", "benchmarks", "reports"),
     "methods/**/*.py": ("synth", "eval", "benchmarks", "reports"),

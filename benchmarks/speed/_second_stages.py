@@ -15,11 +15,10 @@ from skimage.transform import resize
 from threadpoolctl import threadpool_limits
 
 from graycard import Camera, Capture, Points, Progress, Truth, View, open_capture, open_truth
-from graycard.benchmarks._fit import seed_everything
 from graycard.benchmarks.speed._machine import threads
 from graycard.io import silent
 from graycard.layers import with_derived
-from graycard.methods import Method, Priors, asks_of, load_method, settings_of
+from graycard.methods import Method, Priors, asks_of, load_method, seed_everything, settings_of
 from graycard.methods.priors import PriorSpec, make_priors, truth_of
 from graycard.synth import RenderSettings, SceneSpec, all_families, render_scene
 

@@ -194,8 +194,9 @@ def access_breaches(run: RunRecord) -> list[Breach]:
 
 
 def ways_of(run: RunRecord) -> dict[str, int]:
-    """Return in how many fits truth was closed in which way; fits without a record are left out."""
-    return dict(Counter(r.access.guard for r in run.results if r.access is not None))
+    """Return in how many fits truth was closed in which way; fits without a record of one are left out."""
+    ways = (result.access.guard for result in run.results if result.access is not None)
+    return dict(Counter(way for way in ways if GUARDS.fullmatch(way)))
 
 
 def _evidence(result: JobResult) -> str:

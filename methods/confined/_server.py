@@ -46,6 +46,7 @@ from graycard.methods.confined._wire import (
     lights_out,
     priors_in,
     question_out,
+    text_out,
 )
 from graycard.processes import Channel, ChannelError, Message
 
@@ -125,9 +126,9 @@ class _Server:
         if not parts:
             return Parcel({"parts": [], "missing": [], "folders": []})
         from graycard.methods._numba import link_shared  # Numba takes long to import
-        from graycard.methods.splat.warm import missing_jobs
+        from graycard.methods.splat import missing_kernels
 
-        return Parcel({"parts": parts, "missing": missing_jobs(parts), "folders": link_shared()})
+        return Parcel({"parts": parts, "missing": missing_kernels(parts), "folders": link_shared()})
 
     def do_seed(self, data: Any, arrays: Arrays) -> Parcel:
         """Seed all global random sources."""
@@ -211,7 +212,7 @@ class _Server:
     def _progress(self, done: float, doing: str, /) -> None:
         if time.monotonic() >= self.told_s:
             self.told_s = time.monotonic() + OFTEN_S
-            self.channel.send(Message("progress", [float(done), str(doing)]))
+            self.channel.send(Message("progress", [float(done), text_out(str(doing))]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -132,6 +132,11 @@ def question_in(data: Any, arrays: Arrays) -> Question:
     return Question(data["kind"], view, arrays["image"], str(data["of"]), arrays.get("hole"))
 
 
+def text_out(text: str) -> str:
+    """Return a text that a message can hold: no halves of surrogate pairs, which file names may have."""
+    return text.encode(errors="replace").decode()
+
+
 class CodeOfOthersError(Exception):
     """The traceback of an error that another process met in code that is not graycard's."""
 
@@ -145,7 +150,7 @@ def error_out(error: BaseException) -> dict[str, str]:
     words = words_of(error) if known else f"{type(error).__name__}: {words_of(error)}"
     foreign = error.__cause__ if known else error
     trace = "" if isinstance(foreign, GraycardError | None) else "".join(traceback.format_exception(foreign))
-    return {"error": type(error).__name__, "words": words, "trace": trace}
+    return {"error": type(error).__name__, "words": words, "trace": text_out(trace)}
 
 
 def error_in(data: Any) -> GraycardError:

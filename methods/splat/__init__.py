@@ -31,6 +31,7 @@ from graycard.methods.splat._trace import NEAR_DISTANCE as NEAR_DISTANCE
 from graycard.methods.splat._trace import build_bvh as build_bvh
 from graycard.methods.splat._trace import trace_rays as trace_rays
 from graycard.methods.splat._warm import SURFEL_KERNELS as SURFEL_KERNELS
+from graycard.methods.splat._warm import missing_kernels as missing_kernels
 from graycard.methods.splat._warm import warm_kernels as warm_kernels
 from graycard.methods.splat._window import Window as Window
 from graycard.methods.splat._window import windows_of as windows_of

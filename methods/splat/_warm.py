@@ -32,3 +32,14 @@ def warm_kernels(parts: Sequence[str] | None = None, progress: Progress = silent
     from graycard.methods.splat.warm._processes import warmed
 
     return warmed(list(PARTS) if parts is None else parts, progress)
+
+
+def missing_kernels(parts: Sequence[str]) -> list[str]:
+    """Return the names of the jobs of parts, named as in :func:`warm_kernels`, that the cache lacks.
+
+    Raises:
+        UnknownNameError: There is no such part.
+    """
+    from graycard.methods.splat.warm._processes import missing_jobs  # Numba takes long to import
+
+    return missing_jobs(parts)

@@ -3,96 +3,22 @@
 
 import json
 import shutil
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from changed_scene import DONOR, enrich
-from graycard import Camera, Capture, Composition, DatasetError, GraycardError, MethodError, open_truth
+from graycard import DatasetError, MethodError, open_truth
 from graycard.benchmarks import FitSpec, check_result, fit_scene, load_suite
 from graycard.benchmarks._introduction import introduce
 from graycard.benchmarks._runner import _plan
 from graycard.cli import main
 from graycard.dataset import manifest_of
 from graycard.io import read_layers, sha256, silent, write_layers, write_manifest
-from graycard.methods import Guest, NoSettings
 from graycard.records import read_run
 
-MODULE = "guest_methods"
-
-
-@dataclass
-class Flat:
-    """One colour everywhere: with a guest, how much of the pictures of its scene it fills."""
-
-    scene: str
-    colour: float = 0.5
-    provides = frozenset({"radiance"})
-
-    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
-        return {name: np.full((camera.height, camera.width, 3), self.colour) for name in layers}
-
-    def lights(self) -> None:
-        return None
-
-    def save(self, folder: Path) -> None:
-        raise NotImplementedError
-
-    def compose(self, composition: Composition, guest: Guest | None = None) -> "Flat | None":
-        if guest is None:
-            return None
-        assert guest.masks.keys() == guest.cameras.keys()
-        assert guest.decomposition.scene == f"objects-{composition.donor.seed:04d}"  # pyright: ignore
-        assert guest.decomposition.scene != self.scene  # pyright: ignore
-        return Flat(self.scene, float(np.mean(list(guest.masks.values()))))
-
-
-class Hosting:
-    """A method that puts objects into scenes."""
-
-    summary, needs, settings_type = "It hosts", (), NoSettings
-
-    def fit(self, capture: Capture, *_: object) -> Flat:
-        return Flat(capture.scene)
-
-    def load(self, folder: Path) -> Flat:
-        raise NotImplementedError
-
-
-@dataclass(frozen=True)
-class Place:
-    """Settings of ``Peeping``."""
-
-    path: str = ""
-
-
-class Peeping(Hosting):
-    """It tries to read a file in the second of its fits only, and says nothing when it is refused."""
-
-    settings_type = Place
-
-    def fit(self, capture: Capture, *others: object) -> Flat:
-        settings = others[1]
-        if capture.scene.startswith("objects"):
-            with suppress(GraycardError):
-                Path(settings.path).read_text()  # pyright: ignore[reportAttributeAccessIssue]
-        return Flat(capture.scene)
-
-
-@pytest.fixture
-def hosting(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    (tmp_path / f"{MODULE}.py").write_text(Path(__file__).read_text())
-    monkeypatch.syspath_prepend(tmp_path)
-    helpers = [path for path in sys.path if path.endswith("helpers")]
-    for path in (*helpers, str(tmp_path)):
-        monkeypatch.setenv("PYTHONPATH", path, prepend=":")
-    yield f"{MODULE}:Hosting"
-    sys.modules.pop(MODULE, None)
+HOSTING = "small_methods:Hosting"
 
 
 def composed_colours(predictions: Path) -> list[float]:
@@ -106,8 +32,8 @@ def host(make_scene: Callable[..., Path]) -> Path:
 
 
 def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:04d}", row: int = 6) -> Path:
-    """Its object of that id is put over the upper rows of its pictures."""
-    folder = make_scene(track="multilight", scene=name)
+    """Its object of that id is put over the upper rows of its pictures, of which there are more."""
+    folder = make_scene(track="multilight", scene=name, train=4)
     truth = open_truth(folder / "truth")
     for view in truth.views:
         layers = truth.layers(view)
@@ -119,15 +45,15 @@ def donor_of(make_scene: Callable[..., Path], name: str = f"objects-{DONOR.seed:
 
 
 def test_a_guest_is_handed_with_its_masks(
-    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+    host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor = donor_of(make_scene)
-    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", silent)
+    fit_scene(FitSpec(HOSTING, {}, 0, host, donor=donor), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == pytest.approx([6 / 24] * 2)
 
 
-def test_without_a_donor_nothing_is_composed(hosting: str, host: Path, tmp_path: Path) -> None:
-    fit_scene(FitSpec(hosting, {}, 0, host), tmp_path / "p", silent)
+def test_without_a_donor_nothing_is_composed(host: Path, tmp_path: Path) -> None:
+    fit_scene(FitSpec(HOSTING, {}, 0, host), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == []
 
 
@@ -136,35 +62,33 @@ def test_the_truth_needs_no_donor(host: Path, make_scene: Callable[..., Path], t
     assert len(composed_colours(tmp_path / "p")) == 2
 
 
-def test_another_donor_is_refused(
-    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
-) -> None:
+def test_another_donor_is_refused(host: Path, make_scene: Callable[..., Path], tmp_path: Path) -> None:
     other = donor_of(make_scene, "objects-0004")
     with pytest.raises(DatasetError, match="expected multilight/objects-0003, whose object is put into"):
-        fit_scene(FitSpec(hosting, {}, 0, host, donor=other), tmp_path / "p", silent)
+        fit_scene(FitSpec(HOSTING, {}, 0, host, donor=other), tmp_path / "p", silent)
 
 
 def test_a_donor_for_what_puts_nothing_in_is_refused(
-    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+    host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor, plain = donor_of(make_scene), make_scene(track="multilight", scene="tiny-0001")
     with pytest.raises(MethodError, match=r"expected 'gray' to give a decomposition with compose\(\)"):
         fit_scene(FitSpec("gray", {}, 0, host, donor=donor), tmp_path / "p", silent)
     with pytest.raises(DatasetError, match="to show an object of another scene put in, got none"):
-        fit_scene(FitSpec(hosting, {}, 0, plain, donor=donor), tmp_path / "p", silent)
+        fit_scene(FitSpec(HOSTING, {}, 0, plain, donor=donor), tmp_path / "p", silent)
 
 
 def test_an_object_that_no_photograph_shows_is_not_composed(
-    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path
+    host: Path, make_scene: Callable[..., Path], tmp_path: Path
 ) -> None:
     donor = donor_of(make_scene, row=0)
-    fit_scene(FitSpec(hosting, {}, 0, host, donor=donor), tmp_path / "p", silent)
+    fit_scene(FitSpec(HOSTING, {}, 0, host, donor=donor), tmp_path / "p", silent)
     assert composed_colours(tmp_path / "p") == []
 
 
-@pytest.mark.parametrize("reach", ["host", "job"])
+@pytest.mark.parametrize("reach", ["host", "donor", "job"])
 def test_truth_is_closed_while_the_donor_is_fitted_too(
-    hosting: str, host: Path, make_scene: Callable[..., Path], tmp_path: Path, reach: str
+    host: Path, make_scene: Callable[..., Path], tmp_path: Path, reach: str
 ) -> None:
     """Even for a method that keeps the refusal to itself, and wherever the donor lies."""
     donor = donor_of(make_scene)
@@ -173,20 +97,21 @@ def test_truth_is_closed_while_the_donor_is_fitted_too(
     other = tmp_path / "jobs" / "other" / "scores.json"
     other.parent.mkdir(parents=True)
     other.write_text("{}")
-    wanted = {"host": host / "truth" / "truth.json", "job": other}[reach]
-    spec = FitSpec(f"{MODULE}:Peeping", {"path": str(wanted)}, 0, host, donor=elsewhere)
-    fitted = fit_scene(spec, tmp_path / "p", silent, jobs=tmp_path / "jobs", own=tmp_path / "jobs" / "own")
+    scenes = {"host": host, "donor": elsewhere}
+    wanted = scenes[reach] / "truth" / "truth.json" if reach in scenes else other
+    spec = FitSpec("small_methods:Peeping", {"path": str(wanted)}, 0, host, donor=elsewhere)
+    fitted = fit_scene(spec, tmp_path / "p", silent, jobs=tmp_path / "jobs")
     assert fitted.access.refused == (str(wanted),)
     assert fitted.access.donor_sha256 == sha256(donor / "capture" / "manifest.json")
 
 
 @pytest.mark.slow
 def test_a_bench_renders_the_donors_of_rows_that_compose(
-    hosting: str, suite_of: Callable[..., Path], tmp_path: Path
+    suite_of: Callable[..., Path], tmp_path: Path
 ) -> None:
     suite, run = suite_of(tracks=("multilight",)), tmp_path / "run"
     rows = "".join(
-        f'[[methods]]\nname = "{hosting}"\nlabel = "{label}"\ncomposes = {composes}\n'
+        f'[[methods]]\nname = "{HOSTING}"\nlabel = "{label}"\ncomposes = {composes}\n'
         for label, composes in (("hosts", "true"), ("alone", "false"))
     )
     suite.write_text(suite.read_text() + rows)

@@ -91,7 +91,8 @@ def test_what_it_was_handed_is_on_record(fitted: tuple[Fitted, Path, Path]) -> N
 @pytest.mark.parametrize("method", ["gray", "2dgs-oracle"])
 def test_others_are_not_handed_changed_pictures(method: str, scene: Path) -> None:
     capture = open_capture(scene / "capture")
-    priors = priors_for(methods.load_method(method), PriorSpec(), capture, scene)
+    loaded = methods.load_method(method)
+    priors = priors_for(loaded.needs, methods.asks_of(loaded), PriorSpec(), capture, scene)
     assert (priors.relighting, priors.composition) == ((), None)
 
 

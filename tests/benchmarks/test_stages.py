@@ -1,102 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """Fits of a run that share stages: what one has saved is found by the next, and counts as time of both."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from graycard import Camera, Capture, MethodError
+from graycard import MethodError
 from graycard.benchmarks import FitSpec, fit_scene
-from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._runner import _stages
-from graycard.io import silent, write_bytes
+from graycard.io import silent
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
-
-BEFORE_S, BEFORE_MIB = 1000.0, 1e6
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Where stages are saved."""
-
-    checkpoint: str = ""
+from graycard.methods.confined import Introduction
+from small_methods import BEFORE_MIB, BEFORE_S
 
 
-@dataclass
-class Even:
-    """A decomposition that tells where its stages were."""
-
-    checkpoint: str
-    provides = frozenset({"base_color"})
-
-    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
-        return {name: np.full((camera.height, camera.width, 3), 0.5) for name in layers}
-
-    def lights(self) -> None:
-        return None
-
-    def save(self, folder: Path) -> None:
-        folder.mkdir(exist_ok=True)
-        (folder / "checkpoint").write_text(self.checkpoint)
-
-
-class Unstaged:
-    """A method whose setting means something else."""
-
-    summary, needs, settings_type = "It saves nothing", (), Settings
-
-    def fit(self, capture: Capture, priors: object, settings: Settings, seed: int, progress: object) -> Even:
-        self.found(settings)
-        return Even(settings.checkpoint)
-
-    def found(self, settings: Settings) -> None:
-        """Nothing."""
-
-    def load(self, folder: Path) -> Even:
-        raise NotImplementedError
-
-
-class Staged(Unstaged):
-    """A method that finds what another fit has left."""
-
-    staged = True
-
-    def found(self, settings: Settings) -> None:
-        if settings.checkpoint.endswith("/"):
-            left = Path(settings.checkpoint) / "stage"
-            if left.exists():
-                add_resumed(BEFORE_S, BEFORE_MIB)
-            write_bytes(left, b"done")
-
-
-class Off(Unstaged):
-    """A method that says it has no stages."""
-
-    staged = False
-
-
-class Peeks(Unstaged):
-    """A method that looks for what others have left."""
-
-    staged = True
-
-    def found(self, settings: Settings) -> None:
-        (Path(settings.checkpoint).parents[1] / "other" / "stage").read_text()
-
-
-@pytest.fixture
-def method(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    name = "staged_methods"
-    (tmp_path / f"{name}.py").write_text(Path(__file__).read_text())
-    monkeypatch.syspath_prepend(tmp_path)
-    return f"{name}:{request.param}"
-
-
-@pytest.mark.parametrize("method", ["Staged"], indirect=True)
-def test_what_is_found_counts_as_time_of_the_fit(method: str, make_scene, tmp_path: Path) -> None:
-    spec = FitSpec(method, {}, 0, make_scene(), stages=tmp_path / "stages" / "code" / "capture")
+def test_what_is_found_counts_as_time_of_the_fit(make_scene, tmp_path: Path) -> None:
+    spec = FitSpec(
+        "small_methods:Staged", {}, 0, make_scene(), stages=tmp_path / "stages" / "code" / "capture"
+    )
     first, second = (fit_scene(spec, tmp_path / name, silent).cost for name in ("a", "b"))
     assert first.wall_s < BEFORE_S / 2
     assert first.peak_memory_mib < BEFORE_MIB
@@ -104,17 +25,16 @@ def test_what_is_found_counts_as_time_of_the_fit(method: str, make_scene, tmp_pa
     assert second.peak_memory_mib == BEFORE_MIB
 
 
-@pytest.mark.parametrize(
-    ("method", "given"), [("Staged", ""), ("Staged", "own"), ("Unstaged", "")], indirect=["method"]
-)
+@pytest.mark.parametrize(("method", "own"), [("Staged", ""), ("Staged", "fit.npz"), ("Unstaged", "")])
 def test_only_who_asks_for_it_and_was_told_nothing_gets_the_folder(
-    method: str, given: str, make_scene, tmp_path: Path
+    method: str, own: str, make_scene, tmp_path: Path
 ) -> None:
     stages = tmp_path / "stages" / "code" / "capture"
-    spec = FitSpec(method, {"checkpoint": given}, 0, make_scene(), stages=stages)
+    given = str(tmp_path / "own" / own) if own else ""
+    spec = FitSpec(f"small_methods:{method}", {"checkpoint": given}, 0, make_scene(), stages=stages)
     fit_scene(spec, tmp_path / "p", silent, tmp_path / "saved")
-    told = (tmp_path / "saved" / "checkpoint").read_text()
-    assert told == (f"{stages}/" if method.endswith(":Staged") and not given else given)
+    told = (tmp_path / "saved" / "told").read_text()
+    assert told == (f"{stages}/" if method == "Staged" and not given else given)
 
 
 def test_nobody_needs_to_listen() -> None:
@@ -127,22 +47,22 @@ def test_nobody_needs_to_listen() -> None:
     assert (outer.seconds, inner.seconds, inner.peak_mib) == (1.0, 5.0, 7.0)
 
 
-@pytest.mark.parametrize("method", ["Off"], indirect=True)
-def test_who_says_that_it_is_not_staged_is_not(method: str, make_scene, tmp_path: Path) -> None:
+def test_who_says_that_it_is_not_staged_is_not(make_scene, tmp_path: Path) -> None:
     stages = tmp_path / "stages" / "code" / "capture"
-    fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", silent, tmp_path / "s")
-    assert (tmp_path / "s" / "checkpoint").read_text() == ""
+    spec = FitSpec("small_methods:Off", {}, 0, make_scene(), stages=stages)
+    fit_scene(spec, tmp_path / "p", silent, tmp_path / "saved")
+    assert (tmp_path / "saved" / "told").read_text() == ""
 
 
-@pytest.mark.parametrize("method", ["Peeks"], indirect=True)
-def test_stages_of_others_are_closed(method: str, make_scene, tmp_path: Path) -> None:
+def test_stages_of_others_are_closed(make_scene, tmp_path: Path) -> None:
     (tmp_path / "stages" / "other").mkdir(parents=True)
     (tmp_path / "stages" / "other" / "stage").write_text(
         "what a row that was handed the truth has made of it"
     )
     stages = tmp_path / "stages" / "code" / "capture"
+    spec = FitSpec("small_methods:Peeks", {}, 0, make_scene(), stages=stages)
     with pytest.raises(MethodError, match="truth is closed"):
-        fit_scene(FitSpec(method, {}, 0, make_scene(), stages=stages), tmp_path / "p", silent)
+        fit_scene(spec, tmp_path / "p", silent)
 
 
 def test_stages_are_found_by_the_same_code_on_the_same_capture_alone(make_scene, tmp_path: Path) -> None:

@@ -20,16 +20,19 @@ from graycard.cli import main
 from graycard.io import read_json, read_manifest, sha256, write_json, write_manifest, write_rgb
 from graycard.lights import write_lights
 from graycard.predictions import finish_predictions, write_view
+from graycard.processes import AUDIT_HOOK, landlock_version
 from graycard.records import COMPARISON, read_comparison
 from valid_runs import METHODS, breaches, change, score_in
 
 
 def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["check-result", str(made_run), "--rescore"]) == 0
-    suite, last = capsys.readouterr().out.splitlines()[-2:]
+    suite, closed, last = capsys.readouterr().out.splitlines()[-3:]
     assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
     digest = sha256(made_run / "suite.json")
     assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
+    way = f"landlock-{landlock_version()}+{AUDIT_HOOK}" if landlock_version() else AUDIT_HOOK
+    assert closed.endswith(f" in 6 fits ({way})")
 
 
 def test_a_run_of_an_installation_without_extras_is_valid(run: Path):
@@ -337,8 +340,10 @@ def test_a_gauge_that_another_metric_may_have(run: Path, metric: str, taken_from
 @pytest.mark.parametrize(
     ("edit", "words", "code"),
     [
-        ({"access": None}, "expected a record that truth was closed by", 2),
+        ({"access": None}, "expected a record of how truth was closed", 2),
         ({"guard": "trust-me"}, "got trust-me", 2),
+        ({"guard": "landlock-4"}, "got landlock-4", 2),
+        ({"guard": f"landlock-+{AUDIT_HOOK}"}, f"got landlock-+{AUDIT_HOOK}", 2),
         (
             {"refused": ["/d/dark/corridor-1000/truth/lights.json"]},
             "got an attempt to reach /d/dark/corridor-1000/truth",
@@ -355,6 +360,27 @@ def test_truth_was_closed(run: Path, edit: dict[str, Any], words: str, code: int
     change(run, open_it)
     assert any(words in line for line in breaches(run)["truth"])
     assert check_result(run).exit_code == code
+
+
+@pytest.mark.parametrize(
+    ("guard", "says"),
+    [
+        (f"landlock-7+{AUDIT_HOOK}", "by the kernel (Landlock)"),
+        (AUDIT_HOOK, "without Landlock"),
+        ("capture-copy-and-audit-hook-1", "without Landlock"),
+    ],
+)
+def test_each_way_in_which_truth_was_closed_is_told(
+    run: Path, guard: str, says: str, capsys: pytest.CaptureFixture[str]
+):
+    def close(data: Any) -> None:
+        for result, way in zip(data["results"], [guard] * 5 + ["trust-me"], strict=True):
+            result["access"]["guard"] = way
+
+    change(run, close)
+    assert main(["check-result", str(run)]) == 2
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("truth: ")]
+    assert told == [f"truth: closed {says} in 5 fits ({guard})"]
 
 
 def test_a_score_above_the_noise_of_the_truth(run: Path):

@@ -4,19 +4,18 @@
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from graycard.benchmarks._guard import Guard
 
-from graycard import Camera, UnknownNameError
-from graycard.benchmarks import _fit
+from graycard import Camera, MethodError, UnknownNameError
+from graycard.benchmarks import FitSpec, fit_scene
 from graycard.io import silent
 from graycard.methods import Compiled, load_method, splat
+from graycard.methods.confined import confined
 from graycard.methods.splat import rasterize, warm_kernels
 from graycard.methods.splat.raster._backward import backward
 from graycard.methods.splat.raster._forward import forward
@@ -24,7 +23,7 @@ from graycard.methods.splat.raster._project_backward import unproject
 from graycard.methods.splat.raster._project_forward import project
 from graycard.methods.splat.warm import _processes
 from graycard.methods.splat.warm._jobs import JOBS, PARTS, Job
-from graycard.methods.surfels import SurfelMethod
+from graycard.processes import Places
 
 TWICE = """
 from graycard.methods.splat import warm_kernels
@@ -141,27 +140,36 @@ def test_a_fit_uses_what_the_jobs_compiled():
     assert [list(kernel.signatures) for kernel in kernels] == before
 
 
-def compile_for(method: Any, folder: Path) -> None:
-    """Compile the kernels of a method before a fit of it."""
-    spec = _fit.FitSpec("mine", {}, 0, folder / "scene")
-    fit: Any = _fit._Fit(spec, Guard(folder), Any, Any, silent)  # pyright: ignore[reportArgumentType]
-    _fit._compile_kernels(fit, method)
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
+    """The parts that are to be compiled, without any being compiled; the cache is empty."""
+    parts: list[list[str]] = []
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr(splat, "warm_kernels", lambda wanted, progress: parts.append(wanted))
+    return parts
 
 
-def test_kernels_of_a_method_are_compiled_before_its_fit(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    asked: list[tuple[str, ...]] = []
-    monkeypatch.setattr(splat, "warm_kernels", lambda parts, progress: asked.append(parts))
+def test_kernels_of_a_method_are_compiled_before_its_fit(
+    asked: list[list[str]], make_scene: Callable[..., Path], tmp_path: Path
+):
+    scene = make_scene()
+    with pytest.raises(MethodError, match="expected no fit, got one"):
+        fit_scene(FitSpec("small_methods:Compiles", {}, 0, scene), tmp_path / "p", silent)
+    assert asked == [["harmonics"]]
+
+
+def test_only_kernels_that_a_method_needs_are_compiled(asked: list[list[str]], tmp_path: Path):
     for name in ("2dgs", "gray"):
-        compile_for(load_method(name), tmp_path)
-    assert asked == [splat.SURFEL_KERNELS]
+        (tmp_path / name).mkdir()
+        with confined(name, tmp_path / name, Places(str(tmp_path / name))) as method:
+            method.compile()
+    assert asked == [list(splat.SURFEL_KERNELS)]
 
 
-def test_kernels_that_there_are_not_are_refused(tmp_path: Path):
-    class Odd(SurfelMethod):
-        kernels = ("maps 5",)
-
+def test_kernels_that_there_are_not_are_refused(make_scene: Callable[..., Path], tmp_path: Path):
+    spec = FitSpec("small_methods:CompilesNothing", {}, 0, make_scene())
     with pytest.raises(UnknownNameError, match="part of the engine that exists, got 'maps 5'"):
-        compile_for(Odd(), tmp_path)
+        fit_scene(spec, tmp_path / "p", silent)
 
 
 @pytest.mark.parametrize("name", ["2dgs", "2dgs-oracle", "appearance", "goris", "gsid", "r3dg", "darkgs"])

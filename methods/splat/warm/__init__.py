@@ -1,4 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compile kernels before they are needed: the jobs, and the processes that do them."""
-
-from graycard.methods.splat.warm._processes import missing_jobs as missing_jobs

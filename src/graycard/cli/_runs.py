@@ -15,7 +15,7 @@ from graycard.cli._options import Json, Memory, Timeout, optional, parse_setting
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
 from graycard.io import Progress
-from graycard.records import Looks, RunRecord, read_run
+from graycard.records import Looks, RunRecord
 
 if TYPE_CHECKING:
     from graycard.benchmarks import Limits
@@ -307,41 +307,6 @@ class BenchCommand:
         run = self.out or Path("runs") / f"{suite.name}-until-decided"
         limits = limits_of(self.timeout, self.memory)
         return run, run_until_decided(suite, run, jobs, progress, plan, self.dataset, limits=limits)
-
-
-@dataclass(frozen=True)
-class GateCommand:
-    """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
-
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder."""
-    baseline: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """The expected scores with their tolerances."""
-    write: bool = False
-    """Write the baseline from the run instead of comparing."""
-    json: Json = None
-    """Also write the verdict to this file."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Compare."""
-        from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
-
-        if self.write:
-            made = make_baseline(read_run(self.run_folder))
-            write_baseline(self.baseline, made)
-            terminal.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
-            return OK
-        verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
-        for label in ("worse", "missing", "better"):
-            for change in getattr(verdict, label):
-                terminal.out.print(f"{label}: {change}")
-        write_optional_json(self.json, verdict)
-        says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
-        terminal.out.print(
-            f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
-            f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
-        )
-        return verdict.exit_code
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ VERBS = (
     Verb(
         name="gate",
         group="runs",
-        module="_runs",
+        module="_checks",
         command="GateCommand",
         help="Fail if a run is worse than a baseline",
         example="graycard gate runs/demo --baseline base.json",

@@ -148,7 +148,8 @@ def test_without_a_calibration_or_with_one_of_the_room_it_says_so():
 def test_a_run_hands_the_calibration_alone(scene: Path):
     """A method that asks for the lamp gets it, and neither the lights nor any layer."""
     capture = open_capture(scene / "capture", check=False)
-    found = priors_for(methods.load_method("darkgs"), PriorSpec("oracle", 2), capture, scene)
+    darkgs = methods.load_method("darkgs")
+    found = priors_for(darkgs.needs, methods.asks_of(darkgs), PriorSpec("oracle", 2), capture, scene)
     assert found.kinds == {"light"}
     assert (found.lights, dict(found.layers)) == (None, {})
     (true,) = open_truth(scene / "truth", check=False).lights()

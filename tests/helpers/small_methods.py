@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Methods of a few lines, which tests fit by name: their code runs in a confined process, as any method's.
+
+They import nothing that is closed there. What they saw they tell by what they render, count, save or raise.
+"""
+
+from collections.abc import Mapping, Set
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from graycard import Camera, Capture, Composition, GraycardError, MethodError
+from graycard.io import write_bytes
+from graycard.methods import Guest, NoSettings, add_resumed
+
+BEFORE_S, BEFORE_MIB = 1000.0, 1e6
+"""What ``Staged`` says that its stage has cost."""
+
+
+@dataclass(frozen=True)
+class Even:
+    """A decomposition of one colour everywhere."""
+
+    colour: float = 0.5
+    told: str = ""
+    """Is saved, for the test to read."""
+    photographs: Set[str] = field(default_factory=frozenset)
+    """Names of the photographs that it was fitted to."""
+    provides = frozenset({"base_color", "radiance"})
+
+    def render(self, camera: Camera, layers: list[str]) -> dict[str, np.ndarray]:
+        return {name: np.full((camera.height, camera.width, 3), self.colour) for name in layers}
+
+    def lights(self) -> None:
+        return None
+
+    def save(self, folder: Path) -> None:
+        (folder / "told").write_text(self.told)
+
+
+class Plain:
+    """A method that makes an even colour of anything."""
+
+    summary, needs = "All is of one colour", ()
+    settings_type: type = NoSettings
+
+    def fit(self, capture: Capture, *_: object) -> Even:
+        return Even()
+
+    def load(self, folder: Path) -> Even:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Counted(Even):
+    """A decomposition that counts where the camera of a view stands."""
+
+    odd: bool = False
+
+    def counts(self, camera: Camera) -> Mapping[str, float]:
+        place = camera.position[0]
+        return {"steps" if not self.odd or place < 1 else "strides": float(place)}
+
+
+class Counting(Plain):
+    """A method whose decomposition counts."""
+
+    odd = False
+
+    def fit(self, *_: object) -> Counted:
+        return Counted(odd=self.odd)
+
+
+class Odd(Counting):
+    """It counts other things in other views."""
+
+    odd = True
+
+
+class Host(Even):
+    """A scene that an object is put into: its colour is how much of the pictures of its scene that fills."""
+
+    def compose(self, composition: Composition, guest: Guest | None = None) -> "Host | None":
+        if guest is None:
+            return None
+        assert guest.masks.keys() == guest.cameras.keys()
+        assert guest.decomposition.photographs == guest.cameras.keys()  # pyright: ignore
+        assert guest.decomposition.photographs != self.photographs  # pyright: ignore
+        return Host(float(np.mean(list(guest.masks.values()))))
+
+
+class Hosting(Plain):
+    """A method that puts objects into scenes."""
+
+    def fit(self, capture: Capture, *_: object) -> Host:
+        return Host(photographs=frozenset(view.name for view in capture.train))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Settings of ``Peeping``."""
+
+    path: str = ""
+
+
+class Peeping(Hosting):
+    """It tries to read a file in the second of its fits only, and says nothing when it is refused."""
+
+    settings_type = Place
+    fits = 0
+
+    def fit(self, capture: Capture, *others: object) -> Host:
+        Peeping.fits += 1
+        if Peeping.fits == 2:
+            with suppress(GraycardError):
+                Path(others[1].path).read_text()  # pyright: ignore[reportAttributeAccessIssue]
+        return super().fit(capture)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """Where stages are saved."""
+
+    checkpoint: str = ""
+
+
+class Unstaged(Plain):
+    """A method whose setting means something else."""
+
+    settings_type = Checkpoint
+
+    def fit(self, capture: Capture, priors: object, settings: Checkpoint, *_: object) -> Even:
+        self.found(settings)
+        return Even(told=settings.checkpoint)
+
+    def found(self, settings: Checkpoint) -> None:
+        """Nothing."""
+
+
+class Staged(Unstaged):
+    """A method that finds what another fit has left."""
+
+    staged = True
+
+    def found(self, settings: Checkpoint) -> None:
+        if settings.checkpoint.endswith("/"):
+            left = Path(settings.checkpoint) / "stage"
+            if left.exists():
+                add_resumed(BEFORE_S, BEFORE_MIB)
+            write_bytes(left, b"done")
+
+
+class Off(Unstaged):
+    """A method that says it has no stages."""
+
+    staged = False
+
+
+class Peeks(Unstaged):
+    """A method that looks for what others have left."""
+
+    staged = True
+
+    def found(self, settings: Checkpoint) -> None:
+        (Path(settings.checkpoint).parents[1] / "other" / "stage").read_text()
+
+
+class Compiles(Plain):
+    """A method of which a kernel is compiled before its fit, which always fails."""
+
+    kernels: tuple[str, ...] = ("harmonics",)
+
+    def fit(self, *_: object) -> Even:
+        raise MethodError("expected no fit, got one")
+
+
+class CompilesNothing(Compiles):
+    """It names kernels that there are not."""
+
+    kernels = ("maps 5",)
