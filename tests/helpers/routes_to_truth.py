@@ -354,7 +354,8 @@ def forkserver() -> Any:
 
 def _process_of(how: str) -> bytes:
     copy = _own("copy")
-    process = multiprocessing.get_context(how).Process(target=shutil.copyfile, args=(str(TRUTH), str(copy)))
+    context: Any = multiprocessing.get_context(how)
+    process = context.Process(target=shutil.copyfile, args=(str(TRUTH), str(copy)))
     process.start()
     process.join(20)
     return copy.read_bytes()
