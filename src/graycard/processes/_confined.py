@@ -4,16 +4,21 @@
 import contextlib
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from importlib import import_module
 from itertools import count
 
 from graycard.io import peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
 from graycard.processes._family import MARK, end_family, marked
+from graycard.processes._inside import await_confinement
 from graycard.processes._places import Places
 
 AUDIT_HOOK = "audit-hook-2"
@@ -25,6 +30,9 @@ _BOOT = (
 _NUMBERS = count()
 _GRACE_S = 5.0
 """Time in which a process that is told to end may do so by itself."""
+_LOOK_S = 0.005
+_DESCRIPTORS = 2**16
+"""Descriptors from this number on are not looked for."""
 _NOTES = 2**20
 """Bytes of notes that are read at most."""
 
@@ -33,7 +41,7 @@ _NOTES = 2**20
 class Confined:
     """A process that may only reach what it is handed."""
 
-    process: subprocess.Popen[bytes]
+    process: "subprocess.Popen[bytes] | Forked"
     channel: Channel
     mark: str
     notes: int
@@ -84,10 +92,43 @@ class Confined:
             code = self.process.wait(_GRACE_S)
         except subprocess.TimeoutExpired:
             code = None
-        end_family(self.process.pid, self.mark)
+        if self.mark == os.environ.get(MARK):  # what is left of it ends with this worker
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+        else:
+            end_family(self.process.pid, self.mark)
         self.process.wait()
         with contextlib.suppress(OSError):
             os.close(self.notes)
+        return code
+
+
+class Forked:
+    """A process that this one has forked, with what :class:`subprocess.Popen` tells of one."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self._code: int | None = None
+
+    def poll(self) -> int | None:
+        """Return its exit code, below 0 for a signal; None while it runs."""
+        if self._code is None:
+            with contextlib.suppress(ChildProcessError):
+                pid, status = os.waitpid(self.pid, os.WNOHANG)
+                self._code = os.waitstatus_to_exitcode(status) if pid else None
+        return self._code
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end, and return its exit code.
+
+        Raises:
+            subprocess.TimeoutExpired: It has not ended in so many seconds.
+        """
+        end = None if timeout is None else time.monotonic() + timeout
+        while (code := self.poll()) is None:
+            if end is not None and time.monotonic() >= end:
+                raise subprocess.TimeoutExpired("a fork", timeout or 0.0)
+            time.sleep(_LOOK_S)
         return code
 
 
@@ -96,12 +137,14 @@ _ahead: list[Confined] = []
 
 
 def start_ahead(serve: str) -> None:
-    """Start a process for :func:`started` before it is needed: it imports its modules meanwhile.
+    """Start a process for :func:`started` before it is needed.
+
+    A process that has just begun, and knows of no job yet, forks: what both import is imported once.
 
     Args:
         serve: ``module:function`` that it is to run.
     """
-    _ahead.append(_start(serve))
+    _ahead.append(_connected(serve, _forked if _has_just_begun() else _executed))
 
 
 def started(serve: str) -> Confined:
@@ -110,19 +153,48 @@ def started(serve: str) -> Confined:
     Args:
         serve: ``module:function``, called with the :class:`Channel`.
     """
-    return _ahead.pop() if _ahead else _start(serve)
+    return _ahead.pop() if _ahead else _connected(serve, _executed)
 
 
-def _start(serve: str) -> Confined:
+def _has_just_begun() -> bool:
+    """Tell whether nothing is loaded that a fork should not have: the stages, and threads."""
+    stages = tuple(f"graycard.{name}" for name in ("synth", "benchmarks", "eval", "reports"))
+    loaded = any(name.startswith(stages) for name in sys.modules)
+    return sys.platform == "linux" and not loaded and threading.active_count() == 1
+
+
+def _executed(serve: str, connection: int, notes: int) -> subprocess.Popen[bytes]:
+    """Start a fresh interpreter."""
+    command = [sys.executable, "-c", _BOOT, json.dumps(sys.path), serve, str(connection), str(notes)]
+    given = (connection, notes)
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=given, start_new_session=True)
+
+
+def _forked(serve: str, connection: int, notes: int) -> Forked:
+    """Fork this process; of its open files the fork keeps those that it is given, and its output."""
+    module, _, _ = serve.partition(":")
+    import_module(module)
+    if child := os.fork():
+        return Forked(child)
+    try:
+        nothing = os.open(os.devnull, os.O_RDONLY)
+        os.dup2(nothing, 0)
+        low, high = sorted((connection, notes))
+        for first, last in ((3, low), (low + 1, high), (high + 1, _DESCRIPTORS)):
+            os.closerange(first, last)
+        await_confinement(serve, str(connection), str(notes))
+    finally:
+        os._exit(1)  # none of what this process does at its end is the fork's to do
+
+
+def _connected(serve: str, start: Callable[[str, int, int], subprocess.Popen[bytes] | Forked]) -> Confined:
     ours, theirs = socket.socketpair()
     notes, written = os.pipe()
     os.set_blocking(notes, False)
     os.set_blocking(written, False)  # who does not read does not hold it up
-    command = [sys.executable, "-c", _BOOT, json.dumps(sys.path), serve, str(theirs.fileno()), str(written)]
     with contextlib.ExitStack() as marking, theirs:
         mark = os.environ.get(MARK) or marking.enter_context(marked(next(_NUMBERS)))
-        given = (theirs.fileno(), written)
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=given, start_new_session=True)
+        process = start(serve, theirs.fileno(), written)
     os.close(written)
     return Confined(process, Channel(ours, lambda: process.poll() is None), mark, notes)
 

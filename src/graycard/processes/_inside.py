@@ -46,6 +46,7 @@ def await_confinement(serve: str, connection: str, notes: str) -> NoReturn:
     channel = Channel(socket.socket(fileno=int(connection)))
     module, _, name = serve.partition(":")
     work = getattr(import_module(module), name)
+    os.set_inheritable(int(notes), False)
     try:
         told = channel.receive().data
     except ChannelError:
