@@ -17,7 +17,7 @@ from weakref import finalize
 import numpy as np
 
 from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
-from graycard.io import atomic_path, inside, silent, to_builtins
+from graycard.io import atomic_path, inside, printable, silent, to_builtins
 from graycard.methods._contract import Ask, Decomposition, Guest, Priors
 from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
 from graycard.methods._registry import BUILT_IN, module_of
@@ -92,7 +92,9 @@ class ConfinedMethod:
             MethodError: It does not load, or does not take its settings.
         """
         told = self.ask("load", {"method": self.name, "settings": dict(settings)}).data
-        return Known(tuple(told["needs"]), tuple(map(ask_in, told["asks"])), told["settings"])
+        with self.as_asked():
+            needs = tuple(map(str, told["needs"]))
+            return Known(needs, tuple(map(ask_in, told["asks"])), dict(told["settings"]))
 
     def compile(self) -> None:
         """Compile the kernels that it needs and the cache lacks: in no process that runs code of others.
@@ -100,13 +102,13 @@ class ConfinedMethod:
         Raises:
             UnknownNameError: It names kernels that there are not.
         """
-        found = self.ask("kernels", {"method": self.name}).data
-        if found["missing"]:
+        parts, missing, folders = self._kernels()
+        if missing:
             from graycard.methods.splat import warm_kernels  # PyTorch takes long to import
 
-            warm_kernels([str(part) for part in found["parts"]], self.progress)
-            found = self.ask("kernels", {"method": self.name}).data
-        note_use(found["folders"])
+            warm_kernels(parts, self.progress)
+            _, _, folders = self._kernels()
+        note_use(folders)
 
     def keep_kernels(self) -> None:
         """Keep what a method of graycard's own has compiled; those of others are code of others."""
@@ -139,7 +141,8 @@ class ConfinedMethod:
             "capture": str(capture.root), "stages": None if stages is None else str(stages),
         }  # fmt: skip
         found = self.ask("fit", told, handed.arrays, priors).data
-        spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
+        with self.as_asked():
+            spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
         return self.decomposition(found), spent
 
     def seed(self, seed: int) -> None:
@@ -182,13 +185,33 @@ class ConfinedMethod:
 
     def decomposition(self, told: Mapping[str, Any]) -> Any:
         """Return the decomposition of a number, which can do what is told; None where there is none."""
-        number = told["number"]
-        if number is None:
-            return None
-        kind = _kind_of(tuple(verb for verb in _VERBS if verb in told["able"]))
-        found = kind(self, int(number), frozenset(map(str, told["provides"])))
+        with self.as_asked():
+            if told["number"] is None:
+                return None
+            kind = _kind_of(tuple(verb for verb in _VERBS if verb in told["able"]))
+            found = kind(self, int(told["number"]), frozenset(map(str, told["provides"])))
         finalize(found, self.released.append, found.number)
         return found
+
+    @contextmanager
+    def as_asked(self) -> Iterator[None]:
+        """Say of an answer that it is none, where the block cannot read it.
+
+        Raises:
+            MethodError: It cannot.
+        """
+        try:
+            yield
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as cause:
+            what = f"expected the process of method {self.label!r} to answer what is asked"
+            raise MethodError(f"{what}, got {type(cause).__name__}: {cause}") from None
+
+    def _kernels(self) -> tuple[list[str], list[str], list[str]]:
+        """Return the parts of the engine that the method uses, jobs that are missing, and folders in use."""
+        found = self.ask("kernels", {"method": self.name}).data
+        with self.as_asked():
+            parts, missing, folders = ([str(x) for x in found[k]] for k in ("parts", "missing", "folders"))
+        return parts, missing, folders
 
     def _meet(self, message: Message, priors: Priors) -> None:
         """Meet a message that comes before the answer.
@@ -198,11 +221,15 @@ class ConfinedMethod:
         """
         match message.kind:
             case "progress":
-                self.progress(float(message.data[0]), str(message.data[1]))
+                with self.as_asked():
+                    done, doing = float(message.data[0]), printable(str(message.data[1]))
+                self.progress(done, doing)
             case "ask":
                 self.process.channel.send(_answer(message, priors))
             case "error":
-                raise error_in(message.data)
+                with self.as_asked():
+                    error = error_in(message.data)
+                raise error
             case other:
                 raise ChannelError(f"expected an answer, got {other!r}")
 
@@ -232,7 +259,9 @@ class ConfinedDecomposition:
 
     def lights(self) -> tuple[Light, ...] | None:
         """Return the lights that were found."""
-        return lights_in(self.method.ask("lights", {"number": self.number}).data)
+        told = self.method.ask("lights", {"number": self.number}).data
+        with self.method.as_asked():
+            return lights_in(told)
 
     def save(self, folder: Path) -> None:
         """Write the decomposition.
@@ -280,13 +309,17 @@ class _Surrounds(ConfinedDecomposition):
     def environment(self, light: EnvironmentLight) -> np.ndarray:
         """Return the image of an environment."""
         told = {"number": self.number, "light": light_out(light)}
-        return self.method.ask("environment", told).arrays["image"]
+        found = self.method.ask("environment", told)
+        with self.method.as_asked():
+            return found.arrays["image"]
 
 
 class _Counts(ConfinedDecomposition):
     def counts(self, camera: Camera) -> dict[str, float]:
         """Count the work that a picture takes."""
-        return dict(self.method.ask("counts", {"number": self.number, "camera": to_builtins(camera)}).data)
+        told = self.method.ask("counts", {"number": self.number, "camera": to_builtins(camera)}).data
+        with self.method.as_asked():
+            return {str(name): float(value) for name, value in told.items()}
 
 
 _VERBS: Mapping[str, type[ConfinedDecomposition]] = {

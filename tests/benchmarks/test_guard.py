@@ -1,33 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Truth is closed while a method's code runs, by whatever way it is reached for."""
+"""What a fit is handed, what is closed to it, and what is recorded of that."""
 
 import os
-import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from graycard.benchmarks._guard import GUARD, Guard, _Hook, closed, copied_capture
 
-from graycard import (
-    DatasetError,
-    MethodError,
-    OutputError,
-    Predictions,
-    UnknownNameError,
-    open_capture,
-    open_truth,
-)
-from graycard.benchmarks import FitSpec, SuiteMethod, fit_scene, load_for
+from graycard import DatasetError, MethodError, OutputError, Predictions, UnknownNameError, open_capture
+from graycard.benchmarks import FitSpec, SuiteMethod, ask_apart, fit_scene
+from graycard.benchmarks._handed import GUARDS, OPAQUE, copied_capture, places_of
 from graycard.benchmarks._introduction import Meeting, introduce, introduction_of, meet
 from graycard.benchmarks._jobs import FitJob, find_fit, run_fit
 from graycard.dataset import manifest_of
-from graycard.io import read_layers, sha256, silent, write_json, write_layers, write_manifest
+from graycard.io import sha256, silent, write_json, write_layers, write_manifest
 from graycard.methods import fingerprint
 from graycard.predictions import finish_predictions
+from graycard.processes import AUDIT_HOOK
+from graycard.processes._guard import Guard
 from graycard.records import Access, Cost, Job
 
 
@@ -38,10 +30,12 @@ def scene(make_scene: Callable[..., Path]) -> Path:
 
 @pytest.fixture
 def guard(scene: Path) -> Guard:
-    return Guard(scene.parents[1])
+    return Guard([str(scene.parent)])
 
 
-def test_what_is_wrong_in_the_copy_is_said_of_the_users_own_folder(make_scene: Callable[..., Path]):
+def test_what_is_wrong_in_the_copy_is_said_of_the_users_own_folder(
+    make_scene: Callable[..., Path], tmp_path: Path
+):
     """The copy is gone by the time that somebody reads of it."""
     folder = make_scene(track="tabletop") / "capture"
     capture = open_capture(folder)
@@ -50,193 +44,125 @@ def test_what_is_wrong_in_the_copy_is_said_of_the_users_own_folder(make_scene: C
     ids = np.full((view.camera.height, view.camera.width), 2, np.uint32)
     write_layers(path, {"object_id": ids})
     write_manifest(folder, manifest_of(capture))
-    with pytest.raises(DatasetError) as caught, copied_capture(folder) as copy:
+    with pytest.raises(DatasetError) as caught, copied_capture(folder, tmp_path / "a") as copy:
         copy.target_mask(view)
     assert f"or 0 in {path}, got 2" in str(caught.value)
     assert str(copy.root) not in str(caught.value)
-    with pytest.raises(UnknownNameError, match="did you mean"), copied_capture(folder) as copy:
+    with (
+        pytest.raises(UnknownNameError, match="did you mean"),
+        copied_capture(folder, tmp_path / "b") as copy,
+    ):
         copy.view(view.name[:-1])
 
 
-def through_a_link(scene: Path) -> None:
-    link = scene.parents[2] / "innocent"
-    link.symlink_to(scene)
-    (link / "truth" / "truth.json").read_text()
+def test_the_copy_does_not_tell_its_scene(scene: Path, tmp_path: Path):
+    with copied_capture(scene / "capture", tmp_path / "copy") as capture:
+        handed = open_capture(tmp_path / "copy")
+        assert (handed.scene, capture.scene) == (OPAQUE, scene.name)
+        texts = [path.read_text() for path in (tmp_path / "copy").glob("*.json")]
+    assert len(texts) == 2
+    assert not any(scene.name in text for text in texts)
+    assert handed.views[0].camera.digest == capture.views[0].camera.digest
 
 
-def in_a_thread(scene: Path) -> None:
-    errors: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            (scene / "truth" / "lights.json").read_bytes()
-        except BaseException as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    raise errors[0]
-
-
-def by_a_relative_path(scene: Path) -> None:
-    """As a method does that is started in the run folder."""
-    here = os.getcwd()
-    os.chdir(scene.parents[2])
-    try:
-        subprocess.run(["cat", (scene / "truth" / "truth.json").relative_to(scene.parents[2])], check=True)
-    finally:
-        os.chdir(here)
-
-
-def by_a_program_through_a_link(scene: Path) -> None:
-    link = scene.parents[2] / "innocent"
-    link.symlink_to(scene)
-    os.system(f"cat <{link}/truth/truth.json")
-
-
-WAYS: dict[str, Callable[[Path], object]] = {
-    "open": lambda scene: (scene / "truth" / "truth.json").read_text(),
-    "bytes": lambda scene: os.open(os.fsencode(scene / "truth" / "truth.json"), os.O_RDONLY),
-    "os.open": lambda scene: os.open(scene / "truth" / "truth.json", os.O_RDONLY),
-    "listing": lambda scene: list((scene / "truth").iterdir()),
-    "scandir": lambda scene: next(os.scandir(scene / "truth" / "views")),
-    "dots": lambda scene: (scene / "capture" / ".." / "truth" / "truth.json").read_text(),
-    "link": through_a_link,
-    "hard link": lambda scene: os.link(scene / "truth" / "truth.json", scene.parents[2] / "mine.json"),
-    "rename": lambda scene: os.rename(scene / "truth", scene / "mine"),
-    "rename of the scene": lambda scene: os.rename(scene, scene.parents[2] / "mine"),
-    "chdir": lambda scene: os.chdir(scene / "truth"),
-    "our reader": lambda scene: read_layers(scene / "truth" / "views" / "test_001.exr"),
-    "our door": lambda scene: open_truth(scene / "truth"),
-    "another program": lambda scene: subprocess.run(["cat", str(scene / "truth" / "truth.json")], check=True),
-    "a shell": lambda scene: os.system(f"cat {scene}/truth/truth.json"),
-    "a relative path": by_a_relative_path,
-    "a program in a folder": lambda scene: subprocess.run(["cat", "truth/truth.json"], cwd=scene, check=True),
-    "a program through a link": by_a_program_through_a_link,
-    "a thread": in_a_thread,
-    "another scene": lambda scene: (scene.parents[1] / "tabletop" / "other" / "truth" / "x").read_text(),
-}
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_every_way_to_the_truth_is_closed(scene: Path, guard: Guard, way: str):
-    with closed(guard), pytest.raises(MethodError, match="truth is closed while a method runs"):
-        WAYS[way](scene)
-    assert len(guard.refused) == 1
-    assert (scene / "truth" / "truth.json").is_file()
-    open_truth(scene / "truth")  # open again
-
-
-def test_all_else_is_open(scene: Path, guard: Guard, tmp_path: Path):
-    (tmp_path / "truth").mkdir()
-    with closed(guard):
-        open_capture(scene / "capture")
-        (tmp_path / "truth" / "mine.txt").write_text("a folder may bear that name elsewhere")
-        list(scene.iterdir())
-        subprocess.run([sys.executable, "-c", ""], check=True)
-        with open(os.open(tmp_path / "x", os.O_CREAT | os.O_RDONLY)) as file:
-            assert file.read() == ""
-    assert guard.refused == []
-
-
-def test_predictions_of_others_are_closed_and_its_own_are_not(scene: Path, tmp_path: Path):
-    jobs = tmp_path / "run" / "jobs"
-    own, other = jobs / "dark" / "s" / "mine-0", jobs / "dark" / "s" / "truth-0"
-    for folder in (own, other):
-        folder.mkdir(parents=True)
-        (folder / "predictions.json").write_text("{}")
-    guard = Guard(scene.parents[1], jobs, own)
-    with closed(guard):
-        assert (own / "predictions.json").read_text() == "{}"
-        with pytest.raises(MethodError, match="truth-0"):
-            (other / "predictions.json").read_text()
-        with pytest.raises(MethodError, match=r"subprocess.Popen"):
-            subprocess.run(["ls", str(jobs)], check=True)
-
-
-def test_what_is_tried_twice_is_named_once(scene: Path, guard: Guard):
-    for _ in range(2):
-        with closed(guard), pytest.raises(MethodError):
-            (scene / "truth" / "truth.json").read_text()
-    assert guard.refused == [str(scene / "truth" / "truth.json")]
-
-
-PEEPERS = """
+WORDS = """
+import os
 from pathlib import Path
-import numpy as np
 from graycard import GraycardError, open_truth
-from graycard.methods import NoSettings
-from graycard.methods._gray import GrayMethod
-LOG = []
-class Peeps(GrayMethod):
-    summary = "Looks beside its capture, and at the dataset if it is told where"
-    def fit(self, capture, priors, settings, seed, progress):
-        LOG.append(sorted(p.name for p in capture.root.parent.iterdir()))
-        try:
-            open_truth(Path(SCENE) / "truth")
-        except GraycardError as error:
-            LOG.append(str(error))
-        return super().fit(capture, priors, settings, seed, progress)
-class Insists(GrayMethod):
-    summary = "Cannot do without"
-    def fit(self, capture, priors, settings, seed, progress):
-        return open(Path(SCENE) / "truth" / "truth.json")
-"""
-
-
-@pytest.fixture
-def peepers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    (tmp_path / "peepers.py").write_text(f"SCENE = {str(scene)!r}\n{PEEPERS}")
-    monkeypatch.syspath_prepend(tmp_path)
-    yield "peepers"
-    sys.modules.pop("peepers", None)
-
-
-def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path: Path, peepers: str):
-    fitted = fit_scene(FitSpec(f"{peepers}:Peeps", {}, 0, scene), tmp_path / "p", silent)
-    beside, words = sys.modules[peepers].LOG
-    assert beside == ["capture"], "there is nothing beside the copy"
-    assert "truth is closed while a method runs" in words
-    assert fitted.access.guard == GUARD
-    assert fitted.access.handed == ()
-    assert fitted.access.refused == (str(scene / "truth" / "manifest.json"),)
-    assert fitted.access.capture_sha256 == sha256(scene / "capture" / "manifest.json")
-
-
-def test_a_module_that_looks_while_it_is_imported_is_refused(
-    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    (tmp_path / "early.py").write_text(f"open({str(scene / 'truth' / 'truth.json')!r})\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MethodError, match="to import, got MethodError: expected a method to keep to its"):
-        fit_scene(FitSpec("early:Method", {}, 0, scene), tmp_path / "p", silent)
-
-
-STRANGERS = """
-from pathlib import Path
 from graycard.methods import Ask
 from graycard.methods._gray import GrayMethod
+SCENE = Path(os.environ.get("SCENE", "/nowhere/a/b"))
 if "early" in Path(__file__).stem:
-    open(TRUTH)
+    open(SCENE / "truth" / "truth.json")
 class Words(str):
     pass
 class Method(GrayMethod):
     summary = Words("Comes from elsewhere")
     asks = (Ask("depth", ("train",), optional=True),)
+class Peeps(GrayMethod):
+    summary = "Looks beside its capture, and at the dataset if it is told where, and goes on"
+    def fit(self, capture, priors, settings, seed, progress):
+        assert sorted(p.name for p in capture.root.parent.iterdir()) == ["capture"]
+        assert capture.scene not in str(SCENE)
+        for _ in range(2):
+            try:
+                open_truth(SCENE / "truth")
+            except GraycardError as error:
+                assert "truth is closed while a method runs" in str(error)
+        if (child := os.fork()) == 0:
+            try:
+                (SCENE / "truth" / "lights.json").read_text()
+            finally:
+                os._exit(0)
+        os.waitpid(child, 0)
+        return super().fit(capture, priors, settings, seed, progress)
+class Insists(GrayMethod):
+    summary = "Cannot do without"
+    def fit(self, capture, priors, settings, seed, progress):
+        return open(SCENE / "truth" / "truth.json")
+class Needy(GrayMethod):
+    summary = "Reads truth where it says what it needs"
+    @property
+    def needs(self):
+        return tuple((SCENE / "truth" / "truth.json").read_text()[:0])
+class Walks(GrayMethod):
+    summary = "Looks for truth among what it is handed"
+    def fit(self, capture, priors, settings, seed, progress):
+        assert set(priors.models) == {"depth"}
+        held = priors.models["depth"]
+        assert not any(hasattr(held, name) for name in ("truth", "spec", "images"))
+        assert priors.layers == {}
+        return super().fit(capture, priors, settings, seed, progress)
+    asks = (Ask("depth", ("photograph",)),)
+class Ends(GrayMethod):
+    summary = "Ends its process"
+    def fit(self, capture, priors, settings, seed, progress):
+        os._exit(0)
 """
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def strangers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two modules that a bench is not to import: one is harmless, one reads truth when it is imported."""
+    code = tmp_path / "code"
+    code.mkdir()
     for name in ("stranger", "stranger_early"):
-        truth = str(scene / "truth" / "truth.json")
-        (tmp_path / f"{name}.py").write_text(f"TRUTH = {truth!r}\n{STRANGERS}")
-    monkeypatch.syspath_prepend(tmp_path)
+        (code / f"{name}.py").write_text(WORDS)
+    monkeypatch.syspath_prepend(code)
+    monkeypatch.setenv("SCENE", str(scene))
 
 
-@pytest.mark.usefixtures("strangers")
+def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path: Path):
+    fitted = fit_scene(FitSpec("stranger:Peeps", {}, 0, scene), tmp_path / "p", silent)
+    assert GUARDS.fullmatch(fitted.access.guard)
+    assert fitted.access.handed == ()
+    truth = scene / "truth"
+    assert fitted.access.refused == (str(truth / "manifest.json"), str(truth / "lights.json"))
+    assert fitted.access.capture_sha256 == sha256(scene / "capture" / "manifest.json")
+
+
+@pytest.mark.parametrize(
+    ("method", "words"),
+    [
+        ("stranger_early:Method", "to import, got MethodError: expected a method to keep to its"),
+        ("stranger:Needy", "truth is closed while a method runs"),
+        ("stranger:Ends", "exit code 0"),
+        ("stranger:Nothing", "expected method 'stranger:Nothing' .* to import"),
+    ],
+)
+def test_a_fit_that_fails(scene: Path, tmp_path: Path, method: str, words: str):
+    with pytest.raises(MethodError, match=words):
+        fit_scene(FitSpec(method, {}, 0, scene), tmp_path / "p", silent)
+    assert "stranger" not in sys.modules
+
+
+def test_a_prior_answers_from_elsewhere(scene: Path, tmp_path: Path):
+    from graycard.methods.priors import PriorSpec
+
+    spec = FitSpec("stranger:Walks", {}, 0, scene, priors=PriorSpec("oracle", 2))
+    assert fit_scene(spec, tmp_path / "p", silent).access.handed == ()
+
+
 def test_a_bench_does_not_import_methods_of_others(scene: Path, tmp_path: Path):
     methods = [SuiteMethod("gray"), SuiteMethod("stranger:Method", {"reflectance": 0.5})]
     gray, stranger = introduce(methods, scene.parents[1], tmp_path / "jobs", 1)
@@ -249,13 +175,6 @@ def test_a_bench_does_not_import_methods_of_others(scene: Path, tmp_path: Path):
     assert stranger.fingerprint == fingerprint("stranger:Method", with_priors=True)
 
 
-def test_what_a_worker_says_is_text(scene: Path, tmp_path: Path):
-    outcome = meet(Meeting(SuiteMethod("retinex"), scene.parents[1], tmp_path / "jobs"))
-    assert isinstance(outcome.value, str)
-    assert '"summary"' in outcome.value
-
-
-@pytest.mark.usefixtures("strangers")
 @pytest.mark.parametrize(
     ("method", "words"),
     [
@@ -265,16 +184,25 @@ def test_what_a_worker_says_is_text(scene: Path, tmp_path: Path):
     ],
 )
 def test_whom_a_bench_does_not_admit(scene: Path, tmp_path: Path, method: SuiteMethod, words: str):
+    outcome = meet(Meeting(method, scene.parents[1], tmp_path / "jobs"))
+    assert outcome.value is None
     with pytest.raises(MethodError, match=words):
-        introduce([method], scene.parents[1], tmp_path / "jobs", 1)
+        raise MethodError(outcome.reason)
     assert not any(name.startswith("stranger") for name in sys.modules)
 
 
-@pytest.mark.usefixtures("strangers")
-def test_a_fit_by_hand_imports_while_truth_is_closed(scene: Path):
+def test_settings_of_a_fit_by_hand_are_asked_apart(scene: Path):
+    asked = {"method": "stranger:Method", "args": ["--reflectance", "0.5"]}
+    told = ask_apart("stranger:Method", scene, "graycard.cli._runs:told_settings", told=asked)
+    assert told["settings"] == {"reflectance": 0.5}
+    assert told["exit"] is None
+    asked["args"] = ["--reflectance", "much"]
+    told = ask_apart("stranger:Method", scene, "graycard.cli._runs:told_settings", told=asked)
+    assert told["exit"] == 2
+    asked["method"] = "stranger_early:Method"
     with pytest.raises(MethodError, match="to import, got MethodError: expected a method to keep to its"):
-        load_for("stranger_early:Method", scene)
-    sys.modules.pop("stranger_early", None)
+        ask_apart("stranger_early:Method", scene, "graycard.cli._runs:told_settings", told=asked)
+    assert "stranger" not in sys.modules
 
 
 @pytest.mark.parametrize(
@@ -282,32 +210,43 @@ def test_a_fit_by_hand_imports_while_truth_is_closed(scene: Path):
     [
         ("open", ("{truth}/truth.json", "r", 0), "{truth}/truth.json"),
         ("open", ("{truth}/../truth/truth.json", "r", 0), "{truth}/truth.json"),
+        ("open", (b"{truth}/truth.json", "r", 0), "{truth}/truth.json"),
+        ("open", ("{scene}/capture/capture.json", "r", 0), "{scene}/capture/capture.json"),
         ("os.listdir", ("{truth}",), "{truth}"),
+        ("os.remove", ("{truth}/truth.json", -1), "{truth}/truth.json"),
+        ("os.rmdir", ("{scene}/..", -1), "{dataset}"),
+        ("os.truncate", ("{truth}/truth.json", 0), "{truth}/truth.json"),
         ("os.rename", ("/innocent", "{truth}/mine", -1, -1), "{truth}/mine"),
+        ("os.rename", ("{scene}", "/mine", -1, -1), "{scene}"),
+        ("os.rename", ("{dataset}/..", "/mine", -1, -1), "{root}"),
         ("graycard.read", ("{truth}/views/test_001.exr",), "{truth}/views/test_001.exr"),
         ("subprocess.Popen", ("cat", ["cat", "{truth}/truth.json"], None, None), None),
+        ("subprocess.Popen", ("cat", ["cat", "truth/truth.json"], "{scene}", None), None),
         ("os.system", (b"cat {truth}/truth.json",), None),
-        ("open", (b"{truth}/truth.json", "r", 0), "{truth}/truth.json"),
+        ("import", ("graycard.synth.families", None, None, None, None), "graycard.synth.families"),
     ],
 )
-def test_what_the_hook_makes_of_an_event(
+def test_what_the_hook_refuses(
     scene: Path, guard: Guard, event: str, arguments: tuple[object, ...], named: str | None
 ):
+    places = {
+        "truth": scene / "truth", "scene": scene, "dataset": scene.parent, "root": scene.parents[1],
+    }  # fmt: skip
+
     def real(value: object) -> object:
         match value:
             case str():
-                return value.replace("{truth}", str(scene / "truth"))
+                return value.format(**places)
             case bytes():
-                return value.replace(b"{truth}", os.fsencode(scene / "truth"))
+                return os.fsencode(value.decode().format(**places))
             case list():
                 return [real(v) for v in value]
             case _:
                 return value
 
-    hook = _Hook()
-    hook.guard = guard
-    with pytest.raises(MethodError, match="truth is closed while a method runs"):
-        hook(event, tuple(real(a) for a in arguments))
+    for _ in range(2):
+        with pytest.raises(MethodError, match="truth is closed while a method runs"):
+            guard(event, tuple(real(a) for a in arguments))
     (refused,) = guard.refused
     assert refused == real(named) if named else refused.startswith(event)
 
@@ -317,29 +256,29 @@ def test_what_the_hook_makes_of_an_event(
     [
         ("open", (3, "r", 0)),
         ("open", (None, "r", 0)),
-        ("open", ("{scene}/capture/capture.json", "r", 0)),
+        ("open", ("{root}/capture/capture.json", "r", 0)),
+        ("open", ("{scene}-stages/x", "r", 0)),
         ("os.listdir", (None,)),
         ("os.rename", ("/a", "/b", -1, -1)),
         ("subprocess.Popen", ("ls", ["ls", "/"], None, None)),
+        ("import", ("graycard.synthesis", None, None, None, None)),
         ("import", ("{scene}/truth/truth.json",)),
-        ("os.remove", ("{scene}/truth/truth.json", -1)),
+        ("os.getxattr", ("{root}/x", "user.x")),
     ],
 )
-def test_what_the_hook_lets_pass(scene: Path, guard: Guard, event: str, arguments: tuple[object, ...]):
-    hook = _Hook()
-    real = tuple(a.replace("{scene}", str(scene)) if isinstance(a, str) else a for a in arguments)
-    hook("open", (str(scene / "truth" / "truth.json"), "r", 0))  # it rests: nothing is closed
-    hook.guard = guard
-    hook(event, real)
+def test_what_the_hook_lets_pass(scene: Path, event: str, arguments: tuple[object, ...]):
+    guard = Guard([str(scene), f"{scene}-stages"], [f"{scene}-stages/x"])
+    real = (a.format(scene=scene, root=scene.parents[2]) if isinstance(a, str) else a for a in arguments)
+    guard(event, tuple(real))
     assert guard.refused == []
 
 
 def test_a_method_that_cannot_do_without_fails_its_job(
-    scene: Path, tmp_path: Path, peepers: str, monkeypatch: pytest.MonkeyPatch
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     for name in ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
         monkeypatch.setenv(name, "1")
-    job = Job("dark", scene.name, "insists", 0, {}, f"{peepers}:Insists")
+    job = Job("dark", scene.name, "insists", 0, {}, "stranger:Insists")
     outcome = run_fit(
         FitJob(job, "hash", scene, tmp_path / "run" / "jobs" / "a", 1, tmp_path / "run" / "jobs")
     )
@@ -361,7 +300,7 @@ def test_a_fit_of_which_access_is_not_known_is_done_again(scene: Path, tmp_path:
     done = {"job": job, "job_hash": "hash", "cost": Cost(1.0, 1.0)}
     write_json(tmp_path / "job" / "job.json", done)
     assert find_fit(fit) is None
-    write_json(tmp_path / "job" / "job.json", done | {"access": Access(GUARD, "")})
+    write_json(tmp_path / "job" / "job.json", done | {"access": Access(AUDIT_HOOK, "")})
     assert find_fit(fit) is not None
 
 
@@ -375,6 +314,14 @@ def test_where_the_copy_has_no_room(scene: Path, tmp_path: Path, monkeypatch: py
     def full(source: Path, target: Path) -> None:
         raise OSError(28, "No space left on device", str(target))
 
-    monkeypatch.setattr("graycard.benchmarks._guard.shutil.copytree", full)
+    monkeypatch.setattr("graycard.benchmarks._handed.shutil.copytree", full)
     with pytest.raises(OutputError, match="expected room to write"):
         fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", silent)
+
+
+def test_no_folder_is_opened_in_which_truth_lies(scene: Path, tmp_path: Path):
+    for checkpoint in (f"{scene.parents[2]}/", f"{scene}/stage.safetensors", f"{tmp_path}/x"):
+        with pytest.raises(MethodError, match="expected a file or folder without scenes and results"):
+            places_of(tmp_path / "scratch", [scene], {"checkpoint": checkpoint})
+    places = places_of(tmp_path / "scratch", [scene], {"checkpoint": str(tmp_path / "own" / "x")})
+    assert places.opened == (str(tmp_path / "own"),)

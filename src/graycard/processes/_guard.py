@@ -60,7 +60,7 @@ class Guard:
         if event not in _WATCHED:
             return
         if event == "import":
-            if str(arguments[0]).startswith(FORBIDDEN):
+            if f"{arguments[0]}.".startswith(f"{FORBIDDEN}."):
                 self._refuse(str(arguments[0]))
         elif event in _PROGRAMS:
             if self._names(arguments[:3]):

@@ -61,7 +61,7 @@ def await_confinement(serve: str, connection: str, notes: str) -> NoReturn:
     _run(work, channel, told, int(notes))
 
 
-def _run(work: Callable[[Channel], None], channel: Channel, told: Mapping[str, Any], notes: int) -> NoReturn:
+def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any], notes: int) -> NoReturn:
     """Close to this process what it is told, and run a function."""
     places = from_builtins(Places, told["places"])
     _take_environment(told["environment"], places)
@@ -70,6 +70,7 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: Mapping[str, A
     sys.path_importer_cache.clear()
     version = restrict(rules_of(places, [*sys.path, *code]))
     Guard(places.closed, places.opened, notes).install()
+    told.clear()  # code of others finds what stands in frames above it
     channel.send(Message("confined", {"landlock": version, "pid": os.getpid()}))
     try:
         work(channel)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""However a method ends, its own job fails at once, nothing of it goes on, and the job can run again."""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from graycard.benchmarks._jobs import FitJob, run_fit
+from graycard.io import silent
+from graycard.methods.confined import SERVE
+from graycard.processes import Limits, run_all
+from graycard.records import Job
+from hostile_methods import ENDS
+
+WORDS = {
+    "exit": "exit code 0",
+    "code": "exit code 7",
+    "abort": "exit code -6",
+    "segmentation": "exit code -11",
+    "fork_and_die": "exit code -6",
+    "hang": "expected an end within",
+    "descriptors": "expected an end within|closed its",
+    "memory": "MemoryError|exit code",
+    "garbage": "expected a message",
+    "half": "exit code 0",
+    "done": "to answer what is asked",
+    "system_exit": "SystemExit",
+    "interrupt": "KeyboardInterrupt",
+    "words": "it cannot say what",
+}
+LIMIT_S = 12.0
+END_S = 30.0
+
+
+def job_of(method: str, scene: Path, run: Path) -> FitJob:
+    job = Job("dark", scene.name, method, 0, {}, f"hostile_methods:{method}")
+    return FitJob(job, "hash", scene, run / "jobs" / method, 1, run / "jobs")
+
+
+def living_children() -> set[str]:
+    """Processes that were started with an environment of this test."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            ours = b"resource_tracker" in path.with_name("cmdline").read_bytes()  # of Python, of this process
+            if b"HOSTILE_TEST=yes" in path.read_bytes() and not ours and path.parent.name != str(os.getpid()):
+                found.add(path.parent.name)
+        except OSError:
+            continue
+    return found
+
+
+@pytest.fixture
+def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("HOSTILE_TEST", "yes")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return make_scene()
+
+
+@pytest.mark.parametrize("how", [*ENDS])
+def test_each_end_fails_its_own_job(scene: Path, tmp_path: Path, how: str):
+    job, start = job_of(how, scene, tmp_path / "run"), time.monotonic()
+    (outcome,) = run_all(run_fit, [job], 1, silent, limits=Limits(LIMIT_S, 4096), confines=SERVE)
+    assert time.monotonic() - start < LIMIT_S + END_S
+    assert any(word in outcome.reason for word in WORDS[how].split("|")), outcome.reason
+    assert not outcome.fatal
+    assert not (job.folder / "job.json").exists()
+    assert living_children() == set()
+    assert [*(tmp_path / "temporary").iterdir()] == []
+
+
+def test_who_leaves_children_is_done_and_they_end(scene: Path, tmp_path: Path):
+    jobs = [job_of("Leaves", scene, tmp_path / "run")]
+    start = time.monotonic()
+    (outcome,) = run_all(run_fit, jobs, 1, silent, limits=Limits(60.0, 4096), confines=SERVE)
+    assert outcome.reason == ""
+    assert time.monotonic() - start < END_S
+    assert living_children() == set()
+    (again,) = run_all(run_fit, jobs, 1, silent, confines=SERVE)
+    assert again.reused

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages between processes that do not trust each other, and what Landlock opens."""
+
+import json
+import os
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from graycard.processes import Channel, ChannelError, Message, Places, landlock_version
+from graycard.processes._landlock import TO_READ, TO_WRITE
+from graycard.processes._places import open_code, open_parts, rules_of
+
+Pair = tuple[Channel, socket.socket]
+
+
+@pytest.fixture
+def pair() -> Iterator[Pair]:
+    """A channel, and the bare other end."""
+    ours, theirs = socket.socketpair()
+    yield Channel(ours), theirs
+    ours.close()
+    theirs.close()
+
+
+def head(text: str | bytes) -> bytes:
+    data = text if isinstance(text, bytes) else text.encode()
+    return struct.pack(">Q", len(data)) + data
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.arange(6.0).reshape(2, 3),
+        np.arange(24, dtype=np.float32).reshape(2, 3, 4)[:, ::2],
+        np.array([[True, False]]),
+        np.array(3.5),
+        np.zeros((0, 3)),
+        np.array([np.inf, -np.inf, np.nan]),
+        np.arange(3, dtype=">i4"),
+        np.arange(5, dtype=np.uint64),
+    ],
+)
+def test_arrays_come_as_they_were(pair: Pair, values: np.ndarray):
+    channel, theirs = pair
+    other = Channel(theirs)
+    other.send(Message("x", {"inf": float("inf"), "text": "ä"}, {"values": values}))
+    found = channel.receive()
+    assert found.data == {"inf": "inf", "text": "ä"}
+    assert found.arrays["values"].dtype == values.dtype.newbyteorder("=")
+    np.testing.assert_array_equal(found.arrays["values"], values)
+
+
+@pytest.mark.parametrize("values", [np.array([object()]), np.array(["text"]), np.array([1j])])
+def test_objects_are_not_sent(pair: Pair, values: np.ndarray):
+    with pytest.raises(TypeError, match="expected real numbers in values"):
+        pair[0].send(Message("x", None, {"values": values}))
+
+
+@pytest.mark.parametrize(
+    "sent",
+    [
+        head("{"),
+        head("[1, 2]"),
+        head("[" * 100_000),
+        head('{"kind": "x", "data": 1}'),
+        head('{"kind": "x", "kind": "y", "data": 1, "arrays": []}'),
+        head(b"\xff\xfe"),
+        struct.pack(">Q", 2**62),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "O", [1]]]}') + b"12345678",
+        head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [-1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [1.5]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "<f8,<f8", [1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [4000000000, 4000000000]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": 5}'),
+        b"short",
+        b"",
+    ],
+)
+def test_what_is_no_message_is_an_error_of_the_channel(pair: Pair, sent: bytes):
+    channel, theirs = pair
+    theirs.sendall(sent)
+    theirs.close()
+    with pytest.raises(ChannelError):
+        channel.receive()
+
+
+def test_who_died_is_not_waited_for_even_if_its_children_hold_the_socket():
+    ours, theirs = socket.socketpair()
+    channel = Channel(ours, is_alive=lambda: False)
+    theirs.sendall(head('{"kind": "last", "data": 1, "arrays": []}') + b"cut")
+    assert channel.receive().kind == "last"
+    with pytest.raises(ChannelError, match="has ended"):
+        channel.receive()
+    channel.close()
+    theirs.close()
+
+
+def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
+    for name in ("code/a.py", "code/package/b.py", "code/runs/dataset/truth.json", "code/runs/notes.py"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("")
+    (tmp_path / "link").symlink_to(tmp_path / "code")
+    (tmp_path / "code" / "innocent").symlink_to(tmp_path / "code" / "runs" / "dataset")
+    data = str(tmp_path / "code" / "runs" / "dataset")
+    for entry in ("code", "link"):
+        found = [os.path.relpath(path, tmp_path) for path in open_parts(str(tmp_path / entry), [data])]
+        assert found == ["code/a.py", "code/package", "code/runs/notes.py"]
+    assert list(open_parts(data, [data])) == []
+    (tmp_path / "scratch").mkdir()
+    places = Places(str(tmp_path / "scratch"), closed=(data,))
+    plain, split, *none = open_code(
+        [str(tmp_path / "code" / "package"), str(tmp_path / "code"), data], places
+    )
+    assert none == []
+    assert plain == str(tmp_path / "code" / "package")
+    assert {p.relative_to(split).as_posix() for p in Path(split).rglob("*")} >= {
+        "a.py",
+        "package",
+        "runs/notes.py",
+    }
+    assert not any("truth" in path.name or "innocent" in path.name for path in Path(split).rglob("*"))
+
+
+def test_rules_open_what_is_handed_and_no_data(tmp_path: Path):
+    for name in ("scratch", "weights", "opened", "data"):
+        (tmp_path / name).mkdir()
+    places = Places(
+        str(tmp_path / "scratch"), (str(tmp_path / "weights"),), closed=(str(tmp_path / "data"),),
+        opened=(str(tmp_path / "opened"),),
+    )  # fmt: skip
+    rules = dict(rules_of(places, []))
+    own = {k: v for k, v in rules.items() if k.startswith(str(tmp_path))}
+    assert own == {
+        str(tmp_path / "scratch"): TO_WRITE,
+        str(tmp_path / "weights"): TO_READ,
+        str(tmp_path / "opened"): TO_WRITE,
+    }
+    assert not {"/", "/home", "/root", "/tmp", "/proc", "/dev", "/dev/shm", "/etc"} & rules.keys()
+
+
+RESTRICTED = """
+import os, sys, threading
+from graycard.processes._landlock import TO_READ, TO_WRITE, restrict
+root = sys.argv[1]
+restrict([("/usr", TO_READ), ("/missing", TO_READ), (f"{root}/own", TO_WRITE), (f"{root}/one.txt", TO_READ)])
+def can(work):
+    try:
+        work()
+    except PermissionError:
+        return False
+    return True
+def in_thread():
+    found = []
+    one = threading.Thread(target=lambda: found.append(can(lambda: open(f"{root}/two.txt"))))
+    one.start(); one.join()
+    return found[0]
+print({
+    "read": can(lambda: open(f"{root}/one.txt")), "other": can(lambda: open(f"{root}/two.txt")),
+    "write": can(lambda: open(f"{root}/one.txt", "a")), "list": can(lambda: os.listdir(root)),
+    "own": can(lambda: open(f"{root}/own/x", "w")), "thread": in_thread(),
+})
+"""
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_landlock_opens_what_rules_say(tmp_path: Path):
+    (tmp_path / "own").mkdir()
+    for name in ("one.txt", "two.txt"):
+        (tmp_path / name).write_text("x")
+    run = subprocess.run(
+        [sys.executable, "-c", RESTRICTED, str(tmp_path)], capture_output=True, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )  # fmt: skip
+    assert json.loads(run.stdout.replace("'", '"').lower()) == {
+        "read": True, "other": False, "write": False, "list": False, "own": True, "thread": False,
+    }  # fmt: skip
