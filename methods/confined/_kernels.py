@@ -31,6 +31,8 @@ def keep_kernels(made: Path, since: float) -> None:
     """
     root = kernel_root(os.environ.get("NUMBA_CACHE_DIR"))
     new = [path for path in made.glob("*/*.nbi") if path.is_file() and not path.is_symlink()]
+    if not new:
+        return
     try:
         with file_lock(root / "keeping", lambda who: None):
             for index in new:

@@ -8,12 +8,13 @@ from collections.abc import Mapping, Set
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from graycard import Camera, Capture, Composition, GraycardError, MethodError
 from graycard.io import write_bytes
-from graycard.methods import Guest, NoSettings, add_resumed
+from graycard.methods import Guest, NoSettings, Priors, add_resumed
 
 BEFORE_S, BEFORE_MIB = 1000.0, 1e6
 """What ``Staged`` says that its stage has cost."""
@@ -46,7 +47,7 @@ class Plain:
     summary, needs = "All is of one colour", ()
     settings_type: type = NoSettings
 
-    def fit(self, capture: Capture, *_: object) -> Even:
+    def fit(self, capture: Capture, priors: Priors, settings: Any, *_: object) -> Even:
         return Even()
 
     def load(self, folder: Path) -> Even:
@@ -69,7 +70,7 @@ class Counting(Plain):
 
     odd = False
 
-    def fit(self, *_: object) -> Counted:
+    def fit(self, capture: Capture, priors: Priors, settings: Any, *_: object) -> Counted:
         return Counted(odd=self.odd)
 
 
@@ -87,15 +88,15 @@ class Host(Even):
             return None
         assert guest.masks.keys() == guest.cameras.keys()
         assert guest.decomposition.photographs == guest.cameras.keys()  # pyright: ignore
-        assert guest.decomposition.photographs != self.photographs  # pyright: ignore
+        assert guest.decomposition.told != self.told  # pyright: ignore
         return Host(float(np.mean(list(guest.masks.values()))))
 
 
 class Hosting(Plain):
     """A method that puts objects into scenes."""
 
-    def fit(self, capture: Capture, *_: object) -> Host:
-        return Host(photographs=frozenset(view.name for view in capture.train))
+    def fit(self, capture: Capture, priors: Priors, settings: Any, *_: object) -> Host:
+        return Host(told=str(capture.root), photographs=frozenset(view.name for view in capture.train))
 
 
 @dataclass(frozen=True)
@@ -111,12 +112,12 @@ class Peeping(Hosting):
     settings_type = Place
     fits = 0
 
-    def fit(self, capture: Capture, *others: object) -> Host:
+    def fit(self, capture: Capture, priors: Priors, settings: Place, *_: object) -> Host:
         Peeping.fits += 1
         if Peeping.fits == 2:
             with suppress(GraycardError):
-                Path(others[1].path).read_text()  # pyright: ignore[reportAttributeAccessIssue]
-        return super().fit(capture)
+                Path(settings.path).read_text()
+        return super().fit(capture, priors, settings)
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ class Unstaged(Plain):
 
     settings_type = Checkpoint
 
-    def fit(self, capture: Capture, priors: object, settings: Checkpoint, *_: object) -> Even:
+    def fit(self, capture: Capture, priors: Priors, settings: Checkpoint, *_: object) -> Even:
         self.found(settings)
         return Even(told=settings.checkpoint)
 
@@ -172,7 +173,7 @@ class Compiles(Plain):
 
     kernels: tuple[str, ...] = ("harmonics",)
 
-    def fit(self, *_: object) -> Even:
+    def fit(self, capture: Capture, priors: Priors, settings: Any, *_: object) -> Even:
         raise MethodError("expected no fit, got one")
 
 
