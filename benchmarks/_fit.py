@@ -58,8 +58,9 @@ class FitSpec:
     stages: Path | None = None
     """``RUN/stages/<code>/<capture>``, where a :class:`graycard.methods.Staged` method saves what other fits
     go on from; None: nothing is saved but where the settings say so."""
-    readable: tuple[Path, ...] = ()
-    """Files and folders that the method may read besides its code, its libraries and the capture."""
+    allowed: tuple[Path, ...] = ()
+    """Files and folders that the method may read and change besides its code, its libraries and the capture:
+    its weights, or ``/dev/shm`` for processes that share memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +99,7 @@ def fit_scene(
     with ExitStack() as things:
         scratch = things.enter_context(scratch_folder())
         scenes = [spec.scene, *([spec.donor] if spec.donor else [])]
-        places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, spec.readable)
+        places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, spec.allowed)
         process = confined(spec.method, scratch, places, progress, spec.label)
         fit = _Fit(spec, things.enter_context(process), scratch, things)
         known = fit.method.load(spec.settings)
@@ -239,4 +240,5 @@ def _access(fit: _Fit, priors: Priors, donor: Path | None) -> Access:
     manifest = sha256(fit.spec.scene / "capture" / "manifest.json")
     of_donor = "" if donor is None else sha256(donor / "capture" / "manifest.json")
     process = fit.method.process
-    return Access(process.guard, manifest, tuple(sorted(privileged)), process.refusals(), of_donor)
+    allowed = tuple(map(str, fit.spec.allowed))
+    return Access(process.guard, manifest, tuple(sorted(privileged)), process.refusals(), of_donor, allowed)

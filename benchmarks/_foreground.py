@@ -35,10 +35,17 @@ class _Question:
     scene: Path
     function: str
     arguments: Mapping[str, Any]
+    allowed: tuple[Path, ...]
 
 
 def ask_apart(
-    method: str, scene: Path, function: str, limits: Limits = USUAL, *, told: Mapping[str, Any]
+    method: str,
+    scene: Path,
+    function: str,
+    limits: Limits = USUAL,
+    *,
+    told: Mapping[str, Any],
+    allowed: tuple[Path, ...] = (),
 ) -> Any:
     """Call a function where a method of others may be imported: in a process to which the dataset is closed.
 
@@ -48,6 +55,7 @@ def ask_apart(
         function: ``module:function``, called there.
         limits: Of time and memory.
         told: Its arguments by name, JSON data.
+        allowed: Files and folders that the method may read and change.
 
     Returns:
         JSON data.
@@ -55,7 +63,7 @@ def ask_apart(
     Raises:
         MethodError: It fails, or ends its process; the traceback of the method's own code is printed.
     """
-    asked = _Question(method, scene, function, told)
+    asked = _Question(method, scene, function, told, allowed)
     (outcome,) = run_all(_ask, [asked], 1, silent, limits=limits, confines=SERVE)
     if outcome.reason:
         raise MethodError(outcome.reason)
@@ -105,7 +113,7 @@ def _ask(asked: _Question) -> Outcome:
 
     def work() -> Any:
         with scratch_folder() as scratch:
-            places = places_of(scratch, [asked.scene], {})
+            places = places_of(scratch, [asked.scene], {}, allowed=asked.allowed)
             with confined(asked.method, scratch, places) as method:
                 return method.call(asked.function, **asked.arguments)
 

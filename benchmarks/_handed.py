@@ -76,7 +76,7 @@ def places_of(
     settings: Mapping[str, Any],
     jobs: Path | None = None,
     stages: Path | None = None,
-    readable: tuple[Path, ...] = (),
+    allowed: tuple[Path, ...] = (),
 ) -> Places:
     """Return what is open and what is closed to a fit.
 
@@ -86,7 +86,7 @@ def places_of(
         settings: Of the method; a ``checkpoint`` among them names a file or folder that it may write to.
         jobs: Folder of all jobs of the run, whose other files are closed with it.
         stages: Where it saves stages, ``RUN/stages/<code>/<capture>``; other stages of the run are closed.
-        readable: Files and folders that it may read besides.
+        allowed: Files and folders that it may read and change besides.
 
     Raises:
         MethodError: Data would be open with what it may read or write.
@@ -99,7 +99,7 @@ def places_of(
     if isinstance(checkpoint, str) and checkpoint:
         opened.append(Path(checkpoint) if checkpoint.endswith("/") else Path(checkpoint).absolute().parent)
     real = [place.resolve() for place in closed]
-    for place in (*opened[stages is not None :], *readable):
+    for place in (*opened[stages is not None :], *allowed):
         there = place.resolve()
         if any(data.is_relative_to(there) or there.is_relative_to(data) for data in real):
             raise MethodError(
@@ -110,7 +110,7 @@ def places_of(
         _make(folder)
     return Places(
         str(scratch),
-        tuple(map(str, readable)),
+        writable=tuple(map(str, allowed)),
         closed=tuple(map(str, real)),
         opened=tuple(str(folder.resolve()) for folder in opened),
     )

@@ -27,10 +27,16 @@ class Meeting:
     method: SuiteMethod
     dataset: Path
     jobs: Path
+    allowed: tuple[Path, ...] = ()
 
 
 def introduce(
-    methods: Sequence[SuiteMethod], dataset: Path, jobs: Path, at_a_time: int, limits: Limits = USUAL
+    methods: Sequence[SuiteMethod],
+    dataset: Path,
+    jobs: Path,
+    at_a_time: int,
+    limits: Limits = USUAL,
+    allowed: tuple[Path, ...] = (),
 ) -> list[Introduction]:
     """What each method says of itself.
 
@@ -40,13 +46,14 @@ def introduce(
         jobs: The folder of all jobs of the run, closed as well.
         at_a_time: Number of workers.
         limits: Time and memory of each import.
+        allowed: Files and folders that they may read and change.
 
     Raises:
         UnknownNameError: A method does not exist.
         MethodError: One does not load, or does not take its settings or its priors.
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
-    meetings = [Meeting(method, dataset, jobs) for method in foreign]
+    meetings = [Meeting(method, dataset, jobs, allowed) for method in foreign]
     found = run_all(meet, meetings, at_a_time, silent, limits=limits, confines=SERVE)
     met = iter(found)
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
@@ -73,7 +80,7 @@ def meet(meeting: Meeting) -> Outcome:
     def work() -> Outcome:
         with scratch_folder() as scratch:
             closed = [meeting.dataset / TRACKS[0] / OPAQUE]
-            places = places_of(scratch, closed, row.settings, meeting.jobs)
+            places = places_of(scratch, closed, row.settings, meeting.jobs, allowed=meeting.allowed)
             with confined(row.name, scratch, places) as method:
                 told = method.call("graycard.methods.confined:introduction_as_json", **asked)
         what = "what a method says of itself"

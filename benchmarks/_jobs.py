@@ -73,6 +73,8 @@ class FitJob:
     """Where fits of the same code leave stages that others go on from."""
     given: Given | None = None
     """Predictions of other code, taken in place of a fit."""
+    allowed: tuple[Path, ...] = ()
+    """Files and folders that the method may read and change besides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
         return None, None
     priors = from_builtins(PriorSpec, made.priors)
     asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
-    spec = FitSpec(*asked, donor=job.donor, stages=job.stages)
+    spec = FitSpec(*asked, donor=job.donor, stages=job.stages, allowed=job.allowed)
     with _threads(job.threads):
         fitted = fit_scene(spec, predictions, silent, jobs=job.jobs)
     return fitted.cost, fitted.access

@@ -70,6 +70,8 @@ class Terms:
     """Factor on the iterations of all fits."""
     edition: Edition | None = None
     """The tag that vouches for code and claims where scenes are sealed; None: those are refused."""
+    allowed: tuple[Path, ...] = ()
+    """Files and folders that methods may read and change besides their code and the capture."""
 
     def __post_init__(self) -> None:
         if not 0 < self.budget < math.inf:
@@ -177,6 +179,7 @@ def measure(bench: Bench) -> Measured:
     scenes = _render(bench, suite.scenes)
     threads = max(1, usable_cores() // bench.jobs)
     plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads)
+    plan = [replace(job, allowed=bench.terms.allowed) for job in plan]
     fitted = _fit(bench, plan)
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
@@ -191,7 +194,8 @@ def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:
     for method in bench.suite.methods:
         if method.predictions:
             check_folder(method.predictions, [(s.track, scene_name(s)) for s in bench.suite.scenes])
-    known = introduce(bench.suite.methods, bench.dataset, bench.run / "jobs", bench.jobs, bench.limits)
+    told = bench.dataset, bench.run / "jobs", bench.jobs, bench.limits, bench.terms.allowed
+    known = introduce(bench.suite.methods, *told)
     if bench.terms.budget == 1:
         return bench, known
     own = [_iterations(row, bench.terms.budget) for row in known]

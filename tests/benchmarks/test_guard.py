@@ -18,7 +18,7 @@ from graycard.dataset import manifest_of
 from graycard.io import sha256, silent, write_json, write_layers, write_manifest
 from graycard.methods import fingerprint
 from graycard.predictions import finish_predictions
-from graycard.processes import AUDIT_HOOK
+from graycard.processes import AUDIT_HOOK, landlock_version
 from graycard.processes._guard import Guard
 from graycard.records import Access, Cost, Job
 
@@ -325,3 +325,33 @@ def test_no_folder_is_opened_in_which_truth_lies(scene: Path, tmp_path: Path):
             places_of(tmp_path / "scratch", [scene], {"checkpoint": checkpoint})
     places = places_of(tmp_path / "scratch", [scene], {"checkpoint": str(tmp_path / "own" / "x")})
     assert places.opened == (str(tmp_path / "own"),)
+
+
+READS = """
+from pathlib import Path
+from graycard.methods._gray import GrayMethod
+PLACE = Path(PLACE)
+(PLACE / "weights").read_text()
+class Method(GrayMethod):
+    summary = "Has weights and a cache"
+    def fit(self, capture, priors, settings, seed, progress):
+        (PLACE / "cache").write_text((PLACE / "weights").read_text())
+        return super().fit(capture, priors, settings, seed, progress)
+"""
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_a_method_reads_its_weights_where_it_is_allowed_to(scene: Path, tmp_path: Path):
+    place = tmp_path / "weights of mine"
+    place.mkdir()
+    (place / "weights").write_text("1")
+    (tmp_path / "code" / "reads.py").write_text(READS.replace("Path(PLACE)", f"Path({str(place)!r})"))
+    with pytest.raises(MethodError, match="Permission denied"):
+        fit_scene(FitSpec("reads:Method", {}, 0, scene), tmp_path / "p", silent)
+    fitted = fit_scene(FitSpec("reads:Method", {}, 0, scene, allowed=(place,)), tmp_path / "p", silent)
+    assert fitted.access.allowed == (str(place),)
+    assert (place / "cache").read_text() == "1"
+    with pytest.raises(MethodError, match="expected a file or folder without scenes and results"):
+        fit_scene(FitSpec("reads:Method", {}, 0, scene, allowed=(tmp_path,)), tmp_path / "p", silent)
+    met = meet(Meeting(SuiteMethod("reads:Method"), scene.parents[1], tmp_path / "jobs", (place,)))
+    assert met.value.summary == "Has weights and a cache"

@@ -105,6 +105,8 @@ class FitCommand:
     """Seconds after which the fit has failed; a day by default."""
     memory: Memory = None
     """Memory that the fit may take, GiB; that of the machine by default."""
+    allow: Annotated[tuple[Path, ...], optional("PATH ...")] = ()
+    """Let the method read and change these files and folders, such as its weights; they are recorded."""
 
     @classmethod
     def settings_of(cls, subject: str) -> type[Any]:
@@ -127,7 +129,9 @@ class FitCommand:
         limits = limits_of(self.timeout, self.memory)
         settings, asks = self._told(rest, limits)
         priors = parse_priors(self.priors)
-        spec = FitSpec(self.method, settings, self.seed, self.scene, priors=priors, donor=self.donor)
+        spec = FitSpec(
+            self.method, settings, self.seed, self.scene, priors=priors, donor=self.donor, allowed=self.allow
+        )
         with terminal.progress() as progress:
             cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
@@ -154,7 +158,8 @@ class FitCommand:
             told = told_settings(self.method, rest)
         else:
             asked = {"method": self.method, "args": rest}
-            told = ask_apart(self.method, self.scene, f"{__name__}:told_settings", limits, told=asked)
+            function = f"{__name__}:told_settings"
+            told = ask_apart(self.method, self.scene, function, limits, told=asked, allowed=self.allow)
         if told["exit"] is not None:
             raise SystemExit(told["exit"])
         return told["settings"], tuple(from_builtins(Ask, ask) for ask in told["asks"])
@@ -210,6 +215,8 @@ class BenchCommand:
     """With --until-decided: decide these claims only. Those made for the suite by default."""
     sealed: bool = False
     """Run the sealed scenes in place of the suite's; only at a git tag, or in an installed release."""
+    allow: Annotated[tuple[Path, ...], optional("PATH ...")] = ()
+    """Let methods read and change these files and folders, such as their weights; they are recorded."""
     budget: float = 1.0
     """Multiply the iterations of all fits, as by 0.5 or 2, for `graycard claims --half --twice`."""
 
@@ -284,7 +291,7 @@ class BenchCommand:
         rows = with_rows(opened(whole) if self.sealed else whole, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
-        terms = Terms(self.budget, find_edition(self.suite) if self.sealed else None)
+        terms = Terms(self.budget, find_edition(self.suite) if self.sealed else None, self.allow)
         kind = f"{'-sealed' * self.sealed}{f'-budget-{self.budget:g}' if self.budget != 1 else ''}"
         run = self.out or Path("runs") / f"{suite.name}{kind}"
         part_of = whole if self.tracks or self.methods or self.predictions or self.sealed else None
@@ -306,7 +313,9 @@ class BenchCommand:
         suite, plan = load_suite(self.suite), Plan(self.max_scenes or 0, self.claims)
         run = self.out or Path("runs") / f"{suite.name}-until-decided"
         limits = limits_of(self.timeout, self.memory)
-        return run, run_until_decided(suite, run, jobs, progress, plan, self.dataset, limits=limits)
+        return run, run_until_decided(
+            suite, run, jobs, progress, plan, self.dataset, limits=limits, allowed=self.allow
+        )
 
 
 @dataclass(frozen=True)

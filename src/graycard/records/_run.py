@@ -146,6 +146,8 @@ class Access:
     """Paths of truth that the method tried to open, in order, each once; it was refused them."""
     donor_sha256: str = ""
     """Hash of the manifest of the capture that an object of a composition comes from; empty without one."""
+    allowed: tuple[AnyPlace, ...] = ()
+    """Files and folders that it could read and change besides, as whoever ran it had asked."""
 
 
 @dataclass(frozen=True, slots=True)
