@@ -32,7 +32,7 @@ from graycard.methods import (
     write_predictions,
 )
 from graycard.methods.confined import ConfinedMethod, Known, Spent, confined
-from graycard.methods.priors import PriorSpec
+from graycard.methods.priors import PriorSpec, weights_in
 from graycard.predictions import clear_predictions
 from graycard.records import Access, Cost
 
@@ -99,7 +99,8 @@ def fit_scene(
     with ExitStack() as things:
         scratch = things.enter_context(scratch_folder())
         scenes = [spec.scene, *([spec.donor] if spec.donor else [])]
-        places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, spec.allowed)
+        more = {"allowed": spec.allowed, "weights": weights_in(spec.priors)}
+        places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, **more)
         process = confined(spec.method, scratch, places, progress, spec.label)
         fit = _Fit(spec, things.enter_context(process), scratch, things)
         known = fit.method.load(spec.settings)

@@ -35,7 +35,7 @@ def priors_for(
     """
     told, needed = truth_of(spec, asks), frozenset(needs)
     if not told and not needed:
-        return make_priors(spec, asks, capture, {})
+        return make_priors(spec, asks, capture, {}, load=False)
     truth = open_truth(scene / "truth")
     answering = _answering(spec, asks, capture, truth, told)
     return _with_needed(answering, capture, truth, needed) if needed else answering
@@ -47,7 +47,8 @@ def _answering(
     """Return priors that answer, from the truth that their source is told."""
     shown = told - {LIGHTS}
     layers = _true_layers(truth, capture, shown, shown) if shown else {}
-    return make_priors(spec, asks, capture, layers, truth.lights() if LIGHTS in told else ())
+    lights = truth.lights() if LIGHTS in told else ()
+    return make_priors(spec, asks, capture, layers, lights, load=False)
 
 
 def _with_needed(priors: Priors, capture: Capture, truth: Truth, needed: frozenset[str]) -> Priors:

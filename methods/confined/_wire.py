@@ -4,6 +4,7 @@
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
@@ -13,7 +14,8 @@ from graycard.io import from_builtins, to_builtins
 from graycard.lights import light_from_json, light_to_json
 from graycard.methods._blame import words_of
 from graycard.methods._contract import Composed, Priors, Relit
-from graycard.methods._priors import Ask, Lamp, PriorModel, Question
+from graycard.methods._priors import Ask, ImageKind, Lamp, PriorModel, Question
+from graycard.methods.priors import UnloadedNetwork
 
 _IMAGE = "environment.exr"
 """Stands for the image of an environment, whose place is told beside it."""
@@ -89,7 +91,7 @@ def priors_out(priors: Priors) -> Parcel:
         "environments": all_kept(priors.environments),
         "relighting": [[lights_out(r.lights), all_kept(r.radiance)] for r in priors.relighting],
         "composition": composed and [to_builtins(composed.composition), all_kept(composed.radiance)],
-        "models": sorted(priors.models),
+        "models": {kind: _network_out(model) for kind, model in sorted(priors.models.items())},
         "calibration": priors.calibration and light_out(priors.calibration),
     }
     return Parcel(data, arrays)
@@ -109,9 +111,19 @@ def priors_in(data: Any, arrays: Arrays, model: PriorModel) -> Priors:
         found(data["environments"]),
         tuple(Relit(lights_in(lights) or (), found(names)) for lights, names in data["relighting"]),
         composed and Composed(from_builtins(Composition, composed[0]), found(composed[1])),
-        {kind: model for kind in data["models"]},
+        {kind: _network_in(kind, weights) or model for kind, weights in data["models"].items()},
         calibration and cast(Lamp, light_in(calibration)),
     )
+
+
+def _network_out(model: PriorModel) -> str | None:
+    """Return where the weights of a network are; None for what answers in this process."""
+    return str(model.weights) if isinstance(model, UnloadedNetwork) else None
+
+
+def _network_in(kind: str, weights: str | None) -> PriorModel | None:
+    """Return the network of weights, loaded."""
+    return None if weights is None else UnloadedNetwork(cast(ImageKind, kind), Path(weights)).load()
 
 
 def question_out(question: Question) -> Parcel:

@@ -15,6 +15,7 @@ from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import OraclePrior, truth_for
 from graycard.methods.priors._spec import OWN_KINDS, KindSpec, PriorSpec, of_kind
+from graycard.methods.priors._unloaded import UnloadedNetwork
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
     "none": frozenset(),
@@ -86,12 +87,21 @@ def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
     return [_hash(path.resolve(), _stamp(path)) for path in paths]
 
 
+def weights_in(spec: PriorSpec) -> tuple[Path, ...]:
+    """Return the files and folders of weights that a spec names, links in them followed."""
+    named = {of_kind(spec, kind).weights for kind in KINDS}
+    places = [place for place in named if place is not None and place.exists()]
+    return tuple(sorted({real.resolve() for place in places for real in (place, *_files(place))}))
+
+
 def make_priors(
     spec: PriorSpec,
     asks: Sequence[Ask],
     capture: Capture,
     truth: Truth,
     lights: tuple[Light, ...] = (),
+    *,
+    load: bool = True,
 ) -> Priors:
     """What a method can ask.
 
@@ -101,6 +111,7 @@ def make_priors(
         capture: What the method may see of the scene.
         truth: The layers of :func:`truth_of`, for every view.
         lights: The true lights, if :func:`truth_of` names them.
+        load: Whether networks are loaded; if not, each is an :class:`UnloadedNetwork`.
 
     Raises:
         MethodError: Spec, method, scene or weights do not go together.
@@ -117,20 +128,22 @@ def make_priors(
             calibration = calibrated(lights, found.errors, found.seed)
         else:
             models[ask.kind] = models.get(ask.kind) or _model(ask.kind, found, capture, truth)
+    if load:
+        models = {
+            k: model.load() if isinstance(model, UnloadedNetwork) else model for k, model in models.items()
+        }
     return Priors(spec.source, models=models, calibration=calibration)
 
 
 def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
-    """What answers about one kind; torch is loaded only for those that need it."""
+    """What answers about one kind; networks are not loaded yet."""
     if spec.source == "oracle":
         return OraclePrior(spec, truth, capture.exposure, capture.target)
     if spec.source == "classical":
         from graycard.methods.priors._classical import Classical
 
         return Classical(capture, spec.algorithm)
-    from graycard.methods.priors._pretrained import load_pretrained
-
-    return load_pretrained(kind, _weights(spec))
+    return UnloadedNetwork(kind, _weights(spec))
 
 
 def _answers(spec: PriorSpec, ask: Ask) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from graycard import DatasetError, MethodError, RecordError, open_truth
 from graycard.benchmarks import FitSpec, Suite, SuiteMethod, fit_scene, load_suite
@@ -17,6 +18,7 @@ from graycard.benchmarks._runner import _plan
 from graycard.cli import main
 from graycard.io import from_builtins, read_layers, silent, to_builtins
 from graycard.methods.priors import Override, PriorSpec
+from graycard.processes import landlock_version
 from graycard.records import Job
 from graycard.synth import RenderSettings, SceneSpec
 
@@ -191,3 +193,30 @@ def test_priors_on_the_command_line(
     )
     assert main(["methods", asker]) == 0
     assert "asks a prior for: depth of photograph, base_color" in capsys.readouterr().out
+
+
+class Writes(torch.nn.Module):
+    """Answers with depth, and writes a file on the way."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__()
+        self.path = path
+
+    def forward(self, image: torch.Tensor) -> torch.Tensor:
+        written = torch.from_file(self.path, True, 16)  # a map that is shared with the file
+        written.fill_(7.0)
+        return image.mean(1, True) + 1.0
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_a_program_in_weights_runs_confined(asker: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    weights, target = tmp_path / "weights", tmp_path / "target"
+    weights.mkdir()
+    target.write_bytes(b"0" * 64)
+    torch.jit.script(Writes(str(target))).save(str(weights / "depth.pt"))
+    spec = FitSpec(asker, {}, 0, tiny_scenes["dark"], priors=PriorSpec("pretrained", path=str(weights)))
+    with pytest.raises(MethodError, match=r"Permission denied|\(13\)|unable to open file"):
+        fit_scene(spec, tmp_path / "out", silent)
+    assert target.read_bytes() == b"0" * 64
+    torch.jit.load(str(weights / "depth.pt"))(torch.ones(1, 3, 4, 4))
+    assert target.read_bytes() != b"0" * 64, "it does so where nothing holds it"
