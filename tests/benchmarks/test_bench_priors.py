@@ -208,6 +208,7 @@ class Writes(torch.nn.Module):
         return image.mean(1, True) + 1.0
 
 
+@pytest.mark.filterwarnings("ignore:.*torch.jit.* is deprecated:DeprecationWarning")
 @pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
 def test_a_program_in_weights_runs_confined(asker: str, tiny_scenes: dict[str, Path], tmp_path: Path):
     weights, target = tmp_path / "weights", tmp_path / "target"
