@@ -96,7 +96,9 @@ def values_of(kind: Any) -> st.SearchStrategy[Any]:
         return NAMED[kind]
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = get_type_hints(kind, include_extras=True)
-        return st.builds(kind, **{f.name: values_of(hints[f.name]) for f in dataclasses.fields(kind)})
+        return st.builds(
+            kind, **{f.name: values_of(hints[f.name]) for f in dataclasses.fields(kind) if f.init}
+        )
     if origin is Literal:
         return st.sampled_from(args)
     if origin in (Union, UnionType):

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from graycard._errors import RecordError
 from graycard.io import (
+    IN_MEMORY,
     AnyPlace,
     FolderBelow,
     Label,
@@ -88,6 +89,14 @@ class ScoreSheet:
     format_version: int = RECORD_VERSION
     warnings: tuple[str, ...] = ()
     """Oddities of the whole folder, as channels that belong to no layer; each score has its own."""
+    by_metric: Mapping[str, Score] = field(
+        default_factory=dict, init=False, repr=False, compare=False, metadata=IN_MEMORY
+    )
+    """The same scores by the id of their metric; of two with one id the first."""
+
+    def __post_init__(self) -> None:
+        found = {score.metric: score for score in reversed(self.scores)}
+        object.__setattr__(self, "by_metric", found)
 
     def score(self, metric: str) -> Score:
         """The score of a metric.
@@ -95,12 +104,10 @@ class ScoreSheet:
         Raises:
             RecordError: The sheet has none.
         """
-        for score in self.scores:
-            if score.metric == metric:
-                return score
-        raise RecordError(
-            f"expected a metric of this sheet, got {metric!r}: {[s.metric for s in self.scores]}"
-        )
+        if metric not in self.by_metric:
+            known = [score.metric for score in self.scores]
+            raise RecordError(f"expected a metric of this sheet, got {metric!r}: {known}")
+        return self.by_metric[metric]
 
 
 @dataclass(frozen=True, slots=True)
