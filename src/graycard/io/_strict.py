@@ -13,6 +13,7 @@ from typing import Any
 
 DEEPEST = 100
 """Levels of nesting that data may have; graycard's own has fewer than 20."""
+_NESTED = frozenset({dict, list})
 _LEAST, _MOST = -(2**63), 2**64 - 1
 """Range of whole numbers that arrays can hold."""
 
@@ -89,8 +90,8 @@ def _checked(data: Any, *, values: bool = True) -> Any:
         if values:
             for value in level:
                 _check_value(value)
-        within = [value for value in level if isinstance(value, dict | list)]
-        level = [item for value in within for item in (value.values() if isinstance(value, dict) else value)]
+        within = [value for value in level if type(value) in _NESTED]
+        level = [item for value in within for item in (value.values() if type(value) is dict else value)]
         depth += 1
     return data
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a score and a run are on disk: every number with its protocol, its counts and its origin."""
 
-from collections.abc import Mapping
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -322,15 +324,28 @@ def read_run(run: Path) -> RunRecord:
     return read_record(RunRecord, path, "graycard-run")
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Look for no garbage meanwhile: a record has none, and looking takes as long as reading."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
 def read_record(cls: type[Any], path: Path, kind: str, newest: int = RECORD_VERSION) -> Any:
     """A record of some format from a file.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, of another format, or of a version above ``newest``.
     """
-    data = read_json(path)
-    check_version(data, newest, path)
-    record = from_builtins(cls, data, RecordError, str(path))
+    with _uncollected():
+        data = read_json(path)
+        check_version(data, newest, path)
+        record = from_builtins(cls, data, RecordError, str(path))
     if record.format != kind:
         raise RecordError(f"expected {kind} in {path}, got {record.format}")
     return record
