@@ -64,16 +64,19 @@ class RecordCost:
 
 
 def measure_records(rows: int = 40, scenes: int = 40, progress: Progress = silent) -> list[RecordCost]:
-    """The cost of each verb that reads a record, one after another on one run folder.
+    """Return the cost of each verb that reads a record, one after another on one run folder.
 
     Args:
         rows: Of the run.
         scenes: Of the run.
         progress: Told about each verb.
+
+    Raises:
+        OutputError: The folder for temporary files cannot be written to, or the disk is full.
     """
     with TemporaryDirectory() as folder:
         run = Path(folder) / "run"
-        write_made_up_run(run, rows, scenes)
+        write_json(run / "run.json", made_up_run(rows, scenes))
         size = (run / "run.json").stat().st_size / 2**20
         costs = []
         for number, verb in enumerate(VERBS):
@@ -82,22 +85,13 @@ def measure_records(rows: int = 40, scenes: int = 40, progress: Progress = silen
     return costs
 
 
-def write_made_up_run(run: Path, rows: int, scenes: int) -> None:
-    """Write ``run.json`` of a run that nobody made, without scenes and predictions; equal sizes, equal bytes.
-
-    Raises:
-        OutputError: The folder cannot be written to, or the disk is full.
-    """
-    write_json(run / "run.json", made_up_run(rows, scenes))
-
-
 def made_up_run(rows: int, scenes: int) -> RunRecord:
-    """The record of a run that nobody made: every row has a score of every scene by each metric.
+    """Return the record of a run that nobody made: every row has a score of every scene by each metric.
 
-    Scores are the sum of a row's, a scene's and their own normal number.
+    Scores are the sum of a row's, a scene's and their own normal number; equal sizes give equal records.
 
     Args:
-        rows: Those of the suite first, then variants of the first that competes.
+        rows: Those of the suite first, then variants of its method.
         scenes: Of the suite's families, in turn.
     """
     suite = load_suite(SUITE)

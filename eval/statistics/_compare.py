@@ -99,7 +99,7 @@ def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
         MARGINS,
         _rule(asked.against),
         tuple(table for table in tables if table is not None),
-        tuple(_above_ceiling(run)),
+        tuple(above_ceiling(run)),
         asked.against,
     )
 
@@ -217,7 +217,8 @@ def _ranks(
     return rank_groups(ranked, lambda first, second: (first, second) in won)
 
 
-def _above_ceiling(run: RunRecord) -> list[AboveCeiling]:
+def above_ceiling(run: RunRecord) -> list[AboveCeiling]:
+    """Return the scores of a run that are better than the noise of the truth allows, in its order."""
     privileged = {method.name: method.sees for method in run.methods}
     return [
         found

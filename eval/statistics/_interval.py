@@ -132,9 +132,7 @@ def _studentised(samples: np.ndarray) -> np.ndarray:
 
 
 def _ratios(mean: np.ndarray, squares: np.ndarray, count: int) -> np.ndarray:
-    """Return mean over error of resamples of so many values of the order of 1, from means of them and of their
-    squares.
-    """
+    """Return mean over error of resamples from means of values of the order of 1, and of their squares."""
     variance = (squares - mean**2) / (count - 1)
     flat = variance <= 1e-14  # rounding
     if not flat.any():

@@ -102,6 +102,7 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
+
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
         budgets = self._budgets(record)
