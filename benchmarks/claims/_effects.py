@@ -131,14 +131,17 @@ def effects_at(sample: Sample, drawn: np.ndarray, levels: Levels) -> tuple[Ends,
         drawn: Shape ``(scenes, K)``.
         levels: Of the intervals.
     """
+    usual = _ends(sample, drawn, levels.usual)
+    return usual, usual if levels.strict == levels.usual else _ends(sample, drawn, levels.strict)
+
+
+def _ends(sample: Sample, drawn: np.ndarray, level: float) -> Ends:
+    """Return estimates and ends at one level."""
     if sample.check.along is None:
-        return locations(drawn, levels.usual), locations(drawn, levels.strict)
+        return locations(drawn, level)
     places = sample.places
     assert places is not None, "there is a knob"
-    along = sample.check.along
-    return changes_along(along, places, drawn, levels.usual), changes_along(
-        along, places, drawn, levels.strict
-    )
+    return changes_along(sample.check.along, places, drawn, level)
 
 
 def step_at(drawn: np.ndarray, levels: Levels) -> tuple[np.ndarray, np.ndarray]:
@@ -230,14 +233,14 @@ def changes_along(along: Along, places: np.ndarray, drawn: np.ndarray, level: fl
     Ends are infinite where too few scenes stand towards either value: a line through one that stands out
     there tells of that scene.
     """
-    from scipy import stats  # takes a second to import
+    from scipy import special
 
     centred = places - places.mean()
     slopes = centred @ drawn / (centred @ centred)
     rest = drawn - drawn.mean(axis=0) - centred[:, None] * slopes
     errors = np.sqrt((rest**2).sum(axis=0) / (len(places) - 2) / (centred @ centred))
     reach = along.high - along.low
-    half = stats.t.isf((1 - level) / 2, len(places) - 2) * errors * reach
+    half = -special.stdtrit(len(places) - 2, (1 - level) / 2) * errors * reach
     if not is_spanned(along, places):
         half = np.full_like(half, math.inf)
     return slopes * reach, slopes * reach - half, slopes * reach + half

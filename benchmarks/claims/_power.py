@@ -329,13 +329,13 @@ def _normal(distance: float, sd: float, *, both: bool) -> int | None:
         sd: Over scenes.
         both: Whether both ends of the interval have to be nearer than that.
     """
-    from scipy import stats  # takes a second to import
+    from scipy import special
 
     if not distance or not math.isfinite(distance) or not sd:
         return None
     missed = (1 - WANTED) / 2 if both else 1 - WANTED
-    reach = stats.norm.isf(0.025) + stats.norm.isf(missed)
-    exact = (reach * sd / distance) ** 2 + stats.norm.isf(0.025) ** 2 / 2  # of the t-test (Guenther 1981)
+    reach = -special.ndtri(0.025) - special.ndtri(missed)
+    exact = (reach * sd / distance) ** 2 + special.ndtri(0.025) ** 2 / 2  # of the t-test (Guenther 1981)
     return math.ceil(exact * math.pi / 3)
 
 

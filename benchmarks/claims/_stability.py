@@ -10,6 +10,7 @@ other fits is never larger than the whole spread between scenes. A row has one f
 checks it stands in: checks of a claim that share a row share its noise.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -86,9 +87,10 @@ class Deciding:
         if all(column is None for column in columns):
             return None
         whole = [c or [check.verdict] * REFITS for c, check in zip(columns, self.checks, strict=True)]
-        rows: list[tuple[ClaimVerdict, ...]] = list(zip(*whole, strict=True))
+        rows: Counter[tuple[ClaimVerdict, ...]] = Counter(zip(*whole, strict=True))
         found = self.word(self.verdict)
-        return sum(self.word(combined([*row, *self.others], self.by)) == found for row in rows) / REFITS
+        alike = [row for row in rows if self.word(combined([*row, *self.others], self.by)) == found]
+        return sum(rows[row] for row in alike) / REFITS
 
     def seeds(self) -> int | None:
         """Return the fewest fits of each scene whose means would give the same word in :data:`STABLE` of

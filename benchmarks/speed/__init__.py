@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the machinery itself costs, always beside a peer in the same run: these are ratios, not records."""
 
+from graycard.benchmarks.speed._records import RecordCost as RecordCost
+from graycard.benchmarks.speed._records import made_up_run as made_up_run
+from graycard.benchmarks.speed._records import measure_records as measure_records
 from graycard.benchmarks.speed._score import ScoreCost as ScoreCost
 from graycard.benchmarks.speed._score import measure_scoring as measure_scoring
 from graycard.benchmarks.speed._second_stages import StageCost as StageCost

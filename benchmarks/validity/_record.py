@@ -12,7 +12,7 @@ from typing import Any
 from graycard import OlderRecordError, RecordError
 from graycard.benchmarks._handed import GUARDS
 from graycard.benchmarks._sources import PACKAGES
-from graycard.eval.statistics import compare_run
+from graycard.eval.statistics import above_ceiling, compare_run
 from graycard.io import to_builtins
 from graycard.records import JobResult, RunRecord, Score, read_comparison
 
@@ -223,7 +223,7 @@ def ceiling_breaches(run: RunRecord) -> list[Breach]:
             f"{a.metric}: expected at most the ceiling of {a.ceiling:.2f} and a margin for chance, got "
             f"{a.value:.2f}, {a.excess:.2f} above it: the prediction holds the noise of the truth",
         )
-        for a in compare_run(run).above_ceiling
+        for a in above_ceiling(run)
         if not any("radiance" in name for name in a.handed)
     ]
 

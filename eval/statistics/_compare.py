@@ -17,6 +17,7 @@ from graycard.records import (
     AboveCeiling,
     Comparison,
     Job,
+    JobResult,
     MethodRecord,
     MethodStanding,
     MetricComparison,
@@ -58,13 +59,10 @@ class _Row:
     method: MethodRecord
     values: Mapping[str, Sequence[float]]
     """By scene: one for each seed, where every seed has a score."""
+    by_scene: Mapping[str, float]
+    """The same, the mean over seeds."""
     ceilings: Mapping[str, float | None] = field(default_factory=dict)
     """By scene: the mean over seeds."""
-
-    @property
-    def by_scene(self) -> dict[str, float]:
-        """Mean over seeds."""
-        return {scene: _mean(values) for scene, values in self.values.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,9 +85,12 @@ def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
         question: The whole comparison, as ``comparison.json`` holds it, by default.
     """
     asked = question or Question()
-    tracks = dict.fromkeys(result.job.track for result in run.results)
+    by_track: dict[str, list[JobResult]] = {}
+    for result in run.results:
+        by_track.setdefault(result.job.track, []).append(result)
     metrics = [m for m in run.metrics if asked.metrics is None or m.id in asked.metrics]
-    tables = [_table(run, track, metric, asked) for track in tracks for metric in metrics]
+    tracks = [_Track(run, name, results) for name, results in by_track.items()]
+    tables = [_table(track, metric, asked) for track in tracks for metric in metrics]
     return Comparison(
         run.suite,
         run.suite_version,
@@ -98,54 +99,75 @@ def compare_run(run: RunRecord, question: Question | None = None) -> Comparison:
         MARGINS,
         _rule(asked.against),
         tuple(table for table in tables if table is not None),
-        tuple(_above_ceiling(run)),
+        tuple(above_ceiling(run)),
         asked.against,
     )
 
 
-def _table(run: RunRecord, track: str, metric: MetricRecord, asked: Question) -> MetricComparison | None:
+class _Track:
+    """The results of a track, sorted once for all its metrics."""
+
+    def __init__(self, run: RunRecord, name: str, results: Sequence[JobResult]) -> None:
+        self.name = name
+        self.variants = run.variants_on(name)
+        self.jobs: dict[str, dict[str, list[JobResult]]] = {}
+        """By method and scene: one for each seed."""
+        for result in results:
+            by_scene = self.jobs.setdefault(result.job.method, {})
+            by_scene.setdefault(result.job.scene, []).append(result)
+        self.methods = [method for method in run.methods if method.name in self.jobs]
+
+
+def _table(track: _Track, metric: MetricRecord, asked: Question) -> MetricComparison | None:
     """Return one metric on one track; None where no scene of the track has it."""
-    readings = _readings(run, track, metric.id)
-    scenes = {scene for scene, _ in readings}
-    if not any(score.value is not None for scores in readings.values() for score in scores if score):
+    readings = _readings(track, metric.id)
+    scenes = {scene for own in readings.values() for scene in own}
+    every = (score for own in readings.values() for scores in own.values() for score in scores)
+    if not any(score.value is not None for score in every if score):
         return None
-    present = {result.job.method for result in run.results if result.job.track == track}
-    rows = [_row(method, readings) for method in run.methods if method.name in present]
-    candidates = _candidates(rows, run.variants_on(track))
+    rows = [_row(method, readings[method.name]) for method in track.methods]
+    candidates = _candidates(rows, track.variants)
     pairs = compare_pairs(candidates, metric.higher_is_better, intervals=asked.pair_intervals)
     against = compare_against(candidates, asked.against, metric.higher_is_better)
     ranks = _ranks(candidates, pairs, len(scenes), metric.higher_is_better)
     standings = tuple(_standing(row, len(scenes), ranks.get(row.method.name)) for row in rows)
-    return MetricComparison(track, metric.id, standings, pairs, against)
+    return MetricComparison(track.name, metric.id, standings, pairs, against)
 
 
 def _candidates(rows: Sequence[_Row], variants: Collection[str]) -> list[Candidate]:
     return [Candidate(r.method.name, not r.method.sees, r.by_scene, r.method.name in variants) for r in rows]
 
 
-_Readings = Mapping[tuple[str, str], Sequence[Score | None]]
-"""By scene and method: a score for each seed, None for a job without."""
+_Scores = Mapping[str, Sequence[Score | None]]
+"""By scene: a score for each seed, None for a job without."""
 
 
-def _readings(run: RunRecord, track: str, metric: str) -> _Readings:
-    """The scores of a metric on the scenes that have it; a job that failed has none of them."""
-    results = [result for result in run.results if result.job.track == track]
-    found: dict[tuple[str, str], list[Score | None]] = {}
-    for result in results:
-        scores = result.sheet.scores if result.sheet else ()
-        score = next((s for s in scores if s.metric == metric), None)
-        found.setdefault((result.job.scene, result.job.method), []).append(score)
-    having = {scene for (scene, _), scores in found.items() if any(scores)}
-    return {key: scores for key, scores in found.items() if key[0] in having}
+def _readings(track: _Track, metric: str) -> dict[str, _Scores]:
+    """Return the scores of a metric by method, on the scenes that have it; a job that failed has none of
+    them.
+    """
+    found = {
+        method: {scene: [_score(result, metric) for result in results] for scene, results in jobs.items()}
+        for method, jobs in track.jobs.items()
+    }
+    having = {scene for own in found.values() for scene, scores in own.items() if any(scores)}
+    return {
+        method: {scene: scores for scene, scores in own.items() if scene in having}
+        for method, own in found.items()
+    }
 
 
-def _row(method: MethodRecord, readings: _Readings) -> _Row:
-    own = {scene: scores for (scene, name), scores in readings.items() if name == method.name}
+def _score(result: JobResult, metric: str) -> Score | None:
+    return result.sheet.by_metric.get(metric) if result.sheet else None
+
+
+def _row(method: MethodRecord, own: _Scores) -> _Row:
     values = {scene: [_value(score) for score in scores] for scene, scores in own.items()}
     whole = {
         scene: [v for v in found if v is not None] for scene, found in values.items() if None not in found
     }
-    return _Row(method, whole, {scene: _ceiling(own[scene]) for scene in whole})
+    means = {scene: _mean(found) for scene, found in whole.items()}
+    return _Row(method, whole, means, {scene: _ceiling(own[scene]) for scene in whole})
 
 
 def _value(score: Score | None) -> float | None:
@@ -195,7 +217,8 @@ def _ranks(
     return rank_groups(ranked, lambda first, second: (first, second) in won)
 
 
-def _above_ceiling(run: RunRecord) -> list[AboveCeiling]:
+def above_ceiling(run: RunRecord) -> list[AboveCeiling]:
+    """Return the scores of a run that are better than the noise of the truth allows, in its order."""
     privileged = {method.name: method.sees for method in run.methods}
     return [
         found
@@ -220,5 +243,7 @@ def _too_good(job: Job, score: Score, told: tuple[str, ...]) -> AboveCeiling | N
 
 def _mean(values: Sequence[float]) -> float:
     """Mean of finite and infinite numbers; of both infinities it is not a number."""
+    if len(values) == 1:
+        return float(values[0])
     with np.errstate(invalid="ignore"):
         return float(np.mean(values))

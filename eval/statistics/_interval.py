@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 LEVEL = 0.95
 LEAST_FOR_INTERVAL = 3
@@ -12,6 +13,8 @@ LEAST_FOR_INTERVAL = 3
 _LEAST_FOR_BOOTSTRAP = 6
 """With fewer, resamples of next to no spread give a bootstrap-t interval of any width."""
 _RESAMPLES = 9999
+_ROWS = 4
+"""Samples whose ratios are made at a time: they fit the cache of a core."""
 _SHARE = 1.2
 """Tail of each of the two intervals over that of their hull. A hull covers more than either: of two 94 %
 intervals it covers 95 % in simulation."""
@@ -102,9 +105,8 @@ def mean_intervals(samples: np.ndarray, level: float = LEVEL) -> tuple[np.ndarra
     idle = _idle(ratios, level)
     reach = np.where(idle, -special.stdtrit(count - 1, tail), -special.stdtrit(count - 1, _SHARE * tail))
     last = round(_SHARE * tail * (_RESAMPLES + 1)) - 1
-    ends = np.partition(ratios, (last, _RESAMPLES - 1 - last), axis=1)
-    upper = np.where(idle, reach, np.maximum(reach, -ends[:, last]))
-    lower = np.where(idle, reach, np.maximum(reach, ends[:, _RESAMPLES - 1 - last]))
+    upper = np.where(idle, reach, np.maximum(reach, -_of_rank(ratios, last)))
+    lower = np.where(idle, reach, np.maximum(reach, _of_rank(ratios, last, largest=True)))
     return mean - lower * error, mean + upper * error
 
 
@@ -121,18 +123,53 @@ def _studentised(samples: np.ndarray) -> np.ndarray:
     largest = np.abs(centred).max(axis=1, keepdims=True)
     scaled = centred / np.where(largest > 0, largest, 1)
     weights = _resampling(count)
-    mean = scaled @ weights
-    variance = (scaled**2 @ weights - mean**2) / (count - 1)
-    flat = variance <= 1e-14  # rounding: the values are of the order of 1
+    with _libraries().limit(limits=1, user_api="blas"):  # more would wait longer than work, and differ
+        means, squares = scaled @ weights, scaled**2 @ weights
+    for start in range(0, len(scaled), _ROWS):
+        part = slice(start, start + _ROWS)
+        means[part] = _ratios(means[part], squares[part], count)
+    return means
+
+
+def _ratios(mean: np.ndarray, squares: np.ndarray, count: int) -> np.ndarray:
+    """Return mean over error of resamples from means of values of the order of 1, and of their squares."""
+    variance = (squares - mean**2) / (count - 1)
+    flat = variance <= 1e-14  # rounding
+    if not flat.any():
+        return mean / np.sqrt(variance)
     ratio = mean / np.sqrt(np.where(flat, 1, variance))
-    if flat.any():
-        ratio[flat] = np.where(np.abs(mean[flat]) < 1e-9, 0.0, np.copysign(np.inf, mean[flat]))
+    ratio[flat] = np.where(np.abs(mean[flat]) < 1e-9, 0.0, np.copysign(np.inf, mean[flat]))
     return ratio
+
+
+def _of_rank(ratios: np.ndarray, rank: int, *, largest: bool = False) -> np.ndarray:
+    """Return the value of a rank in each row, counted from 0 at the smallest or at the largest, ``(K,)``.
+
+    Only values at least as far out as one that every sixteenth of them suggests are looked at.
+    """
+    sign = -1.0 if largest else 1.0
+    some = sign * ratios[:, ::16]
+    share = rank / ratios.shape[1] * some.shape[1]
+    near = min(some.shape[1] - 1, int(share + 4 * share**0.5) + 2)  # four standard deviations too far in
+    limit = sign * np.partition(some, near, axis=1)[:, near, None]
+    out = ratios >= limit if largest else ratios <= limit
+    counts = np.count_nonzero(out, axis=1)
+    if counts.min() <= rank:
+        return sign * np.partition(sign * ratios, rank, axis=1)[:, rank]
+    tails = np.full((len(ratios), counts.max()), np.inf)
+    tails[np.arange(counts.max()) < counts[:, None]] = sign * ratios[out]
+    return sign * np.partition(tails, rank, axis=1)[:, rank]
 
 
 def _idle(ratios: np.ndarray, level: float) -> np.ndarray:
     """Samples whose resamples lack spread so often that bootstrap-t has an infinite end, shape ``(K,)``."""
     return np.isinf(ratios).mean(axis=1) >= _SHARE * (1 - level) / 2
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries of this process that have threads; finding them takes as long as an interval."""
+    return ThreadpoolController()
 
 
 @cache

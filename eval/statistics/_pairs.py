@@ -2,10 +2,11 @@
 """Rows by one metric, two at a time, on the scenes that both have scores of."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import reduce
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -74,22 +75,37 @@ def compare_against(
     return _compared([(other, one) for one in chosen for other in others], higher_is_better, intervals)
 
 
+class _Tested(NamedTuple):
+    """Tests of one pair, as in :class:`PairDifference`."""
+
+    scenes: int
+    difference: float | None
+    interval: tuple[float, float] | None
+    p_rank: float | None
+    p_mean: float | None
+    p_mean_corrected: float | None
+    error: float | None
+
+
 def _compared(twos: Sequence[_Two], higher_is_better: bool, intervals: bool) -> tuple[PairDifference, ...]:
-    samples = [_differences(first, second) for first, second in twos]
-    kept = [(two, sample) for two, sample in zip(twos, samples, strict=True) if len(sample)]
+    differences, known = _differences(twos)
+    counts = known.sum(axis=1).tolist()
     families: dict[tuple[str, int], list[int]] = {}
-    for i, (two, sample) in enumerate(kept):
-        families.setdefault((_family(*two), len(sample)), []).append(i)
-    found: dict[int, PairDifference] = {}
-    for (family, _), members in families.items():
+    for i, (two, count) in enumerate(zip(twos, counts, strict=True)):
+        if count:
+            families.setdefault((_family(*two), count), []).append(i)
+    found: dict[int, _Tested] = {}
+    for (family, count), members in families.items():
         testable = sum(
             len(own) for (name, n), own in families.items() if name == family and n >= LEAST_SCENES
         )
-        values = np.array([kept[i][1] for i in members]).T
-        tested = _tested([kept[i][0] for i in members], values, max(testable, 1), intervals)
-        found |= dict(zip(members, tested, strict=True))
-    ordered = [found[i] for i in range(len(kept))]
-    return tuple(_judged(ordered, [_family(*two) for two, _ in kept], higher_is_better))
+        values = differences[members][known[members]].reshape(len(members), count).T
+        found |= dict(zip(members, _tested(values, max(testable, 1), intervals), strict=True))
+    ranks: dict[int, float | None] = {}
+    for name in {name for name, _ in families}:
+        every = sorted(i for (own, _), members in families.items() if own == name for i in members)
+        ranks |= dict(zip(every, holm([found[i].p_rank for i in every]), strict=True))
+    return tuple(_judged(twos[i], found[i], ranks[i], higher_is_better) for i in sorted(found))
 
 
 def _family(first: Candidate, second: Candidate) -> str:
@@ -99,36 +115,40 @@ def _family(first: Candidate, second: Candidate) -> str:
     return "variants" if first.variant or second.variant else "methods"
 
 
-def _differences(first: Candidate, second: Candidate) -> list[float]:
-    """Return first less second by scene, in an order that does not depend on which is first."""
-    common = sorted(first.by_scene.keys() & second.by_scene.keys())
-    values = ((first.by_scene[scene], second.by_scene[scene]) for scene in common)
-    known = [(a, b) for a, b in values if not (math.isnan(a) or math.isnan(b))]
-    return [0.0 if a == b else a - b for a, b in known]
+def _differences(twos: Sequence[_Two]) -> tuple[np.ndarray, np.ndarray]:
+    """Return first less second by scene, in an order that does not depend on which is first.
+
+    Returns:
+        Differences and whether both have a number, each of shape ``(pairs, scenes)``.
+    """
+    rows = {id(one): one.by_scene for two in twos for one in two}
+    scenes = sorted({scene for row in rows.values() for scene in row})
+    places = {name: place for place, name in enumerate(rows)}
+    values = np.array([[row.get(scene, math.nan) for scene in scenes] for row in rows.values()], np.float64)
+    values = values.reshape(len(rows), len(scenes))
+    first, second = (values[[places[id(two[side])] for two in twos]] for side in (0, 1))
+    with np.errstate(invalid="ignore"):
+        apart = np.where(first == second, 0.0, first - second)  # equal infinities have no difference either
+    return apart, ~(np.isnan(first) | np.isnan(second))
 
 
-def _tested(
-    twos: Sequence[_Two], values: np.ndarray, comparisons: int, intervals: bool
-) -> list[PairDifference]:
-    """Return the pairs of one family and number of scenes, without verdicts; values of shape ``(N, K)``."""
+def _tested(values: np.ndarray, comparisons: int, intervals: bool) -> Iterator[_Tested]:
+    """Yield the tests of the pairs of one family and number of scenes; values of shape ``(N, K)``."""
+    count, pairs = values.shape
     ranks = signed_rank_ps(values)
     finite = np.isfinite(values).all(axis=0)
-    means = np.full((4, len(twos)), np.nan)
+    means = np.full((4, pairs), np.nan)
     means[0] = _means(values)
-    ends = np.full((2, len(twos)), np.nan)
-    if len(values) >= LEAST_FOR_INTERVAL and finite.any():
+    ends = np.full((2, pairs), np.nan)
+    if count >= LEAST_FOR_INTERVAL and finite.any():
         test = student_test(values[:, finite])
         means[:, finite] = test.mean, test.error, test.p, correct(test, comparisons)
         if intervals:
             ends[:, finite] = _intervals(values[:, finite])
     known = [[None if math.isnan(x) else x for x in row] for row in (*means.tolist(), ranks.tolist())]
     spans = [None if math.isnan(low) else (low, high) for low, high in ends.T.tolist()]
-    return [
-        PairDifference(
-            first.method, second.method, len(values), mean, span, p_rank, None, p, corrected, "tie", error
-        )
-        for (first, second), span, mean, error, p, corrected, p_rank in zip(twos, spans, *known, strict=True)
-    ]
+    for span, mean, error, p, corrected, p_rank in zip(spans, *known, strict=True):
+        yield _Tested(count, mean, span, p_rank, p, corrected, error)
 
 
 def _means(values: np.ndarray) -> np.ndarray:
@@ -146,26 +166,32 @@ def _intervals(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return ends[0], ends[1]
 
 
-def _judged(
-    pairs: Sequence[PairDifference], families: Sequence[str], higher_is_better: bool
-) -> list[PairDifference]:
-    ranks: dict[int, float | None] = {}
-    for family in set(families):
-        members = [i for i, own in enumerate(families) if own == family]
-        ranks |= dict(zip(members, holm([pairs[i].p_rank for i in members]), strict=True))
-    whole = [replace(pair, p_rank_holm=ranks[i]) for i, pair in enumerate(pairs)]
-    return [replace(pair, verdict=_verdict(pair, higher_is_better)) for pair in whole]
+def _judged(two: _Two, found: _Tested, p_rank_holm: float | None, higher_is_better: bool) -> PairDifference:
+    first, second = two
+    return PairDifference(
+        first.method,
+        second.method,
+        found.scenes,
+        found.difference,
+        found.interval,
+        found.p_rank,
+        p_rank_holm,
+        found.p_mean,
+        found.p_mean_corrected,
+        _verdict(found, p_rank_holm, higher_is_better),
+        found.error,
+    )
 
 
-def _verdict(pair: PairDifference, higher_is_better: bool) -> PairVerdict:
+def _verdict(pair: _Tested, p_rank_holm: float | None, higher_is_better: bool) -> PairVerdict:
     if pair.scenes < LEAST_SCENES:
         return "too few scenes"
-    if pair.difference is None or not _told_apart(pair):
+    if pair.difference is None or not _told_apart(pair, p_rank_holm):
         return "too few scenes" if _is_far(pair) else "tie"
     return "better" if (pair.difference > 0) is higher_is_better else "worse"
 
 
-def _is_far(pair: PairDifference) -> bool:
+def _is_far(pair: _Tested) -> bool:
     """Return true for a gap that is no tie, though too few scenes tell it from chance among so many pairs."""
     if not pair.difference or pair.p_rank is None or pair.p_rank >= 1 - LEVEL:
         return False
@@ -173,9 +199,9 @@ def _is_far(pair: PairDifference) -> bool:
     return math.isinf(gap) if pair.error is None else gap >= FAR * pair.error
 
 
-def _told_apart(pair: PairDifference) -> bool:
-    if pair.p_rank is None or pair.p_rank_holm is None:  # equal on every scene
+def _told_apart(pair: _Tested, p_rank_holm: float | None) -> bool:
+    if pair.p_rank is None or p_rank_holm is None:  # equal on every scene
         return False
     if pair.p_mean_corrected is None:  # infinite scores have no mean to test
-        return pair.p_rank_holm < 1 - LEVEL
+        return p_rank_holm < 1 - LEVEL
     return pair.p_rank < 1 - LEVEL and pair.p_mean_corrected < 1 - LEVEL

@@ -60,8 +60,8 @@ def split_variance(scenes: Sequence[Sequence[float]]) -> VarianceSplit:
     if not all(math.isfinite(v) for values in scenes for v in values):
         return VarianceSplit(None, None)
     counts = np.array([len(values) for values in scenes])
-    means = np.array([np.mean(values) for values in scenes])
-    inside = sum(float(((np.asarray(v) - np.mean(v)) ** 2).sum()) for v in scenes)
+    means = np.array([values[0] if len(values) == 1 else np.mean(values) for values in scenes], np.float64)
+    inside = sum(float(((np.asarray(v) - np.mean(v)) ** 2).sum()) for v in scenes if len(v) > 1)
     spare = int((counts - 1).sum())
     if len(counts) < 2:
         return VarianceSplit(None, math.sqrt(inside / spare) if spare else None)

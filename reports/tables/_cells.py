@@ -102,11 +102,6 @@ def mean_over_scenes(values: Iterable[tuple[str, float]]) -> float:
     return _mean([_mean(found) for found in by_scene.values()])
 
 
-def is_better(value: float, other: float, higher_is_better: bool) -> bool:
-    """Whether a value is strictly better than another."""
-    return value > other if higher_is_better else value < other
-
-
 def _reading_of(scene: str, score: Score) -> Reading:
     if score.status == "scored" and (score.value is None or math.isnan(score.value)):
         return Reading(scene, "failed", reason=f"expected a value of {score.metric}, got {score.value}")

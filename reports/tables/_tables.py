@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The tables of a track and of a scene, driven by the metric records alone."""
 
+import math
+from bisect import bisect_left
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -8,7 +10,7 @@ from graycard.records import HOLDS_NOISE, JobResult, MetricRecord, RunRecord
 from graycard.reports._format import format_value
 from graycard.reports._priors import PriorBadge, prior_badges
 from graycard.reports._scores import find_score
-from graycard.reports.tables._cells import Cell, breakdown_text, is_better, pool, read_metric
+from graycard.reports.tables._cells import Cell, Reading, breakdown_text, pool, read_metric
 from graycard.reports.tables._compared import Compared
 from graycard.reports.tables._help import MetricHead, explain_rules, metric_head
 
@@ -118,18 +120,27 @@ def leaderboard(
     heads = _heads(record, results)
     rivals = [h for h in heads if not h.sees]
     shown = [m for m in headline if not _is_silent(results, rivals, m)]
-    columns = {m: {h: compared.dress(_cell(results, h.name, m), m.id, h.name) for h in heads} for m in shown}
+    plain = {m: _column(_readings(results, m), heads, m) for m in shown}
+    columns = {m: {h: compared.dress(c, m.id, h.name) for h, c in plain[m].items()} for m in shown}
     rows = {h: tuple(columns[m][h] for m in shown) for h in heads}
-    competing = {h: rows[h] for h in rivals}
     counted = [sum(_provides(columns[m][h]) for h in rivals) > 1 for m in shown]
-    order = {h: _mean_place(h, competing, shown, counted) for h in competing}
-    ranked = sorted(competing, key=lambda h: order[h])
+    places = {m: _places({h: columns[m][h] for h in rivals}, m.higher_is_better) for m in shown}
+    told = [m for m, counts in zip(shown, counted, strict=True) if counts]
+    order = {h: sum(places[m][h] for m in told) / max(len(told), 1) for h in rivals}
+    ranked = sorted(rivals, key=lambda h: order[h])
     return Leaderboard(
         tuple(
             replace(metric_head(m), here=_range_of(columns[m], m.higher_is_better), counts=counts)
             for m, counts in zip(shown, counted, strict=True)
         ),
-        tuple(Standing(h, _rank(order[h], order.values()), _mark_best(competing, h, shown)) for h in ranked),
+        tuple(
+            Standing(
+                h,
+                _rank(order[h], order.values()),
+                tuple(_marked(columns[m][h], places[m][h]) for m in shown),
+            )
+            for h in ranked
+        ),
         tuple(Standing(h, None, cells) for h, cells in rows.items() if h.sees),
         tuple(axis.ends if (axis := compared.axes.get(m.id)) else None for m in shown),
         tuple(metric_head(m) for m in headline if m not in shown),
@@ -142,10 +153,11 @@ def metric_rows(
     """Every metric against every method, the best competing value marked."""
     rows = []
     for metric in metrics:
-        cells = {method: _cell(results, method.name, metric, detailed=True) for method in methods}
-        competing = {h: (cell,) for h, cell in cells.items() if not h.sees}
-        marked = {h: _mark_best(competing, h, [metric])[0] for h in competing}
-        parts, rules = _breakdowns(results, methods, metric)
+        readings = _readings(results, metric)
+        cells = _column(readings, methods, metric, detailed=True)
+        places = _places({h: c for h, c in cells.items() if not h.sees}, metric.higher_is_better)
+        marked = {h: _marked(cells[h], place) for h, place in places.items()}
+        parts, rules = _breakdowns(readings, methods, metric)
         head = replace(metric_head(metric), here=_range_of(cells, metric.higher_is_better))
         rows.append(MetricRow(head, tuple((cells | marked).values()), parts, rules))
     return tuple(rows)
@@ -161,11 +173,15 @@ def view_rows(
     """
     rows = []
     for metric in metrics:
-        found = {h: _values_by_view(results, h.name, metric.id) for h in methods}
-        whole = {h: _cell(results, h.name, metric) for h in methods}
-        for view in sorted({view for values in found.values() for view in values}):
-            cells = tuple(_view_cell(found[h].get(view, []), whole[h], metric.unit) for h in methods)
-            rows.append(ViewRow(metric_head(metric), view, cells))
+        found = _values_by_view(results, metric.id)
+        views = sorted({view for head in methods for view in found.get(head.name, ())})
+        if not views:
+            continue
+        head, whole = metric_head(metric), _column(_readings(results, metric), methods, metric)
+        for view in views:
+            values = {h: found.get(h.name, {}).get(view, []) for h in methods}
+            cells = tuple(_view_cell(own, whole[h], metric.unit) for h, own in values.items())
+            rows.append(ViewRow(head, view, cells))
     return tuple(rows)
 
 
@@ -205,13 +221,35 @@ def warnings(results: Sequence[JobResult], handed: Collection[str] = ()) -> tupl
     return tuple(Trouble(name, where, ", ".join(ids), why) for (name, where, why), ids in found.items())
 
 
-def _cell(results: Sequence[JobResult], method: str, metric: MetricRecord, detailed: bool = False) -> Cell:
-    """One method by one metric over the scenes that have it; a scene that it was not run on is missing."""
+@dataclass(frozen=True, slots=True)
+class _Readings:
+    """What all jobs say about one metric."""
+
+    by_method: Mapping[str, Sequence[Reading]]
+    scenes: frozenset[str]
+    """Those that have a score by it; all, where none has."""
+
+
+def _readings(results: Sequence[JobResult], metric: MetricRecord) -> _Readings:
+    found: dict[str, list[Reading]] = {}
+    for result in results:
+        found.setdefault(result.job.method, []).append(read_metric(result, metric.id))
     scenes = {r.job.scene for r in results if find_score(r, metric.id)}
-    here = [r for r in results if r.job.scene in scenes] or list(results)
-    own = [r for r in here if r.job.method == method]
-    cell = pool([read_metric(r, metric.id) for r in own], metric.unit, detailed)
-    run, every = len({r.job.scene for r in own}), len({r.job.scene for r in here})
+    return _Readings(found, frozenset(scenes or {r.job.scene for r in results}))
+
+
+def _column(
+    readings: _Readings, methods: Iterable[MethodHead], metric: MetricRecord, *, detailed: bool = False
+) -> dict[MethodHead, Cell]:
+    """Return the cell of each method by one metric over the scenes that have it."""
+    return {head: _cell(readings, head.name, metric, detailed) for head in methods}
+
+
+def _cell(readings: _Readings, method: str, metric: MetricRecord, detailed: bool) -> Cell:
+    """Return one method by one metric; a scene that it was not run on is missing."""
+    own = [r for r in readings.by_method.get(method, ()) if r.scene in readings.scenes]
+    cell = pool(own, metric.unit, detailed)
+    run, every = len({r.scene for r in own}), len(readings.scenes)
     if run == every or cell.status != "scored":
         return cell
     return replace(cell, complete=False, notes=(f"run on {run} of {every} scenes", *cell.notes))
@@ -252,56 +290,39 @@ def _range_of(cells: Mapping[MethodHead, Cell], higher_is_better: bool) -> str:
 
 
 def _breakdowns(
-    results: Sequence[JobResult], methods: Sequence[MethodHead], metric: MetricRecord
+    readings: _Readings, methods: Sequence[MethodHead], metric: MetricRecord
 ) -> tuple[tuple[tuple[str, str], ...], str]:
     """Each method's breakdown as a text, and what its rules are."""
-    found = {h.name: [read_metric(r, metric.id) for r in results if r.job.method == h.name] for h in methods}
-    texts = {name: breakdown_text(readings, metric.unit) for name, readings in found.items()}
-    rules = explain_rules(rule for readings in found.values() for r in readings for rule in r.breakdown)
+    found = {h.name: readings.by_method.get(h.name, ()) for h in methods}
+    texts = {name: breakdown_text(own, metric.unit) for name, own in found.items()}
+    rules = explain_rules(rule for own in found.values() for r in own for rule in r.breakdown)
     return tuple((name, text) for name, text in texts.items() if text), rules
 
 
-def _mark_best(
-    competing: dict[MethodHead, tuple[Cell, ...]], method: MethodHead, metrics: Sequence[MetricRecord]
-) -> tuple[Cell, ...]:
-    cells = competing[method]
-    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics)]
-    return tuple(
-        replace(cell, best=cell.complete and place == 1) for cell, place in zip(cells, places, strict=True)
-    )
+def _marked(cell: Cell, place: int) -> Cell:
+    return replace(cell, best=True) if cell.complete and place == 1 else cell
 
 
-def _mean_place(
-    method: MethodHead,
-    competing: dict[MethodHead, tuple[Cell, ...]],
-    metrics: Sequence[MetricRecord],
-    counted: Sequence[bool],
-) -> float:
-    places = [_place(method, competing, i, m.higher_is_better) for i, m in enumerate(metrics) if counted[i]]
-    return sum(places) / max(len(places), 1)
-
-
-def _place(
-    method: MethodHead, competing: dict[MethodHead, tuple[Cell, ...]], column: int, higher_is_better: bool
-) -> int:
-    own = competing[method][column]
-    if own.value is None or not own.complete:
-        return len(competing)
-    others = [cells[column] for cells in competing.values()]
-    values = [c.value for c in others if c.value is not None and c.complete]
-    return 1 + sum(is_better(v, own.value, higher_is_better) for v in values)
+def _places(column: Mapping[MethodHead, Cell], higher_is_better: bool) -> dict[MethodHead, int]:
+    """Return the place of each competing method in a column; the last for one that lacks a scene."""
+    sign = -1 if higher_is_better else 1
+    whole = {h: sign * c.value for h, c in column.items() if c.value is not None and c.complete}
+    ordered = sorted(value for value in whole.values() if not math.isnan(value))
+    return {h: 1 + bisect_left(ordered, whole[h]) if h in whole else len(column) for h in column}
 
 
 def _rank(own: float, mean_places: Iterable[float]) -> int:
     return 1 + sum(other < own for other in mean_places)
 
 
-def _values_by_view(results: Sequence[JobResult], method: str, metric: str) -> dict[str, list[float]]:
-    found: dict[str, list[float]] = {}
-    scores = [find_score(result, metric) for result in results if result.job.method == method]
-    for score in scores:
+def _values_by_view(results: Sequence[JobResult], metric: str) -> dict[str, dict[str, list[float]]]:
+    """Return values by method and view, one for each seed."""
+    found: dict[str, dict[str, list[float]]] = {}
+    for result in results:
+        own = found.setdefault(result.job.method, {})
+        score = find_score(result, metric)
         for view, value in score.per_view.items() if score else ():
-            found.setdefault(view, []).append(value)
+            own.setdefault(view, []).append(value)
     return found
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy import stats
+from threadpoolctl import threadpool_limits
 
 from graycard.eval.statistics import (
     holm,
@@ -20,7 +21,7 @@ from graycard.eval.statistics import (
     signed_rank_p,
     split_variance,
 )
-from graycard.eval.statistics._interval import mean_intervals
+from graycard.eval.statistics._interval import _of_rank, mean_intervals
 from graycard.eval.statistics._variance import _balanced, _Layout, _restricted
 
 Draw = Callable[[np.random.Generator, tuple[int, int]], np.ndarray]
@@ -263,3 +264,26 @@ def test_p_of_a_location_without_ties_is_that_of_the_signed_rank_test() -> None:
     values = np.random.default_rng(9).normal(0.4, 1, 11)
     assert location_p(values) == pytest.approx(signed_rank_p(values))
     assert location_p([0.0, 0.0, 0.0]) == 1.0
+
+
+@pytest.mark.parametrize("largest", [False, True])
+def test_a_value_of_a_rank_is_that_of_the_sorted_row(largest: bool):
+    random = np.random.default_rng(3)
+    rows = random.standard_normal((5, 9999))
+    rows[1] = rows[1].round(1)  # with ties
+    rows[2, :400] = np.inf if largest else -np.inf
+    rows[3] = np.sort(rows[3])  # no sample tells the rest
+    rows[4] = 0.0
+    ranked = np.sort(rows, axis=1)[:, ::-1] if largest else np.sort(rows, axis=1)
+    for rank in (0, 299, 9998):
+        assert (_of_rank(rows, rank, largest=largest) == ranked[:, rank]).all()
+
+
+@pytest.mark.parametrize("count", [8, 40])
+def test_intervals_have_the_same_bits_with_any_number_of_threads(count: int):
+    samples = np.random.default_rng(4).standard_normal((count, AT_A_TIME))
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, "blas"):
+            found.append(np.stack(mean_intervals(samples)))
+    assert (found[0] == found[1]).all()

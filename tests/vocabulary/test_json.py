@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graycard import GraycardError, MethodError, RecordError, UnknownNameError
-from graycard.io import AnyPlace, FolderBelow, Label, Name, RelativePath, dumps, from_builtins
+from graycard.io import AnyPlace, FolderBelow, Label, Name, RelativePath, dumps, from_builtins, to_builtins
 from graycard.io._decode import IN_MEMORY
 from graycard.lights import (
     GaussianLight,
@@ -96,7 +96,9 @@ def values_of(kind: Any) -> st.SearchStrategy[Any]:
         return NAMED[kind]
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         hints = get_type_hints(kind, include_extras=True)
-        return st.builds(kind, **{f.name: values_of(hints[f.name]) for f in dataclasses.fields(kind)})
+        return st.builds(
+            kind, **{f.name: values_of(hints[f.name]) for f in dataclasses.fields(kind) if f.init}
+        )
     if origin is Literal:
         return st.sampled_from(args)
     if origin in (Union, UnionType):
@@ -252,3 +254,27 @@ def test_a_type_that_cannot_be_read_is_refused_not_guessed():
 
     with pytest.raises(GraycardError, match="more than one"):
         from_builtins(Torn, {"value": {"size": 1}})
+
+
+values = (
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(st.characters(exclude_categories=["Cs"]))
+)
+values |= st.floats(width=32).map(np.float32) | st.just(Path("a/b")) | st.builds(Part, st.floats(0, 9))
+nested = st.recursive(
+    values,
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.lists(inner, max_size=3).map(tuple)
+        | st.dictionaries(st.text(max_size=3) | st.integers(), inner, max_size=4)
+        | st.lists(st.floats(), max_size=3).map(np.array)
+    ),
+)
+
+
+@given(nested)
+def test_the_text_is_that_of_the_standard_encoder(data: object):
+    assert dumps(data) == json.dumps(to_builtins(data), indent=2, allow_nan=False, ensure_ascii=False) + "\n"

@@ -27,6 +27,7 @@ from graycard.records import (
     PaperResult,
     RowMean,
     RunRecord,
+    is_published,
     read_run,
 )
 
@@ -101,8 +102,6 @@ class ClaimsCommand:
             RecordError: No claims are made for the run's suite, or those asked for are of another.
         """
         from graycard.benchmarks.claims import claims_names, claims_of_suite, judge_run, made_for_others
-        from graycard.eval.statistics import compare_run
-        from graycard.reports import is_published, republish_claims, write_report
 
         record = read_run(run)
         names = self.claims or claims_of_suite(record.suite) or claims_names()
@@ -112,11 +111,14 @@ class ClaimsCommand:
             terminal.err.print(
                 f"not of these scenes: {name} is made for runs of {suite}, not of {record.suite}"
             )
-        if is_published(run) and self.republish:
+        if is_published(run) and not self.republish:
+            return found, "; the folder is a published one and left as it is"
+        from graycard.eval.statistics import compare_run  # reports take as long to import as claims to judge
+        from graycard.reports import republish_claims, write_report
+
+        if is_published(run):
             republish_claims(run, found, compare_run(record))
             return found, f"; published anew in {run}"
-        if is_published(run):
-            return found, "; the folder is a published one and left as it is"
         write_json(run / CLAIMS, found)
         return found, f"; report: {write_report(run).resolve()}"
 

@@ -21,32 +21,35 @@ Parts = tuple[Literal["stages", "scaling", "peers", "losses", "step", "tracer"],
 class SpeedCommand:
     """Measure what the machinery costs, beside a peer in the same run."""
 
-    what: Annotated[Literal["truth", "engine", "score", "steps"], tyro.conf.Positional]
+    what: Annotated[Literal["truth", "engine", "score", "steps", "records"], tyro.conf.Positional]
     """truth: light split by source and lobe, beside Mitsuba's path tracer.
     engine: surfels, stage by stage, beside the machine's peak and other implementations.
     score: one view with all its layers, on one core.
-    steps: a step of the second stages by the size of the pictures, on one core."""
+    steps: a step of the second stages by the size of the pictures, on one core.
+    records: verbs that read a run record, on a made-up run of 40 rows and 40 scenes."""
     repeats: int = 5
-    """Number of timings, of which medians count; of steps eight times as many."""
+    """Number of timings, of which medians count; of steps eight times as many, of records one."""
     parts: Annotated[Parts, tyro.conf.arg(help_behavior_hint="")] = ()
     """engine: measure these only."""
     workloads: Annotated[tuple[str, ...], optional("WORKLOAD ...")] = ()
     """engine: stages, peers and the tracer on these workloads only (A to E)."""
     quick: bool = False
-    """engine, score and steps: everything once, on next to nothing, to see that it works."""
+    """All but truth: everything once, on next to nothing, to see that it works."""
     json: Json = None
     """Also write the figures to this file."""
     plot: Annotated[Path | None, optional("FILE.svg")] = None
     """engine: also draw them."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Time the renderer, the engine or the scoring."""
+        """Time the renderer, the engine, the scoring or the work on records."""
         if self.repeats < 1:
             raise GraycardError(f"expected --repeats of 1 or more, got {self.repeats}")
         if self.what == "engine":
             return self._engine(terminal)
         self._refuse_options(*("quick",) if self.what == "truth" else ())
-        measures = {"truth": self._truth, "score": self._score, "steps": self._steps}
+        measures = {
+            "truth": self._truth, "score": self._score, "steps": self._steps, "records": self._records,
+        }  # fmt: skip
         return measures[self.what](terminal)
 
     def _refuse_options(self, *others: str) -> None:
@@ -98,6 +101,24 @@ class SpeedCommand:
         terminal.out.print(
             f"speed: a step of a second stage takes at most {ratio:.2f} times as long with pictures of "
             f"{sizes[1]} x {sizes[1]} as with those of {sizes[0]} x {sizes[0]} ({worst})"
+        )
+        return OK
+
+    def _records(self, terminal: Terminal) -> int:
+        from graycard.benchmarks.speed import measure_records
+
+        rows, scenes = (2, 6) if self.quick else (40, 40)
+        with terminal.progress() as progress:
+            costs = measure_records(rows, scenes, progress)
+        table = new_table("verb", "CPU s", "peak MiB")
+        for c in costs:
+            table.add_row(c.verb, f"{c.seconds:.1f}", f"{c.peak_mib:.0f}")
+        terminal.out.print(table)
+        write_optional_json(self.json, costs)
+        worst, peak = max(costs, key=lambda cost: cost.seconds), max(cost.peak_mib for cost in costs)
+        terminal.out.print(
+            f"speed: a run of {rows} rows and {scenes} scenes, {worst.record_mib:.1f} MiB of run.json, takes "
+            f"at most {worst.seconds:.1f} s ({worst.verb}) and {peak:.0f} MiB"
         )
         return OK
 

@@ -198,7 +198,7 @@ VERBS = (
         group="for developers of graycard",
         module="_speed",
         command="SpeedCommand",
-        help="Time the light split, the surfel engine or the scoring",
+        help="Time the light split, the engine, scoring or run records",
         example="graycard speed engine --quick",
     ),
     Verb(

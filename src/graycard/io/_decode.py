@@ -9,10 +9,10 @@ first: every key is checked, names pass the check of their type (``graycard.io.N
 import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import chain, repeat
 from pathlib import Path
-from types import UnionType
+from types import NoneType, UnionType
 from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
@@ -27,6 +27,10 @@ IN_MEMORY: dict[str, Any] = {"in_memory": True}
 
 Prepare = Callable[[Any], Any]
 
+_AS_IT_IS = frozenset({NoneType, bool, int, float})
+"""Types of values that no preparation changes; most values of a record are of these."""
+_KNOWN_TEXTS = 1 << 14
+"""Texts of one type whose check is remembered: a record has the same names again and again."""
 _NON_FINITE = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
@@ -68,13 +72,16 @@ class _Record(NamedTuple):
     """Fields of a dataclass that may be in a file, and how to prepare those that need it."""
 
     names: list[str]
+    keys: frozenset[str]
+    """The same, to look them up."""
     prepared: list[tuple[str, Prepare]]
 
 
 @cache
 def _record_of(cls: type[Any]) -> _Record:
     kinds, names = get_type_hints(cls, include_extras=True), stored_fields(cls)
-    return _Record(names, [(name, p) for name in names if (p := _preparation(kinds[name])) is not None])
+    prepared = [(name, p) for name in names if (p := _preparation(kinds[name])) is not None]
+    return _Record(names, frozenset(names), prepared)
 
 
 @cache
@@ -83,7 +90,8 @@ def _preparation(kind: Any) -> Prepare | None:
     origin, args = get_origin(kind) or kind, get_args(kind)
     if origin is Annotated:
         rules = [rule for rule in args[1:] if isinstance(rule, TextRule)]
-        return partial(_prepare_text, rules[0]) if rules else _preparation(args[0])
+        known = [lru_cache(_KNOWN_TEXTS)(rule.check) for rule in rules[:1]]
+        return partial(_prepare_text, known[0]) if known else _preparation(args[0])
     if isinstance(kind, type) and dataclasses.is_dataclass(kind):
         return partial(_prepare_record, kind)
     if kind is float:
@@ -126,13 +134,13 @@ def _prepare_record(cls: type[Any], data: Any) -> Any:
     if not isinstance(data, Mapping):
         return data
     known = _record_of(cls)
-    if not data.keys() <= set(known.names):
-        raise UnknownKeyError(min(data.keys() - set(known.names), key=str), known.names)
+    if not data.keys() <= known.keys:
+        raise UnknownKeyError(min(data.keys() - known.keys, key=str), known.names)
     ready = dict(data)
     for name, prepare in known.prepared:
-        if name in ready:
+        if type(value := ready.get(name)) not in _AS_IT_IS:
             try:
-                ready[name] = prepare(ready[name])
+                ready[name] = prepare(value)
             except RefusedError as error:
                 error.path = f".{name}{error.path}"
                 raise
@@ -155,18 +163,18 @@ def _prepare_mapping(prepare_key: Prepare, prepare: Prepare, data: Any) -> Any:
     ready = {}
     for key, value in data.items():
         try:
-            ready[prepare_key(key)] = prepare(value)
+            ready[prepare_key(key)] = value if type(value) in _AS_IT_IS else prepare(value)
         except RefusedError as error:
             error.path = f"[{key!r}]{error.path}"
             raise
     return ready
 
 
-def _prepare_text(rule: TextRule, value: Any) -> Any:
+def _prepare_text(check: Callable[[str], str], value: Any) -> Any:
     if type(value) is not str:
         return value
     try:
-        return rule.check(value)
+        return check(value)
     except ValueError as cause:
         raise RefusedError(str(cause)) from cause
 
@@ -177,7 +185,7 @@ def _prepare_items(every: Sequence[Prepare], data: Any) -> Any:
     ready: list[Any] = []
     try:
         for prepare, value in zip(chain(every, repeat(every[-1])), data, strict=False):
-            ready.append(prepare(value))
+            ready.append(value if type(value) in _AS_IT_IS else prepare(value))
     except RefusedError as error:
         error.path = f"[{len(ready)}]{error.path}"
         raise

@@ -35,6 +35,8 @@ def check_label(text: str) -> str:
     """
     if not text or len(text.encode(errors="replace")) > LONGEST:
         raise ValueError(f"expected a name of 1 to {LONGEST} bytes, got {_shown(text)}")
+    if text.isascii() and text.isprintable():
+        return text
     if bad := [c for c in text if unicodedata.category(c) in _UNPRINTABLE]:
         raise ValueError(f"expected a name without control characters, got {bad[0]!r} in {_shown(text)}")
     return text
@@ -48,8 +50,9 @@ def check_name(text: str) -> str:
             refuses, begins with a dot or a space, ends in one, or is reserved.
     """
     check_label(text)
-    if bad := [c for c in text if c in _FORBIDDEN]:
-        raise ValueError(f"expected a name without {bad[0]!r}, as it names a file, got {_shown(text)}")
+    if not _FORBIDDEN.isdisjoint(text):
+        bad = next(c for c in text if c in _FORBIDDEN)
+        raise ValueError(f"expected a name without {bad!r}, as it names a file, got {_shown(text)}")
     if text[0] in ". " or text[-1] in ". ":
         raise ValueError(f"expected a name that neither begins nor ends with a dot or a space, got {text!r}")
     if text.split(".")[0].casefold() in _RESERVED or text.casefold().endswith(PARTIAL):

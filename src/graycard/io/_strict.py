@@ -13,6 +13,7 @@ from typing import Any
 
 DEEPEST = 100
 """Levels of nesting that data may have; graycard's own has fewer than 20."""
+_NESTED = frozenset({dict, list})
 _LEAST, _MOST = -(2**63), 2**64 - 1
 """Range of whole numbers that arrays can hold."""
 
@@ -24,6 +25,8 @@ def parse_json(text: str) -> Any:
         ValueError: It is no JSON, two keys of an object are equal, a number is not finite or beyond 64 bits,
             a character is half of one, or the nesting is too deep.
     """
+    halves = "\\u" in text  # of characters: other texts that can be written as UTF-8 have none
+    text.encode()
     try:
         data = json.loads(
             text,
@@ -34,7 +37,7 @@ def parse_json(text: str) -> Any:
         )
     except RecursionError as cause:
         raise ValueError(_too_deep()) from cause
-    return _checked(data, 0)
+    return _checked(data, values=halves)
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -47,7 +50,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         data = tomllib.loads(text)
     except RecursionError as cause:
         raise ValueError(_too_deep()) from cause
-    return _checked(data, 0)
+    return _checked(data)
 
 
 def _distinct(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
@@ -75,26 +78,37 @@ def _refuse_constant(name: str) -> Any:
     raise ValueError(f'{name} is no number of JSON; write "{name.lower().replace("infinity", "inf")}"')
 
 
-def _checked(data: Any, depth: int) -> Any:
-    """Return data whose depth, whole numbers and texts are sensible."""
-    if depth > DEEPEST:
-        raise ValueError(_too_deep())
-    match data:
+def _checked(data: Any, *, values: bool = True) -> Any:
+    """Return data whose depth is sensible, and if ``values`` is true its whole numbers and texts as well.
+
+    It goes level by level, as calls for each value would take longer than parsing.
+    """
+    level, depth = [data], 0
+    while level:
+        if depth > DEEPEST:
+            raise ValueError(_too_deep())
+        if values:
+            for value in level:
+                _check_value(value)
+        within = [value for value in level if type(value) in _NESTED]
+        level = [item for value in within for item in (value.values() if type(value) is dict else value)]
+        depth += 1
+    return data
+
+
+def _check_value(value: Any) -> None:
+    """Refuse a text that is none, or a whole number that is too large; of an object look at the keys."""
+    match value:
         case str():
-            if not data.isascii():
-                data.encode()  # a lone half of a surrogate pair raises UnicodeEncodeError, a ValueError
+            if not value.isascii():
+                value.encode()  # a lone half of a surrogate pair raises UnicodeEncodeError, a ValueError
         case bool():
             pass
-        case int() if not _LEAST <= data <= _MOST:
-            raise ValueError(f"the number {str(data)[:20]}… is beyond 64 bits")
+        case int() if not _LEAST <= value <= _MOST:
+            raise ValueError(f"the number {str(value)[:20]}… is beyond 64 bits")
         case dict():
-            for key, value in data.items():
-                _checked(key, depth)
-                _checked(value, depth + 1)
-        case list():
-            for value in data:
-                _checked(value, depth + 1)
-    return data
+            for key in value:
+                _check_value(key)
 
 
 def _too_deep() -> str:

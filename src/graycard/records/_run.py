@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a score and a run are on disk: every number with its protocol, its counts and its origin."""
 
-from collections.abc import Mapping
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import RecordError
 from graycard.io import (
+    IN_MEMORY,
     AnyPlace,
     FolderBelow,
     Label,
@@ -88,6 +91,14 @@ class ScoreSheet:
     format_version: int = RECORD_VERSION
     warnings: tuple[str, ...] = ()
     """Oddities of the whole folder, as channels that belong to no layer; each score has its own."""
+    by_metric: Mapping[str, Score] = field(
+        default_factory=dict, init=False, repr=False, compare=False, metadata=IN_MEMORY
+    )
+    """The same scores by the id of their metric; of two with one id the first."""
+
+    def __post_init__(self) -> None:
+        found = {score.metric: score for score in reversed(self.scores)}
+        object.__setattr__(self, "by_metric", found)
 
     def score(self, metric: str) -> Score:
         """The score of a metric.
@@ -95,12 +106,10 @@ class ScoreSheet:
         Raises:
             RecordError: The sheet has none.
         """
-        for score in self.scores:
-            if score.metric == metric:
-                return score
-        raise RecordError(
-            f"expected a metric of this sheet, got {metric!r}: {[s.metric for s in self.scores]}"
-        )
+        if metric not in self.by_metric:
+            known = [score.metric for score in self.scores]
+            raise RecordError(f"expected a metric of this sheet, got {metric!r}: {known}")
+        return self.by_metric[metric]
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,15 +326,28 @@ def read_run(run: Path) -> RunRecord:
     return read_record(RunRecord, path, "graycard-run")
 
 
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """Look for no garbage meanwhile: a record has none, and looking takes as long as reading."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
 def read_record(cls: type[Any], path: Path, kind: str, newest: int = RECORD_VERSION) -> Any:
     """A record of some format from a file.
 
     Raises:
         RecordError: It is missing, damaged, misspelt, of another format, or of a version above ``newest``.
     """
-    data = read_json(path)
-    check_version(data, newest, path)
-    record = from_builtins(cls, data, RecordError, str(path))
+    with _uncollected():
+        data = read_json(path)
+        check_version(data, newest, path)
+        record = from_builtins(cls, data, RecordError, str(path))
     if record.format != kind:
         raise RecordError(f"expected {kind} in {path}, got {record.format}")
     return record
