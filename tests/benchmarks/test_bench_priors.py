@@ -205,7 +205,7 @@ class Writes(torch.nn.Module):
     def forward(self, image: torch.Tensor) -> torch.Tensor:
         written = torch.from_file(self.path, True, 16)  # a map that is shared with the file
         written.fill_(7.0)
-        return image.mean(1, True) + 1.0
+        return image.mean(1, True) + written.mean()
 
 
 @pytest.mark.filterwarnings("ignore:.*torch.jit.* is deprecated:DeprecationWarning")
@@ -216,7 +216,7 @@ def test_a_program_in_weights_runs_confined(asker: str, tiny_scenes: dict[str, P
     target.write_bytes(b"0" * 64)
     torch.jit.script(Writes(str(target))).save(str(weights / "depth.pt"))
     spec = FitSpec(asker, {}, 0, tiny_scenes["dark"], priors=PriorSpec("pretrained", path=str(weights)))
-    with pytest.raises(MethodError, match=r"Permission denied|\(13\)|unable to open file"):
+    with pytest.raises(MethodError, match="expected the network to run, got"):
         fit_scene(spec, tmp_path / "out", silent)
     assert target.read_bytes() == b"0" * 64
     torch.jit.load(str(weights / "depth.pt"))(torch.ones(1, 3, 4, 4))
