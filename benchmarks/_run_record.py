@@ -12,7 +12,7 @@ from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
 from graycard.io import sha256
 from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
-from graycard.synth import SceneSpec, describe
+from graycard.synth import SceneSpec, SecretSpec, describe
 
 
 class RunError(GraycardError):
@@ -35,12 +35,18 @@ def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
         track=spec.track,
         scene=folder.name,
         family=spec.family,
-        seed=spec.seed,
+        seed=None if isinstance(spec, SecretSpec) else spec.seed,
         folder=_relative(folder, run),
         truth_sha256=sha256(folder / "truth" / "manifest.json"),
         title=describe(spec),
         knobs=truth.settings.get("knobs", {}),
     )
+
+
+def commitment_of(suite: Suite) -> str:
+    """Hash of the salt that scenes of an opened suite follow from; empty where none does."""
+    opened = any(isinstance(spec, SecretSpec) for spec in suite.scenes)
+    return suite.secret.commitment if suite.secret and opened else ""
 
 
 def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
@@ -133,6 +139,7 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         wall_s=round(record.wall_s + (before.wall_s if record.started != before.started else 0.0), 2),
         scenes=scenes,
         methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
+        commitment=record.commitment or before.commitment,
         results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
 

@@ -36,6 +36,7 @@ from graycard.benchmarks._jobs import (
 )
 from graycard.benchmarks._run_record import (
     RunError,
+    commitment_of,
     joined,
     measures_nothing_new,
     method_record,
@@ -46,7 +47,7 @@ from graycard.benchmarks._run_record import (
 )
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, scaled_iterations
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.eval import all_metrics
@@ -250,6 +251,7 @@ def _record(
         suite_sha256=_keep(bench.whole or suite, run),
         budget=bench.terms.budget,
         edition=bench.terms.edition,
+        commitment=commitment_of(suite),
     )
 
 
@@ -303,8 +305,11 @@ def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
 
 
 def _keep(suite: Suite, run: Path) -> str:
-    """Write the suite beside its run, by which one sees what is missing there, and give its hash."""
-    write_json(run / KEPT, suite)
+    """Write the suite beside its run, by which one sees what is missing there, and give its hash.
+
+    What a salt has opened is left out: the suite names its kinds.
+    """
+    write_json(run / KEPT, public(suite))
     return sha256(run / KEPT)
 
 

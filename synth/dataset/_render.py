@@ -6,7 +6,7 @@ from typing import Any
 
 from graycard import DatasetError, Progress, RecordError
 from graycard.io import file_lock, read_json, read_manifest, silent, writable_folder
-from graycard.synth._spec import RenderSettings, SceneSpec
+from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
 from graycard.synth.dataset._identity import differences, identity
 from graycard.synth.dataset._renderings import content_of, missing, renderings, write_missing
@@ -135,6 +135,8 @@ def _found_of_this_spec(place: Place, spec: SceneSpec, settings: RenderSettings)
     _check_foreign(place)
     found = _found_identity(place)
     if found is not None and (differ := differences(found, identity(spec, settings), spec, settings)):
+        if isinstance(spec, SecretSpec):  # the lines would tell seeds
+            differ = [f"{line.partition(':')[0]}: another" for line in differ]
         raise DatasetError(
             f"expected {place.final} to be free or to hold this very scene, got one of another spec "
             f"({'; '.join(differ)}). Choose another output folder, or delete this one"

@@ -14,7 +14,7 @@ from rich.table import Table
 from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
-from graycard.dataset import TRACKS, is_scene
+from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
 from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
@@ -41,7 +41,7 @@ class ScenesCommand:
         suites = [load_suite(name) for name in suite_names()]
         table = new_table("suite", "track", "scene", "what is to be seen")
         for suite in suites:
-            for spec in suite.scenes:
+            for spec in (*suite.scenes, *(suite.secret.drawn() if suite.secret else ())):
                 table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
         terminal.out.print(table)
         known = {track: [n for n, f in all_families().items() if f.track == track] for track in TRACKS}
@@ -145,6 +145,8 @@ class RenderCommand:
         seed = self.seed or 0
         if seed < 0:
             raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
+        if seed in SECRET_SEEDS:
+            raise GraycardError(f"expected a seed below {SECRET_SEEDS.start}, got {seed}. Mend --seed")
         return SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings
 
 

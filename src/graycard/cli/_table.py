@@ -146,6 +146,14 @@ VERBS = (
         example="graycard check-result runs/demo",
     ),
     Verb(
+        name="salt",
+        group="runs",
+        module="_checks",
+        command="SaltCommand",
+        help="Make the salt that secret scenes of a suite follow from",
+        example="graycard salt new judge.salt",
+    ),
+    Verb(
         name="report",
         group="runs",
         module="_runs",
@@ -156,7 +164,7 @@ VERBS = (
     Verb(
         name="publish",
         group="runs",
-        module="_runs",
+        module="_checks",
         command="PublishCommand",
         help="Keep the records and the report of a valid run",
         example="graycard publish runs/demo --out published",
