@@ -52,10 +52,10 @@ from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
-from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
+from graycard.io import dumps, remove_leftovers, sha256, to_builtins, writable_folder, write_json
 from graycard.methods.priors import truth_of, weights_of
 from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRecord
-from graycard.synth import SceneSpec, donor_scene, scene_name
+from graycard.synth import SceneSpec, clear_leftovers, donor_scene, scene_name
 
 STAGES = "stages"
 SCORED_EACH = 20
@@ -172,7 +172,7 @@ def measure(bench: Bench) -> Measured:
     if bench.terms.edition is None:
         refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
     bench, known = _introduced(bench)  # fails before any work
-    suite, run = bench.suite, writable_folder(bench.run)
+    suite, run = bench.suite, _tidied(bench)
     origins = environment()
     scenes = _render(bench, suite.scenes)
     threads = max(1, usable_cores() // bench.jobs)
@@ -181,6 +181,14 @@ def measure(bench: Bench) -> Measured:
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
     return Measured(record, _all_reused(fitted, scored))
+
+
+def _tidied(bench: Bench) -> Path:
+    """Return the run folder, without what killed benches have left in it and in the dataset."""
+    run = writable_folder(bench.run)
+    remove_leftovers(run)
+    clear_leftovers(bench.dataset)
+    return run
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:

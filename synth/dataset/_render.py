@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard import DatasetError, Progress, RecordError
-from graycard.io import file_lock, read_json, read_manifest, silent, writable_folder
+from graycard.io import file_lock, read_json, read_manifest, remove_leftovers, silent, writable_folder
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
 from graycard.synth.dataset._identity import differences, identity
@@ -13,7 +13,9 @@ from graycard.synth.dataset._renderings import content_of, missing, renderings, 
 from graycard.synth.dataset._store import (
     Place,
     damage,
+    discard,
     foreign_content,
+    leftovers,
     promote,
     reopen,
     resume,
@@ -72,6 +74,17 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
     place = Place(Path(dataset), spec.track, scene_name(spec))
     found = _found_of_this_spec(place, spec, settings)
     return None if found is None or damage(place) else place.final
+
+
+def clear_leftovers(dataset: Path) -> None:
+    """Remove from a dataset what renderings that were killed have left and no other goes on from.
+
+    Scenes that are half-made stay: the next rendering goes on with them.
+    """
+    for place in leftovers(Path(dataset)):
+        with file_lock(place.lock, lambda who: None):
+            discard(place.work)
+    remove_leftovers(Path(dataset))
 
 
 def _make(

@@ -160,6 +160,15 @@ def discard(folder: Path) -> None:
             ) from cause
 
 
+def leftovers(dataset: Path) -> list[Place]:
+    """Scenes that are whole and still have a folder of what was not: their making was cut off at its end."""
+    folders = sorted(dataset.glob("*/.*.partial"))
+    places = [
+        Place(dataset, f.parent.name, f.name.removeprefix(".").removesuffix(".partial")) for f in folders
+    ]
+    return [p for p in places if all((p.final / part / "manifest.json").is_file() for part in _PARTS)]
+
+
 def foreign_content(place: Place) -> list[str]:
     """Names in a final folder that no scene folder has: then it is not ours to replace."""
     if not place.final.exists():

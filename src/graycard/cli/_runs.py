@@ -117,7 +117,7 @@ class FitCommand:
         """Fit, then render every view."""
         from graycard.benchmarks import FitSpec, check_import, fit_apart, load_for
         from graycard.dataset import check_scene
-        from graycard.io import to_builtins
+        from graycard.io import remove_leftovers, to_builtins
         from graycard.methods import asks_of
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 
@@ -134,6 +134,7 @@ class FitCommand:
         spec = FitSpec(
             self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
         )
+        remove_leftovers(self.out)
         with terminal.progress() as progress:
             cost = fit_apart(spec, self.out, progress, self.save, limits).cost
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")

@@ -93,9 +93,10 @@ class RenderCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
         from graycard.dataset import open_truth
-        from graycard.synth import find_llvm, render_scene
+        from graycard.synth import clear_leftovers, find_llvm, render_scene
 
         jobs, noisy = self._jobs(rest), 0
+        clear_leftovers(self.out)
         terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
             with terminal.progress() as progress:
