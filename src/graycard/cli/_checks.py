@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that ask how far a run can be trusted, publish it, and make salts of secret scenes."""
+"""The verbs that ask how far a run can be trusted, show it, and make salts of secret scenes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from rich.table import Table
 
-from graycard._errors import RecordError
+from graycard._errors import OutputError, RecordError
 from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
@@ -152,12 +152,45 @@ class PublishCommand:
 
 
 @dataclass(frozen=True)
+class ReportCommand:
+    """Write the report of a run: one HTML file that opens offline."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder."""
+    out: Annotated[Path | None, optional("FILE")] = None
+    """Write to this file; RUN/report/index.html by default. For a run that cannot be written to."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.reports import ledger_of_run
+
+        path = self._written()
+        try:
+            ledger_of_run(self.run_folder)
+        except RecordError as fault:
+            terminal.err.print(f"claims: {fault}")
+        terminal.out.print(f"report: {path.resolve()}")
+        return OK
+
+    def _written(self) -> Path:
+        """Write the report, and say what to do where the run cannot be written to."""
+        from graycard.reports import write_report
+
+        try:
+            return write_report(self.run_folder, out=self.out)
+        except OutputError as cause:
+            if self.out is not None:
+                raise
+            raise OutputError(f"{cause}; --out FILE writes the report elsewhere") from cause
+
+
+@dataclass(frozen=True)
 class CompareCommand:
     """Say which method of a run is better, by how much, and how sure that is."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder. Its comparison.json is written anew from run.json where it says something else.
-    A published folder is left as it is."""
+    A published folder is left as it is, and so is one that cannot be written to, with a warning."""
     metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
     """Compare these metrics only; those of the leaderboard by default."""
     against: Annotated[str, optional("ROW")] = ""
@@ -180,7 +213,7 @@ class CompareCommand:
         shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
-        self._write(record, found)
+        self._write(record, found, terminal)
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
         _say_skipped(terminal, [table for table in found.metrics if table not in shown])
@@ -204,12 +237,21 @@ class CompareCommand:
         if self.against and self.against not in rows:
             raise UnknownNameError("row of this run", self.against, rows)
 
-    def _write(self, record: RunRecord, shown: Comparison) -> None:
-        """Write the comparison of all metrics where it lacks, is another, or is asked for."""
+    def _write(self, record: RunRecord, shown: Comparison, terminal: Terminal) -> None:
+        """Write the comparison of all metrics where it lacks, is another, or is asked for.
+
+        A run that cannot be written to is compared all the same.
+        """
         from graycard.eval.statistics import Question, compare_run
 
         if not is_published(self.run_folder) and not _is_written(self.run_folder, shown):
-            write_json(self.run_folder / COMPARISON, compare_run(record))
+            try:
+                write_json(self.run_folder / COMPARISON, compare_run(record))
+            except OutputError as cause:
+                terminal.err.print(
+                    f"warning: {COMPARISON} of the run is not up to date, and stays as it is: {cause}. "
+                    "--json FILE writes the comparison elsewhere"
+                )
         if self.json is not None:
             write_json(self.json, compare_run(record, Question(against=self.against)))
 

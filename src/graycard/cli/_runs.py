@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that run methods, and compare and report runs."""
+"""The verbs that run methods, and hold runs against baselines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from graycard._errors import GraycardError, RecordError
+from graycard._errors import GraycardError
 from graycard.cli._checks import salt_in
 from graycard.cli._options import Json, Memory, SaltFile, Timeout, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
@@ -98,7 +98,8 @@ class FitCommand:
     """Also save the decomposition itself here."""
     priors: str = "none"
     """Source of priors: none, oracle:SEVERITY, classical, pretrained:own, pretrained:FOLDER, or a path that
-    ends in .toml. SEVERITY is 0, the truth itself, to 5."""
+    ends in .toml. SEVERITY is 0, the truth itself, to 5. TorchScript files (.pt) in FOLDER are programs that
+    run with your rights: take them from whom you trust. Weights in safetensors are numbers alone."""
     donor: Annotated[Path | None, optional("SCENE")] = None
     """Also fit this scene, and insert its object as the truth does."""
     timeout: Timeout = None
@@ -327,26 +328,6 @@ class GateCommand:
             f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
         )
         return verdict.exit_code
-
-
-@dataclass(frozen=True)
-class ReportCommand:
-    """Write the report of a run: one HTML file that opens offline."""
-
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the report; claims that are not of this run are told, and warned of."""
-        from graycard.reports import ledger_of_run, write_report
-
-        path = write_report(self.run_folder)
-        try:
-            ledger_of_run(self.run_folder)
-        except RecordError as fault:
-            terminal.err.print(f"claims: {fault}")
-        terminal.out.print(f"report: {path.resolve()}")
-        return OK
 
 
 def _left_out(name: str, record: RunRecord) -> str:

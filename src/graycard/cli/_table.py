@@ -156,7 +156,7 @@ VERBS = (
     Verb(
         name="report",
         group="runs",
-        module="_runs",
+        module="_checks",
         command="ReportCommand",
         help="Write the report of a run: one HTML file that opens offline",
         example="graycard report runs/demo",
