@@ -19,6 +19,7 @@ from graycard.benchmarks import (
     with_secret,
     write_salt,
 )
+from graycard.benchmarks._guard import Guard
 from graycard.benchmarks._ranges import SceneTemplate
 from graycard.benchmarks.training import TRAINING, VALIDATION
 from graycard.cli import main
@@ -35,6 +36,7 @@ from graycard.synth import (
     find_scene,
     scene_name,
 )
+from graycard.synth.dataset._store import Place
 from tiny_benches import made_without_renderer
 from valid_runs import breaches, change
 
@@ -340,6 +342,15 @@ def test_the_verb_makes_salts_and_never_prints_one(
     path.chmod(0o600)
     assert main(["salt", "show", str(path)]) == 0
     assert not capsys.readouterr().err
+
+
+def test_what_is_half_made_is_closed_to_fits(tmp_path: Path) -> None:
+    """Its stamp has the seed, and its views are truth."""
+    place = Place(tmp_path, "dark", "corridor-secret-001")
+    guard = Guard(tmp_path)
+    for path in (place.stamp, place.partial / "truth" / "views" / "test_000.exr", place.partial / "capture"):
+        assert guard.closes(str(path))
+    assert not guard.closes(str(place.final / "capture"))
 
 
 def test_secret_seeds_are_not_rendered_by_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,7 +95,7 @@ class RenderCommand:
         from graycard.dataset import open_truth
         from graycard.synth import clear_leftovers, find_llvm, render_scene
 
-        jobs, noisy = self._jobs(rest), 0
+        jobs, noisy = self._jobs(rest, terminal), 0
         clear_leftovers(self.out)
         terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
@@ -112,7 +112,7 @@ class RenderCommand:
         terminal.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
         return FAILED if noisy else OK
 
-    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
+    def _jobs(self, rest: list[str], terminal: Terminal) -> list[tuple[Any, Any, float]]:
         """Return specs, the render settings of each, and the noise ceilings that they must reach.
 
         Raises:
@@ -135,6 +135,8 @@ class RenderCommand:
             )
         suite = load_suite(self.what)
         refuse_sealed(suite.scenes, suite)
+        if suite.secret is not None:
+            terminal.advise("secret scenes are left out: `graycard bench SUITE --salt FILE` renders them")
         return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
 
     def _scene_of_track(self, rest: list[str]) -> tuple[Any, Any]:
