@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``run.json`` says of a bench, and what an earlier bench has said there."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,33 @@ from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
-from graycard.io import sha256
+from graycard.io import remove_leftovers, sha256, writable_folder
 from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
-from graycard.synth import SceneSpec, SecretSpec, describe
+from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
 
 
 class RunError(GraycardError):
     """A bench cannot go on: a scene was not rendered, or the run folder is of another suite."""
+
+
+@contextmanager
+def tidied(run: Path, dataset: Path) -> Iterator[None]:
+    """Remove what killed processes have left in a run and in its dataset, before the block and after it.
+
+    Raises:
+        OutputError: The run folder cannot be written to.
+    """
+    writable_folder(run)
+    try:
+        _tidy(run, dataset)
+        yield
+    finally:  # workers of a bench that is told to end are killed
+        _tidy(run, dataset)
+
+
+def _tidy(run: Path, dataset: Path) -> None:
+    remove_leftovers(run)
+    clear_leftovers(dataset)
 
 
 def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:

@@ -44,6 +44,7 @@ from graycard.benchmarks._run_record import (
     renderers,
     result_of,
     scene_record,
+    tidied,
 )
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
@@ -52,10 +53,10 @@ from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.workers import USUAL, Limits, Outcome, run_all
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
-from graycard.io import dumps, remove_leftovers, sha256, to_builtins, writable_folder, write_json
+from graycard.io import dumps, sha256, to_builtins, write_json
 from graycard.methods.priors import truth_of, weights_of
 from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRecord
-from graycard.synth import SceneSpec, clear_leftovers, donor_scene, scene_name
+from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
 SCORED_EACH = 20
@@ -172,23 +173,19 @@ def measure(bench: Bench) -> Measured:
     if bench.terms.edition is None:
         refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
     bench, known = _introduced(bench)  # fails before any work
-    suite, run = bench.suite, _tidied(bench)
+    with tidied(bench.run, bench.dataset):
+        return _measured(bench, known)
+
+
+def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
-    scenes = _render(bench, suite.scenes)
+    scenes = _render(bench, bench.suite.scenes)
     threads = max(1, usable_cores() // bench.jobs)
-    plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads)
+    plan = _plan(bench.suite, known, scenes, _donors(bench, scenes), bench.run, threads)
     fitted = _fit(bench, plan)
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
     return Measured(record, _all_reused(fitted, scored))
-
-
-def _tidied(bench: Bench) -> Path:
-    """Return the run folder, without what killed benches have left in it and in the dataset."""
-    run = writable_folder(bench.run)
-    remove_leftovers(run)
-    clear_leftovers(bench.dataset)
-    return run
 
 
 def _introduced(bench: Bench) -> tuple[Bench, list[Introduction]]:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from graycard import DatasetError, Progress, RecordError
+from graycard import DatasetError, OutputError, Progress, RecordError
 from graycard.io import file_lock, read_json, read_manifest, remove_leftovers, silent, writable_folder
 from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
@@ -79,10 +80,10 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
 def clear_leftovers(dataset: Path) -> None:
     """Remove from a dataset what renderings that were killed have left and no other goes on from.
 
-    Scenes that are half-made stay: the next rendering goes on with them.
+    Scenes that are half-made stay: the next rendering goes on with them. So does what cannot be removed.
     """
     for place in leftovers(Path(dataset)):
-        with file_lock(place.lock, lambda who: None):
+        with suppress(OSError, OutputError), file_lock(place.lock, lambda who: None):
             discard(place.work)
     remove_leftovers(Path(dataset))
 

@@ -125,9 +125,9 @@ class Trial:
             except subprocess.TimeoutExpired:
                 self.kills[kind] += _killed(bench, kind, self)
             printed, _ = bench.communicate(timeout=PATIENCE_S)
-        if "Traceback" in printed:
-            self.failures.append(f"{kind}: {printed[-800:]}")
-        if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:
+        if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:  # else it had not begun, or ended
+            if "Traceback" in printed:
+                self.failures.append(f"{kind}: {printed[-800:]}")
             self.failures += [f"right after {kind}: {left}" for left in self.left()]
 
     def left(self) -> list[str]:

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """A rendering that was killed at its very end leaves a folder that no other goes on from: it goes."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
+
+import pytest
 
 from graycard.io import write_json
 from graycard.synth import clear_leftovers
@@ -27,3 +30,20 @@ def test_what_is_left_of_whole_scenes_goes_and_what_is_half_made_stays(
         assert stamped(place) == {"seed": 1}, "the next rendering goes on from it"
     assert not list(tmp_path.rglob("*.lock"))
     clear_leftovers(tmp_path / "none")
+
+
+def test_what_cannot_be_removed_stays(
+    tmp_path: Path, write_tiny: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Datasets may lie where nobody may write."""
+    write_tiny(tmp_path, track="dark", scene="corridor-0001")
+    place = Place(tmp_path, "dark", "corridor-0001")
+    write_json(place.stamp, {"seed": 1})
+
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", refuse)
+        clear_leftovers(tmp_path)
+    assert place.stamp.is_file()

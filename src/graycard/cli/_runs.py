@@ -136,8 +136,11 @@ class FitCommand:
             self.method, to_builtins(settings), self.seed, self.scene, priors=priors, donor=self.donor
         )
         remove_leftovers(self.out)
-        with terminal.progress() as progress:
-            cost = fit_apart(spec, self.out, progress, self.save, limits).cost
+        try:
+            with terminal.progress() as progress:
+                cost = fit_apart(spec, self.out, progress, self.save, limits).cost
+        finally:  # a fit that fails is killed
+            remove_leftovers(self.out)
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks_of(method))):
             terminal.advise(
