@@ -52,7 +52,8 @@ priors = { source = "oracle", severity = 2 }
 STOPPED = {"SIGTERM": signal.SIGTERM, "SIGINT": signal.SIGINT}
 KINDS = ("all", "bench", "worker", *STOPPED)
 """The bench with its workers, the bench alone, one worker alone; what a user or a cluster sends."""
-PATIENCE_S = 300.0
+PATIENCE_S = 1800.0
+"""Time after which a bench hangs: on a busy machine a whole one takes minutes."""
 _TIMES = {"wall_s", "started", "cost", "environment"}
 """Keys of records that differ from run to run."""
 
@@ -98,7 +99,7 @@ class Trial:
     def to_the_end(self) -> str:
         """Let a bench end by itself; return what it printed."""
         with self.start() as bench:
-            printed, _ = bench.communicate(timeout=PATIENCE_S)
+            printed = _printed(bench)
         if bench.returncode != 0:
             self.failures.append(
                 f"exit code {bench.returncode} of a bench that nobody killed: {printed[-800:]}"
@@ -124,7 +125,7 @@ class Trial:
                 bench.wait(self.rng.uniform(0, self.undisturbed_s))
             except subprocess.TimeoutExpired:
                 self.kills[kind] += _killed(bench, kind, self)
-            printed, _ = bench.communicate(timeout=PATIENCE_S)
+            printed = _printed(bench)
         if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:  # else it had not begun, or ended
             if "Traceback" in printed:
                 self.failures.append(f"{kind}: {printed[-800:]}")
@@ -151,6 +152,15 @@ class Trial:
                 self.failures.append(f"{what}: {name}")
         self.compared += 1
         shutil.rmtree(self.run)
+
+
+def _printed(bench: subprocess.Popen[str]) -> str:
+    """Return what a bench printed, once it has ended; one that hangs is killed."""
+    try:
+        return bench.communicate(timeout=PATIENCE_S)[0]
+    except BaseException:
+        bench.kill()
+        raise
 
 
 def _is_partial_file(path: Path) -> bool:
