@@ -29,8 +29,14 @@ from graycard.benchmarks._suites import narrow as narrow
 from graycard.benchmarks._suites import opened as opened
 from graycard.benchmarks._suites import suite_names as suite_names
 from graycard.benchmarks._suites import with_predictions as with_predictions
+from graycard.benchmarks._suites import with_secret as with_secret
 from graycard.benchmarks._until_decided import Plan as Plan
 from graycard.benchmarks._until_decided import run_until_decided as run_until_decided
+from graycard.benchmarks.secret._salt import Salt as Salt
+from graycard.benchmarks.secret._salt import is_exposed as is_exposed
+from graycard.benchmarks.secret._salt import read_salt as read_salt
+from graycard.benchmarks.secret._salt import write_salt as write_salt
+from graycard.benchmarks.secret._scenes import SecretScenes as SecretScenes
 from graycard.benchmarks.validity._check import RULES as RULES
 from graycard.benchmarks.validity._check import Validity as Validity
 from graycard.benchmarks.validity._check import check_result as check_result

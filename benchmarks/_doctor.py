@@ -15,6 +15,12 @@ from graycard.synth import find_llvm
 ROOM_MIB = 2048
 """A run of the largest suite fits into this."""
 
+TRUST = (
+    "methods and TorchScript files (--priors pretrained:FOLDER with .pt) are programs and run with your "
+    "rights; safetensors, images and records are data. See docs/explanation/security.md"
+)
+"""What runs as a program here, whoever it is from."""
+
 _SOURCES = {"pip": "from pip", "system": "of the system", "environment": "named by DRJIT_LIBLLVM_PATH"}
 
 
@@ -40,6 +46,7 @@ def findings(folder: Path) -> list[Finding]:
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
         _weights(),
+        Finding("trust", TRUST),
         _disk(folder),
     ]
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``run.json`` says of a bench, and what an earlier bench has said there."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,13 +12,33 @@ from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
-from graycard.io import sha256
+from graycard.io import remove_leftovers, sha256, writable_folder
 from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
-from graycard.synth import SceneSpec, describe
+from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
 
 
 class RunError(GraycardError):
     """A bench cannot go on: a scene was not rendered, or the run folder is of another suite."""
+
+
+@contextmanager
+def tidied(run: Path, dataset: Path) -> Iterator[None]:
+    """Remove what killed processes have left in a run and in its dataset, before the block and after it.
+
+    Raises:
+        OutputError: The run folder cannot be written to.
+    """
+    writable_folder(run)
+    try:
+        _tidy(run, dataset)
+        yield
+    finally:  # workers of a bench that is told to end are killed
+        _tidy(run, dataset)
+
+
+def _tidy(run: Path, dataset: Path) -> None:
+    remove_leftovers(run)
+    clear_leftovers(dataset)
 
 
 def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
@@ -35,12 +57,18 @@ def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
         track=spec.track,
         scene=folder.name,
         family=spec.family,
-        seed=spec.seed,
+        seed=None if isinstance(spec, SecretSpec) else spec.seed,
         folder=_relative(folder, run),
         truth_sha256=sha256(folder / "truth" / "manifest.json"),
         title=describe(spec),
         knobs=truth.settings.get("knobs", {}),
     )
+
+
+def commitment_of(suite: Suite) -> str:
+    """Hash of the salt that scenes of an opened suite follow from; empty where none does."""
+    opened = any(isinstance(spec, SecretSpec) for spec in suite.scenes)
+    return suite.secret.commitment if suite.secret and opened else ""
 
 
 def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
@@ -133,6 +161,7 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
         wall_s=round(record.wall_s + (before.wall_s if record.started != before.started else 0.0), 2),
         scenes=scenes,
         methods=tuple(sorted(methods, key=lambda m: rows.get(m.name, len(rows)))),
+        commitment=record.commitment or before.commitment,
         results=tuple(sorted((*record.results, *old), key=lambda r: place_of(r.job))),
     )
 

@@ -36,6 +36,7 @@ from graycard.benchmarks._jobs import (
 )
 from graycard.benchmarks._run_record import (
     RunError,
+    commitment_of,
     joined,
     measures_nothing_new,
     method_record,
@@ -43,14 +44,15 @@ from graycard.benchmarks._run_record import (
     renderers,
     result_of,
     scene_record,
+    tidied,
 )
 from graycard.benchmarks._sources import environment, usable_cores
 from graycard.benchmarks._submitted import check_folder, given_for
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, scaled_iterations
+from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
-from graycard.io import dumps, sha256, to_builtins, writable_folder, write_json
+from graycard.io import dumps, sha256, to_builtins, write_json
 from graycard.methods.confined import SERVE, Introduction
 from graycard.methods.priors import truth_of, weights_of
 from graycard.processes import USUAL, Limits, Outcome, run_all
@@ -174,11 +176,15 @@ def measure(bench: Bench) -> Measured:
     if bench.terms.edition is None:
         refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
     bench, known = _introduced(bench)  # fails before any work
-    suite, run = bench.suite, writable_folder(bench.run)
+    with tidied(bench.run, bench.dataset):
+        return _measured(bench, known)
+
+
+def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
-    scenes = _render(bench, suite.scenes)
+    scenes = _render(bench, bench.suite.scenes)
     threads = max(1, usable_cores() // bench.jobs)
-    plan = _plan(suite, known, scenes, _donors(bench, scenes), run, threads)
+    plan = _plan(bench.suite, known, scenes, _donors(bench, scenes), bench.run, threads)
     plan = [replace(job, allowed=bench.terms.allowed) for job in plan]
     fitted = _fit(bench, plan)
     scored = _score(bench, fitted)
@@ -256,6 +262,7 @@ def _record(
         suite_sha256=_keep(bench.whole or suite, run),
         budget=bench.terms.budget,
         edition=bench.terms.edition,
+        commitment=commitment_of(suite),
     )
 
 
@@ -309,8 +316,11 @@ def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
 
 
 def _keep(suite: Suite, run: Path) -> str:
-    """Write the suite beside its run, by which one sees what is missing there, and give its hash."""
-    write_json(run / KEPT, suite)
+    """Write the suite beside its run, by which one sees what is missing there, and give its hash.
+
+    What a salt has opened is left out: the suite names its kinds.
+    """
+    write_json(run / KEPT, public(suite))
     return sha256(run / KEPT)
 
 

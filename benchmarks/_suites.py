@@ -10,10 +10,13 @@ from typing import Any
 from graycard import TRACKS, RecordError, UnknownNameError
 from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks.convergence import swept
+from graycard.benchmarks.secret._salt import Salt
+from graycard.benchmarks.secret._scenes import SecretScenes
+from graycard.dataset import SECRET_SEEDS
 from graycard.io import Label, Name, from_builtins, read_toml
 from graycard.methods import BUILT_IN
 from graycard.methods.priors import PriorSpec
-from graycard.synth import RenderSettings, SceneSpec, all_families, scene_name
+from graycard.synth import RenderSettings, SceneSpec, SecretSpec, all_families, scene_name
 
 KEPT = "suite.json"
 """The suite as a run folder keeps it."""
@@ -83,6 +86,8 @@ class Suite:
     """Scenes that are added, in this order, where claims need more of them."""
     sealed: SceneRange | None = None
     """Scenes that nobody renders before code and claims are tagged."""
+    secret: SecretScenes | None = None
+    """Scenes that nobody renders without a salt, which is opened later."""
 
     def __post_init__(self) -> None:
         for track in self.ceilings:
@@ -105,11 +110,21 @@ class Suite:
                 f"expected one seed in suite {self.name!r}, which has submitted predictions "
                 f"({', '.join(given)}), got {list(self.seeds)}. Give the suite one"
             )
+        self._check_seeds()
         self._check_ranges()
+
+    def _check_seeds(self) -> None:
+        """Refuse seeds of public scenes that are kept for secret ones."""
+        public = (spec.seed for spec in self.scenes if not isinstance(spec, SecretSpec))
+        if shown := [seed for seed in public if seed in SECRET_SEEDS]:
+            raise RecordError(
+                f"expected seeds below {SECRET_SEEDS.start} in suite {self.name!r}, got {shown[0]}. Those "
+                "from there up follow from salts: choose another"
+            )
 
     def _check_ranges(self) -> None:
         """Refuse ranges with scenes that are none, or that another part of the suite has as well."""
-        kept = [spec for found in (self.reserve, self.sealed) if found for spec in found.drawn()]
+        kept = [spec for found in (self.reserve, self.sealed, self.secret) if found for spec in found.drawn()]
         for spec in kept:
             scene_name(spec)  # refuses families and knobs that are none
         for found, others in ((self.reserve, self.scenes), (self.sealed, (*self.scenes, *self.added))):
@@ -208,7 +223,26 @@ def opened(suite: Suite) -> Suite:
             f"expected a suite with a sealed range, got {suite.name!r}. Give it [sealed], or leave out "
             "--sealed"
         )
-    return replace(suite, scenes=suite.sealed.drawn(), reserve=None, sealed=None)
+    return replace(suite, scenes=suite.sealed.drawn(), reserve=None, sealed=None, secret=None)
+
+
+def with_secret(suite: Suite, salt: Salt) -> Suite:
+    """The suite with its secret scenes behind its own.
+
+    Raises:
+        RecordError: It has none, or the salt is another.
+    """
+    if suite.secret is None:
+        raise RecordError(
+            f"expected a suite with secret scenes, got {suite.name!r}. Give it [secret], or leave out --salt"
+        )
+    return replace(suite, scenes=(*suite.scenes, *suite.secret.drawn(salt)))
+
+
+def public(suite: Suite) -> Suite:
+    """The suite as everybody may know it: without the scenes that a salt has opened."""
+    scenes = tuple(scene for scene in suite.scenes if not isinstance(scene, SecretSpec))
+    return replace(suite, scenes=scenes)
 
 
 def with_predictions(suite: Suite, rows: Sequence[str]) -> Suite:

@@ -198,7 +198,12 @@ class _Course:
             wanted = self.pursued.rows()
             methods = tuple(method for method in self.bench.suite.methods if method.row in wanted)
             suite = replace(
-                self.bench.suite, scenes=tuple(self.batch), methods=methods, reserve=None, sealed=None
+                self.bench.suite,
+                scenes=tuple(self.batch),
+                methods=methods,
+                reserve=None,
+                sealed=None,
+                secret=None,
             )
             record = self._looked(record, self._measured(suite), tuple(method.row for method in methods))
         return record

@@ -181,7 +181,7 @@ def describe_scene(scene: SceneRecord, evidence: SceneEvidence) -> str:
     views, camera = evidence.truth.views, evidence.truth.views[0].camera
     train = sum(v.split == "train" for v in views)
     parts = [
-        f"family {scene.family}, seed {scene.seed}",
+        f"family {scene.family}, {'secret seed' if scene.seed is None else f'seed {scene.seed}'}",
         f"{count(train, 'training photograph')} and {count(len(evidence.test), 'test view')} "
         f"of {camera.width} × {camera.height} pixels",
         _count_lights(evidence.lights),

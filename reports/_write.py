@@ -11,7 +11,7 @@ from graycard.reports._page import build_page
 from graycard.reports._templates import render_page
 
 
-def write_report(run: Path, pictures: Collection[str] | None = None) -> Path:
+def write_report(run: Path, pictures: Collection[str] | None = None, *, out: Path | None = None) -> Path:
     """Write the report of a run: one HTML file without any reference to another host or file.
 
     A pure function of the files of the run: the same run gives the same bytes. What is missing or
@@ -20,16 +20,17 @@ def write_report(run: Path, pictures: Collection[str] | None = None) -> Path:
     Args:
         run: The run folder, with ``run.json``.
         pictures: Methods whose pictures are embedded; None for all. Tables have all in any case.
+        out: The file; None for ``RUN/report/index.html``.
 
     Returns:
-        The path of the report, ``RUN/report/index.html``.
+        The path of the report.
 
     Raises:
         RecordError: There is no ``run.json``, or it is damaged or of a newer format, or the run has no method
             of such a name.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    path = Path(run) / "report" / "index.html"
+    path = Path(run) / "report" / "index.html" if out is None else out
     write_bytes(path, report_of(Path(run), pictures))
     return path
 

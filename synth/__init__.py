@@ -17,7 +17,9 @@ from graycard.synth._spec import GENERATOR_VERSION as GENERATOR_VERSION
 from graycard.synth._spec import CaptureSettings as CaptureSettings
 from graycard.synth._spec import RenderSettings as RenderSettings
 from graycard.synth._spec import SceneSpec as SceneSpec
+from graycard.synth._spec import SecretSpec as SecretSpec
 from graycard.synth.dataset._identity import with_defaults as with_defaults
+from graycard.synth.dataset._render import clear_leftovers as clear_leftovers
 from graycard.synth.dataset._render import find_scene as find_scene
 from graycard.synth.dataset._render import render_scene as render_scene
 from graycard.synth.edits._composition import donor_scene as donor_scene

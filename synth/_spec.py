@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from graycard import Sensor
-from graycard.io import Name
+from graycard.dataset import SECRET_SEEDS
+from graycard.io import IN_MEMORY, Name
 
 GENERATOR_VERSION = 7
 """Raised whenever the same spec gives other pictures, or files that hold other layers."""
@@ -122,3 +123,22 @@ class SceneSpec:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise ValueError(f"expected a seed of 0 or more, got {self.seed}")
+
+
+@dataclass(frozen=True, slots=True)
+class SecretSpec(SceneSpec):
+    """A scene whose seed is known to those alone who hold the salt of a suite.
+
+    Neither its text nor its JSON has the seed.
+
+    Raises:
+        ValueError: The seed is none of :data:`graycard.dataset.SECRET_SEEDS`, or there is no name.
+    """
+
+    seed: int = field(repr=False, metadata=IN_MEMORY)
+    name: Name = ""
+    """Name of the scene's folder, in place of one that has the seed in it."""
+
+    def __post_init__(self) -> None:
+        if self.seed not in SECRET_SEEDS or not self.name:
+            raise ValueError("expected a seed of secret scenes and a name, got others")

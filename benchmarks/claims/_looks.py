@@ -108,7 +108,7 @@ class Pursued:
 
     def _waits(self, paper: Paper, claim: Claim, record: RunRecord) -> bool:
         """Tell if a deciding check of a claim has no scene yet, but may be given some."""
-        there = [SceneSpec(s.track, s.family, s.seed, s.knobs) for s in record.scenes]
+        there = [SceneSpec(s.track, s.family, s.seed or 0, s.knobs) for s in record.scenes]
         return not claim.unavailable and any(
             any(_is_about(check, paper, spec) for spec in self.added)
             and not any(_is_about(check, paper, spec) for spec in there)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from graycard import Progress
+from graycard.benchmarks.secret._salt import Salt
 from graycard.benchmarks.validity._edition import edition_breaches, sealed_breaches
 from graycard.benchmarks.validity._files import (
     gauge_breaches,
@@ -25,6 +26,7 @@ from graycard.benchmarks.validity._record import (
     origin_breaches,
     ways_of,
 )
+from graycard.benchmarks.validity._secret import secret_breaches
 from graycard.benchmarks.validity._suite import Standard, part_of, standard_of, suite_breaches
 from graycard.io import silent
 from graycard.records import RunRecord, read_run
@@ -33,7 +35,8 @@ RULES: dict[str, str] = {
     "counts": "every method has every score of every scene with every seed, of every view",
     "suite": "scenes, seeds and settings are those of the suite, all of them on each track of the run",
     "hashes": "truth, captures, predictions and scores are the very files that were fitted and scored",
-    "seeds": "the seeds of scenes are those that the scenes were made from",
+    "seeds": "the seeds of scenes are those that the scenes were made from; those of secret scenes "
+    "follow from the salt that the suite is committed to (--salt)",
     "origin": "package versions, hardware and the git commit of unchanged code are recorded, and of sealed "
     "scenes the tag of that commit, whose claims judge the run",
     "finite": "no score is infinite or no number, but the optimum of a row that is handed truth",
@@ -70,16 +73,19 @@ class Validity:
         return 2 if self.breaches or not self.results else 0
 
 
-def check_result(run: Path, progress: Progress = silent, *, rescore: bool = False) -> Validity:
+def check_result(
+    run: Path, progress: Progress = silent, *, rescore: bool = False, salt: Salt | None = None
+) -> Validity:
     """Look at every rule for a valid result.
 
     Args:
         run: The run folder, with the scenes where ``run.json`` says.
         progress: Called now and then.
         rescore: Also score all predictions again, which takes as long as it took the bench.
+        salt: What secret scenes follow from; None where it is not opened yet.
 
     Raises:
-        RecordError: ``run.json`` is missing, damaged, or of a newer format.
+        RecordError: ``run.json`` is missing, damaged, or of a newer format; or the salt is not of this suite.
     """
     record, run = read_run(run), Path(run)
     standard = standard_of(record, run)
@@ -92,6 +98,7 @@ def check_result(run: Path, progress: Progress = silent, *, rescore: bool = Fals
         comparison_breaches,
         lambda record, run: _of_suite(record, run, standard),
         edition_breaches,
+        lambda record, run: secret_breaches(record, run, standard.suite, salt),
         scene_breaches,
         hash_breaches,
         view_breaches,

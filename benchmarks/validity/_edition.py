@@ -20,6 +20,8 @@ def sealed_breaches(run: RunRecord, suite: Suite | None) -> list[Breach]:
         return []
     found = []
     for scene in run.scenes:
+        if scene.seed is None:
+            continue  # of a salt
         name = sealed_in(SceneSpec(scene.track, scene.family, scene.seed), suite)
         if name:
             what = f"expected no scene that {name} keeps sealed, got one without --sealed"

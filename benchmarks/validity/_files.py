@@ -42,7 +42,8 @@ def _truth(scene: SceneRecord, manifest: Manifest, digest: str) -> Iterator[Brea
     if digest != scene.truth_sha256:
         what = f"expected truth with SHA-256 {scene.truth_sha256[:12]}…, as run.json says, got {digest[:12]}…"
         yield Breach("hashes", where, what)
-    if (seed := manifest.seeds.get("scene")) != scene.seed:
+    seed = manifest.seeds.get("scene")
+    if scene.seed is not None and seed != scene.seed:
         what = f"expected a scene of seed {scene.seed}, as run.json says, got one of seed {seed}"
         yield Breach("seeds", where, what)
 

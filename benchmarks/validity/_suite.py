@@ -53,8 +53,8 @@ def standard_of(run: RunRecord, folder: Path) -> Standard:
 
 
 def _judging(suite: Suite) -> Any:
-    """Return what the numbers of a suite come from: not the seeds that it sets aside."""
-    return to_builtins(replace(suite, reserve=None, sealed=None))
+    """Return what the numbers of a suite come from: not the scenes that it sets aside."""
+    return to_builtins(replace(suite, reserve=None, sealed=None, secret=None))
 
 
 def _kept(run: RunRecord, folder: Path) -> tuple[Suite | None, list[Breach]]:
@@ -87,6 +87,8 @@ def part_of(run: RunRecord, suite: Suite | None) -> str:
         parts.append(f"tracks {', '.join(tracks)}")
     if set(own) - set(rows):
         parts.append(f"methods {', '.join(rows)}")
+    if suite.secret and not run.commitment and not run.edition:
+        parts.append("without its secret scenes")
     return f"part of {suite.name}: {'; '.join(parts)}" if parts else ""
 
 
@@ -110,11 +112,14 @@ def suite_breaches(run: RunRecord, folder: Path, suite: Suite) -> list[Breach]:
 
 
 def _scenes(run: RunRecord, suite: Suite) -> tuple[SceneSpec, ...]:
-    """Return the scenes that a run of a suite may have: sealed ones, or the suite's and those it added."""
+    """Return the scenes that a run of a suite may have: sealed ones, or the suite's and those it added.
+
+    Secret ones have no seeds here.
+    """
     if run.edition is not None:
         return suite.sealed.drawn() if suite.sealed else ()
     if run.looks is None:
-        return suite.scenes
+        return (*suite.scenes, *(suite.secret.drawn() if suite.secret and run.commitment else ()))
     added = {scene for look in run.looks.made[1:] for scene in look.scenes}
     return (*suite.scenes, *(s for s in suite.added if f"{s.track}/{scene_name(s)}" in added))
 

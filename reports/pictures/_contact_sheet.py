@@ -9,6 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont, ImageOps
 
 from graycard import Capture, DatasetError, Progress, Truth, View, capture_folders, open_capture, open_truth
+from graycard.dataset import SECRET_SEEDS
 from graycard.exchange import write_png
 from graycard.io import silent
 from graycard.layers import shape_of
@@ -183,7 +184,9 @@ def _changed(truth: Truth, views: Sequence[View], exposure: float) -> list[Image
     pictures = {edit.name: truth.relit(edit.name, view)["radiance"] for edit in truth.edits}
     composition = truth.composition()
     if composition is not None:
-        name = f"{composition.donor.object} of {composition.donor.family}-{composition.donor.seed:04d}"
+        donor = composition.donor
+        seed = "secret" if donor.seed in SECRET_SEEDS else f"{donor.seed:04d}"
+        name = f"{donor.object} of {donor.family}-{seed}"
         pictures[name] = truth.composed(view)["radiance"]
     if not pictures:
         return []

@@ -27,6 +27,9 @@ from graycard.io import (
 
 TRACKS = ("dark", "tabletop", "multilight")
 
+SECRET_SEEDS = range(2**63, 2**64)
+"""Seeds of secret scenes, which follow from the salt of a suite; nothing outside of ``truth/`` shows one."""
+
 IMPORTER = "graycard.import"
 """Generator, in the manifest, of a capture that holds a user's own photographs: it has no truth."""
 

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a spec to a scene folder: rendered once, resumed where it was cut off, mended where it is damaged."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from graycard import DatasetError, Progress, RecordError
-from graycard.io import file_lock, read_json, read_manifest, silent, writable_folder
-from graycard.synth._spec import RenderSettings, SceneSpec
+from graycard import DatasetError, OutputError, Progress, RecordError
+from graycard.io import file_lock, read_json, read_manifest, remove_leftovers, silent, writable_folder
+from graycard.synth._spec import RenderSettings, SceneSpec, SecretSpec
 from graycard.synth.dataset._finish import finish
 from graycard.synth.dataset._identity import differences, identity
 from graycard.synth.dataset._renderings import content_of, missing, renderings, write_missing
 from graycard.synth.dataset._store import (
     Place,
     damage,
+    discard,
     foreign_content,
+    leftovers,
     promote,
     reopen,
     resume,
@@ -72,6 +75,17 @@ def find_scene(spec: SceneSpec, settings: RenderSettings, dataset: Path) -> Path
     place = Place(Path(dataset), spec.track, scene_name(spec))
     found = _found_of_this_spec(place, spec, settings)
     return None if found is None or damage(place) else place.final
+
+
+def clear_leftovers(dataset: Path) -> None:
+    """Remove from a dataset what renderings that were killed have left and no other goes on from.
+
+    Scenes that are half-made stay: the next rendering goes on with them. So does what cannot be removed.
+    """
+    for place in leftovers(Path(dataset)):
+        with suppress(OSError, OutputError), file_lock(place.lock, lambda who: None):
+            discard(place.work)
+    remove_leftovers(Path(dataset))
 
 
 def _make(
@@ -135,6 +149,8 @@ def _found_of_this_spec(place: Place, spec: SceneSpec, settings: RenderSettings)
     _check_foreign(place)
     found = _found_identity(place)
     if found is not None and (differ := differences(found, identity(spec, settings), spec, settings)):
+        if isinstance(spec, SecretSpec):  # the lines would tell seeds
+            differ = [f"{line.partition(':')[0]}: another" for line in differ]
         raise DatasetError(
             f"expected {place.final} to be free or to hold this very scene, got one of another spec "
             f"({'; '.join(differ)}). Choose another output folder, or delete this one"

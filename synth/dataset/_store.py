@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a scene lies while it is made and when it is whole, so that no half-made one is ever read.
 
-Pictures are rendered into ``.<scene>.partial/scene``, and a stamp beside it says for which spec.
+Pictures are rendered into ``.<scene>.partial/truth/scene``, and a stamp beside it says for which spec.
 When all are there, the capture is derived from the truth, both are sealed, and the folder is moved
 to its final place in one step. A damaged scene goes back to being a partial one.
 """
@@ -39,13 +39,13 @@ class Place:
 
     @property
     def partial(self) -> Path:
-        """The scene in the making."""
-        return self.work / "scene"
+        """The scene in the making; closed to fits as truth is, by the name of the folder around it."""
+        return self.work / "truth" / "scene"
 
     @property
     def stamp(self) -> Path:
-        """The file that says which spec the scene in the making is of."""
-        return self.work / "stamp.json"
+        """The file that says which spec the scene in the making is of, its seed included: closed as well."""
+        return self.work / "truth" / "stamp.json"
 
     @property
     def lock(self) -> Path:
@@ -158,6 +158,15 @@ def discard(folder: Path) -> None:
             raise OutputError(
                 f"expected to remove {folder}, got {cause.strerror or cause}. Change its permissions"
             ) from cause
+
+
+def leftovers(dataset: Path) -> list[Place]:
+    """Scenes that are whole and still have a folder of what was not: their making was cut off at its end."""
+    folders = sorted(dataset.glob("*/.*.partial"))
+    places = [
+        Place(dataset, f.parent.name, f.name.removeprefix(".").removesuffix(".partial")) for f in folders
+    ]
+    return [p for p in places if all((p.final / part / "manifest.json").is_file() for part in _PARTS)]
 
 
 def foreign_content(place: Place) -> list[str]:

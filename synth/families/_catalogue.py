@@ -13,7 +13,7 @@ from typing import Any
 
 from graycard import UnknownNameError
 from graycard.io import dumps, from_builtins, to_builtins
-from graycard.synth._spec import SceneSpec
+from graycard.synth._spec import SceneSpec, SecretSpec
 from graycard.synth.families._cluttered_lab import ClutteredLab
 from graycard.synth.families._corridor import Corridor
 from graycard.synth.families._family import Family
@@ -121,7 +121,7 @@ def scene_name(spec: SceneSpec) -> str:
     """Name of the scene's folder: family and seed, and a digest of the knobs that were changed, if any.
 
     For example ``corridor-0000`` and ``corridor-0000-1f4c2a``: a method sees the name, and must not
-    learn the knobs from it.
+    learn the knobs from it. A secret scene has a name of its own.
 
     Raises:
         UnknownNameError: There is no such family, or it is of another track.
@@ -130,6 +130,8 @@ def scene_name(spec: SceneSpec) -> str:
     knobs, defaults = resolved_knobs(spec), default_knobs(spec)
     changed = {name: value for name, value in knobs.items() if value != defaults[name]}
     digest = hashlib.sha256(dumps(changed).encode()).hexdigest()[:6]
+    if isinstance(spec, SecretSpec):
+        return spec.name
     return f"{spec.family}-{spec.seed:04d}" + (f"-{digest}" if changed else "")
 
 
@@ -146,4 +148,5 @@ def describe(spec: SceneSpec) -> str:
         for name, value in sorted(spec.knobs.items())
     )
     tail = f"; {changed}" if changed else ""
-    return f"{title[0].upper()}{title[1:]} (seed {spec.seed}{tail})"
+    seed = "secret seed" if isinstance(spec, SecretSpec) else f"seed {spec.seed}"
+    return f"{title[0].upper()}{title[1:]} ({seed}{tail})"

@@ -277,3 +277,30 @@ def test_too_few_scenes_are_said(run: Path, capsys: pytest.CaptureFixture[str]):
     write_json(run / "run.json", RunRecord("demo", 1, (), record.methods, METRICS, tuple(few), {}, "", 0.0))
     assert main(["compare", str(run)]) == 0
     assert "1 with fewer than the 6 scenes that a p below 0.05 needs" in capsys.readouterr().out
+
+
+def test_a_run_that_cannot_be_written_to_is_compared_all_the_same(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (run / COMPARISON).mkdir()  # root could write to a folder without permission
+    out = tmp_path / "elsewhere" / "c.json"
+    assert main(["compare", str(run), "--json", str(out)]) == 0
+    shown = capsys.readouterr()
+    assert "mine" in shown.out
+    assert "warning: comparison.json of the run is not up to date, and stays as it is: expected" in shown.err
+    assert "--json FILE writes the comparison elsewhere" in shown.err
+    assert from_builtins(Comparison, read_json(out)).metrics
+
+
+def test_the_report_of_a_run_that_cannot_be_written_to(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (run / "report").write_text("in the way")
+    assert main(["report", str(run)]) == 2
+    said = capsys.readouterr().err
+    assert "expected an output folder that can be written to" in said
+    assert "--out FILE writes the report elsewhere" in said
+    out = tmp_path / "elsewhere" / "report.html"
+    assert main(["report", str(run), "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"report: {out}\n"
+    assert out.read_text().startswith("<!DOCTYPE html>")

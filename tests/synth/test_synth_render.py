@@ -288,7 +288,7 @@ def test_a_killed_run_goes_on_and_ends_in_the_same_bits(
     assert killed.returncode == -signal.SIGKILL
     assert capture_folders(tmp_path) == []
     assert find_scene(TABLE, TINY, tmp_path) is None
-    truth = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth"
+    truth = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "scene" / "truth"
     kept = {p: p.stat().st_mtime_ns for p in truth.rglob("views/*.exr")}
     assert len(kept) == {"train_000": 0, "test_002": 2, "train_003": 3, "test_002 without-room": 5}[kill_at]
     heard: list[str] = []
@@ -301,7 +301,7 @@ def test_a_broken_view_of_a_killed_run_is_made_anew(
     rendered: dict[str, Path], tmp_path: Path, no_llvm: str, in_process: RunPython
 ) -> None:
     in_process(tmp_path, kill_at="train_003")
-    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "scene" / "truth" / "views"
+    views = tmp_path / "tabletop" / ".glossy-table-0000.partial" / "truth" / "scene" / "truth" / "views"
     broken = views / "train_000.exr"
     broken.write_bytes(broken.read_bytes()[:500])
     (views / ".train_003.exr.x7f3.partial").write_bytes(b"half an im")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that ask how far a run can be trusted, and whether it is worse than another."""
+"""The verbs that ask how far a run can be trusted, show it, and make salts of secret scenes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from rich.table import Table
 
-from graycard._errors import RecordError
-from graycard.cli._options import Json, optional
+from graycard._errors import OutputError, RecordError
+from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
 from graycard.io import write_json
 from graycard.records import (
@@ -29,9 +29,49 @@ from graycard.records import (
     read_run,
 )
 
+if TYPE_CHECKING:
+    from graycard.benchmarks import Salt
+
 _Pair = tuple[MetricComparison, PairDifference]
 SHOWN = 5
 """Lines of a rule that evidence is missing, of what may be hundreds alike."""
+
+
+@dataclass(frozen=True)
+class SaltCommand:
+    """Make the salt that secret scenes of a suite follow from, or show the commitment of one. The commitment
+    goes into the suite before anybody runs it, and the salt is published when all results are in.
+    """
+
+    action: Annotated[Literal["new", "show"], tyro.conf.Positional]
+    """new writes 32 random bytes to a new file that its owner alone may read; show reads one."""
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE")]
+    """The file of the salt: never in a run folder or a repository."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Print the commitment, never the salt."""
+        from graycard.benchmarks import write_salt
+
+        salt = write_salt(self.file) if self.action == "new" else salt_in(self.file, terminal)
+        terminal.out.print(f"salt: {self.file}, commitment {salt.commitment}")
+        return OK
+
+
+def salt_in(path: Path, terminal: Terminal) -> Salt:
+    """Return the salt in a file, and warn if others may read it.
+
+    Raises:
+        RecordError: There is none.
+    """
+    from graycard.benchmarks import is_exposed, read_salt
+
+    salt = read_salt(path)
+    if is_exposed(path):
+        terminal.err.print(
+            f"warning: others may read {path}: whoever does can render the secret scenes. Unless the salt is "
+            f"opened already, run `chmod 600 {path}`"
+        )
+    return salt
 
 
 @dataclass(frozen=True)
@@ -42,6 +82,8 @@ class CheckResultCommand:
     """The run folder, with its scenes where run.json says."""
     rescore: bool = False
     """Also score all predictions again; takes as long as it took the bench."""
+    salt: SaltFile = None
+    """Check that secret scenes follow from the salt in this file, and that it is the one the suite names."""
     json: Json = None
     """Also write what was found to this file."""
 
@@ -49,8 +91,9 @@ class CheckResultCommand:
         """Check every rule."""
         from graycard.benchmarks import RULES, check_result
 
+        salt = None if self.salt is None else salt_in(self.salt, terminal)
         with terminal.progress() as progress:
-            found = check_result(self.run_folder, progress, rescore=self.rescore)
+            found = check_result(self.run_folder, progress, rescore=self.rescore, salt=salt)
         lacking = Counter[str]()
         for breach in found.breaches:
             lacking[breach.rule] += breach.unknown
@@ -77,38 +120,71 @@ class CheckResultCommand:
 
 
 @dataclass(frozen=True)
-class GateCommand:
-    """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
+class PublishCommand:
+    """Keep the records and the report of a valid run, without scenes and predictions."""
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """The run folder, with its scenes and predictions."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Write to this folder, new or empty. The folder above may keep a history of verdicts (history.json),
+    which then grows."""
+    pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
+    """Embed pictures and values of single views of these rows only; of all by default."""
+    limit_mib: float = 20.0
+    """Fail if the folder would be larger."""
+    salt: SaltFile = None
+    """The salt of secret scenes, which only proves that they are the right ones: it is not published."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Publish the run, unless a rule for a valid result is broken."""
+        from graycard.benchmarks import check_result
+        from graycard.reports import publish_run
+
+        salt = None if self.salt is None else salt_in(self.salt, terminal)
+        with terminal.progress() as progress:
+            found = check_result(self.run_folder, progress, salt=salt)
+        for breach in found.breaches:
+            terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
+        if found.exit_code:
+            terminal.out.print("publish: nothing written, the run is no valid result")
+            return found.exit_code
+        size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
+        part = f", {found.part}" if found.part else ""
+        terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
+        return OK
+
+
+@dataclass(frozen=True)
+class ReportCommand:
+    """Write the report of a run: one HTML file that opens offline."""
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder."""
-    baseline: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """The expected scores with their tolerances."""
-    write: bool = False
-    """Write the baseline from the run instead of comparing."""
-    json: Json = None
-    """Also write the verdict to this file."""
+    out: Annotated[Path | None, optional("FILE")] = None
+    """Write to this file; RUN/report/index.html by default. For a run that cannot be written to."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Compare."""
-        from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
+        """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.reports import ledger_of_run
 
-        if self.write:
-            made = make_baseline(read_run(self.run_folder))
-            write_baseline(self.baseline, made)
-            terminal.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
-            return OK
-        verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
-        for label in ("worse", "missing", "better"):
-            for change in getattr(verdict, label):
-                terminal.out.print(f"{label}: {change}")
-        write_optional_json(self.json, verdict)
-        says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
-        terminal.out.print(
-            f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
-            f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
-        )
-        return verdict.exit_code
+        path = self._written()
+        try:
+            ledger_of_run(self.run_folder)
+        except RecordError as fault:
+            terminal.err.print(f"claims: {fault}")
+        terminal.out.print(f"report: {path.resolve()}")
+        return OK
+
+    def _written(self) -> Path:
+        """Write the report, and say what to do where the run cannot be written to."""
+        from graycard.reports import write_report
+
+        try:
+            return write_report(self.run_folder, out=self.out)
+        except OutputError as cause:
+            if self.out is not None:
+                raise
+            raise OutputError(f"{cause}; --out FILE writes the report elsewhere") from cause
 
 
 @dataclass(frozen=True)
@@ -117,7 +193,7 @@ class CompareCommand:
 
     run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """The run folder. Its comparison.json is written anew from run.json where it says something else.
-    A published folder is left as it is."""
+    A published folder is left as it is, and so is one that cannot be written to, with a warning."""
     metrics: Annotated[tuple[str, ...], optional("METRIC ...")] = ()
     """Compare these metrics only; those of the leaderboard by default."""
     against: Annotated[str, optional("ROW")] = ""
@@ -140,7 +216,7 @@ class CompareCommand:
         shown = [table for table in found.metrics if self.metrics or _is_contested(table)]
         for table in shown:
             self._show(terminal, table, by_id[table.metric])
-        self._write(record, found)
+        self._write(record, found, terminal)
         if record.submitted:
             terminal.out.print(f"made by other code, which nobody watched: {', '.join(record.submitted)}")
         _say_skipped(terminal, [table for table in found.metrics if table not in shown])
@@ -164,12 +240,21 @@ class CompareCommand:
         if self.against and self.against not in rows:
             raise UnknownNameError("row of this run", self.against, rows)
 
-    def _write(self, record: RunRecord, shown: Comparison) -> None:
-        """Write the comparison of all metrics where it lacks, is another, or is asked for."""
+    def _write(self, record: RunRecord, shown: Comparison, terminal: Terminal) -> None:
+        """Write the comparison of all metrics where it lacks, is another, or is asked for.
+
+        A run that cannot be written to is compared all the same.
+        """
         from graycard.eval.statistics import Question, compare_run
 
         if not is_published(self.run_folder) and not _is_written(self.run_folder, shown):
-            write_json(self.run_folder / COMPARISON, compare_run(record))
+            try:
+                write_json(self.run_folder / COMPARISON, compare_run(record))
+            except OutputError as cause:
+                terminal.err.print(
+                    f"warning: {COMPARISON} of the run is not up to date, and stays as it is: {cause}. "
+                    "--json FILE writes the comparison elsewhere"
+                )
         if self.json is not None:
             write_json(self.json, compare_run(record, Question(against=self.against)))
 

@@ -34,6 +34,7 @@ def optional(metavar: str) -> Any:
 Json = Annotated[Path | None, optional("FILE")]
 Timeout = Annotated[float | None, optional("SECONDS")]
 Memory = Annotated[float | None, optional("GIB")]
+SaltFile = Annotated[Path | None, optional("FILE")]
 
 
 @runtime_checkable

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that run methods, and compare and report runs."""
+"""The verbs that run methods, and hold runs against baselines."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
-from graycard._errors import GraycardError, RecordError
-from graycard.cli._options import Json, Memory, Timeout, optional, parse_settings, show_help
+from graycard._errors import GraycardError
+from graycard.cli._checks import salt_in
+from graycard.cli._options import Json, Memory, SaltFile, Timeout, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
 from graycard.io import Progress
 from graycard.records import Looks, RunRecord
 
 if TYPE_CHECKING:
-    from graycard.benchmarks import Limits
+    from graycard.benchmarks import Limits, Salt
     from graycard.methods import Ask
 
 
@@ -98,7 +99,8 @@ class FitCommand:
     """Also save the decomposition itself here."""
     priors: str = "none"
     """Source of priors: none, oracle:SEVERITY, classical, pretrained:own, pretrained:FOLDER, or a path that
-    ends in .toml. SEVERITY is 0, the truth itself, to 5."""
+    ends in .toml. SEVERITY is 0, the truth itself, to 5. TorchScript files (.pt) in FOLDER are programs that
+    run with your rights: take them from whom you trust. Weights in safetensors are numbers alone."""
     donor: Annotated[Path | None, optional("SCENE")] = None
     """Also fit this scene, and insert its object as the truth does."""
     timeout: Timeout = None
@@ -119,6 +121,7 @@ class FitCommand:
         """Fit, then render every view."""
         from graycard.benchmarks import FitSpec, fit_apart
         from graycard.dataset import check_scene
+        from graycard.io import remove_leftovers
         from graycard.methods.priors import PriorSpec, parse_priors, unanswered
 
         if not 0 <= self.seed < 2**32:
@@ -132,8 +135,12 @@ class FitCommand:
         spec = FitSpec(
             self.method, settings, self.seed, self.scene, priors=priors, donor=self.donor, allowed=self.allow
         )
-        with terminal.progress() as progress:
-            cost = fit_apart(spec, self.out, progress, self.save, limits).cost
+        remove_leftovers(self.out)
+        try:
+            with terminal.progress() as progress:
+                cost = fit_apart(spec, self.out, progress, self.save, limits).cost
+        finally:  # a fit that fails is killed
+            remove_leftovers(self.out)
         terminal.out.print(f"fit: {self.out} in {cost.wall_s:.1f} s, {cost.peak_memory_mib:.0f} MiB")
         if priors != PriorSpec() and (lacking := unanswered(priors, asks)):
             terminal.advise(
@@ -217,6 +224,9 @@ class BenchCommand:
     """Run the sealed scenes in place of the suite's; only at a git tag, or in an installed release."""
     allow: Annotated[tuple[Path, ...], optional("PATH ...")] = ()
     """Let methods read and change these files and folders, such as their weights; they are recorded."""
+    salt: SaltFile = None
+    """Also run the suite's secret scenes, which follow from the salt in this file (`graycard salt`). Without,
+    the public ones are run."""
     budget: float = 1.0
     """Multiply the iterations of all fits, as by 0.5 or 2, for `graycard claims --half --twice`."""
 
@@ -227,10 +237,13 @@ class BenchCommand:
         from graycard.synth import find_llvm
 
         self._check()
+        salt = None if self.salt is None else salt_in(self.salt, terminal)
         jobs = usable_cores() if self.jobs is None else self.jobs
         terminal.advise(find_llvm().advice)
         with terminal.progress() as progress:
-            run, record = (self._pursue if self.until_decided else self._bench)(jobs, progress)
+            run, record = (
+                self._pursue(jobs, progress) if self.until_decided else self._bench(jobs, progress, salt)
+            )
         report = write_report(run)
         for first, *more in run_lines(record):
             terminal.say(f"warning: {first}", *more)
@@ -242,6 +255,7 @@ class BenchCommand:
             f"bench: {len(record.results)} jobs, {len(failures)} failures, {record.wall_s:.1f} s; "
             f"report: {report.resolve()}"
         )
+        terminal.advise(_left_out(self.suite, record))
         if record.looks and failures:
             terminal.advise("run the same command again: what failed is tried again, the rest is reused")
         return FAILED if failures or lost else OK
@@ -255,7 +269,7 @@ class BenchCommand:
         self._check_pairs()
         others = {
             "--tracks": self.tracks, "--methods": self.methods, "--predictions": self.predictions,
-            "--sealed": self.sealed, "--budget": self.budget != 1,
+            "--sealed": self.sealed, "--budget": self.budget != 1, "--salt": self.salt is not None,
         }  # fmt: skip
         given = [name for name, value in others.items() if value]
         if self.until_decided and given:
@@ -265,15 +279,19 @@ class BenchCommand:
             )
 
     def _check_pairs(self) -> None:
-        """Refuse an option without the one that it goes with.
+        """Refuse an option without the one that it goes with, or with one that it does not go with.
 
         Raises:
-            GraycardError: One is missing.
+            GraycardError: There is one.
         """
         if self.until_decided and self.max_scenes is None:
             raise GraycardError(
                 "expected --max-scenes N with --until-decided, got none. Give the number of scenes at which "
                 "the run ends: the level of each verdict follows from it"
+            )
+        if self.sealed and self.salt is not None:
+            raise GraycardError(
+                "expected --sealed or --salt, got both. Leave out one: sealed scenes take the place of others"
             )
         given = {"--max-scenes": self.max_scenes is not None, "--claims": bool(self.claims)}
         alone = " and ".join(name for name, value in given.items() if value)
@@ -282,13 +300,22 @@ class BenchCommand:
                 f"expected --until-decided with {alone}, got none. Add it, or leave out {alone}"
             )
 
-    def _bench(self, jobs: int, progress: Progress) -> tuple[Path, RunRecord]:
-        """Run the suite, or a part of it, on its own or its sealed scenes."""
-        from graycard.benchmarks import Terms, find_edition, load_suite, narrow, opened, run_bench
+    def _bench(self, jobs: int, progress: Progress, salt: Salt | None) -> tuple[Path, RunRecord]:
+        """Run the suite, or a part of it, on its own, its secret or its sealed scenes."""
+        from graycard.benchmarks import (
+            Terms,
+            find_edition,
+            load_suite,
+            narrow,
+            opened,
+            run_bench,
+            with_secret,
+        )
         from graycard.benchmarks import with_predictions as with_rows
 
         whole = load_suite(self.suite)
-        rows = with_rows(opened(whole) if self.sealed else whole, self.predictions)
+        scenes = opened(whole) if self.sealed else whole if salt is None else with_secret(whole, salt)
+        rows = with_rows(scenes, self.predictions)
         given = [method.row for method in rows.methods[len(whole.methods) :]]
         suite = narrow(rows, self.tracks, [*self.methods, *given] if self.methods else ())
         terms = Terms(self.budget, find_edition(self.suite) if self.sealed else None, self.allow)
@@ -318,56 +345,16 @@ class BenchCommand:
         )
 
 
-@dataclass(frozen=True)
-class ReportCommand:
-    """Write the report of a run: one HTML file that opens offline."""
+def _left_out(name: str, record: RunRecord) -> str:
+    """Return advice where a suite has secret scenes that a run has not; empty else."""
+    from graycard.benchmarks import load_suite
 
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the report; claims that are not of this run are told, and warned of."""
-        from graycard.reports import ledger_of_run, write_report
-
-        path = write_report(self.run_folder)
-        try:
-            ledger_of_run(self.run_folder)
-        except RecordError as fault:
-            terminal.err.print(f"claims: {fault}")
-        terminal.out.print(f"report: {path.resolve()}")
-        return OK
-
-
-@dataclass(frozen=True)
-class PublishCommand:
-    """Keep the records and the report of a valid run, without scenes and predictions."""
-
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder, with its scenes and predictions."""
-    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Write to this folder, new or empty. The folder above may keep a history of verdicts (history.json),
-    which then grows."""
-    pictures: Annotated[tuple[str, ...], optional("ROW ...")] = ()
-    """Embed pictures and values of single views of these rows only; of all by default."""
-    limit_mib: float = 20.0
-    """Fail if the folder would be larger."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Publish the run, unless a rule for a valid result is broken."""
-        from graycard.benchmarks import check_result
-        from graycard.reports import publish_run
-
-        with terminal.progress() as progress:
-            found = check_result(self.run_folder, progress)
-        for breach in found.breaches:
-            terminal.err.print(f"{'unknown' if breach.unknown else 'broken'}: {breach}")
-        if found.exit_code:
-            terminal.out.print("publish: nothing written, the run is no valid result")
-            return found.exit_code
-        size = publish_run(self.run_folder, self.out, self.limit_mib, self.pictures or None)
-        part = f", {found.part}" if found.part else ""
-        terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
-        return OK
+    secret = load_suite(name).secret
+    if secret is None or record.commitment or record.edition:
+        return ""
+    scenes = f"{secret.count} secret scene{'s' * (secret.count != 1)} of the suite"
+    holder = f"whoever holds the salt of {secret.commitment[:12]}… adds them by --salt FILE"
+    return f"{scenes} were left out: {holder}"
 
 
 def _show_looks(looks: Looks, scenes: int, terminal: Terminal) -> bool:

@@ -14,7 +14,7 @@ from rich.table import Table
 from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
-from graycard.dataset import TRACKS, is_scene
+from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
 from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
@@ -41,7 +41,7 @@ class ScenesCommand:
         suites = [load_suite(name) for name in suite_names()]
         table = new_table("suite", "track", "scene", "what is to be seen")
         for suite in suites:
-            for spec in suite.scenes:
+            for spec in (*suite.scenes, *(suite.secret.drawn() if suite.secret else ())):
                 table.add_row(suite.name, spec.track, scene_name(spec), describe(spec))
         terminal.out.print(table)
         known = {track: [n for n, f in all_families().items() if f.track == track] for track in TRACKS}
@@ -93,9 +93,10 @@ class RenderCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Render, view by view; a scene that is noisier than its suite allows makes the exit code 1."""
         from graycard.dataset import open_truth
-        from graycard.synth import find_llvm, render_scene
+        from graycard.synth import clear_leftovers, find_llvm, render_scene
 
-        jobs, noisy = self._jobs(rest), 0
+        jobs, noisy = self._jobs(rest, terminal), 0
+        clear_leftovers(self.out)
         terminal.advise(find_llvm().advice)
         for number, (spec, settings, wanted) in enumerate(jobs):
             with terminal.progress() as progress:
@@ -111,7 +112,7 @@ class RenderCommand:
         terminal.out.print(f"render: {len(jobs)} scene{'s' * (len(jobs) != 1)} in {self.out}{tail}")
         return FAILED if noisy else OK
 
-    def _jobs(self, rest: list[str]) -> list[tuple[Any, Any, float]]:
+    def _jobs(self, rest: list[str], terminal: Terminal) -> list[tuple[Any, Any, float]]:
         """Return specs, the render settings of each, and the noise ceilings that they must reach.
 
         Raises:
@@ -134,6 +135,8 @@ class RenderCommand:
             )
         suite = load_suite(self.what)
         refuse_sealed(suite.scenes, suite)
+        if suite.secret is not None:
+            terminal.advise("secret scenes are left out: `graycard bench SUITE --salt FILE` renders them")
         return [(s, suite.render_of(s), suite.ceilings.get(s.track, 0.0)) for s in suite.scenes]
 
     def _scene_of_track(self, rest: list[str]) -> tuple[Any, Any]:
@@ -145,6 +148,8 @@ class RenderCommand:
         seed = self.seed or 0
         if seed < 0:
             raise GraycardError(f"expected a seed of 0 or more, got {seed}. Mend --seed")
+        if seed in SECRET_SEEDS:
+            raise GraycardError(f"expected a seed below {SECRET_SEEDS.start}, got {seed}. Mend --seed")
         return SceneSpec(self.what, self.family or first, seed, _knobs(self.knob)), settings
 
 

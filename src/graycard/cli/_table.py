@@ -108,7 +108,7 @@ VERBS = (
     Verb(
         name="gate",
         group="runs",
-        module="_checks",
+        module="_scores",
         command="GateCommand",
         help="Fail if a run is worse than a baseline",
         example="graycard gate runs/demo --baseline base.json",
@@ -146,9 +146,17 @@ VERBS = (
         example="graycard check-result runs/demo",
     ),
     Verb(
+        name="salt",
+        group="runs",
+        module="_checks",
+        command="SaltCommand",
+        help="Make the salt that secret scenes of a suite follow from",
+        example="graycard salt new judge.salt",
+    ),
+    Verb(
         name="report",
         group="runs",
-        module="_runs",
+        module="_checks",
         command="ReportCommand",
         help="Write the report of a run: one HTML file that opens offline",
         example="graycard report runs/demo",
@@ -156,7 +164,7 @@ VERBS = (
     Verb(
         name="publish",
         group="runs",
-        module="_runs",
+        module="_checks",
         command="PublishCommand",
         help="Keep the records and the report of a valid run",
         example="graycard publish runs/demo --out published",

@@ -26,6 +26,8 @@ from graycard.io._json import read_json as read_json
 from graycard.io._json import read_toml as read_toml
 from graycard.io._json import to_builtins as to_builtins
 from graycard.io._json import write_json as write_json
+from graycard.io._leftovers import remove_leftovers as remove_leftovers
+from graycard.io._leftovers import temporary_folder as temporary_folder
 from graycard.io._lock import file_lock as file_lock
 from graycard.io._manifest import FORMAT_VERSION as FORMAT_VERSION
 from graycard.io._manifest import MANIFEST as MANIFEST

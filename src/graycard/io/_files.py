@@ -4,16 +4,22 @@
 import errno
 import hashlib
 import os
+import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from graycard._errors import OutputError
+from graycard.io._hold import hold, is_at, let_go, remove_unheld
 
 PARTIAL = ".partial"
 """Suffix of what is being written; a name that ends so is never read as data."""
+
+PARTIAL_NAME = re.compile(r"\..+\.[a-z0-9_]{8}\.partial")
+"""Names of partial files and folders: hidden, with eight characters of :mod:`tempfile`."""
 
 _OUT_OF_SPACE = {errno.ENOSPC, errno.EDQUOT}
 
@@ -22,17 +28,17 @@ _OUT_OF_SPACE = {errno.ENOSPC, errno.EDQUOT}
 def atomic_path(path: Path) -> Iterator[Path]:
     """Yield a path to write to; it becomes ``path`` in one step when the block ends well.
 
+    The process holds the partial file meanwhile: one that nobody holds was left by a process that was killed.
+
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     path = Path(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL)
-        os.close(handle)
+        held, partial = _held_file(path)
     except OSError as error:
         raise output_error(path, error) from error
-    partial = Path(name)
     try:
         yield partial
         _flush(partial)
@@ -42,13 +48,25 @@ def atomic_path(path: Path) -> Iterator[Path]:
         raise output_error(path, error) from error
     finally:
         partial.unlink(missing_ok=True)
+        let_go(held)
+
+
+def _held_file(path: Path) -> tuple[int, Path]:
+    """Make a partial file for a path and hold it; return a descriptor and where it lies."""
+    while True:
+        held, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL)
+        hold(held)
+        if sys.platform == "win32" or is_at(held, Path(name)):
+            return held, Path(name)  # else another process took it for left over, before it was held
+        let_go(held)
 
 
 @contextmanager
 def atomic_folder(path: Path) -> Iterator[Path]:
     """Yield a hidden folder to fill; it becomes ``path`` in one step when the block ends well.
 
-    Nothing stays behind when the block fails, not even folders that were made on the way to ``path``.
+    What killed processes left of the same goes first. Nothing stays behind when the block fails, not even
+    folders that were made on the way to ``path``.
 
     Raises:
         OutputError: There is something at ``path`` already, or it cannot be written to.
@@ -59,7 +77,10 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     made = [p for p in path.parents if not p.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL))
+        for left in path.parent.glob(f".{path.name}.*{PARTIAL}"):
+            if PARTIAL_NAME.fullmatch(left.name) and left.is_dir():
+                remove_unheld(left, shutil.rmtree)
+        held, partial = _held_folder(path)
     except OSError as error:
         raise output_error(path, error) from error
     try:
@@ -72,6 +93,23 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         if partial.exists():
             shutil.rmtree(partial, ignore_errors=True)
             _remove_empty(made)
+        let_go(held)
+
+
+def _held_folder(path: Path) -> tuple[int, Path]:
+    """Make a partial folder for a path and hold it; return a descriptor (-1 for none) and where it lies."""
+    while True:
+        name = tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}.", suffix=PARTIAL)
+        if sys.platform == "win32":
+            return -1, Path(name)
+        try:
+            held = os.open(name, os.O_RDONLY | os.O_CLOEXEC)
+        except FileNotFoundError:
+            continue  # taken for left over, before it was held
+        hold(held)
+        if is_at(held, Path(name)):
+            return held, Path(name)
+        let_go(held)
 
 
 def write_bytes(path: Path, data: bytes) -> None:
@@ -87,12 +125,21 @@ def write_bytes(path: Path, data: bytes) -> None:
 def writable_folder(path: Path) -> Path:
     """Make a folder and prove that it takes a file, before any time is spent on its content.
 
+    The file has no name where the system can do that, so that nothing is left of it.
+
     Raises:
         OutputError: It is a file, cannot be made, or cannot be written to.
     """
-    write_bytes(Path(path) / ".graycard-write-test", b"x")
-    (Path(path) / ".graycard-write-test").unlink(missing_ok=True)
-    return Path(path)
+    path = Path(path)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path, prefix=".graycard-write-test.", suffix=PARTIAL) as file:
+            file.write(b"x")
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise output_error(path, error) from error
+    return path
 
 
 def sha256(path: Path) -> str:

@@ -7,13 +7,10 @@ import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
 
+from graycard.io._hold import hold, is_at, let_go
 from graycard.io._names import printable
-
-_held: set[int] = set()
-"""Descriptors of locks that this process holds."""
 
 
 @contextmanager
@@ -29,9 +26,7 @@ def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     if sys.platform == "win32":  # has no flock; two processes then race, and one of them says so
         yield
         return
-    _forget_at_fork()
     descriptor = _acquire(path, on_wait)
-    _held.add(descriptor)
     try:
         with contextlib.suppress(OSError):  # a full disk is met by what is written next
             os.ftruncate(descriptor, 0)
@@ -39,27 +34,22 @@ def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
         yield
     finally:
         path.unlink(missing_ok=True)
-        _held.discard(descriptor)
-        os.close(descriptor)
+        let_go(descriptor)
 
 
 def _acquire(path: Path, on_wait: Callable[[str], None]) -> int:
     """An open and locked descriptor of the file that bears the name now, not of one removed meanwhile."""
-    import fcntl
-
     waited = False
     while True:
         descriptor = os.open(path, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o666)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not hold(descriptor, wait=False):
             if not waited:
                 on_wait(_holder(path))
             waited = True
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        if path.exists() and os.path.samestat(os.fstat(descriptor), path.stat()):
+            hold(descriptor)
+        if is_at(descriptor, path):
             return descriptor
-        os.close(descriptor)
+        let_go(descriptor)
 
 
 def _holder(path: Path) -> str:
@@ -69,17 +59,3 @@ def _holder(path: Path) -> str:
     except OSError:
         found = ""
     return printable(found) or "another process"
-
-
-def _forget_locks() -> None:
-    """Close the locks of the process that this one was forked from: they end with that one."""
-    for descriptor in _held:
-        with contextlib.suppress(OSError):
-            os.close(descriptor)
-    _held.clear()
-
-
-@cache
-def _forget_at_fork() -> None:
-    """Let forked processes forget locks, from the first lock on."""
-    os.register_at_fork(after_in_child=_forget_locks)

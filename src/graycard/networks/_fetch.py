@@ -3,12 +3,11 @@
 
 import subprocess
 import sys
-import tempfile
 from importlib.util import find_spec
 from pathlib import Path
 
 from graycard._errors import WeightsError
-from graycard.io import Progress, sha256, silent
+from graycard.io import Progress, sha256, silent, temporary_folder
 from graycard.networks._sources import WeightSet, find_set
 from graycard.networks._store import is_whole, weights_path, write_weights
 
@@ -35,9 +34,9 @@ def fetch_weights(name: str, archive: Path | None = None, progress: Progress = s
     chosen = find_set(name)
     if archive is None and all(is_whole(file.name) for file in chosen.files):
         return tuple(weights_path(file.name) for file in chosen.files)
-    with tempfile.TemporaryDirectory() as scratch:
+    with temporary_folder() as scratch:
         progress(0.05, f"downloading {chosen.archive}, {chosen.size / 1e6:.0f} MB")
-        found = _downloaded(chosen, Path(scratch)) if archive is None else Path(archive)
+        found = _downloaded(chosen, scratch) if archive is None else Path(archive)
         _check_archive(found, chosen)
         progress(0.8, "converting")
         return tuple(write_weights(file.name, file.read(found)) for file in chosen.files)

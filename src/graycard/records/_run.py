@@ -184,7 +184,8 @@ class SceneRecord:
     track: Name
     scene: Name
     family: Name
-    seed: int
+    seed: int | None
+    """None for a secret scene: its seed is in its truth, and follows from the salt of the suite."""
     folder: AnyPlace
     """``<track>/<scene>`` folder, relative to the run where it lies there; else where ``--dataset`` was."""
     truth_sha256: str
@@ -256,6 +257,8 @@ class RunRecord:
     """Edition of a run on sealed scenes; None for any other."""
     looks: Looks | None = None
     """Looks of a run that adds scenes until claims are decided; None for any other."""
+    commitment: str = ""
+    """SHA-256 of the salt that secret scenes of the run follow from; empty where it has none."""
     format: str = "graycard-run"
     format_version: int = RECORD_VERSION
 

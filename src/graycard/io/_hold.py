@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hold files and folders while they are in use: the kernel lets go of them when the process dies."""
+
+import contextlib
+import os
+import stat
+import sys
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+_held: set[int] = set()
+"""Descriptors that this process holds something by."""
+
+
+def hold(descriptor: int, *, wait: bool = True) -> bool:
+    """Hold what a descriptor is open on, until :func:`let_go` or the end of the process.
+
+    A process that is forked meanwhile does not hold it.
+
+    Args:
+        descriptor: An open file or folder; on Windows, which has no such holding, it is closed.
+        wait: Wait for another process that holds it.
+
+    Returns:
+        False where another process holds it and is not waited for, or the file system knows no holding.
+    """
+    if sys.platform == "win32":
+        os.close(descriptor)
+        return False
+    import fcntl
+
+    _forget_at_fork()
+    _held.add(descriptor)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+    except OSError:
+        return False
+    return True
+
+
+def let_go(descriptor: int) -> None:
+    """Close a descriptor, and so end a holding; one that a fork has closed is left alone."""
+    if descriptor in _held:
+        _held.discard(descriptor)
+        os.close(descriptor)
+
+
+def is_at(descriptor: int, path: Path) -> bool:
+    """Tell whether a path leads to what a descriptor is open on, and to no link."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.lstat(path))
+    except OSError:
+        return False
+
+
+def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
+    """Remove a file or folder of this user that no process holds; it is held meanwhile.
+
+    Args:
+        path: Where it lies.
+        remove: How it is removed.
+
+    Returns:
+        Whether it is gone.
+    """
+    if sys.platform == "win32":
+        return False
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return False
+    held = hold(descriptor, wait=False)
+    try:
+        if not held or not is_at(descriptor, path) or not _is_own(descriptor):
+            return False
+        with contextlib.suppress(OSError):
+            remove(path)
+        return not path.exists()
+    finally:
+        let_go(descriptor)
+
+
+def _is_own(descriptor: int) -> bool:
+    """Tell whether this user owns an open file or folder, and it is nothing else."""
+    found = os.fstat(descriptor)
+    return found.st_uid == os.getuid() and (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode))
+
+
+def _forget() -> None:
+    """Close what the process that this one was forked from holds: it ends with that one."""
+    for descriptor in _held:
+        with contextlib.suppress(OSError):
+            os.close(descriptor)
+    _held.clear()
+
+
+@cache
+def _forget_at_fork() -> None:
+    """Let forked processes forget, from the first holding on."""
+    os.register_at_fork(after_in_child=_forget)

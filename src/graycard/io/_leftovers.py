@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find and remove what processes that were killed have left behind, and nothing that is in use.
+
+Whoever writes a partial file, holds a lock or has a temporary folder holds it for the kernel as well. So what
+nobody holds is left over, however young it is, and what is held is in use, however old.
+"""
+
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from graycard.io._files import PARTIAL_NAME, output_error
+from graycard.io._hold import hold, let_go, remove_unheld
+
+_LOCK = re.compile(r"(\..+)?\.lock")
+_HOLDER = re.compile(rb"(process \d+ on \S*)?")
+"""Content of a lock file."""
+_TEMPORARY = "graycard-held-"
+_OLD_TEST = ".graycard-write-test"
+"""A file that older versions made for a moment; no process of this one does."""
+
+
+def remove_leftovers(root: Path) -> list[Path]:
+    """Remove partial files and folders and locks below a folder that no process holds.
+
+    Args:
+        root: A run, a dataset or a predictions folder; links in it are not followed.
+
+    Returns:
+        What was removed.
+    """
+    found: list[Path] = []
+    if sys.platform == "win32":  # nothing can be told there
+        return found
+    for folder, folders, files in os.walk(root):
+        here = Path(folder)
+        partial = [name for name in folders if PARTIAL_NAME.fullmatch(name)]
+        folders[:] = [name for name in folders if name not in partial]
+        found += [here / name for name in partial if remove_unheld(here / name, shutil.rmtree)]
+        found += [
+            here / name for name in files if _is_left(here / name) and remove_unheld(here / name, os.unlink)
+        ]
+    return found
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Yield a folder for temporary files, which goes with the block; those of killed processes go first.
+
+    Raises:
+        OutputError: There is no room for it.
+    """
+    place = Path(tempfile.gettempdir())
+    for left in place.glob(f"{_TEMPORARY}*"):
+        remove_unheld(left, shutil.rmtree)
+    try:
+        root = Path(tempfile.mkdtemp(prefix=_TEMPORARY))
+        held = os.open(root, os.O_RDONLY) if sys.platform != "win32" else None
+    except OSError as cause:
+        raise output_error(place, cause) from cause
+    try:
+        if held is not None:
+            hold(held)
+        yield root
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+        if held is not None:
+            let_go(held)
+
+
+def _is_left(path: Path) -> bool:
+    """Tell whether a file may be one of graycard's that was left behind, by its name and content."""
+    if path.name == _OLD_TEST or PARTIAL_NAME.fullmatch(path.name):
+        return True
+    if not _LOCK.fullmatch(path.name):
+        return False
+    try:
+        return path.is_file() and _HOLDER.fullmatch(path.read_bytes()[:400]) is not None
+    except OSError:
+        return False
