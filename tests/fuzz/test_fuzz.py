@@ -2,8 +2,8 @@
 """Hostile files of every kind meet words: no traceback, no hang, nothing written elsewhere, little memory.
 
 ``make fuzz`` runs the same for an hour. Variables of the environment say how much: ``FUZZ_SECONDS`` or
-``FUZZ_CASES``, ``FUZZ_SEED``, ``FUZZ_KINDS`` (parts of names of kinds, with commas), and ``FUZZ_KEEP``, the folder
-that inputs of failures are copied to. A case is made again from seed, kind and number alone.
+``FUZZ_CASES``, ``FUZZ_SEED``, ``FUZZ_KINDS`` (parts of names of kinds, with commas), and ``FUZZ_KEEP``, the
+folder that inputs of failures are copied to. Seed, kind and number make a case again.
 """
 
 import os

@@ -53,7 +53,9 @@ class Room:
 def steps_of(seed: int, kind: Kind, number: int) -> list[str]:
     """Return the seeds of the changes of a case; that of number 0 is not changed at all."""
     rng = Random(f"{seed}/{kind.name}/{number}")
-    return [f"{seed}/{kind.name}/{number}/{step}" for step in range(rng.randint(1, MOST_STEPS) if number else 0)]
+    return [
+        f"{seed}/{kind.name}/{number}/{step}" for step in range(rng.randint(1, MOST_STEPS) if number else 0)
+    ]
 
 
 def attack(kind: Kind, room: Room, seeds: list[str]) -> tuple[str, ...]:
@@ -110,7 +112,9 @@ def _judge(error: BaseException) -> tuple[bool, str, str]:
             return True, f"{type(wrong).__name__}: {wrong}", ""
         return True, "", str(error)[:2000]
     frames = [f for f in traceback.extract_tb(error.__traceback__) if "/fuzzer/" not in f.filename]
-    ours = [f for f in frames if "site-packages" not in f.filename and "/lib/python" not in f.filename] or frames
+    ours = [
+        f for f in frames if "site-packages" not in f.filename and "/lib/python" not in f.filename
+    ] or frames
     place = f"{'/'.join(Path(ours[-1].filename).parts[-2:])}:{ours[-1].name}" if ours else "?"
     return False, f"{type(error).__name__} in {place}: {str(error)[:90]!a}", traceback.format_exc()[-4000:]
 
@@ -137,17 +141,23 @@ def smaller(kind: Kind, room: Room, watch: Watch, seed: int, found: Outcome, see
     return run(kind, room, watch, seed, found.number, seeds)
 
 
+def _nothing(*_: object) -> None:
+    """Do nothing."""
+
+
 def main() -> None:
     """Read cases from stdin, a line of JSON each; answer on the descriptor that is named first."""
     answers, root, seed = os.fdopen(int(sys.argv[1]), "w"), Path(sys.argv[2]), int(sys.argv[3])
     room = Room(root)
+    os.fsync = _nothing  # no case is about power cuts, and disks are slow
     warnings.simplefilter("ignore")  # hostile numbers overflow; what comes of that is what counts
     os.environ["TMPDIR"] = str(room.temporary)
     from platformdirs import user_cache_path
 
     watch = Watch([room.temporary, user_cache_path("graycard")])
     addresses = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (addresses + MOST_ADDRESSES,) * 2)
+    most = addresses + MOST_ADDRESSES
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     for line in sys.stdin:
         name, number = json.loads(line)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole and sound inputs that are changed: scenes, predictions, runs, exports, decompositions and texts."""
+"""The sound inputs that are changed: scenes, predictions, runs, exports, decompositions and texts."""
 
 import shutil
 from collections.abc import Callable, Iterable
@@ -62,7 +62,12 @@ def build(root: Path, names: Iterable[str], write_scene: WriteScene) -> None:
     for method in BUILT_IN:
         if decomposition(method) in needed or (method == "2dgs" and "checkpoint.safetensors" in needed):
             _save(corpus, method)
-    for name, text in {"suite.toml": SUITE, "claims.toml": CLAIMS, "priors.toml": PRIORS, "priors.txt": "oracle:3"}.items():
+    for name, text in {
+        "suite.toml": SUITE,
+        "claims.toml": CLAIMS,
+        "priors.toml": PRIORS,
+        "priors.txt": "oracle:3",
+    }.items():
         (corpus / name).write_text(text)
     shutil.copy(OWN_WEIGHTS, corpus / "own.safetensors")
     save_surfels(corpus / "surfels.safetensors", random_surfels(8))
@@ -100,7 +105,9 @@ def _runs(corpus: Path, write_scene: WriteScene) -> None:
 
 def _save(corpus: Path, method: str) -> None:
     known = {field.name for field in fields(load_method(method).settings_type)}
-    chosen = {name: value for name, value in _QUICK.items() if name in known and (method, name) != ("gsir", "lamps")}
+    chosen = {
+        name: value for name, value in _QUICK.items() if name in known and (method, name) != ("gsir", "lamps")
+    }
     if method == "2dgs":
         chosen["checkpoint"] = str(corpus / "checkpoint.safetensors")
     priors = PriorSpec()

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -93,7 +94,7 @@ def _keep(outcome: Outcome, report: Report, root: Path, keep: Path) -> Outcome:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     source = Room(root).input
-    if source.is_dir():
+    with suppress(shutil.Error):  # a pipe cannot be copied
         shutil.copytree(source, folder / "in", symlinks=True, dirs_exist_ok=True)
     told = [outcome.fault, *outcome.steps, "", outcome.detail]
     (folder / "fault.txt").write_text("\n".join(told), encoding="utf-8", errors="replace")
@@ -128,7 +129,9 @@ class _Child:
         room, seeds = Room(self._root), steps_of(self._seed, KINDS[name], number)
         room.lay(KINDS[name])
         said = attack(KINDS[name], room, seeds)
-        return Outcome(name, number, fault, steps=said, detail=(self._root / "stderr.txt").read_text()[-4000:])
+        return Outcome(
+            name, number, fault, steps=said, detail=(self._root / "stderr.txt").read_text()[-4000:]
+        )
 
     def _started(self) -> "subprocess.Popen[str]":
         if self._process is None:
@@ -141,9 +144,15 @@ class _Child:
             ):
                 self._process = subprocess.Popen(
                     [sys.executable, "-m", "fuzzer.child", str(writing), str(self._root), str(self._seed)],
-                    stdin=subprocess.PIPE, stdout=out, stderr=err, text=True, pass_fds=[writing],
-                    env=os.environ | threads | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"},
-                )  # fmt: skip
+                    stdin=subprocess.PIPE,
+                    stdout=out,
+                    stderr=err,
+                    text=True,
+                    pass_fds=[writing],
+                    env=os.environ
+                    | threads
+                    | {"PYTHONPATH": os.pathsep.join(paths), "PYTHONDONTWRITEBYTECODE": "1"},
+                )
             os.close(writing)
             self._answers = reading
         return self._process
@@ -158,7 +167,10 @@ class _Child:
                 if not part:
                     return f"the process ended ({process.wait()})", ""
                 line += part
-            elif _cpu_s(process.pid) - spent > 2 * MOST_S * WALL or time.monotonic() - start > 2 * MOST_S * WALL:
+            elif (
+                _cpu_s(process.pid) - spent > 2 * MOST_S * WALL
+                or time.monotonic() - start > 2 * MOST_S * WALL
+            ):
                 return "it hangs", ""
         return "", line.decode()
 

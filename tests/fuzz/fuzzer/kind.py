@@ -34,7 +34,7 @@ class Kind:
 
 
 class WrongWordsError(Exception):
-    """The command line broke its promise: an exit code without words, a traceback, or raw control characters."""
+    """The command line gave an exit code without words, a traceback, or raw control characters."""
 
 
 def each(*calls: Callable[[], object]) -> None:

@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
 """Kinds of what methods keep: decompositions, checkpoints and weights."""
 
+import json
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+
+from safetensors import safe_open
 
 from fuzzer.corpus import decomposition
 from fuzzer.kind import Kind, each
 from fuzzer.tensors import attack_decomposition, attack_tensors, seal_decomposition
 from graycard.methods import BUILT_IN
+from graycard.methods.splat import Checkpoint, check_saved, load_state
 
 _SCENE = "dataset/tabletop/tiny-0000"
 
@@ -27,26 +32,15 @@ def _load(method: str) -> Callable[[Path, Path], None]:
 
 
 def _checkpoint(folder: Path, _: Path) -> None:
-    from graycard.methods.splat import check_saved, load_state
-
     path = folder / "checkpoint.safetensors"
     each(lambda: check_saved(path, ""), lambda: load_state(_open_checkpoint(path)))
 
 
-def _open_checkpoint(path: Path) -> "object":
+def _open_checkpoint(path: Path) -> Checkpoint:
     """Return a checkpoint whose identity is the one that stands in the file, as far as it can be read."""
-    from safetensors import safe_open
-
-    from graycard.methods.splat import Checkpoint
-
     identity = ""
-    try:
-        with safe_open(path, framework="np") as file:
-            import json
-
-            identity = json.loads((file.metadata() or {}).get("fit", "{}")).get("identity", "")
-    except Exception:  # whatever it is, reading the checkpoint is to say so
-        pass
+    with suppress(Exception), safe_open(path, framework="np") as file:  # reading it is to say what is wrong
+        identity = json.loads((file.metadata() or {}).get("fit", "{}")).get("identity", "")
     return Checkpoint(path, 1, identity if isinstance(identity, str) else "")
 
 
@@ -70,15 +64,33 @@ def _weights(folder: Path, _: Path) -> None:
 
 METHODS = (
     *(
-        Kind(f"decomposition: {method}", (decomposition(method), _SCENE),
-             lambda rng, folder, m=method: attack_decomposition(rng, folder / m), _load(method),
-             lambda folder, m=method: seal_decomposition(folder / m))
-        for method in BUILT_IN if method != "truth"
+        Kind(
+            f"decomposition: {method}",
+            (decomposition(method), _SCENE),
+            lambda rng, folder, m=method: attack_decomposition(rng, folder / m),
+            _load(method),
+            lambda folder, m=method: seal_decomposition(folder / m),
+        )
+        for method in BUILT_IN
     ),
-    Kind("checkpoint", ("checkpoint.safetensors",),
-         lambda rng, folder: attack_tensors(rng, folder / "checkpoint.safetensors"), _checkpoint, weight=3),
-    Kind("surfels", ("surfels.safetensors",),
-         lambda rng, folder: attack_tensors(rng, folder / "surfels.safetensors"), _surfels, weight=3),
-    Kind("own weights", ("own.safetensors", _SCENE),
-         lambda rng, folder: attack_tensors(rng, folder / "own.safetensors"), _weights),
-)  # fmt: skip
+    Kind(
+        "checkpoint",
+        ("checkpoint.safetensors",),
+        lambda rng, folder: attack_tensors(rng, folder / "checkpoint.safetensors"),
+        _checkpoint,
+        weight=8,
+    ),
+    Kind(
+        "surfels",
+        ("surfels.safetensors",),
+        lambda rng, folder: attack_tensors(rng, folder / "surfels.safetensors"),
+        _surfels,
+        weight=8,
+    ),
+    Kind(
+        "own weights",
+        ("own.safetensors", _SCENE),
+        lambda rng, folder: attack_tensors(rng, folder / "own.safetensors"),
+        _weights,
+    ),
+)

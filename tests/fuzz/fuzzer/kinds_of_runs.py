@@ -85,16 +85,43 @@ def _priors(folder: Path, out: Path) -> None:
 
 
 RUNS = (
-    Kind("run.json", ("run", "baseline.json", "claims.toml"), one_of("run/run.json", attack_json), _run, writes=_REPORT, weight=2),
+    Kind(
+        "run.json",
+        ("run", "baseline.json", "claims.toml"),
+        one_of("run/run.json", attack_json),
+        _run,
+        writes=_REPORT,
+        weight=2,
+    ),
     Kind("comparison.json", ("run",), one_of("run/comparison.json", attack_json), _report, writes=_REPORT),
     Kind("claims.json", ("run",), one_of("run/claims.json", attack_json), _report, writes=_REPORT),
     Kind("jobs of a run", ("run",), one_of("run/jobs/**/*.json", attack_json), _jobs, writes=_REPORT),
     Kind("suite.json of a run", ("run",), one_of("run/suite.json", attack_json), _jobs, writes=_REPORT),
     Kind("folders of a run", ("run",), any_file("run"), _report, writes=_REPORT),
     Kind("baseline.json", ("run", "baseline.json"), one_of("baseline.json", attack_json), _gate, weight=2),
-    Kind("published run", ("published", "claims.toml"), any_file("published"), _published, writes=("published",)),
-    Kind("claims toml", ("run", "claims.toml"), one_of("claims.toml", attack_toml), _claims, writes=_REPORT, weight=2),
-    Kind("suite toml", ("suite.toml",), one_of("suite.toml", attack_toml), _suite, weight=8),
-    Kind("priors toml and text", ("priors.toml", "priors.txt"), lambda rng, folder: rng.choice((
-        one_of("priors.toml", attack_toml), one_of("priors.txt", attack_lines)))(rng, folder), _priors, weight=8),
-)  # fmt: skip
+    Kind(
+        "published run",
+        ("published", "claims.toml"),
+        any_file("published"),
+        _published,
+        writes=("published",),
+    ),
+    Kind(
+        "claims toml",
+        ("run", "claims.toml"),
+        one_of("claims.toml", attack_toml),
+        _claims,
+        writes=_REPORT,
+        weight=2,
+    ),
+    Kind("suite toml", ("suite.toml",), one_of("suite.toml", attack_toml), _suite, weight=16),
+    Kind(
+        "priors toml and text",
+        ("priors.toml", "priors.txt"),
+        lambda rng, folder: rng.choice(
+            (one_of("priors.toml", attack_toml), one_of("priors.txt", attack_lines))
+        )(rng, folder),
+        _priors,
+        weight=16,
+    ),
+)

@@ -47,7 +47,7 @@ class Report:
 def table(report: Report) -> str:
     """Return a row for each kind, then a line for each fault that differs from the others."""
     failed = Counter(outcome.kind for outcome in report.faults)
-    rows = [("kind", "tries", "refused", "failures", "CPU s")]
+    rows: list[tuple[str, ...]] = [("kind", "tries", "refused", "failures", "CPU s")]
     rows += [
         (kind, str(tries), str(report.refused[kind]), str(failed[kind]), f"{report.cpu_s[kind]:.0f}")
         for kind, tries in sorted(report.tries.items())

@@ -16,7 +16,21 @@ from fuzzer.plain import attack_bytes
 
 _SIZES = (0, 1, -1, 2, 7, 27, 28, 29, 1000, 30_000, 100_000, 2**31 - 1, -(2**31), 2**30)
 _FLOATS = (np.nan, np.inf, -np.inf, 0.0, -0.0, -1.0, 1e38, -1e38, 3.4e38, 1e-38, 1e-45, 65504.0)
-_CHANNELS = ("R", "G", "B", "A", "Y", "radiance.R", "radiance.X", "x.R", ".R", "R.", "..R", "depth.Z", "normal.X")
+_CHANNELS = (
+    "R",
+    "G",
+    "B",
+    "A",
+    "Y",
+    "radiance.R",
+    "radiance.X",
+    "x.R",
+    ".R",
+    "R.",
+    "..R",
+    "depth.Z",
+    "normal.X",
+)
 
 
 def attack_exr(rng: Random, path: Path) -> str:
@@ -36,7 +50,7 @@ def attack_pixels(rng: Random, path: Path) -> str:
         return attack_bytes(rng, path)
 
 
-def _attributes(data: bytes) -> dict[str, tuple[int, int]]:
+def _attributes(data: bytes | bytearray) -> dict[str, tuple[int, int]]:
     """Return the place and the size of each attribute of the header, by name and type."""
     found, at = {}, 8
     while data[at]:
@@ -79,7 +93,9 @@ def _read(path: Path) -> dict[str, np.ndarray]:
 def _write(rng: Random, path: Path, channels: dict[str, np.ndarray]) -> None:
     kinds = OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION, OpenEXR.RLE_COMPRESSION
     header = {"compression": rng.choice(kinds), "type": OpenEXR.scanlineimage}
-    OpenEXR.File(header, {name: np.ascontiguousarray(plane) for name, plane in channels.items()}).write(str(path))
+    OpenEXR.File(header, {name: np.ascontiguousarray(plane) for name, plane in channels.items()}).write(
+        str(path)
+    )
 
 
 def _pixels(rng: Random, path: Path) -> str:
@@ -93,7 +109,9 @@ def _pixels(rng: Random, path: Path) -> str:
     else:
         chosen = {"one": slice(0, 1), "all": slice(None), "some": slice(0, None, rng.randrange(2, 9))}[what]
         whole = plane.dtype.kind == "u"
-        channels[name].reshape(-1)[chosen] = rng.choice((0, 1, 2**31, 2**32 - 1)) if whole else rng.choice(_FLOATS)
+        channels[name].reshape(-1)[chosen] = (
+            rng.choice((0, 1, 2**31, 2**32 - 1)) if whole else rng.choice(_FLOATS)
+        )
     _write(rng, path, channels)
     return f"{what} pixels of {name} of {path.name}"
 
@@ -138,7 +156,9 @@ def attack_picture(rng: Random, path: Path) -> str:
 def _png_size(rng: Random, path: Path) -> str:
     """Change numbers of the header, with the right checksum."""
     data = bytearray(path.read_bytes())
-    struct.pack_into(">I", data, 16 + 4 * rng.randrange(2), rng.choice((0, 1, 27, 28, 1000, 60_000, 2**31 - 1, 2**32 - 1)))
+    struct.pack_into(
+        ">I", data, 16 + 4 * rng.randrange(2), rng.choice((0, 1, 27, 28, 1000, 60_000, 2**31 - 1, 2**32 - 1))
+    )
     if rng.random() < 0.5:
         data[24 + rng.randrange(5)] = rng.choice((0, 1, 2, 3, 4, 6, 8, 16, 255))
     struct.pack_into(">I", data, 29, zlib.crc32(bytes(data[12:29])))
@@ -149,7 +169,9 @@ def _png_size(rng: Random, path: Path) -> str:
 def _other_picture(rng: Random, path: Path, name: str) -> str:
     with Image.open(path) as image:
         image.load()
-        mode = rng.choice(("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "I", "F", "I;16", "YCbCr", "HSV"))
+        mode = rng.choice(
+            ("1", "L", "LA", "P", "PA", "RGB", "RGBA", "CMYK", "I", "F", "I;16", "YCbCr", "HSV")
+        )
         form = rng.choice(("PNG", "JPEG", "GIF", "TIFF", "BMP", "WEBP", "PPM", "ICO"))
         other = image.convert(mode) if name == "mode" else image.convert("RGB")
         if name == "text":

@@ -6,13 +6,24 @@ from random import Random
 
 from fuzzer.hostile import hostile_text
 
-_WORDS = (b"\0", b"\xff", b"\x7f\xff\xff\xff", b"\xff\xff\xff\x7f", b"\0\0\0\x80", b"\xff" * 8, b"\0" * 64, b"\r\n")
+_WORDS = (
+    b"\0",
+    b"\xff",
+    b"\x7f\xff\xff\xff",
+    b"\xff\xff\xff\x7f",
+    b"\0\0\0\x80",
+    b"\xff" * 8,
+    b"\0" * 64,
+    b"\r\n",
+)
 
 
 def attack_bytes(rng: Random, path: Path) -> str:
     """Change, cut, double or fill some bytes of a file."""
     data = bytearray(path.read_bytes())
-    name = rng.choice(("flip", "flip", "word", "insert", "delete", "cut", "double", "fill", "shuffle", "empty"))
+    name = rng.choice(
+        ("flip", "flip", "word", "insert", "delete", "cut", "double", "fill", "shuffle", "empty")
+    )
     at = rng.randrange(len(data)) if data else 0
     if len(data) and rng.random() < 0.5:
         at = rng.randrange(min(len(data), 512))  # headers are where decisions are made

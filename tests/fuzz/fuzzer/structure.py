@@ -53,9 +53,7 @@ def _key(key: str) -> str:
     return key if isinstance(key, Raw) and key.startswith('"') else json.dumps(key, ensure_ascii=False)
 
 
-def _attack(
-    rng: Random, path: Path, read: Callable[[str], Any], write: Callable[[Any], str]
-) -> str:
+def _attack(rng: Random, path: Path, read: Callable[[str], Any], write: Callable[[Any], str]) -> str:
     if rng.random() < 0.15:
         return attack_bytes(rng, path)
     try:
@@ -125,11 +123,17 @@ def _of_its_type(rng: Random, place: Place, root: list[Any]) -> None:
 def _nudge(rng: Random, place: Place, root: list[Any]) -> None:
     match _value(place):
         case str() as text:
-            _put(place, rng.choice((text.upper(), text + "/", f"../{text}", text[:-1], text * 2, f"{text}\u202e")))
+            _put(
+                place,
+                rng.choice((text.upper(), text + "/", f"../{text}", text[:-1], text * 2, f"{text}\u202e")),
+            )
         case bool() as value:
             _put(place, not value)
         case int() | float() as number:
-            _put(place, rng.choice((-number, number + 1, number * 1000, number * 1e30, float(number), str(number))))
+            _put(
+                place,
+                rng.choice((-number, number + 1, number * 1000, number * 1e30, float(number), str(number))),
+            )
         case value:
             _put(place, [value])
 
@@ -180,9 +184,17 @@ def _extra(rng: Random, place: Place, root: list[Any]) -> None:
 
 
 _CHANGES: dict[str, Callable[[Random, Place, list[Any]], None]] = {
-    "replace": _replace, "replace by its like": _of_its_type, "replace by its like ": _of_its_type, "nudge": _nudge,
-    "delete": _delete, "double": _double, "rename": _rename, "swap": _swap, "copy": _copy, "add": _extra,
-}  # fmt: skip
+    "replace": _replace,
+    "replace by its like": _of_its_type,
+    "replace by its like ": _of_its_type,
+    "nudge": _nudge,
+    "delete": _delete,
+    "double": _double,
+    "rename": _rename,
+    "swap": _swap,
+    "copy": _copy,
+    "add": _extra,
+}
 
 
 def _obj_of_pairs(pairs: list[tuple[str, Any]]) -> Obj:

@@ -23,7 +23,14 @@ def attack_tensors(rng: Random, path: Path) -> str:
     attack = rng.choice((attack_bytes, _header, _tensor, _tensor, _tensor, _tensor))
     try:
         return attack(rng, path)
-    except (ValueError, KeyError, IndexError, TypeError, struct.error, RecursionError):  # changed too much already
+    except (
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        struct.error,
+        RecursionError,
+    ):  # changed too much already
         return attack_bytes(rng, path)
 
 
@@ -48,7 +55,8 @@ def _parts(path: Path) -> tuple[dict[str, object], dict[str, tuple[str, list[int
     header = json.loads(data[8 : 8 + size])
     metadata, body = header.pop("__metadata__", None), data[8 + size :]
     return metadata, {
-        name: (facts["dtype"], facts["shape"], body[slice(*facts["data_offsets"])]) for name, facts in header.items()
+        name: (facts["dtype"], facts["shape"], body[slice(*facts["data_offsets"])])
+        for name, facts in header.items()
     }
 
 
@@ -76,7 +84,9 @@ def _tensor(rng: Random, path: Path) -> str:
     metadata, tensors = _parts(path)
     name = rng.choice(sorted(tensors))
     dtype, shape, data = tensors[name]
-    what = rng.choice(("values", "values", "values", "value", "noise", "shape", "rows", "dtype", "cast", "drop", "rename"))
+    what = rng.choice(
+        ("values", "values", "values", "value", "noise", "shape", "rows", "dtype", "cast", "drop", "rename")
+    )
     match what:
         case "values" | "value" | "noise" if dtype in _DTYPES:
             data = _other_values(rng, what, np.frombuffer(data, _DTYPES[dtype]).copy()).tobytes()

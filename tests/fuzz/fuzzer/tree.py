@@ -18,8 +18,12 @@ from fuzzer.structure import attack_json, attack_toml
 def attack_file(rng: Random, path: Path) -> str:
     """Change the content of a file as fits its kind."""
     attacks: dict[str, Callable[[Random, Path], str]] = {
-        ".json": attack_json, ".toml": attack_toml, ".exr": attack_exr, ".ply": attack_lines, ".txt": attack_lines,
-    }  # fmt: skip
+        ".json": attack_json,
+        ".toml": attack_toml,
+        ".exr": attack_exr,
+        ".ply": attack_lines,
+        ".txt": attack_lines,
+    }
     return attacks.get(path.suffix, attack_bytes)(rng, path)
 
 
@@ -35,44 +39,103 @@ def attack_tree(rng: Random, folder: Path) -> str:
         return "nothing left to change"
     path = rng.choice(places)
     name = path.relative_to(folder).as_posix()
-    what = rng.choice(("delete", "folder", "file", "empty", "link", "link", "link", "rename", "copy", "more"))
-    others = files_below(folder) or places
-    match what:
-        case "delete" | "folder" | "file" | "link":
-            target = _link(rng, path, others)
-            _remove(path)
-            if what == "folder":
-                path.mkdir()
-            elif what == "file":
-                path.write_bytes(b"x")
-            elif what == "link":
-                path.symlink_to(target)
-                name += f" -> {target}"
-        case "empty":
-            _empty(path)
-        case "rename":
-            path.rename(path.with_name(_file_name(rng, path)))
-        case "copy":
-            other = rng.choice(others)
-            if other.is_file() and other != path and path not in other.parents:
-                _remove(path)
-                shutil.copyfile(other, path)
-        case "more":
-            beside = path.with_name(_file_name(rng, path))
-            if not beside.exists() and not beside.is_symlink():
-                beside.write_bytes(b"x")
-    return f"{what} {name}"
+    what = rng.choice(list(_ACTS))
+    told = _ACTS[what](rng, path, files_below(folder) or places)
+    return f"{what.strip()} {name}{told}"
+
+
+def _delete(rng: Random, path: Path, others: list[Path]) -> str:
+    _remove(path)
+    return ""
+
+
+def _make_folder(rng: Random, path: Path, others: list[Path]) -> str:
+    _remove(path)
+    path.mkdir()
+    return ""
+
+
+def _make_file(rng: Random, path: Path, others: list[Path]) -> str:
+    _remove(path)
+    path.write_bytes(rng.choice((b"", b"x")))
+    return ""
+
+
+def _make_link(rng: Random, path: Path, others: list[Path]) -> str:
+    target = _link(rng, path, others)
+    _remove(path)
+    path.symlink_to(target)
+    return f" -> {target}"
+
+
+def _make_pipe(rng: Random, path: Path, others: list[Path]) -> str:
+    _remove(path)
+    os.mkfifo(path)
+    return ""
+
+
+def _rename(rng: Random, path: Path, others: list[Path]) -> str:
+    path.rename(path.with_name(_file_name(rng, path)))
+    return ""
+
+
+def _copy(rng: Random, path: Path, others: list[Path]) -> str:
+    other = rng.choice(others)
+    if other.is_file() and other != path and path not in other.parents:
+        _remove(path)
+        shutil.copyfile(other, path)
+    return f" from {other.name}"
+
+
+def _add(rng: Random, path: Path, others: list[Path]) -> str:
+    beside = path.with_name(_file_name(rng, path))
+    if not beside.exists() and not beside.is_symlink():
+        beside.write_bytes(b"x")
+    return ""
+
+
+_ACTS: dict[str, Callable[[Random, Path, list[Path]], str]] = {
+    "delete": _delete,
+    "folder": _make_folder,
+    "file": _make_file,
+    "link": _make_link,
+    "link ": _make_link,
+    "link  ": _make_link,
+    "pipe": _make_pipe,
+    "rename": _rename,
+    "copy": _copy,
+    "add beside": _add,
+}
+"""What is done to a path; links thrice as often."""
 
 
 def _link(rng: Random, path: Path, others: list[Path]) -> Path | str:
     """Return where a link in the place of a path leads: mostly out of its folder."""
     up = "../" * (2 + rng.randrange(6))
-    return rng.choice((OUTSIDE, f"{up}outside", f"{up}outside/secret.json", "/etc", "/etc/passwd", "/dev/null", "/dev/zero",
-                       path.name, ".", "..", "nowhere", rng.choice(others)))  # fmt: skip
+    return rng.choice(
+        (
+            OUTSIDE,
+            f"{up}outside",
+            f"{up}outside/secret.json",
+            "/etc",
+            "/etc/passwd",
+            "/dev/null",
+            "/dev/zero",
+            path.name,
+            ".",
+            "..",
+            "nowhere",
+            rng.choice(others),
+        )
+    )
 
 
 def _file_name(rng: Random, path: Path) -> str:
-    names = [t for t in TEXTS if t and "/" not in t and "\0" not in t and t not in (".", "..") and len(t.encode()) < 200]
+    names = [
+        t
+        for t in TEXTS
+        if t and "/" not in t and "\0" not in t and t not in (".", "..") and len(t.encode()) < 200
+    ]
     text = rng.choice((path.stem.upper(), *names))
     return f"{text}{path.suffix}"
 
@@ -82,14 +145,6 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink()
-
-
-def _empty(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-        path.mkdir()
-    else:
-        path.write_bytes(b"")
 
 
 def seal(part: Path) -> None:

@@ -5,7 +5,7 @@ import os
 import resource
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,17 @@ from fuzzer.hostile import OUTSIDE
 from graycard.io._files import PARTIAL
 
 _WRITES = {
-    "os.rename": 2, "os.link": 2, "os.symlink": 2, "os.remove": 1, "os.rmdir": 1, "os.mkdir": 1, "os.truncate": 1,
-    "os.chmod": 1, "os.chown": 1, "os.utime": 1,
-}  # fmt: skip
+    "os.rename": 2,
+    "os.link": 2,
+    "os.symlink": 2,
+    "os.remove": 1,
+    "os.rmdir": 1,
+    "os.mkdir": 1,
+    "os.truncate": 1,
+    "os.chmod": 1,
+    "os.chown": 1,
+    "os.utime": 1,
+}
 """Events whose first arguments are paths that are changed."""
 _FLAGS = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _DEVICES = ("/dev/null", "/dev/shm/", "/dev/tty", "/proc/self/")
@@ -33,7 +41,10 @@ class Watch:
 
     @contextmanager
     def over(self, root: Path, targets: Sequence[Path]) -> Iterator[list[str]]:
-        """Watch a block; what it writes outside of ``targets`` is in the list, below ``root`` however written."""
+        """Watch a block: what it writes outside of ``targets`` is in the list.
+
+        What native code writes is seen below ``root`` alone.
+        """
         self._allowed = (*self._always, *(os.path.abspath(path) for path in targets))
         found: list[str] = []
         before = self._listing(root)
@@ -51,7 +62,9 @@ class Watch:
             return
         if event == "open":
             path, mode, flags = args
-            writes = isinstance(mode, str) and set(mode) & set("wax+") or isinstance(flags, int) and flags & _FLAGS
+            writes = (isinstance(mode, str) and set(mode) & set("wax+")) or (
+                isinstance(flags, int) and flags & _FLAGS
+            )
             self._note(event, path if writes else None)
         elif event in _WRITES:
             folders = [x for x in args[_WRITES[event] :] if isinstance(x, int) and x >= 0]
@@ -76,12 +89,16 @@ class Watch:
         return any(
             path == place
             or path.startswith(place + os.sep)
-            or (name.endswith(PARTIAL) and name.startswith(f".{os.path.basename(place)}.") and folder == os.path.dirname(place))
+            or (
+                name.endswith(PARTIAL)
+                and name.startswith(f".{os.path.basename(place)}.")
+                and folder == os.path.dirname(place)
+            )
             for place in self._allowed
         )
 
     def _listing(self, root: Path) -> dict[str, tuple[int, int, int]]:
-        """Return kind, size and time of everything below a folder but what may change, and of what lies outside."""
+        """Return kind, size and time of everything below a folder, but of what may change."""
         found = {}
         for folder, names, files in os.walk(root):
             for name in [*names, *files]:
@@ -107,10 +124,8 @@ def _below(path: Any, folders: Sequence[int]) -> Any:
 
 def forget_peak_memory() -> None:
     """Let the peak of this process's memory begin again, where the system can."""
-    try:
+    with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
-    except OSError:
-        pass
 
 
 def peak_memory_mib() -> float:
