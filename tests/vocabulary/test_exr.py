@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +95,13 @@ def test_damage_is_said_in_the_error_and_not_on_stdout(tmp_path: Path, capsys: p
         read_layers(path)
     unknown_channels(path)
     assert capsys.readouterr().out == ""
+
+
+def test_a_pipe_is_no_file(tmp_path: Path):
+    os.mkfifo(tmp_path / "a.exr")
+    assert unknown_channels(tmp_path / "a.exr") == {}
+    with pytest.raises(DatasetError, match="expected an EXR file at .*, got none"):
+        read_layers(tmp_path / "a.exr")
 
 
 def test_a_missing_file(tmp_path: Path):

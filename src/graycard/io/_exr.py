@@ -107,6 +107,8 @@ def unknown_channels(path: Path) -> dict[str, str]:
         An empty name where none is like it.
     """
     sys.audit("graycard.read", str(path))
+    if not Path(path).is_file():  # OpenEXR would wait for the other end of a pipe
+        return {}
     try:
         with _warnings_as_errors(), OpenEXR.File(str(path), header_only=True) as file:
             channels = [channel.name for channel in file.header()["channels"]]

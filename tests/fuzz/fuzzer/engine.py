@@ -20,8 +20,8 @@ from fuzzer.child import MOST_S, Room, attack, steps_of
 from fuzzer.kinds import KINDS
 from fuzzer.outcome import Outcome, Report
 
-WALL = 4
-"""Times ``MOST_S`` that a case may take by the clock, on a machine that does other things too."""
+MOST_WALL_S = 4 * MOST_S
+"""Seconds by the clock after which a case hangs: the machine may do other things, too."""
 KEPT = 3
 """Inputs that are kept of each fault."""
 
@@ -167,10 +167,7 @@ class _Child:
                 if not part:
                     return f"the process ended ({process.wait()})", ""
                 line += part
-            elif (
-                _cpu_s(process.pid) - spent > 2 * MOST_S * WALL
-                or time.monotonic() - start > 2 * MOST_S * WALL
-            ):
+            elif _cpu_s(process.pid) - spent > 2 * MOST_S or time.monotonic() - start > MOST_WALL_S:
                 return "it hangs", ""
         return "", line.decode()
 
