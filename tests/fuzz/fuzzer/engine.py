@@ -177,6 +177,8 @@ class _Child:
                 one.kill()
             self._process.kill()
             self._process.wait()
+            if self._process.stdin is not None:
+                self._process.stdin.close()
             os.close(self._answers)
             self._process = None
 
