@@ -5,17 +5,19 @@
 #   make test-all             run every test
 #   make coverage             run every test and ask for 90 % coverage
 #   make check                lint, format, types, and `make test`
+#   make fuzz                 hand hostile files to every reader for an hour; FUZZ_SECONDS says for how long
 #   make gate                 run the smoke suite and compare it with the committed baseline
 #   make prior                train a network that tells geometry and material, about twenty minutes on one core
 #   make weights              fetch the weights of LPIPS, FID and KID, so that their tests run
 #   make docs                 write the tables and pictures that the docs take from code
 
 SUITE ?= demo
+FUZZ_SECONDS ?= 3600
 PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all coverage kernels check lint gate prior weights docs clean
+.PHONY: help bench test test-all coverage kernels check lint fuzz gate prior weights docs clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -45,6 +47,10 @@ lint: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
+
+# Inputs of failures are kept in runs/fuzz. FUZZ_SEED=2 makes other cases; tests/fuzz/test_fuzz.py has all options.
+fuzz: kernels
+	FUZZ_SECONDS=$(FUZZ_SECONDS) FUZZ_KEEP=runs/fuzz $(BIN)/python -m pytest -q -s tests/fuzz
 
 gate: .venv/installed
 	$(BIN)/graycard bench smoke --out runs/smoke

@@ -94,9 +94,15 @@ def make_baseline(run: RunRecord) -> Baseline:
     """The scores of a run as a baseline, each with the tolerance of its metric times the slack of its method.
 
     Raises:
-        RecordError: The run has no score.
+        RecordError: The run has no score, or one of a metric that it does not describe.
     """
     tolerance = {metric.id: metric.tolerance for metric in run.metrics}
+    unknown = sorted({score.metric for _, score in _scores(run)} - tolerance.keys())
+    if unknown:
+        raise RecordError(
+            f"expected a run that says what its metrics are, got none of {unknown[0]}. Make the baseline "
+            "of a run by this graycard"
+        )
     slack = {method.name: method.slack for method in run.methods}
     expected = tuple(
         Expected(

@@ -12,7 +12,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from graycard import MethodError
-from graycard.io import read_json, write_bytes, write_json
+from graycard.io import read_bytes, read_json, write_bytes, write_json
 
 INDEX, ARRAYS = "decomposition.json", "arrays.safetensors"
 _DAMAGE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
@@ -48,7 +48,7 @@ def restore(folder: Path, method: str) -> tuple[dict[str, Any], dict[str, np.nda
         came = index.get("method") if isinstance(index, dict) else index
         raise MethodError(f"expected a decomposition by {method!r} in {folder}, got one by {came!r}")
     with whole_decomposition(folder):
-        data = (Path(folder) / ARRAYS).read_bytes()
+        data = read_bytes(Path(folder) / ARRAYS)
         if hashlib.sha256(data).hexdigest() != index["sha256"]:
             raise ValueError(f"{ARRAYS} is not the one that {INDEX} was written for")
         return dict(index["facts"]), load(data)

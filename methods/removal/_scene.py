@@ -52,6 +52,9 @@ class Emptied:
         """None: it looks for none."""
         return None
 
+    def _scenes(self) -> tuple[Decomposition, ...]:
+        return self.before, self.after, self.remove(self.target)
+
 
 @dataclass(frozen=True, eq=False)
 class RemovalScene(Emptied, SavedScene):

@@ -156,7 +156,33 @@ class OracleSunFadedMethod:
                 owner, _, name = key.partition("/")
                 known.setdefault(owner, {})[name] = values
             lights = {name: torch.from_numpy(v.copy()) for name, v in known.pop(_SHARED).items()}
-            return OracleSunFadedScene(known, lights, lighting_from_json(facts))
+            found = OracleSunFadedScene(known, lights, lighting_from_json(facts))
+            _check(found)
+            return found
+
+
+@torch.no_grad()
+def _check(scene: OracleSunFadedScene) -> None:
+    """Refuse surfaces and lights that cannot be drawn.
+
+    Raises:
+        ValueError: Buffers of a camera are of several sizes. What is missing raises KeyError, and lights of
+            other shapes whatever PyTorch says.
+    """
+    for known in scene.surfaces.values():
+        height, width = known["depth"].shape
+        shapes = {name: known[name].shape for name in _BUFFER}
+        if shapes != {
+            "base_color": (height, width, 3),
+            "normal": (height, width, 3),
+            "depth": (height, width),
+        }:
+            raise ValueError(f"buffers of the shapes {shapes}")
+    first = next(iter(scene.surfaces.values()))
+    height, width = first["depth"].shape
+    drawn = as_drawn(first, scene.lighting.settings.space)
+    camera = Camera.from_fov(width, height, 60.0, np.eye(4))
+    scene.lighting.layers(sorted(scene.provides), drawn, scene.values, camera)
 
 
 def fit_lights(

@@ -11,9 +11,12 @@ import numpy as np
 import torch
 
 from graycard import Camera
-from graycard.methods._contract import check_layers
+from graycard.methods._contract import Decomposition, check_layers
 from graycard.methods._store import restore, store, whole_decomposition
 from graycard.methods.splat import Parameters
+
+_ANY = Camera.from_fov(4, 4, 60.0, np.eye(4))
+"""A camera of few pixels."""
 
 
 class SceneContents(NamedTuple):
@@ -49,7 +52,27 @@ class SavedScene(ABC):
             MethodError: It is missing, damaged, or of another method.
         """
         with whole_decomposition(folder):
-            return cls._restored(SceneContents(method, *restore(folder, method)), folder)
+            found = cls._restored(SceneContents(method, *restore(folder, method)), folder)
+            for scene in found._scenes():  # what cannot be drawn is damaged: here it can be said
+                scene.render(_ANY, sorted(scene.provides))
+            return found
+
+    @property
+    @abstractmethod
+    def provides(self) -> frozenset[str]:
+        """Names of the layers that :meth:`render` gives."""
+
+    @abstractmethod
+    def render(self, camera: Camera, layers: Sequence[str]) -> dict[str, np.ndarray]:
+        """Render layers for any camera.
+
+        Raises:
+            MethodError: A layer is not provided.
+        """
+
+    def _scenes(self) -> tuple[Decomposition, ...]:
+        """Return everything that is drawn: this scene, unless it is one of several."""
+        return (self,)  # pyright: ignore[reportReturnType] - subclasses have lights(), too
 
     @abstractmethod
     def _contents(self) -> SceneContents:
@@ -78,11 +101,6 @@ class LayeredScene(SavedScene):
     """Surfels that render layers for any camera; a subclass says which layers and how."""
 
     parameters: Parameters
-
-    @property
-    @abstractmethod
-    def provides(self) -> frozenset[str]:
-        """Names of the layers that :meth:`render` gives."""
 
     @final
     @torch.no_grad()

@@ -102,7 +102,10 @@ def export_colours(path: Path, parameters: Parameters) -> None:
 
 def _degree(count: int) -> int:
     """The degree of so many harmonics."""
-    return next(degree for degree in range(4) if coefficient_count(degree) == count)
+    degrees = {coefficient_count(degree): degree for degree in range(4)}
+    if count not in degrees:
+        raise ValueError(f"expected {', '.join(map(str, degrees))} harmonics, got {count}")
+    return degrees[count]
 
 
 def depth_layer(drawn: Maps) -> np.ndarray:

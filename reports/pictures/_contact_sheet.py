@@ -12,7 +12,6 @@ from graycard import Capture, DatasetError, Progress, Truth, View, capture_folde
 from graycard.dataset import SECRET_SEEDS
 from graycard.exchange import write_png
 from graycard.io import silent
-from graycard.layers import shape_of
 from graycard.reports.pictures._layer_pictures import layer_picture, outline, photograph_picture
 from graycard.reports.plan._picture import plan_picture
 from graycard.reports.plan._plan import LightRow, lay_out, surface_points
@@ -98,7 +97,7 @@ def contact_sheet(scene: Path) -> np.ndarray:
     truth = open_truth(scene / "truth", check=False) if (scene / "truth").exists() else None
     parts = [_heading(_title(capture, truth), 22), _grid(_photographs(capture))]
     shown = _shown_views(truth) if truth else ()
-    layers = {view.name: _layers(truth, view) for view in shown} if truth else {}
+    layers = {view.name: truth.layers(view) for view in shown} if truth else {}
     for number, view in enumerate(shown):
         for title, cells in _layer_groups(layers[view.name], capture.exposure, brief=number > 0):
             parts += [_heading(f"{view.name}: {title}", 18), _grid(cells)]
@@ -135,23 +134,6 @@ def _photograph(capture: Capture, view: View) -> np.ndarray:
 def _shown_views(truth: Truth) -> list[View]:
     test = [view for view in truth.views if view.split == "test"]
     return _spread(test or truth.views, MAX_VIEWS)
-
-
-def _layers(truth: Truth, view: View) -> dict[str, np.ndarray]:
-    """The true layers of a view; what is not finite is left to be seen.
-
-    Raises:
-        DatasetError: A layer is not of the camera's size.
-    """
-    found = truth.layers(view)
-    for name, values in found.items():
-        expected = shape_of(name, view.camera.height, view.camera.width)
-        if values.shape != expected:
-            raise DatasetError(
-                f"expected {name} of {truth.track}/{truth.scene} {view.name} of shape {expected}, got "
-                f"{values.shape}. Run `graycard render` again"
-            )
-    return found
 
 
 def _spread(views: Sequence[View], count: int) -> list[View]:

@@ -71,11 +71,13 @@ class Capture:
         Where there is a ``sensor``, its exposure is divided out again: what is at its white may be brighter.
 
         Raises:
-            DatasetError: The view is held out, or the file is missing or broken.
+            DatasetError: The view is held out, or the file is missing, broken or of another size than the
+                camera.
         """
         if view.split != "train":
             raise DatasetError(f"expected a training view, got {view.name}: its photograph is held out")
-        return read_rgb(file_of(self.root, f"photographs/{view.name}.exr"))
+        path = file_of(self.root, f"photographs/{view.name}.exr")
+        return of_size(read_rgb(path), view, path)
 
     def points(self) -> Points:
         """Sparse points, as structure from motion finds them; none where the capture holds none.
@@ -93,8 +95,8 @@ class Capture:
         """Where a training view sees the target object, shape ``(H, W)``, bool.
 
         Raises:
-            DatasetError: The scene has no target, the view is held out, or the file is broken or of another
-                object.
+            DatasetError: The scene has no target, the view is held out, or the file is broken, of another
+                object or of another size than the camera.
         """
         if self.target is None or view.split != "train":
             raise DatasetError(f"expected a training view of a scene with a target, got {view.name}")
@@ -109,7 +111,22 @@ class Capture:
                 f"expected object {self.target}, the target of the capture, or 0 in {path}, got "
                 f"{', '.join(map(str, others[:4]))}. Write the masks of the object that is to be removed"
             )
-        return ids > 0
+        return of_size(ids > 0, view, path)
+
+
+def of_size(image: np.ndarray, view: View, path: Path) -> np.ndarray:
+    """The image ``(H, W, ...)`` of a file, if it is as large as the camera of its view.
+
+    Raises:
+        DatasetError: It is larger or smaller.
+    """
+    height, width = image.shape[:2]
+    if (width, height) != (view.camera.width, view.camera.height):
+        raise DatasetError(
+            f"expected {path} to be {view.camera.width}x{view.camera.height} pixels, as its camera is, got "
+            f"{width}x{height}. Render the scene again, or import it anew"
+        )
+    return image
 
 
 def find_view(views: tuple[View, ...], name: str) -> View:

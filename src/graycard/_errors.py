@@ -4,9 +4,19 @@
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST = 4000
+"""Characters of a message: what came may be a text of megabytes."""
+
 
 class GraycardError(Exception):
     """Something the user can mend; the message says what was expected, what came, what to do."""
+
+    def __str__(self) -> str:
+        """Return the message, without its middle where it is too long to be read."""
+        whole = super().__str__()
+        if len(whole) <= LONGEST:
+            return whole
+        return f"{whole[: LONGEST // 2]} […] {whole[-LONGEST // 2 :]}"
 
 
 class UnknownNameError(GraycardError):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard._capture import View, file_of, find_view
+from graycard._capture import View, file_of, find_view, of_size
 from graycard._errors import DatasetError
 from graycard.edits import COMPOSITION, Composition, LightEdit, composed_file, find_edit
 from graycard.io import IN_MEMORY, Label, Name, from_builtins, read_json, read_layers, read_rgb
@@ -56,9 +56,10 @@ class Truth:
         """All true layers of a view by name, each ``(H, W)`` or ``(H, W, 3)``.
 
         Raises:
-            DatasetError: The file is missing or broken.
+            DatasetError: The file is missing, broken or of another size than the camera. Later: a layer is
+                asked for that it has not.
         """
-        return read_layers(file_of(self.root, f"views/{view.name}.exr"))
+        return _true_layers(file_of(self.root, f"views/{view.name}.exr"), view)
 
     def lights(self) -> tuple[Light, ...]:
         """The exact lights.
@@ -92,7 +93,7 @@ class Truth:
         """
         found = find_edit(self.edits, edit)
         _refuse_training(view)
-        return read_layers(file_of(self.root, found.view_file(view.name)))
+        return _true_layers(file_of(self.root, found.view_file(view.name)), view)
 
     def relit_lights(self, edit: str) -> tuple[Light, ...]:
         """The exact lights of an edit; the image of an environment lies beside their file.
@@ -124,11 +125,30 @@ class Truth:
             DatasetError: It is a training view, or the file is missing or broken.
         """
         _refuse_training(view)
-        return read_layers(file_of(self.root, composed_file(view.name)))
+        return _true_layers(file_of(self.root, composed_file(view.name)), view)
 
     def emitter_ids(self) -> frozenset[int]:
         """Ids of the objects that are surfaces of lights."""
         return frozenset(o.id for o in self.objects if o.emits)
+
+
+class _TrueLayers(dict[str, np.ndarray]):
+    """Layers by name; whoever asks for one that the file has not is told which file lacks it."""
+
+    path: Path
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise DatasetError(
+            f"expected {name} in {self.path}, got {', '.join(sorted(self)) or 'nothing'}. Render the scene "
+            "again"
+        )
+
+
+def _true_layers(path: Path, view: View) -> dict[str, np.ndarray]:
+    found = _TrueLayers(read_layers(path))
+    found.path = path
+    of_size(next(iter(found.values())), view, path)
+    return found
 
 
 def _finite_lights(path: Path) -> tuple[Light, ...]:

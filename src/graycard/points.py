@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard._errors import DatasetError
-from graycard.io import write_bytes
+from graycard.io import read_bytes, write_bytes
 
 _VERTEX = np.dtype([(n, "<f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")])
 _TRACKED = np.dtype([*_VERTEX.descr, ("views", "<u2")])
@@ -164,7 +164,7 @@ def _colors(vertices: np.ndarray, path: Path) -> np.ndarray:
 def _read_ply(path: Path) -> dict[str, np.ndarray]:
     """Elements by name up to the first one with lists, such as faces."""
     try:
-        data = path.read_bytes()
+        data = read_bytes(path)
     except OSError as cause:
         raise DatasetError(f"expected points at {path}, got {cause.strerror or cause}") from cause
     end = data.find(b"end_header", 0, _LONGEST_HEADER)

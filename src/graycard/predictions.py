@@ -241,11 +241,17 @@ def clear_predictions(folder: Path) -> Path:
             "Choose another output folder"
         )
     writable_folder(folder)
-    for name in (INDEX, LIGHTS):
-        (folder / name).unlink(missing_ok=True)
-    for name in FOLDERS:
-        shutil.rmtree(folder / name, ignore_errors=True)
+    for name in (INDEX, LIGHTS, *FOLDERS):
+        _remove(folder / name)
     return folder
+
+
+def _remove(path: Path) -> None:
+    """Remove what is at a path, be it a file, a folder, a link or nothing."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> None:

@@ -28,6 +28,12 @@ def make_run(psnr: float | None = 30.0, angle: float | None = 10.0, status: str 
     return RunRecord("demo", 1, (), (), METRICS, (result,), {}, "2026-01-01T00:00:00+00:00", 1.0)
 
 
+def test_a_run_that_does_not_say_what_its_metrics_are_makes_no_baseline():
+    run = replace(make_run(), metrics=METRICS[:1])
+    with pytest.raises(RecordError, match="expected a run that says what its metrics are, got none of angle"):
+        make_baseline(run)
+
+
 @pytest.mark.parametrize(
     ("psnr", "angle", "code", "worse", "better"),
     [

@@ -3,7 +3,9 @@
 
 import json
 import math
+import os
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ import numpy as np
 import pytest
 
 from changed_scene import enrich
-from graycard import GraycardError, open_capture, open_predictions, open_truth
+from graycard import DatasetError, GraycardError, open_capture, open_predictions, open_truth
 from graycard.benchmarks import FitSpec, fit_scene
 from graycard.dataset import manifest_of
 from graycard.eval import score_predictions
@@ -145,6 +147,67 @@ def test_predictions_may_not_link_to_the_truth(scene: Path, tmp_path: Path):
     scored = [score for score in sheet.scores if score.status == "scored"]
     assert not scored
     assert any("got a link to" in score.reason for score in sheet.scores)
+
+
+def test_views_of_predictions_may_not_be_links_to_the_truth(scene: Path, tmp_path: Path):
+    fit_scene(FitSpec("gray", {}, 0, scene), tmp_path / "p", silent)
+    index = tmp_path / "p" / "predictions.json"
+    index.write_text(json.dumps({**json.loads(index.read_text()), "files": {}}))
+    for path in (tmp_path / "p" / "views").iterdir():
+        path.unlink()
+        path.symlink_to(scene / "truth" / "views" / path.name)
+    sheet = score_predictions(tmp_path / "p", scene)
+    assert not [score for score in sheet.scores if score.status == "scored"]
+    assert any("got a link to" in score.reason for score in sheet.scores)
+
+
+STRANGE: dict[str, Callable[[Path], object]] = {
+    "a device": lambda path: path.symlink_to("/dev/zero"),
+    "a folder outside": lambda path: path.symlink_to("/usr"),
+    "a folder above": lambda path: path.symlink_to(".."),
+    "the folder itself": lambda path: path.symlink_to("."),
+    "a circle": lambda path: path.symlink_to(path.name),
+    "nothing": lambda path: path.symlink_to("nowhere"),
+    "a pipe": os.mkfifo,
+}
+
+
+@pytest.mark.parametrize("what", STRANGE)
+@pytest.mark.parametrize("name", ["photographs/more.exr", "more", ".hidden"])
+@pytest.mark.parametrize("part", ["capture", "truth"])
+def test_a_scene_holds_files_and_folders_alone(scene: Path, part: str, name: str, what: str):
+    """Copies of a capture would follow links to anywhere, and read devices and pipes without end."""
+    path = scene / part / name
+    path.parent.mkdir(exist_ok=True)
+    STRANGE[what](path)
+    with pytest.raises(DatasetError, match=f"the first {name}: (a link|got a link|neither a file)"):
+        (open_capture if part == "capture" else open_truth)(scene / part)
+
+
+def test_a_link_to_a_file_of_the_same_scene_is_as_good_as_the_file(scene: Path):
+    photographs = scene / "capture" / "photographs"
+    manifest = manifest_of(open_capture(scene / "capture"))
+    (photographs / "train_000.exr").rename(photographs / "same.exr")
+    (photographs / "train_000.exr").symlink_to("same.exr")
+    write_manifest(scene / "capture", manifest)
+    capture = open_capture(scene / "capture")
+    assert capture.photograph(capture.train[0]).shape == (24, 28, 3)
+
+
+@pytest.mark.parametrize("name", ["predictions.json", "lights.json", "views", "relighting"])
+def test_predictions_are_written_anew_whatever_lies_in_their_place(scene: Path, tmp_path: Path, name: str):
+    """A folder in the place of a file, and a file or a link in that of a folder."""
+    fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", silent)
+    place = tmp_path / "p" / name
+    if place.is_dir():
+        shutil.rmtree(place)
+        place.symlink_to(tmp_path / "outside")
+    else:
+        place.unlink()
+        (place / "x").mkdir(parents=True)
+    fit_scene(FitSpec("truth", {}, 0, scene), tmp_path / "p", silent)
+    assert open_predictions(tmp_path / "p").is_whole()
+    assert not written(tmp_path / "outside")
 
 
 def test_the_index_of_predictions_names_files_of_the_folder(scene: Path, tmp_path: Path):

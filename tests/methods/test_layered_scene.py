@@ -95,6 +95,18 @@ def test_a_scene_of_another_method_is_refused(tmp_path: Path):
         GrayScene.load(tmp_path, "other")
 
 
+def test_a_scene_that_cannot_be_drawn_is_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Loading draws a few pixels: what is wrong with the arrays is said there, and not by whoever renders."""
+    GrayScene(some_surfels(), 0.18).save(tmp_path)
+
+    def fail(self: GrayScene, *_: object) -> Mapping[str, np.ndarray]:
+        raise KeyError("tone weights 1")
+
+    monkeypatch.setattr(GrayScene, "_images", fail)
+    with pytest.raises(MethodError, match="expected a whole decomposition in .*: no 'tone weights 1'"):
+        GrayMethod().load(tmp_path)
+
+
 def test_a_capture_is_checked_before_it_is_fitted(tiny_scenes: Mapping[str, Path]):
     dark, bright = (open_capture(tiny_scenes[t] / "capture", check=False) for t in ("dark", "tabletop"))
     method = GrayMethod()

@@ -114,7 +114,9 @@ def test_a_layer_of_another_size_is_named(make_scene: Callable[..., Path]):
     truth = open_truth(scene / "truth")
     write_layers(scene / "truth" / "views" / "test_003.exr", {"depth": np.ones((3, 4))})
     assert truth.view("test_003").split == "test"
-    with pytest.raises(DatasetError, match=r"expected depth of dark/tiny-0000 test_003 of shape \(24, 28\)"):
+    with pytest.raises(
+        DatasetError, match="expected .*test_003.exr to be 28x24 pixels, as its camera is, got 4x3"
+    ):
         contact_sheet(scene)
 
 

@@ -26,7 +26,7 @@ from graycard import (
     open_truth,
     world_position,
 )
-from graycard.io import dumps, write_json, write_layers
+from graycard.io import dumps, write_json, write_layers, write_rgb
 from graycard.lights import light_from_json, light_to_json, read_lights
 
 LIGHTS: tuple[Light, ...] = (
@@ -212,6 +212,33 @@ def test_a_gaussian_light_has_a_lobe():
 def test_bad_lights(data: object, error: type[Exception], message: str):
     with pytest.raises(error, match=message):
         light_from_json(data)
+
+
+@pytest.mark.parametrize("track", ["dark", "tabletop"])
+def test_pictures_are_as_large_as_their_cameras(make_scene: Callable[..., Path], track: str):
+    scene = make_scene(track=track)
+    capture, truth = open_capture(scene / "capture"), open_truth(scene / "truth")
+    view, ids = capture.train[0], np.full((3, 4), 3, np.uint32)
+    write_rgb(scene / "capture" / "photographs" / f"{view.name}.exr", np.ones((3, 4, 3)))
+    write_layers(scene / "truth" / "views" / f"{view.name}.exr", {"object_id": ids})
+    reads = [lambda: capture.photograph(view), lambda: truth.layers(view)]
+    if track == "tabletop":
+        write_layers(scene / "capture" / "masks" / "target" / f"{view.name}.exr", {"object_id": ids})
+        reads.append(lambda: capture.target_mask(view))
+    for read in reads:
+        with pytest.raises(DatasetError, match="to be 28x24 pixels, as its camera is, got 4x3"):
+            read()
+
+
+def test_a_layer_that_the_truth_lacks_is_named_with_its_file(make_scene: Callable[..., Path]):
+    scene = make_scene()
+    truth = open_truth(scene / "truth")
+    path = scene / "truth" / "views" / f"{truth.views[0].name}.exr"
+    write_layers(path, {"depth": np.ones((24, 28))})
+    layers = truth.layers(truth.views[0])
+    assert layers.get("object_id") is None
+    with pytest.raises(DatasetError, match=f"expected object_id in {path}, got depth"):
+        layers["object_id"]
 
 
 def test_lights_are_a_list(tmp_path: Path):

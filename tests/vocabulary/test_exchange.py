@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from graycard import (
     TRACKS,
@@ -365,6 +366,12 @@ def make_transparent(path: Path) -> None:
     Image.fromarray(np.full((6, 8, 4), 100, np.uint8)).save(path)
 
 
+def add_endless_text(path: Path) -> None:
+    text = PngInfo()
+    text.add_text("a", "x" * 10**7, zip=True)
+    Image.fromarray(np.full((6, 8, 3), 100, np.uint8)).save(path, pnginfo=text)
+
+
 def make_deep(path: Path) -> None:
     Image.fromarray(np.full((6, 8), 40000, np.uint16)).save(path)
 
@@ -374,6 +381,7 @@ def make_deep(path: Path) -> None:
     [
         (make_deep, "expected 8 bits a channel"),
         (break_pixels, "expected a whole image at"),
+        (add_endless_text, "expected a whole image at"),
         (make_transparent, "expected an opaque photograph"),
         (lambda path: path.write_text("no image"), "expected a whole image at"),
     ],

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import OpenEXR
 import pytest
 
 from graycard import DatasetError, PredictionError, UnknownNameError, all_layers, find_layer
-from graycard.io import read_layers, read_rgb, write_layers, write_rgb
+from graycard.io import read_layers, read_rgb, unknown_channels, write_layers, write_rgb
 from graycard.layers import find_fault, shape_of
 
 rng = np.random.default_rng(3)
@@ -82,6 +83,25 @@ def test_a_truncated_file(tmp_path: Path, arrays: dict[str, np.ndarray], share: 
     path.write_bytes(data[: int(share * len(data))])
     with pytest.raises(DatasetError, match=r"expected a whole EXR file at .*a\.exr, got one that breaks off"):
         read_layers(path)
+
+
+def test_damage_is_said_in_the_error_and_not_on_stdout(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """OpenEXR itself prints why it leaves pixels out: there results are expected."""
+    path = tmp_path / "a.exr"
+    write_layers(path, {"depth": np.zeros((40, 40))})  # so plain that its pixels are compressed
+    data = path.read_bytes()
+    path.write_bytes(data[:-20] + b"\xff" * 20)
+    with pytest.raises(DatasetError, match="reading pixel data"):
+        read_layers(path)
+    unknown_channels(path)
+    assert capsys.readouterr().out == ""
+
+
+def test_a_pipe_is_no_file(tmp_path: Path):
+    os.mkfifo(tmp_path / "a.exr")
+    assert unknown_channels(tmp_path / "a.exr") == {}
+    with pytest.raises(DatasetError, match="expected an EXR file at .*, got none"):
+        read_layers(tmp_path / "a.exr")
 
 
 def test_a_missing_file(tmp_path: Path):

@@ -90,6 +90,19 @@ def test_links_out_of_a_root_are_refused(tmp_path: Path, what: str):
         inside(root, "views", "x.exr", error=DatasetError)
 
 
+def test_links_in_a_circle_are_refused(tmp_path: Path):
+    (tmp_path / "views").symlink_to("views")
+    with pytest.raises(DatasetError, match="expected views/x.exr to lie in .*, got a link to itself"):
+        inside(tmp_path, "views", "x.exr", error=DatasetError)
+
+
+def test_a_message_of_any_length_can_be_read():
+    words = str(DatasetError(f"expected a name, got {'x' * 100_000}. Rename it"))
+    assert len(words) < 5000
+    assert words.startswith("expected a name")
+    assert words.endswith("Rename it")
+
+
 def test_a_root_may_be_a_link_and_hold_links_of_its_own(tmp_path: Path):
     (tmp_path / "real" / "views").mkdir(parents=True)
     (tmp_path / "real" / "again").symlink_to(tmp_path / "real" / "views")

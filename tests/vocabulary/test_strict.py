@@ -2,6 +2,7 @@
 """JSON and TOML of strangers: an error in words, whatever stands there."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -77,6 +78,14 @@ def test_bytes_that_are_no_text_and_missing_files_are_errors_in_words(tmp_path: 
         read_toml(tmp_path / "none.toml")
     with pytest.raises(RecordError, match="Is a directory"):
         read_json(tmp_path)
+
+
+@pytest.mark.parametrize("what", ["pipe", "device"])
+def test_what_has_no_end_is_not_read(tmp_path: Path, what: str):
+    path = tmp_path / "x.json"
+    os.mkfifo(path) if what == "pipe" else path.symlink_to("/dev/zero")
+    with pytest.raises(RecordError, match="expected a JSON file at .*x.json, got a pipe or a device"):
+        read_json(path)
 
 
 def test_nesting_is_allowed_up_to_a_depth():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command line: ``graycard VERB ...``, or ``python -m graycard VERB ...``."""
 
+import errno
 import io
 import os
 import signal
@@ -43,16 +44,39 @@ def main(args: Sequence[str] | None = None) -> int:
         with _ended_tidily():
             return _run(list(sys.argv[1:] if args is None else args), terminal)
     except GraycardError as error:
-        if error.__cause__ is not None and isinstance(error, MethodError):
+        if isinstance(error, MethodError) and not _is_of_machine(error.__cause__):
             terminal.err.print("".join(traceback.format_exception(error.__cause__)))  # for whoever writes it
         terminal.err.print(f"graycard: {error}")
         return ERROR
     except BrokenPipeError:  # whoever reads has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CUT_OFF
+    except OSError as error:
+        if not _is_of_machine(error):
+            raise
+        where = f" at {error.filename}" if error.filename else ""
+        advice = _ADVICE.get(error.errno or 0, "Mend that, and run the same command again")
+        terminal.err.print(
+            f"graycard: expected a machine that can go on, got {error.strerror}{where}. {advice}"
+        )
+        return ERROR
     except KeyboardInterrupt as stopped:
         terminal.err.print("graycard: stopped; the same command goes on where it stopped")
         return 128 + (signal.SIGTERM if isinstance(stopped, _Ended) else signal.SIGINT)
+
+
+_TOO_MANY = "Allow more open files, as by `ulimit -n 1024`"
+_ROOM = "Free some space; the same command then goes on where it stopped"
+_ADVICE = {errno.EMFILE: _TOO_MANY, errno.ENFILE: _TOO_MANY, errno.ENOSPC: _ROOM, errno.EDQUOT: _ROOM}
+_OF_MACHINE = {
+    *_ADVICE, errno.EAGAIN, errno.ENOMEM, errno.EIO, errno.EROFS, errno.EACCES, errno.EPERM, errno.ESTALE,
+}  # fmt: skip
+"""What the system refuses whoever asks: no error of graycard's, nor of a method."""
+
+
+def _is_of_machine(error: BaseException | None) -> bool:
+    """Tell whether an error is the system's, or whether there is none."""
+    return error is None or (isinstance(error, OSError) and error.errno in _OF_MACHINE)
 
 
 def _set_up_process() -> None:

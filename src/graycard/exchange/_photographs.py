@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Photographs as other programs keep them: 8-bit sRGB in PNG and JPEG, linear light in EXR."""
 
+import struct
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, UnidentifiedImageError
+from PIL import Image
 
 from graycard._errors import DatasetError
 from graycard.colour import srgb_decode, srgb_encode
@@ -13,7 +15,11 @@ from graycard.io import atomic_path, read_rgb
 
 MASK_SUFFIXES = (".png", ".jpg", ".jpeg")
 SUFFIXES = (*MASK_SUFFIXES, ".exr")
-_BROKEN = (OSError, SyntaxError, UnidentifiedImageError, Image.DecompressionBombError)
+_BROKEN = (
+    OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, ArithmeticError, MemoryError,
+    struct.error, zlib.error, Image.DecompressionBombError,
+)  # fmt: skip
+"""What Pillow raises for files that are damaged on purpose, by the format."""
 
 
 def read_photograph(path: Path, width: int, height: int) -> np.ndarray:

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers in OpenEXR files: named channels, float32, scene-linear Rec.709, written whole or not at all."""
 
+import io
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -105,10 +107,12 @@ def unknown_channels(path: Path) -> dict[str, str]:
         An empty name where none is like it.
     """
     sys.audit("graycard.read", str(path))
+    if not Path(path).is_file():  # OpenEXR would wait for the other end of a pipe
+        return {}
     try:
-        with OpenEXR.File(str(path), header_only=True) as file:
+        with _warnings_as_errors(), OpenEXR.File(str(path), header_only=True) as file:
             channels = [channel.name for channel in file.header()["channels"]]
-    except (RuntimeError, ValueError, OSError):
+    except (*_DAMAGE, OSError):
         return {}
     strangers = [c for c in channels if not _is_layer(c.rpartition(".")[0]) or _is_extra(c, channels)]
     return {c: _meant(c) for c in strangers}
@@ -206,6 +210,8 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, st
             ) from cause
 
 
+_DAMAGE = (RuntimeError, ValueError, MemoryError)
+"""What OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
 _PLAIN = ("RGB", "RGBA")
 """What OpenEXR calls colours whose channels have no name before the dot."""
 
@@ -218,9 +224,9 @@ def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
     try:
         try:
             return _pixels(path, separate=False)
-        except (RuntimeError, ValueError):  # colours whose channels are of several types stay apart
+        except _DAMAGE:  # colours whose channels are of several types stay apart
             return _pixels(path, separate=True)
-    except (RuntimeError, ValueError) as cause:
+    except _DAMAGE as cause:
         raise error(
             f"expected a whole EXR file at {path}, got one that breaks off or is none "
             f"({Path(path).stat().st_size} bytes: {cause}). Write it again"
@@ -228,8 +234,24 @@ def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
 
 
 def _pixels(path: Path, separate: bool) -> dict[str, np.ndarray]:
-    with OpenEXR.File(str(path), separate_channels=separate) as file:
+    with _warnings_as_errors(), OpenEXR.File(str(path), separate_channels=separate) as file:
         return {name: channel.pixels for name, channel in file.channels().items()}
+
+
+@contextmanager
+def _warnings_as_errors() -> Iterator[None]:
+    """Around calls of OpenEXR, which prints on stdout why it leaves pixels out: stdout is for results.
+
+    Raises:
+        ValueError: It printed something.
+    """
+    said = io.StringIO()
+    try:
+        with redirect_stdout(said):
+            yield
+    finally:
+        if words := said.getvalue().strip():
+            raise ValueError(words.splitlines()[0])
 
 
 def _planes_of(pieces: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

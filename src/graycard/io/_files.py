@@ -6,6 +6,7 @@ import hashlib
 import os
 import re
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
@@ -142,6 +143,20 @@ def writable_folder(path: Path) -> Path:
     return path
 
 
+def read_bytes(path: Path) -> bytes:
+    """Return what a file holds; a pipe or a device, which may have no end, is none.
+
+    Raises:
+        OSError: There is no such file, or it cannot be read.
+    """
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "a pipe or a device", str(path))
+    return Path(path).read_bytes()
+
+
 def sha256(path: Path) -> str:
     """SHA-256 of a file's bytes, in hexadecimal."""
     with open(path, "rb") as file:
@@ -153,6 +168,38 @@ def sha256_of_files(root: Path, skip: Callable[[str], bool] = lambda name: False
     names = (p.relative_to(root) for p in root.rglob("*") if p.is_file())
     kept = sorted(n.as_posix() for n in names if not any(part.startswith(".") for part in n.parts))
     return {name: sha256(root / name) for name in kept if not skip(name)}
+
+
+def strange_entries(root: Path) -> dict[str, str]:
+    """Return what below a folder is neither a file nor a folder of its own, hidden or not, with what it is.
+
+    A copy of such a folder would follow links to places that have nothing to do with it, and read devices
+    without end. A link to a file in the folder is as good as the file.
+    """
+    found, home = {}, root.resolve()
+    for folder, folders, files in os.walk(root):
+        for name in (*folders, *files):
+            path = Path(folder) / name
+            if fault := _strangeness(path, home):
+                found[path.relative_to(root).as_posix()] = fault
+    return found
+
+
+def _strangeness(path: Path, home: Path) -> str:
+    if not path.is_symlink():
+        return "" if path.is_file() or path.is_dir() else "neither a file nor a folder"
+    target = end_of_links(path)
+    if target is None or not target.is_relative_to(home):
+        return f"got a link to {target or 'itself'}"
+    return "" if target.is_file() else "a link to no file"
+
+
+def end_of_links(path: Path) -> Path | None:
+    """Return where a path leads if all links are followed; None where they lead in a circle."""
+    try:
+        return path.resolve()
+    except (RuntimeError, OSError):  # RuntimeError before Python 3.13
+        return None
 
 
 def output_error(path: Path, cause: OSError) -> OutputError:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from graycard._errors import DatasetError, NewerFormatError
-from graycard.io._files import sha256_of_files
+from graycard.io._files import sha256_of_files, strange_entries
 from graycard.io._json import check_version, from_builtins, read_json, write_json
 from graycard.io._names import Name, RelativePath
 
@@ -68,7 +68,7 @@ def read_manifest(folder: Path, kind: str) -> Manifest:
 def damaged_files(folder: Path, manifest: Manifest) -> dict[str, str]:
     """Files that are missing, differ from the manifest, or are not in it, each with what is wrong."""
     found = sha256_of_files(Path(folder), skip=lambda name: name == MANIFEST)
-    faults = {name: "missing" for name in manifest.files if name not in found}
+    faults = {name: "missing" for name in manifest.files if name not in found} | strange_entries(Path(folder))
     for name, digest in found.items():
         expected = manifest.files.get(name)
         if expected is None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated
 
 from graycard._errors import GraycardError, OutputError
-from graycard.io._files import PARTIAL
+from graycard.io._files import PARTIAL, end_of_links
 
 LONGEST = 200
 """Bytes of a name in UTF-8: file systems allow 255, of which a suffix and a partial file take some."""
@@ -134,9 +134,11 @@ def inside(root: Path, *names: str, error: type[GraycardError] = OutputError) ->
     except ValueError as cause:
         raise error(f"{cause}. Rename it") from cause
     path = Path(root) / relative
-    if not path.resolve().is_relative_to(Path(root).resolve()):
+    place = end_of_links(path)
+    if place is None or not place.is_relative_to(Path(root).resolve()):
         raise error(
-            f"expected {relative} to lie in {root}, got a link to {path.resolve()}. Put the file itself there"
+            f"expected {relative} to lie in {root}, got a link to {place or 'itself'}. Put the file itself "
+            "there"
         )
     return path
 

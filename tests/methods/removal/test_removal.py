@@ -12,6 +12,7 @@ import torch
 from graycard import Camera, Capture, MethodError, View, look_at, methods, open_capture, open_truth
 from graycard.io import silent
 from graycard.methods import load_method
+from graycard.methods._store import restore, store
 from graycard.methods.priors import Override, PriorSpec, make_priors
 from graycard.methods.removal import (
     KeepMethod,
@@ -248,6 +249,13 @@ def test_the_whole_way(scene: Path, name: str, tmp_path: Path):
     )
     with pytest.raises(MethodError, match=r"expected the object that was fitted \(3\), got 2"):
         found.remove(2)
+    facts, arrays = restore(tmp_path / "d", name)
+    spoilt = {key: np.where(key.startswith("after/"), np.nan, values) for key, values in arrays.items()}
+    store(
+        tmp_path / "d", name, facts, {key: values.astype(arrays[key].dtype) for key, values in spoilt.items()}
+    )
+    with pytest.raises(MethodError, match="expected a whole decomposition in .* to be finite"):
+        method.load(tmp_path / "d")
 
 
 def test_they_differ_in_how_many_views_are_inpainted(scene: Path):

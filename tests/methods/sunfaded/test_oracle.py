@@ -12,6 +12,7 @@ import torch
 from graycard import Camera, MethodError, SpotLight, look_at, methods, open_capture, open_truth
 from graycard.io import silent
 from graycard.layers import find_fault
+from graycard.methods._store import restore, store
 from graycard.methods.shading import light_at
 from graycard.methods.splat import Maps
 from graycard.methods.sunfaded import OracleSunFadedScene, SunFadedSettings
@@ -197,6 +198,20 @@ def test_it_is_saved_and_loaded(tiny: Path, tmp_path: Path):
         assert np.array_equal(values, loaded.render(view.camera, [layer])[layer])
     with pytest.raises(MethodError, match="expected a decomposition by 'sunfaded'"):
         methods.load_method("sunfaded").load(tmp_path / "saved")
+
+
+@pytest.mark.parametrize("what", ["a light is missing", "a buffer is missing", "a buffer of another size"])
+def test_what_cannot_be_drawn_is_damaged(tiny: Path, tmp_path: Path, what: str):
+    fitted(tiny, iterations=3).save(tmp_path)
+    facts, arrays = restore(tmp_path, "sunfaded-oracle")
+    buffer = next(name for name in arrays if name.endswith("/normal"))
+    if what == "a buffer of another size":
+        arrays[buffer] = arrays[buffer][1:]
+    else:
+        del arrays["lights/lamp biases 1" if what == "a light is missing" else buffer]
+    store(tmp_path, "sunfaded-oracle", facts, arrays)
+    with pytest.raises(MethodError, match="expected a whole decomposition in"):
+        methods.load_method("sunfaded-oracle").load(tmp_path)
 
 
 def test_what_is_not_known_is_refused(tiny: Path):

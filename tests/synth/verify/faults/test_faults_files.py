@@ -71,7 +71,7 @@ def views_listed_for_the_truth_alone(scene: Path):
     edit_index(scene, "capture/capture.json", views=read_json(path)["views"][1:])
 
 
-@FAULTS.in_scene("tabletop", "files", "expected images of 48x48, got sizes")
+@FAULTS.in_scene("tabletop", "files", "to be 48x48 pixels, as its camera is, got 40x48")
 def photograph_of_another_size(scene: Path):
     path = scene / "capture" / "photographs" / "train_000.exr"
     write_rgb(path, read_rgb(path)[:, :40])
