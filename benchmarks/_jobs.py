@@ -25,6 +25,7 @@ from graycard.io import (
     from_builtins,
     printable,
     read_json,
+    remove,
     sha256,
     silent,
     writable_folder,
@@ -116,7 +117,7 @@ def run_fit(job: FitJob) -> Outcome:
             found = find_fit(job)
             if found is not None:
                 return found
-            (job.folder / DONE).unlink(missing_ok=True)
+            remove(job.folder / DONE)
             done = Done(job.job, job.job_hash, *_made(job))
             write_json(job.folder / DONE, done)
             return Outcome(value=done.fitted)

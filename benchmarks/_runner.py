@@ -316,10 +316,7 @@ def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
 
 
 def _keep(suite: Suite, run: Path) -> str:
-    """Write the suite beside its run, by which one sees what is missing there, and give its hash.
-
-    What a salt has opened is left out: the suite names its kinds.
-    """
+    """Write the suite beside its run, without what a salt has opened in it, and give its hash."""
     write_json(run / KEPT, public(suite))
     return sha256(run / KEPT)
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a pretrained network would tell a method: from the truth, from classical algorithms, from weights."""
 
+from graycard.methods.priors._build import UnloadedNetwork as UnloadedNetwork
 from graycard.methods.priors._build import check_priors as check_priors
 from graycard.methods.priors._build import make_priors as make_priors
 from graycard.methods.priors._build import truth_of as truth_of
@@ -13,4 +14,3 @@ from graycard.methods.priors._spec import Override as Override
 from graycard.methods.priors._spec import PriorSpec as PriorSpec
 from graycard.methods.priors._spec import of_kind as of_kind
 from graycard.methods.priors._spec import parse_priors as parse_priors
-from graycard.methods.priors._unloaded import UnloadedNetwork as UnloadedNetwork

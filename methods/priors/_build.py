@@ -2,7 +2,7 @@
 """From a spec to priors that a method can ask; what is missing is met before any time is spent."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -10,12 +10,20 @@ import numpy as np
 
 from graycard import Capture, Light, MethodError
 from graycard.io import sha256
-from graycard.methods._priors import KINDS, Ask, ImageKind, PriorKind, PriorModel, Priors, PriorSource
+from graycard.methods._priors import (
+    KINDS,
+    Ask,
+    ImageKind,
+    PriorKind,
+    PriorModel,
+    Priors,
+    PriorSource,
+    Question,
+)
 from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import OraclePrior, truth_for
 from graycard.methods.priors._spec import OWN_KINDS, KindSpec, PriorSpec, of_kind
-from graycard.methods.priors._unloaded import UnloadedNetwork
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
     "none": frozenset(),
@@ -27,6 +35,28 @@ GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
 
 Truth = Mapping[str, Mapping[str, np.ndarray]]
 """True arrays by view name and layer name."""
+
+
+@dataclass(frozen=True, slots=True)
+class UnloadedNetwork:
+    """Weights on disk: a TorchScript file among them is a program."""
+
+    kind: ImageKind
+    weights: Path
+
+    def load(self) -> PriorModel:
+        """Return the network.
+
+        Raises:
+            MethodError: The weights are damaged, or those of no network for this kind.
+        """
+        from graycard.methods.priors._pretrained import load_pretrained  # PyTorch takes long to import
+
+        return load_pretrained(self.kind, self.weights)
+
+    def answer(self, question: Question) -> np.ndarray:
+        """Return the answer, unchecked; the network is loaded for it."""
+        return self.load().answer(question)
 
 
 def check_priors(spec: PriorSpec, asks: Sequence[Ask]) -> None:

@@ -10,7 +10,6 @@ PREDICTIONS/environments/       optional: images of environments among them, or 
 """
 
 import hashlib
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from graycard.io import (
     read_json,
     read_known_layers,
     read_rgb,
+    remove,
     sha256,
     sha256_of_files,
     unknown_channels,
@@ -242,16 +242,8 @@ def clear_predictions(folder: Path) -> Path:
         )
     writable_folder(folder)
     for name in (INDEX, LIGHTS, *FOLDERS):
-        _remove(folder / name)
+        remove(folder / name)
     return folder
-
-
-def _remove(path: Path) -> None:
-    """Remove what is at a path, be it a file, a folder, a link or nothing."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-    else:
-        path.unlink(missing_ok=True)
 
 
 def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> None:

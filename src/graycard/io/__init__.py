@@ -16,6 +16,7 @@ from graycard.io._files import atomic_path as atomic_path
 from graycard.io._files import free_mib as free_mib
 from graycard.io._files import output_error as output_error
 from graycard.io._files import read_bytes as read_bytes
+from graycard.io._files import remove as remove
 from graycard.io._files import sha256 as sha256
 from graycard.io._files import sha256_of_files as sha256_of_files
 from graycard.io._files import writable_folder as writable_folder

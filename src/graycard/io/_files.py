@@ -143,6 +143,14 @@ def writable_folder(path: Path) -> Path:
     return path
 
 
+def remove(path: Path) -> None:
+    """Remove what is at a path, be it a file, a folder, a link or nothing."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
 def read_bytes(path: Path) -> bytes:
     """Return what a file holds; a pipe or a device, which may have no end, is none.
 
