@@ -30,9 +30,9 @@ name = "killed"
 version = 1
 title = "As small as can be, with fits that go on from stages"
 [render]
-width = 24
-height = 24
-train_views = 3
+width = 64
+height = 64
+train_views = 6
 test_views = 2
 samples = 16
 [[scenes]]
