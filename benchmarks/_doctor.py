@@ -10,6 +10,7 @@ import psutil
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
 from graycard.io import free_mib
 from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
+from graycard.processes import landlock_version
 from graycard.synth import find_llvm
 
 ROOM_MIB = 2048
@@ -35,7 +36,7 @@ class Finding:
 
 
 def findings(folder: Path) -> list[Finding]:
-    """Renderer, processor, GPU, weights and disk, without loading a renderer or torch.
+    """Renderer, processor, GPU, weights, sandbox and disk, without loading a renderer or torch.
 
     Args:
         folder: Where runs would go.
@@ -46,6 +47,7 @@ def findings(folder: Path) -> list[Finding]:
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
         Finding("torch", package_version("torch") or "none"),
         _weights(),
+        _sandbox(),
         Finding("trust", TRUST),
         _disk(folder),
     ]
@@ -56,6 +58,14 @@ def _renderer() -> Finding:
     found = f"LLVM {llvm.version} {_SOURCES.get(str(llvm.source), '')}, {llvm.path}"
     variant = f"llvm_ad_rgb ({found})" if llvm.usable else "scalar_rgb"
     return Finding("renderer", f"Mitsuba {package_version('mitsuba')}, {variant}", llvm.advice)
+
+
+def _sandbox() -> Finding:
+    """Return what closes truth to fits on this machine."""
+    if version := landlock_version():
+        return Finding("sandbox", f"Landlock {version}, and an audit hook of Python")
+    alone = "an audit hook of Python alone: this kernel has no Landlock"
+    return Finding("sandbox", alone, "run methods of strangers in a container (docs/explanation/security.md)")
 
 
 def _memory_gib() -> float:
