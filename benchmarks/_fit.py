@@ -16,7 +16,7 @@ from typing import Any
 from graycard import Capture, MethodError, Progress
 from graycard.benchmarks._changes import changes_for
 from graycard.benchmarks._guest import check_donor, guest_of
-from graycard.benchmarks._handed import copied_capture, places_of, scratch_folder
+from graycard.benchmarks._handed import check_there, copied_capture, places_of, scratch_folder
 from graycard.benchmarks._privileged import priors_for
 from graycard.io import sha256, writable_folder
 from graycard.methods import (
@@ -99,6 +99,7 @@ def fit_scene(
     with ExitStack() as things:
         scratch = things.enter_context(scratch_folder())
         scenes = [spec.scene, *([spec.donor] if spec.donor else [])]
+        check_there(scenes)
         more = {"allowed": spec.allowed, "weights": weights_in(spec.priors)}
         places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, **more)
         process = confined(spec.method, scratch, places, progress, spec.label)

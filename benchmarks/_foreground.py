@@ -11,7 +11,7 @@ from typing import Any
 
 from graycard import MethodError, Progress
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
-from graycard.benchmarks._handed import places_of, scratch_folder
+from graycard.benchmarks._handed import check_there, places_of, scratch_folder
 from graycard.benchmarks._jobs import guarded
 from graycard.io import silent
 from graycard.methods.confined import SERVE, confined
@@ -113,6 +113,7 @@ def _ask(asked: _Question) -> Outcome:
 
     def work() -> Any:
         with scratch_folder() as scratch:
+            check_there([asked.scene])
             places = places_of(scratch, [asked.scene], {}, allowed=asked.allowed)
             with confined(asked.method, scratch, places) as method:
                 return method.call(asked.function, **asked.arguments)

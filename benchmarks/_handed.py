@@ -70,6 +70,16 @@ def copied_capture(folder: Path, copy: Path) -> Iterator[Capture]:
         raise
 
 
+def check_there(scenes: list[Path]) -> None:
+    """Refuse scenes that are not there: to close what lies around their names could close the code.
+
+    Raises:
+        DatasetError: A scene is missing.
+    """
+    for scene in scenes:
+        open_capture(Path(scene) / "capture", check=False)
+
+
 def places_of(
     scratch: Path,
     scenes: list[Path],

@@ -61,7 +61,7 @@ def test_doctor_finds_things_and_advises(tmp_path: Path, capsys: Capture):
     assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
     assert last_line(capsys).startswith("doctor: ")
     names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())]
-    assert names == ["renderer", "processor", "GPU", "torch", "weights", "trust", "disk"]
+    assert names == ["renderer", "processor", "GPU", "torch", "weights", "sandbox", "trust", "disk"]
 
 
 @pytest.mark.parametrize(
@@ -343,6 +343,10 @@ def test_a_failed_score_is_exit_code_1(tiny_scenes: dict[str, Path], tmp_path: P
         (["score", "nowhere", "{scene}"], "expected a predictions folder with predictions.json at nowhere"),
         (["score", "nowhere", "neverwhere"], "got nothing. Run `graycard render`"),
         (["fit", "gray", "neverwhere", "--out", "{tmp}/x"], "got nothing. Run `graycard render`"),
+        (
+            ["fit", "small_methods:Plain", "neverwhere", "--out", "{tmp}/x"],
+            "got nothing. Run `graycard render`",
+        ),
         (["fit", "gray", "/", "--out", "{tmp}/x"], "got /. Give DATASET/<track>/<scene>"),
         (["fit", "gray", "{scene}/capture", "--out", "{tmp}/x"], "/capture. Give {scene}"),
         (["fit", "gray", "{scene}/..", "--out", "{tmp}/x"], "Give one of its scenes, as "),

@@ -29,7 +29,8 @@ def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     shutil.copytree(
         METHODS / "splat", root / "methods" / "splat", ignore=shutil.ignore_patterns("__pycache__")
     )
-    shutil.copy(METHODS / "_numba.py", root / "methods")
+    for name in ("_numba.py", "_kernel_places.py"):
+        shutil.copy(METHODS / name, root / "methods")
     forget()
     monkeypatch.setattr(_numba, "package_folder", lambda package: root.joinpath(*package.split(".")[1:]))
     yield root / "methods"
@@ -87,12 +88,12 @@ def test_functions_of_others_are_left_to_numba():
 
 def test_a_cache_that_cannot_be_written_is_left_to_numba(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "file").touch()
-    monkeypatch.setattr(_numba, "cache_root", lambda: tmp_path / "file")
+    monkeypatch.setattr(_numba, "_own_root", lambda: tmp_path / "file")
     assert KernelCacheLocator.from_function(forget, str(FORWARD)) is None
 
 
 def test_numba_asks_for_the_folder_of_the_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(_numba, "cache_root", lambda: tmp_path)
+    monkeypatch.setattr(_numba, "_own_root", lambda: tmp_path)
     found = KernelCacheLocator.from_function(forget, str(FORWARD))
     assert found is not None
     assert Path(found.get_cache_path()).name == f"raster_forward-{code_digest(FORWARD)[:16]}"
