@@ -63,7 +63,8 @@ class Confined:
         Raises:
             ChannelError: It ended.
         """
-        told = {"places": asdict(places), "code": code, "environment": {**os.environ, **variables}}
+        own = {name: value for name, value in os.environ.items() if _is_text(name + value)}
+        told = {"places": asdict(places), "code": code, "environment": {**own, **variables}}
         answer = self.channel.ask(Message("confine", told))
         version = int(answer.data["landlock"])
         self.pid = int(answer.data["pid"])
@@ -130,6 +131,11 @@ class Forked:
                 raise subprocess.TimeoutExpired("a fork", timeout or 0.0)
             time.sleep(_LOOK_S)
         return code
+
+
+def _is_text(value: str) -> bool:
+    """Tell whether a message can hold a text: environment variables may be of any bytes."""
+    return value.isascii() or value.encode(errors="replace").decode() == value
 
 
 _ahead: list[Confined] = []

@@ -235,8 +235,8 @@ def run_all(
     """
     outcomes = {number: found for number, job in enumerate(jobs) if (found := find_cached(job)) is not None}
     todo = deque(number for number in range(len(jobs)) if number not in outcomes)
+    end_orphans()
     if todo:
-        end_orphans()
         _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines).run(at_a_time)
     return [outcomes[number] for number in range(len(jobs))]
 
