@@ -121,7 +121,8 @@ def fit_scene(
         cost = _written(fit, decomposition, capture, changes, spent, predictions, alone=donor is None)
         if save is not None:
             decomposition.save(save)
-        fit.method.keep_kernels()
+        if all(place.suffix == ".safetensors" for place in more["weights"]):
+            fit.method.keep_kernels()  # no program in weights can have made them
         return Fitted(cost, _access(fit, priors, donor))
 
 

@@ -145,6 +145,13 @@ def test_rules_open_what_is_handed_and_no_data(tmp_path: Path):
     assert not {"/", "/home", "/root", "/tmp", "/proc", "/dev", "/dev/shm", "/etc"} & rules.keys()
 
 
+def test_data_in_a_folder_of_the_system_are_closed(tmp_path: Path):
+    rules = dict(rules_of(Places(str(tmp_path), closed=("/usr/share/data-of-mine",)), []))
+    assert "/usr" not in rules
+    assert "/usr/share" not in rules
+    assert "/usr/lib" in rules
+
+
 RESTRICTED = """
 import os, sys, threading
 from graycard.processes._landlock import TO_READ, TO_WRITE, restrict

@@ -351,7 +351,7 @@ def _take_files(made: Path, folder: Path) -> None:
             raise MethodError(f"expected files of a saved decomposition, got {path.name}, which is none")
     for path in (path for path in found if path.is_file()):
         with atomic_path(inside(folder, *path.relative_to(made).parts)) as partial:
-            shutil.copyfile(path, partial)
+            shutil.copyfile(path, partial, follow_symlinks=False)
     shutil.rmtree(made, ignore_errors=True)
 
 

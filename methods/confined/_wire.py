@@ -9,7 +9,16 @@ from typing import Any, cast
 
 import numpy as np
 
-from graycard import Camera, Composition, EnvironmentLight, GraycardError, Light, MethodError, View
+from graycard import (
+    Camera,
+    Composition,
+    EnvironmentLight,
+    GraycardError,
+    Light,
+    MethodError,
+    OutputError,
+    View,
+)
 from graycard.io import from_builtins, to_builtins
 from graycard.lights import light_from_json, light_to_json
 from graycard.methods._blame import words_of
@@ -166,8 +175,11 @@ def error_out(error: BaseException) -> dict[str, str]:
 
 
 def error_in(data: Any) -> GraycardError:
-    """Return the error that :func:`error_out` gave; one that is not graycard's is a MethodError."""
-    kinds = {kind.__name__: kind for kind in _kinds_of(GraycardError)}
+    """Return the error that :func:`error_out` gave; one that is not graycard's is a MethodError.
+
+    So is an OutputError: that of a run would end all its jobs, and a method is no judge of its disk.
+    """
+    kinds = {kind.__name__: kind for kind in _kinds_of(GraycardError) if not issubclass(kind, OutputError)}
     kind = kinds.get(str(data["error"]), MethodError)
     error = kind.__new__(kind)
     error.args = (str(data["words"]),)

@@ -28,6 +28,7 @@ WORDS = {
     "garbage": "expected a message",
     "half": "exit code 0",
     "done": "to answer what is asked",
+    "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
     "words": "it cannot say what",
@@ -41,13 +42,13 @@ def job_of(method: str, scene: Path, run: Path) -> FitJob:
     return FitJob(job, "hash", scene, run / "jobs" / method, 1, run / "jobs")
 
 
-def living_children() -> set[str]:
-    """Processes that were started with an environment of this test."""
-    found = set()
+def living_children(tmp_path: Path) -> set[str]:
+    """Processes that were started with the environment of this test: others run beside it."""
+    found, mark = set(), b"HOSTILE_TEST=" + os.fsencode(tmp_path) + b"\0"
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:
             ours = b"resource_tracker" in path.with_name("cmdline").read_bytes()  # of Python, of this process
-            if b"HOSTILE_TEST=yes" in path.read_bytes() and not ours and path.parent.name != str(os.getpid()):
+            if mark in path.read_bytes() and not ours and path.parent.name != str(os.getpid()):
                 found.add(path.parent.name)
         except OSError:
             continue
@@ -57,7 +58,7 @@ def living_children() -> set[str]:
 @pytest.fixture
 def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "temporary").mkdir()
-    monkeypatch.setenv("HOSTILE_TEST", "yes")
+    monkeypatch.setenv("HOSTILE_TEST", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     return make_scene()
 
@@ -70,7 +71,7 @@ def test_each_end_fails_its_own_job(scene: Path, tmp_path: Path, how: str):
     assert any(word in outcome.reason for word in WORDS[how].split("|")), outcome.reason
     assert not outcome.fatal
     assert not (job.folder / "job.json").exists()
-    assert living_children() == set()
+    assert living_children(tmp_path) == set()
     assert [*(tmp_path / "temporary").iterdir()] == []
 
 
@@ -80,6 +81,6 @@ def test_who_leaves_children_is_done_and_they_end(scene: Path, tmp_path: Path):
     (outcome,) = run_all(run_fit, jobs, 1, silent, limits=Limits(60.0, 4096), confines=SERVE)
     assert outcome.reason == ""
     assert time.monotonic() - start < END_S
-    assert living_children() == set()
+    assert living_children(tmp_path) == set()
     (again,) = run_all(run_fit, jobs, 1, silent, confines=SERVE)
     assert again.reused

@@ -68,6 +68,12 @@ def _pretend_to_be_done() -> None:
     os._exit(0)
 
 
+def _blame_the_disk() -> None:
+    data = b'{"kind": "error", "data": {"error": "OutputError", "words": "full", "trace": ""}, "arrays": []}'
+    _channel().sendall(len(data).to_bytes(8, "big") + data)
+    time.sleep(1.0)
+
+
 def _raise_broken_words() -> None:
     class BrokenError(Exception):
         def __str__(self) -> str:
@@ -88,6 +94,7 @@ ENDS: dict[str, Callable[[], Any]] = {
     "garbage": _write_garbage,
     "half": _write_half,
     "done": _pretend_to_be_done,
+    "disk": _blame_the_disk,
     "system_exit": lambda: sys.exit(0),
     "interrupt": lambda: (_ for _ in ()).throw(KeyboardInterrupt()),
     "words": _raise_broken_words,

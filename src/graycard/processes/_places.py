@@ -63,9 +63,7 @@ def rules_of(places: Places, code: Sequence[str]) -> Iterator[tuple[str, int]]:
     libraries = [part for name in _VARIABLES for part in os.environ.get(name, "").split(os.pathsep) if part]
     prefixes = (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix)
     system = [*_SYSTEM, *(os.path.join("/proc", name) for name in _PROCESS)]
-    for path in _each(system):
-        yield path, TO_READ
-    for path in _each([*prefixes, *libraries, *code, *places.readable]):
+    for path in _each([*system, *prefixes, *libraries, *code, *places.readable]):
         yield from ((part, TO_READ) for part in open_parts(path, closed))
     for pattern in _DEVICES:
         yield from ((path, OF_DEVICES) for path in glob.glob(pattern))
