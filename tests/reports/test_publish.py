@@ -102,7 +102,7 @@ def test_a_ledger_that_breaks_off_is_told_and_never_a_traceback(
     run_alone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     valid = Validity((), ("counts",), "hand", "", 1)
-    monkeypatch.setattr("graycard.benchmarks.check_result", lambda run, progress: valid)
+    monkeypatch.setattr("graycard.benchmarks.check_result", lambda run, progress, salt=None: valid)
     (run_alone / CLAIMS).write_text('{"suite": "hand", ')
     assert main(["publish", str(run_alone), "--out", str(tmp_path / "out")]) == 2
     said = " ".join(capsys.readouterr().err.split())

@@ -108,8 +108,9 @@ def _save(corpus: Path, method: str) -> None:
     chosen = {
         name: value for name, value in _QUICK.items() if name in known and (method, name) != ("gsir", "lamps")
     }
+    kept = corpus / "kept" / "checkpoint.safetensors"  # a fit may write to its folder, so no data lie there
     if method == "2dgs":
-        chosen["checkpoint"] = str(corpus / "checkpoint.safetensors")
+        chosen["checkpoint"] = str(kept)
     priors = PriorSpec()
     if method in _ORACLE:
         priors = parse_priors("oracle:0")
@@ -118,3 +119,5 @@ def _save(corpus: Path, method: str) -> None:
     track = "tabletop" if method in _OF_TARGETS else _TRACKS.get(method, "multilight")
     spec = FitSpec(method, chosen, 0, corpus / "dataset" / track / "tiny-0000", priors=priors)
     fit_scene(spec, corpus / "fitted" / method, silent, corpus / decomposition(method))
+    if method == "2dgs":
+        kept.rename(corpus / kept.name)
