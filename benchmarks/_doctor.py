@@ -20,7 +20,7 @@ TRUST = (
     "methods and TorchScript files (--priors pretrained:FOLDER with .pt) are programs and run with your "
     "rights; safetensors, images and records are data. See docs/explanation/security.md"
 )
-"""What runs as a program here, whoever it is from."""
+"""Things that run as programs here, whoever made them."""
 
 _SOURCES = {"pip": "from pip", "system": "of the system", "environment": "named by DRJIT_LIBLLVM_PATH"}
 

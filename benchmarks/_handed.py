@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit is handed: a copy of the capture that does not tell its scene; all else is closed to it."""
+"""Hand a fit a copy of the capture that does not tell its scene, and close all other data to it."""
 
 import re
 import shutil
@@ -23,7 +23,7 @@ OPAQUE = "this-scene"
 _OF_RUNS = (
     "jobs", "dataset", "stages", "report", "run.json", "comparison.json", "claims.json", "suite.json",
 )  # fmt: skip
-"""What of a run folder is closed."""
+"""Files and folders of a run that are closed."""
 
 
 @contextmanager

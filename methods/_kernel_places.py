@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where compiled kernels are kept, told without an import of Numba or of graycard.
+"""Find the folder of compiled kernels without an import of Numba or of graycard.
 
 Kernels are compiled again when a file that they can reach changes: this one imports none.
 """

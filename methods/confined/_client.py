@@ -42,13 +42,13 @@ from graycard.processes import (
 )
 
 SERVE = "graycard.methods.confined:serve"
-"""What the process runs."""
+"""Function that the process runs."""
 _NO_PRIORS = Priors()
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What a method says of itself before it is fitted."""
+    """Needs, asks and settings of a method, before it is fitted."""
 
     needs: tuple[str, ...]
     asks: tuple[Ask, ...]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a method says of itself before it is fitted."""
+"""Introduce a method before it is fitted: its needs, asks, settings and code."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from graycard.methods.priors import PriorSpec, check_priors
 
 @dataclass(frozen=True, slots=True)
 class Introduction:
-    """What a method says of itself, with some settings and priors."""
+    """A method's own account of itself, with some settings and priors."""
 
     summary: str
     needs: tuple[str, ...]

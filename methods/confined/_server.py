@@ -59,7 +59,7 @@ _ABLE: Mapping[str, type[Any]] = {
     "environment": Surrounded,
     "counts": Counting,
 }
-"""What a decomposition may do besides, by the verb."""
+"""Protocols that a decomposition may follow besides, by their verb."""
 
 
 def serve(channel: Channel) -> None:

@@ -166,7 +166,7 @@ def make_priors(
 
 
 def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> PriorModel:
-    """What answers about one kind; networks are not loaded yet."""
+    """Return the model that answers about one kind; networks are not loaded yet."""
     if spec.source == "oracle":
         return OraclePrior(spec, truth, capture.exposure, capture.target)
     if spec.source == "classical":

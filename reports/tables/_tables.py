@@ -223,7 +223,7 @@ def warnings(results: Sequence[JobResult], handed: Collection[str] = ()) -> tupl
 
 @dataclass(frozen=True, slots=True)
 class _Readings:
-    """What all jobs say about one metric."""
+    """Scores of all jobs by one metric."""
 
     by_method: Mapping[str, Sequence[Reading]]
     scenes: frozenset[str]

@@ -95,7 +95,7 @@ def _broken_picture(path: Path, size: tuple[int, int] | None) -> Iterator[str]:
 
 
 def _unreadable_view(truth: Truth, capture: Capture, view: View) -> Iterator[str]:
-    """What is wrong with the images of a view, which are of the size of its camera."""
+    """Return the faults of the images of a view, which are of the size of its camera."""
     try:
         truth.layers(view)
         if view.split == "train":

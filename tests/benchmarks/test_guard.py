@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a fit is handed, what is closed to it, and what is recorded of that."""
+"""A fit is handed a copy of its capture, truth is closed to it, and both are recorded."""
 
 import os
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is closed to a fit stays closed, by whatever way a method's code goes for it."""
+"""Data that are closed to a fit stay closed, whatever way a method's code tries."""
 
 import os
 import socket

@@ -60,7 +60,7 @@ _TIMES = {"wall_s", "started", "cost", "environment"}
 
 @dataclass
 class Trial:
-    """Where benches run, how long one takes, and what went wrong."""
+    """Folder of the benches, time that one takes, and faults that were found."""
 
     root: Path
     rng: random.Random

@@ -43,7 +43,7 @@ ASIDE = Path(os.environ.get("ROUTES_ASIDE", "/nowhere"))
 PORT = int(os.environ.get("ROUTES_PORT", "0"))
 TRUTH = SCENE / "truth" / "truth.json"
 VICTIMS = SCENE / "truth" / "victims"
-"""What may be destroyed where it is not closed."""
+"""Files that may be destroyed where they are not closed."""
 IMAGE = SCENE / "truth" / "views" / "test_001.exr"
 LIBC = ctypes.CDLL(None, use_errno=True)
 READ = f"open({str(TRUTH)!r}).read()"
@@ -441,7 +441,7 @@ def _quiet(work: Route) -> Any:
 
 
 def _tried(work: Route) -> float:
-    """Whether a way gave anything."""
+    """Return 1 if a way gave anything, else 0."""
     here = os.getcwd()
     try:
         found = work()

@@ -17,7 +17,7 @@ from graycard.io import write_bytes
 from graycard.methods import Guest, NoSettings, Priors, add_resumed
 
 BEFORE_S, BEFORE_MIB = 1000.0, 1e6
-"""What ``Staged`` says that its stage has cost."""
+"""Cost of its stage, as ``Staged`` tells it."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Plain:
         return Even()
 
     def load(self, folder: Path) -> Even:
-        raise NotImplementedError
+        return Even()
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class Peeping(Hosting):
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Where stages are saved."""
+    """Folder of the stages."""
 
     checkpoint: str = ""
 

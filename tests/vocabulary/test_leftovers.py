@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What killed processes leave is found and removed; what a process still writes, however old, stays."""
+"""Leftovers of killed processes are removed; a file that a process still writes stays, however old."""
 
 import os
 import signal

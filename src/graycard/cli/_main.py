@@ -71,7 +71,7 @@ _ADVICE = {errno.EMFILE: _TOO_MANY, errno.ENFILE: _TOO_MANY, errno.ENOSPC: _ROOM
 _OF_MACHINE = {
     *_ADVICE, errno.EAGAIN, errno.ENOMEM, errno.EIO, errno.EROFS, errno.EACCES, errno.EPERM, errno.ESTALE,
 }  # fmt: skip
-"""What the system refuses whoever asks: no error of graycard's, nor of a method."""
+"""Errors of the system itself: no error of graycard's, nor of a method."""
 
 
 def _is_of_machine(error: BaseException | None) -> bool:

@@ -19,7 +19,7 @@ _BROKEN = (
     OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, ArithmeticError, MemoryError,
     struct.error, zlib.error, Image.DecompressionBombError,
 )  # fmt: skip
-"""What Pillow raises for files that are damaged on purpose, by the format."""
+"""Errors that Pillow raises for files that are damaged on purpose, by the format."""
 
 
 def read_photograph(path: Path, width: int, height: int) -> np.ndarray:

@@ -211,7 +211,7 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, st
 
 
 _DAMAGE = (RuntimeError, ValueError, MemoryError)
-"""What OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
+"""Errors that OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
 _PLAIN = ("RGB", "RGBA")
 """What OpenEXR calls colours whose channels have no name before the dot."""
 

@@ -47,7 +47,7 @@ class Confined:
     notes: int
     """Descriptor from which refusals are read."""
     guard: str = ""
-    """How data are closed to it, for the record; empty until they are."""
+    """Way in which data are closed to it, for the record; empty until they are."""
     pid: int = 0
     """Of the process that runs code of others."""
     refused: dict[str, None] = field(default_factory=dict)

@@ -32,7 +32,7 @@ _AROUND = frozenset({"os.rename", "os.remove", "os.rmdir"})
 _PROGRAMS = frozenset({"subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "pty.spawn"})
 _WATCHED = _ONE_PATH | _TWO_PATHS | _PROGRAMS | {"import"}
 _SEPARATORS = re.compile(r"[\s'\"=:;,|&<>()\[\]{}]+")
-"""What stands between the words of a command, in a shell's line as well as in a list of arguments."""
+"""Separators of the words of a command, in a shell's line as well as in a list of arguments."""
 _LONGEST = 2000
 """Characters of a note: a pipe takes so much at once."""
 
@@ -53,7 +53,7 @@ class Guard:
         self._opened = tuple(os.path.realpath(place) for place in opened)
         self._notes = notes
         self.refused: list[str] = []
-        """What was refused in this process, in order, each once."""
+        """Paths and commands that were refused in this process, in order, each once."""
 
     def __call__(self, event: str, arguments: tuple[Any, ...]) -> None:
         """Judge an event; :func:`sys.addaudithook` calls this."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a process does that is to run code of others, until it does so.
+"""Prepare a process that is to run code of others.
 
 It imports what it needs first, and waits. Told what is open to it, it forks: threads that libraries have
 started by then would not be bound by Landlock, and a fork leaves them behind. Only the fork runs code of

@@ -22,7 +22,7 @@ _PROCESS = (
     "self", "cpuinfo", "meminfo", "stat", "sys", "version", "uptime", "loadavg", "filesystems", "devices",
     "driver/nvidia",
 )  # fmt: skip
-"""What of ``/proc`` tells of this process or of the machine, and of no other process."""
+"""Entries of ``/proc`` that tell of this process or of the machine, and of no other process."""
 _DEVICES = (
     "/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom", "/dev/dri", "/dev/kfd",
     "/dev/nvidia*",
@@ -33,7 +33,7 @@ _VARIABLES = ("LD_LIBRARY_PATH", "DRJIT_LIBLLVM_PATH", "DRJIT_LIBOPTIX_PATH", "C
 
 @dataclass(frozen=True, slots=True)
 class Places:
-    """What is open to a confined process besides interpreter and libraries, and what is closed to it."""
+    """Files open to a confined process besides interpreter and libraries, and files closed to it."""
 
     scratch: str
     """Folder of its own, for its files and those that it is handed."""

@@ -28,7 +28,7 @@ KEPT = 3
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is tried."""
+    """Number of cases and time of a run."""
 
     cases: int | None = None
     seconds: float | None = None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What strangers put into files: numbers, texts and containers that readers do not expect."""
+"""Numbers, texts and containers of strangers that readers do not expect."""
 
 from random import Random
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a kind of case is, and how the library and the command line are called in one."""
+"""Describe a kind of case, and call the library and the command line in one."""
 
 import io
 import re
@@ -28,7 +28,7 @@ class Kind:
     seal: Callable[[Path], None] | None = None
     """Makes hashes right again after the attack."""
     writes: tuple[str, ...] = ()
-    """What else may be written, below the input, as a report into its run."""
+    """Further files that may be written below the input, as a report into its run."""
     weight: int = 1
     """Tries in each round."""
 

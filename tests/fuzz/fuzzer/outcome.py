@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What came of cases, and the table of it."""
+"""Outcomes of cases, and their table."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -8,16 +8,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one case."""
+    """Outcome of one case."""
 
     kind: str
     number: int
     fault: str = ""
-    """What is wrong with it; empty where nothing is."""
+    """Fault that was found; empty for none."""
     refused: bool = False
-    """Whether graycard refused the input in words."""
+    """True if graycard refused the input in words."""
     steps: tuple[str, ...] = ()
-    """What was changed."""
+    """Change that was made to the input."""
     detail: str = ""
     """A traceback, or what was written outside."""
     cpu_s: float = 0.0

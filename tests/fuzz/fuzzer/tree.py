@@ -106,7 +106,7 @@ _ACTS: dict[str, Callable[[Random, Path, list[Path]], str]] = {
     "copy": _copy,
     "add beside": _add,
 }
-"""What is done to a path; links thrice as often."""
+"""Changes of a path; links thrice as often."""
 
 
 def _link(rng: Random, path: Path, others: list[Path]) -> Path | str:

@@ -36,7 +36,7 @@ class Watch:
         self._always = tuple(os.path.realpath(path) for path in allowed)
         self._allowed: tuple[str, ...] = ()
         self.written: list[str] | None = None
-        """What was written elsewhere; None while no case runs."""
+        """Paths that were written elsewhere; None while no case runs."""
         sys.addaudithook(self._hear)
 
     @contextmanager
