@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Methods that end badly, or leave something behind."""
 
 import contextlib

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ways to what is closed to a fit: each returns what it got, or raises.
 
 A method tries them all and counts those that gave anything. ``ROUTES_SCENE`` names the scene, and
