@@ -54,7 +54,7 @@ def introduce(
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs, allowed) for method in foreign]
-    found = run_all(meet, meetings, at_a_time, silent, limits=limits, confines=SERVE)
+    found = run_all(meet, meetings, at_a_time, silent, limits=limits, tasks_each=20, confines=SERVE)
     met = iter(found)
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 

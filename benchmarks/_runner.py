@@ -60,8 +60,8 @@ from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRec
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
-SCORED_EACH = 20
-"""Sheets that a worker makes before a fresh one takes over: importing the metrics takes seconds."""
+JOBS_EACH = 20
+"""Fits or sheets of a worker, until a fresh one takes over: to import what they need takes seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +222,8 @@ def _iterations(known: Introduction, budget: float) -> dict[str, int]:
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
     """Make all predictions; stages go once all is done that could go on from them."""
     progress = bench.part(1, "fitting")
-    outcomes = run_all(run_fit, plan, bench.jobs, progress, find_fit, bench.limits, confines=SERVE)
+    more = {"tasks_each": JOBS_EACH, "confines": SERVE}
+    outcomes = run_all(run_fit, plan, bench.jobs, progress, find_fit, bench.limits, **more)
     fitted = list(zip(plan, outcomes, strict=True))
     if not any(outcome.reason for outcome in _of_fits(fitted)):
         shutil.rmtree(bench.run / STAGES, ignore_errors=True)
@@ -233,9 +234,8 @@ def _score(bench: Bench, fitted: Ended) -> Ended:
     """Score all predictions that were made."""
     made = [job for job, outcome in fitted if not outcome.reason]
     progress = bench.part(2, "scoring")
-    outcomes = run_all(
-        run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=SCORED_EACH
-    )
+    each = JOBS_EACH
+    outcomes = run_all(run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=each)
     return list(zip(made, outcomes, strict=True))
 
 

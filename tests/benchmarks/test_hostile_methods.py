@@ -5,6 +5,7 @@ import os
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,7 @@ WORDS = {
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
     "words": "it cannot say what",
+    "parent": "exit code",
 }
 LIMIT_S = 12.0
 END_S = 30.0
@@ -84,3 +86,28 @@ def test_who_leaves_children_is_done_and_they_end(scene: Path, tmp_path: Path):
     assert living_children(tmp_path) == set()
     (again,) = run_all(run_fit, jobs, 1, silent, confines=SERVE)
     assert again.reused
+
+
+def test_nothing_goes_on_from_one_job_to_the_next_of_a_worker(scene: Path, tmp_path: Path):
+    first, second = (
+        replace(job_of("Leaves", scene, tmp_path / "run"), folder=tmp_path / "run" / "jobs" / name)
+        for name in ("first", "second")
+    )
+    beside = []
+
+    def look(done: float, doing: str, /) -> None:
+        if doing == "1 of 2":
+            beside.append(living_children(tmp_path))
+
+    outcomes = run_all(run_fit, [first, second], 1, look, tasks_each=2, confines=SERVE)
+    assert [outcome.reason for outcome in outcomes] == ["", ""]
+    assert [len(found) for found in beside] == [2], "the worker, and the process that starts confined ones"
+    assert living_children(tmp_path) == set()
+
+
+@pytest.mark.parametrize("how", ["parent", "exit", "words"])
+def test_who_ends_badly_does_no_harm_to_the_jobs_after_it(scene: Path, tmp_path: Path, how: str):
+    jobs = [job_of(name, scene, tmp_path / "run") for name in (how, "Leaves")]
+    bad, good = run_all(run_fit, jobs, 1, silent, tasks_each=5, confines=SERVE)
+    assert bad.reason
+    assert good.reason == ""

@@ -13,7 +13,7 @@ from graycard.processes._confined import Confined as Confined
 from graycard.processes._confined import start_ahead as start_ahead
 from graycard.processes._confined import started as started
 from graycard.processes._confined import words_of_end as words_of_end
-from graycard.processes._inside import await_confinement as await_confinement
+from graycard.processes._inside import serve_starts as serve_starts
 from graycard.processes._landlock import landlock_version as landlock_version
 from graycard.processes._outcome import Outcome as Outcome
 from graycard.processes._places import Places as Places

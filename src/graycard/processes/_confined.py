@@ -4,35 +4,19 @@
 import contextlib
 import json
 import os
-import signal
 import socket
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from importlib import import_module
-from itertools import count
 
 from graycard.io import peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
-from graycard.processes._family import MARK, end_family, marked
-from graycard.processes._inside import await_confinement
 from graycard.processes._places import Places
+from graycard.processes._starter import Starter, has_just_begun
 
 AUDIT_HOOK = "audit-hook-2"
 """Name and version of the way in which Python code is watched."""
-_BOOT = (
-    "import json,sys;sys.path[:]=json.loads(sys.argv[1]);"
-    "from graycard.processes import await_confinement;await_confinement(*sys.argv[2:])"
-)
-_NUMBERS = count()
 _GRACE_S = 5.0
 """Time in which a process that is told to end may do so by itself."""
-_LOOK_S = 0.005
-_DESCRIPTORS = 2**16
-"""Descriptors from this number on are not looked for."""
 _NOTES = 2**20
 """Bytes of notes that are read at most."""
 
@@ -41,16 +25,15 @@ _NOTES = 2**20
 class Confined:
     """A process that may only reach what it is handed."""
 
-    process: "subprocess.Popen[bytes] | Forked"
+    starter: Starter
     channel: Channel
-    mark: str
     notes: int
     """Descriptor from which refusals are read."""
     guard: str = ""
     """Way in which data are closed to it, for the record; empty until they are."""
-    pid: int = 0
-    """Of the process that runs code of others."""
     refused: dict[str, None] = field(default_factory=dict)
+    ended: bool = False
+    exit_code: int | None = None
 
     def confine(self, places: Places, code: str = "", variables: Mapping[str, str] = {}) -> None:
         """Close to it all but some places, for good.
@@ -65,9 +48,7 @@ class Confined:
         """
         own = {name: value for name, value in os.environ.items() if _is_text(name + value)}
         told = {"places": asdict(places), "code": code, "environment": {**own, **variables}}
-        answer = self.channel.ask(Message("confine", told))
-        version = int(answer.data["landlock"])
-        self.pid = int(answer.data["pid"])
+        version = int(self.channel.ask(Message("confine", told)).data["landlock"])
         self.guard = f"landlock-{version}+{AUDIT_HOOK}" if version else AUDIT_HOOK
 
     def refusals(self) -> tuple[str, ...]:
@@ -80,7 +61,7 @@ class Confined:
 
     def peak_mib(self) -> float:
         """Return the most memory that it has held, MiB."""
-        return peak_memory_mib(self.pid)
+        return peak_memory_mib(self.starter.pid)
 
     def end(self) -> int | None:
         """End it with all that it has started.
@@ -88,49 +69,15 @@ class Confined:
         Returns:
             Its exit code; None if it did not end by itself.
         """
-        self.channel.close()
-        try:
-            code = self.process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            code = None
-        if self.mark == os.environ.get(MARK):  # what is left of it ends with this worker
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(self.process.pid, signal.SIGKILL)
-        else:
-            end_family(self.process.pid, self.mark)
-        self.process.wait()
-        with contextlib.suppress(OSError):
+        if not self.ended:
+            self.ended = True
+            self.channel.close()
             os.close(self.notes)
-        return code
-
-
-class Forked:
-    """A process that this one has forked, with what :class:`subprocess.Popen` tells of one."""
-
-    def __init__(self, pid: int) -> None:
-        self.pid = pid
-        self._code: int | None = None
-
-    def poll(self) -> int | None:
-        """Return its exit code, below 0 for a signal; None while it runs."""
-        if self._code is None:
-            with contextlib.suppress(ChildProcessError):
-                pid, status = os.waitpid(self.pid, os.WNOHANG)
-                self._code = os.waitstatus_to_exitcode(status) if pid else None
-        return self._code
-
-    def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end, and return its exit code.
-
-        Raises:
-            subprocess.TimeoutExpired: It has not ended in so many seconds.
-        """
-        end = None if timeout is None else time.monotonic() + timeout
-        while (code := self.poll()) is None:
-            if end is not None and time.monotonic() >= end:
-                raise subprocess.TimeoutExpired("a fork", timeout or 0.0)
-            time.sleep(_LOOK_S)
-        return code
+            self.exit_code = self.starter.code(_GRACE_S)
+            self.starter.clean()
+            if self.starter is not _standing:
+                self.starter.end()
+        return self.exit_code
 
 
 def _is_text(value: str) -> bool:
@@ -138,71 +85,61 @@ def _is_text(value: str) -> bool:
     return value.isascii() or value.encode(errors="replace").decode() == value
 
 
-_ahead: list[Confined] = []
-"""The process that waits for the next fit of this one."""
+_standing: Starter | None = None
+"""The starter of a worker, for all of its jobs."""
 
 
 def start_ahead(serve: str) -> None:
-    """Start a process for :func:`started` before it is needed.
+    """Make this process one that uses :func:`started` again and again, and let it wait for less.
 
     A process that has just begun, and knows of no job yet, forks: what both import is imported once.
 
     Args:
-        serve: ``module:function`` that it is to run.
+        serve: ``module:function`` that each of the processes is to run.
+
+    Raises:
+        OSError: There is no room for a process.
     """
-    _ahead.append(_connected(serve, _forked if _has_just_begun() else _executed))
+    global _standing
+    _standing = Starter(serve, forked=has_just_begun())
 
 
 def started(serve: str) -> Confined:
     """Return a process that waits to be confined, and then runs a function with its channel.
 
     Args:
-        serve: ``module:function``, called with the :class:`Channel`.
+        serve: ``module:function``, called with the :class:`Channel`; the same for all of a worker.
+
+    Raises:
+        OSError: There is no room for a process.
     """
-    return _ahead.pop() if _ahead else _connected(serve, _executed)
-
-
-def _has_just_begun() -> bool:
-    """Tell whether nothing is loaded that a fork should not have: the stages, and threads."""
-    stages = tuple(f"graycard.{name}" for name in ("synth", "benchmarks", "eval", "reports"))
-    loaded = any(name.startswith(stages) for name in sys.modules)
-    return sys.platform == "linux" and not loaded and threading.active_count() == 1
-
-
-def _executed(serve: str, connection: int, notes: int) -> subprocess.Popen[bytes]:
-    """Start a fresh interpreter."""
-    command = [sys.executable, "-c", _BOOT, json.dumps(sys.path), serve, str(connection), str(notes)]
-    given = (connection, notes)
-    return subprocess.Popen(command, stdin=subprocess.DEVNULL, pass_fds=given, start_new_session=True)
-
-
-def _forked(serve: str, connection: int, notes: int) -> Forked:
-    """Fork this process; of its open files the fork keeps those that it is given, and its output."""
-    module, _, _ = serve.partition(":")
-    import_module(module)
-    if child := os.fork():
-        return Forked(child)
+    global _standing
+    if _standing is None:
+        return _connected(Starter(serve))
     try:
-        nothing = os.open(os.devnull, os.O_RDONLY)
-        os.dup2(nothing, 0)
-        low, high = sorted((connection, notes))
-        for first, last in ((3, low), (low + 1, high), (high + 1, _DESCRIPTORS)):
-            os.closerange(first, last)
-        await_confinement(serve, str(connection), str(notes))
-    finally:
-        os._exit(1)  # none of what this process does at its end is the fork's to do
+        return _connected(_standing)
+    except OSError:  # a job has killed the starter, or there is no room
+        _standing.end()
+        _standing = Starter(serve)
+        return _connected(_standing)
 
 
-def _connected(serve: str, start: Callable[[str, int, int], subprocess.Popen[bytes] | Forked]) -> Confined:
+def _connected(starter: Starter) -> Confined:
+    """Let a starter start a process, and return that with the channel to it."""
     ours, theirs = socket.socketpair()
     notes, written = os.pipe()
     os.set_blocking(notes, False)
     os.set_blocking(written, False)  # who does not read does not hold it up
-    with contextlib.ExitStack() as marking, theirs:
-        mark = os.environ.get(MARK) or marking.enter_context(marked(next(_NUMBERS)))
-        process = start(serve, theirs.fileno(), written)
-    os.close(written)
-    return Confined(process, Channel(ours, lambda: process.poll() is None), mark, notes)
+    try:
+        with theirs:
+            starter.start(theirs.fileno(), written)
+    except OSError:
+        ours.close()
+        os.close(notes)
+        raise
+    finally:
+        os.close(written)
+    return Confined(starter, Channel(ours, lambda: starter.code() is None), notes)
 
 
 def words_of_end(code: int | None) -> str:

@@ -55,13 +55,20 @@ def marked(number: int) -> Iterator[str]:
             os.environ[MARK] = before
 
 
-def end_family(leader: int, mark: str) -> None:
-    """Kill a worker and all that it started; return when nothing of it runs any more."""
+def end_family(leader: int, mark: str, spared: int = 0) -> None:
+    """Kill a process and all that it started; return when nothing of it runs any more.
+
+    Args:
+        leader: Its id, which is that of its session too.
+        mark: Its mark; this process, which may bear it too, is spared.
+        spared: Id of another process with this mark.
+    """
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(leader, signal.SIGKILL)
     quiet = 0
     for attempt in range(_ATTEMPTS):
-        found = [pid for pid, _, own in _processes() if own == mark or _session(pid) == leader]
+        marks = ((pid, own == mark) for pid, _, own in _processes() if pid != spared)
+        found = [pid for pid, is_marked in marks if is_marked or _session(pid) == leader]
         quiet = 0 if _kill(found) else quiet + 1
         if quiet == 2:  # one that was just being started shows its environment a moment later
             return

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Prepare a process that is to run code of others.
+"""Prepare processes that are to run code of others.
 
-It imports what it needs first, and waits. Told what is open to it, it forks: threads that libraries have
-started by then would not be bound by Landlock, and a fork leaves them behind. Only the fork runs code of
-others.
+The starter imports what they need, and forks one whenever it is asked to. That one waits until it is told
+what is open to it. Threads that libraries have started by then would not be bound by Landlock; a fork leaves
+them behind.
 """
 
 import contextlib
+import errno
 import os
-import signal
 import socket
+import struct
 import sys
 import tempfile
-import warnings
+import traceback
 from collections.abc import Callable, Mapping
 from importlib import import_module
 from importlib.util import find_spec
@@ -23,46 +24,78 @@ from threadpoolctl import threadpool_limits
 
 from graycard.io import from_builtins
 from graycard.processes._channel import Channel, ChannelError, Message
-from graycard.processes._family import MARK, die_with_parent, lead_family
+from graycard.processes._family import MARK, lead_family
 from graycard.processes._guard import Guard
 from graycard.processes._landlock import restrict
 from graycard.processes._places import Places, open_code, rules_of
 
+NUMBER = struct.Struct(">i")
+"""An answer of a starter."""
 _STAGES = ("benchmarks", "eval", "methods", "reports")
 _TELLING = ("PWD", "OLDPWD", "_")
 """Environment variables that tell of folders which are closed."""
 
 
-def await_confinement(serve: str, connection: str, notes: str) -> NoReturn:
-    """Import a function, wait to be confined, and run it; ends this process.
+def serve_starts(serve: str, control: str) -> NoReturn:
+    """Fork processes that run a function, one after another; ends this process.
+
+    Each request brings the descriptors of a channel and of a file for refusals. The answer is the id of the
+    fork, or the number of an error below 0; once it has ended, its exit code follows.
 
     Args:
         serve: ``module:function``.
-        connection: Descriptor of the socket that it gets as a :class:`Channel`.
-        notes: Descriptor to which refusals are written.
+        control: Descriptor of a socket that brings requests and takes answers.
     """
     lead_family()
     sys.argv[:] = ["graycard"]
-    channel = Channel(socket.socket(fileno=int(connection)))
     module, _, name = serve.partition(":")
     work = getattr(import_module(module), name)
-    os.set_inheritable(int(notes), False)
+    with contextlib.suppress(OSError), socket.socket(fileno=int(control)) as requests:
+        while True:
+            request, given, _, _ = socket.recv_fds(requests, 1, 2)
+            if not request:
+                break  # no more are needed
+            if not (child := _fork()):
+                requests.close()
+                lead_family()
+                _await_confinement(work, *given)
+            for number in given:
+                os.close(number)
+            requests.sendall(NUMBER.pack(child))
+            if child > 0:
+                _, status = os.waitpid(child, 0)
+                requests.sendall(NUMBER.pack(os.waitstatus_to_exitcode(status)))
+    os._exit(0)
+
+
+def _fork() -> int:
+    """Fork, and return what ``os.fork`` does; the number of an error, below 0, where it fails."""
     try:
-        told = channel.receive().data
+        return os.fork()
+    except OSError as error:
+        return -(error.errno or errno.EAGAIN)
+
+
+def _await_confinement(work: Callable[[Channel], None], connection: int, notes: int) -> NoReturn:
+    """Wait to be confined, and run a function; ends this process."""
+    code = 1
+    try:
+        for number in (connection, notes):
+            os.set_inheritable(number, False)
+        channel = Channel(socket.socket(fileno=connection))
+        _run(work, channel, channel.receive().data, notes)
+        code = 0
     except ChannelError:
-        os._exit(0)  # it is not needed
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # Python 3.12 warns of threads: none is used
-        child = os.fork()
-    if child:
-        channel.close()
-        os.close(int(notes))
-        _end_as(child)
-    die_with_parent()
-    _run(work, channel, told, int(notes))
+        code = 0  # nobody is interested, or not any more
+    except BaseException:
+        traceback.print_exc()
+    finally:  # a fork must not go on as the starter
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
-def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any], notes: int) -> NoReturn:
+def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any], notes: int) -> None:
     """Close to this process what it is told, and run a function."""
     places = from_builtins(Places, told["places"])
     _take_environment(told["environment"], places)
@@ -72,15 +105,8 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
     version = restrict(rules_of(places, [*sys.path, *code]))
     Guard(places.closed, places.opened, notes).install()
     told.clear()  # code of others finds what stands in frames above it
-    channel.send(Message("confined", {"landlock": version, "pid": os.getpid()}))
-    try:
-        work(channel)
-    except ChannelError:
-        os._exit(0)  # nobody is interested any more
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(0)
+    channel.send(Message("confined", {"landlock": version}))
+    work(channel)
 
 
 def _take_environment(variables: Mapping[str, str], places: Places) -> None:
@@ -109,14 +135,3 @@ def _code_of(module: str) -> list[str]:
     found = [spec for name in names if name and (spec := find_spec(name)) is not None]
     places = [place for spec in found for place in spec.submodule_search_locations or [spec.origin or ""]]
     return [place for place in places if os.path.exists(place)]
-
-
-def _end_as(child: int) -> NoReturn:
-    """Wait for the fork, and end as it ended."""
-    _, status = os.waitpid(child, 0)
-    code = os.waitstatus_to_exitcode(status)
-    if code < 0:
-        with contextlib.suppress(OSError):  # SIGKILL has no handler
-            signal.signal(-code, signal.SIG_DFL)
-        os.kill(os.getpid(), -code)
-    os._exit(code)

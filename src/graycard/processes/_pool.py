@@ -179,7 +179,7 @@ class _Pool:
         elif message is None:
             _await_end(worker.process)
             self._close(worker, Outcome(reason=words_of_end(worker.process.exitcode)))
-        elif worker.tasks >= self.tasks_each:
+        elif worker.tasks >= self.tasks_each or message.reason:
             self._close(worker, message)
         else:
             self._note(worker, message)
@@ -224,10 +224,10 @@ def run_all(
         progress: Called after each job, and by jobs that use :func:`worker_progress`.
         find_cached: Returns the outcome of a job that need not be done again, else None.
         limits: Time and memory of each job.
-        tasks_each: Number of jobs that a process does before a fresh one takes over. More than 1 only for
-            work that leaves nothing behind: the memory of a fit is measured over its whole process.
-        confines: What the process runs that a job confines (:func:`started`), ``module:function``: it is
-            started with the worker, so that the job does not wait for it. Empty for jobs without one.
+        tasks_each: Number of jobs that a worker does before a fresh one takes over; a job that fails is the
+            last. More than 1 only for work that leaves nothing behind.
+        confines: What a process runs that a job confines (:func:`started`), ``module:function``: it is
+            prepared with the worker, so that jobs wait less. Empty for jobs without one.
 
     Raises:
         OutputError: A job could not write its result.
