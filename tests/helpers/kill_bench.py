@@ -54,6 +54,8 @@ KINDS = ("all", "bench", "worker", *STOPPED)
 """The bench with its workers, the bench alone, one worker alone; what a user or a cluster sends."""
 PATIENCE_S = 1800.0
 """Time after which a bench hangs: on a busy machine a whole one takes minutes."""
+_LEAST_SHARE = 0.25
+"""Share of the undisturbed time within which any bench is killed: one that goes on has to begin too."""
 _TIMES = {"wall_s", "started", "cost", "environment"}
 """Keys of records that differ from run to run."""
 
@@ -117,19 +119,28 @@ class Trial:
         self.failures += [f"undisturbed: {left}" for left in self.left()]
         shutil.rmtree(self.run)
 
-    def kill_once(self) -> None:
-        """Start a bench and kill it, unless it ends before its time comes."""
-        kind = self.rng.choice(KINDS)
+    def kill_once(self, most_s: float) -> float | None:
+        """Start a bench and kill it, unless it ends before its time comes.
+
+        Args:
+            most_s: Time after which it is killed at the latest.
+
+        Returns:
+            The time after which it was killed; None for one that ended by itself.
+        """
+        kind, time_s, killed = self.rng.choice(KINDS), self.rng.uniform(0, most_s), False
         with self.start() as bench:
             try:
-                bench.wait(self.rng.uniform(0, self.undisturbed_s))
+                bench.wait(time_s)
             except subprocess.TimeoutExpired:
-                self.kills[kind] += _killed(bench, kind, self)
+                killed = _killed(bench, kind, self)
             printed = _printed(bench)
+        self.kills[kind] += killed
         if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:  # else it had not begun, or ended
             if "Traceback" in printed:
                 self.failures.append(f"{kind}: {printed[-800:]}")
             self.failures += [f"right after {kind}: {left}" for left in self.left()]
+        return time_s if killed else None
 
     def left(self) -> list[str]:
         """Return what a bench has left behind, once nothing of it ends any more."""
@@ -168,11 +179,11 @@ def _is_partial_file(path: Path) -> bool:
     return path.name.endswith(".partial") and not (path / "truth" / "stamp.json").is_file()
 
 
-def _killed(bench: subprocess.Popen[str], kind: str, trial: Trial) -> int:
-    """Kill; return how many kills that were."""
+def _killed(bench: subprocess.Popen[str], kind: str, trial: Trial) -> bool:
+    """Kill; tell whether there was anything to kill."""
     if kind in STOPPED:
         bench.send_signal(STOPPED[kind])
-        return 1
+        return True
     workers = [pid for pid in processes(trial) if pid != bench.pid]
     if kind == "worker":
         workers = trial.rng.sample(workers, min(1, len(workers)))
@@ -237,9 +248,13 @@ def kill_benches(root: Path, kills: int, seed: int = 0, jobs: int = 2, most_s: f
     trial.begin()
     say(f"undisturbed: {trial.undisturbed_s:.1f} s, {len(trial.reference)} files", *trial.failures)
     while trial.kills.total() < kills and time.monotonic() - clock < most_s:
+        left_s = trial.undisturbed_s  # until the bench ends, if all goes on from where it was
         for _ in range(trial.rng.randint(1, 6)):
-            if trial.kills.total() < kills and time.monotonic() - clock < most_s:
-                trial.kill_once()
+            if trial.kills.total() == kills or time.monotonic() - clock >= most_s:
+                break
+            if (time_s := trial.kill_once(left_s)) is None:
+                break
+            left_s = max(left_s - time_s, _LEAST_SHARE * trial.undisturbed_s)
         trial.compare()
         say(f"{trial.kills.total()} kills, {trial.compared} compared", *trial.failures)
     return trial
