@@ -2,8 +2,10 @@
 """How many jobs a process does, what its death costs, and what it leaves behind: nothing."""
 
 import os
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -11,8 +13,9 @@ import pytest
 
 from graycard.benchmarks import run_all
 from graycard.io import silent
-from graycard.processes import Limits, Outcome, worker_progress
-from graycard.processes._family import MARK, end_orphans, marked
+from graycard.processes import Limits, Outcome, _pool, worker_progress
+from graycard.processes._family import MARK, end_family, end_orphans, marked
+from graycard.processes._interrupts import uninterrupted
 from worker_jobs import (
     die_at_one,
     end,
@@ -115,6 +118,39 @@ def test_a_job_may_tell_its_progress() -> None:
     assert [outcome.value for outcome in outcomes] == [False, False]
     assert heard == [(0.25, "half of 0"), (0.5, "1 of 2"), (0.75, "half of 1"), (1.0, "2 of 2")]
     assert worker_progress() is silent
+
+
+def interrupted_end(leader: int, mark: str) -> None:
+    """End a worker, and be told to end meanwhile."""
+    signal.raise_signal(signal.SIGINT)
+    end_family(leader, mark)
+
+
+def test_who_is_told_to_end_while_workers_end_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(_pool, "end_family", interrupted_end)
+    with pytest.raises(KeyboardInterrupt):
+        run_all(tell_process, range(3), 2, silent, tasks_each=2)
+    assert [*tmp_path.iterdir()] == []
+
+
+def be_interrupted(done: list[str]) -> None:
+    with uninterrupted():
+        with uninterrupted():
+            signal.raise_signal(signal.SIGINT)
+            done.append("inner")
+        done.append("outer")
+
+
+def test_signals_wait_for_the_end_of_a_block_and_of_those_around_it() -> None:
+    done: list[str] = []
+    with pytest.raises(KeyboardInterrupt):
+        be_interrupted(done)
+    assert done == ["inner", "outer"]
+    with pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGINT)
 
 
 _BENCH = """

@@ -22,6 +22,7 @@ from graycard import MethodError, OutputError, Progress
 from graycard.io import output_error, printable
 from graycard.processes._confined import words_of_end
 from graycard.processes._family import end_family, end_orphans, marked, temporary_folder
+from graycard.processes._interrupts import uninterrupted
 from graycard.processes._outcome import Outcome
 from graycard.processes._worker import Step, serve
 
@@ -142,8 +143,9 @@ class _Pool:
                 self._hand_out(at_a_time)
                 self._await()
         finally:
-            for worker in self.workers:
-                worker.end(idle=worker.job is None)
+            with uninterrupted():
+                for worker in self.workers:
+                    worker.end(idle=worker.job is None)
 
     def _hand_out(self, at_a_time: int) -> None:
         """Give each free worker a job, and start workers as long as there are jobs and room for them."""
@@ -186,8 +188,9 @@ class _Pool:
 
     def _close(self, worker: _Worker, outcome: Outcome) -> None:
         """End a worker, and note how its job ended."""
-        self.workers.remove(worker)
-        worker.end(idle=not outcome.reason)
+        with uninterrupted():
+            self.workers.remove(worker)
+            worker.end(idle=not outcome.reason)
         self._note(worker, outcome)
 
     def _note(self, worker: _Worker, outcome: Outcome) -> None:
@@ -273,7 +276,8 @@ def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Wo
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             pipe.send(work)
     except BaseException:
-        worker.end(idle=False)
+        with uninterrupted():
+            worker.end(idle=False)
         raise
     return worker
 
