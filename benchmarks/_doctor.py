@@ -17,8 +17,9 @@ ROOM_MIB = 2048
 """A run of the largest suite fits into this."""
 
 TRUST = (
-    "methods and TorchScript files (--priors pretrained:FOLDER with .pt) are programs and run with your "
-    "rights; safetensors, images and records are data. See docs/explanation/security.md"
+    "methods and TorchScript files (--priors pretrained:FOLDER with .pt) are programs: they run in the "
+    "sandbox, or with your rights where there is none; safetensors, images and records are data. See "
+    "docs/explanation/security.md"
 )
 """Things that run as programs here, whoever made them."""
 

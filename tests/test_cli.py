@@ -184,6 +184,12 @@ def test_methods_lists_and_shows(tmp_path: Path, capsys: Capture):
     assert json.loads((tmp_path / "m.json").read_text())["settings"] == {"reflectance": 0.18}
 
 
+@pytest.mark.parametrize("args", [["score", "\udcff", "scene"], ["fit", "gray", "s", "--out", "a\udc80"]])
+def test_names_that_are_no_text_are_refused(args: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main(args) == 2
+    assert "expected names in UTF-8" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("args", [["fit", "gray", "--help"], ["fit", "gray", "somewhere", "-h"]])
 def test_the_help_of_a_fit_shows_the_settings_of_the_method(args: list[str], capsys: Capture):
     assert main(args) == 0

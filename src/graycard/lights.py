@@ -18,6 +18,8 @@ from graycard.io import Label, Name, RelativePath, from_builtins, read_json, to_
 Vector = tuple[float, float, float]
 Frame = Literal["world", "camera"]
 
+MOST_LIGHTS = 1024
+"""Lights that a file may hold: to judge them takes time with each pair."""
 _UNIT_TOLERANCE = 1e-5
 """What rounding to float32 leaves, a few times over."""
 
@@ -271,11 +273,13 @@ def read_lights(path: Path) -> tuple[Light, ...]:
     """The lights in a JSON list.
 
     Raises:
-        DatasetError: The file is missing or broken, or a light has an unknown key or type.
+        DatasetError: The file is missing or broken, holds too many, or a light has an unknown key or type.
     """
     data = read_json(path, DatasetError)
     if not isinstance(data, list):
         raise DatasetError(f"expected a JSON list of lights in {path}, got {type(data).__name__}")
+    if len(data) > MOST_LIGHTS:
+        raise DatasetError(f"expected at most {MOST_LIGHTS} lights in {path}, got {len(data)}")
     return tuple(light_from_json(item, DatasetError, str(path)) for item in data)
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from graycard import DatasetError, RecordError
 from graycard.io import parse_json, read_json, read_toml
 from graycard.io._strict import DEEPEST, parse_toml
+from graycard.lights import read_lights
 
 texts = st.text(st.characters(exclude_categories=["Cs"]))
 numbers = st.integers(-(2**63), 2**64 - 1) | st.floats(allow_nan=False, allow_infinity=False)
@@ -24,6 +25,19 @@ plain = st.recursive(
 @given(plain)
 def test_plain_json_comes_back(data: object):
     assert parse_json(json.dumps(data)) == data
+
+
+def test_a_file_with_holes_is_not_read(tmp_path: Path):
+    with open(tmp_path / "capture.json", "wb") as file:
+        file.truncate(2**36)
+    with pytest.raises(DatasetError, match="65536 MiB, more than 256"):
+        read_json(tmp_path / "capture.json", DatasetError)
+
+
+def test_more_lights_than_can_be_judged_are_refused(tmp_path: Path):
+    (tmp_path / "lights.json").write_text(json.dumps([{}] * 40_000))
+    with pytest.raises(DatasetError, match="at most 1024 lights"):
+        read_lights(tmp_path / "lights.json")
 
 
 HOSTILE = {

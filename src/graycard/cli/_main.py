@@ -94,6 +94,11 @@ def _run(args: list[str], terminal: Terminal) -> int:
     if not args:
         terminal.err.print(overview())
         return ERROR
+    if strange := [arg for arg in args if not _is_text(arg)]:
+        terminal.err.print(
+            f"graycard: expected names in UTF-8, got {strange[0]!a}. Rename that file or folder"
+        )
+        return ERROR
     first, *rest = args
     if first in HELP:
         terminal.out.print(overview())
@@ -102,6 +107,11 @@ def _run(args: list[str], terminal: Terminal) -> int:
         terminal.out.print(f"graycard {version('graycard')}")
         return OK
     return _run_verb(first, rest, terminal)
+
+
+def _is_text(arg: str) -> bool:
+    """Tell whether all libraries can open files of this name: Python keeps odd bytes as surrogates."""
+    return arg.encode(errors="replace").decode() == arg
 
 
 def _run_verb(name: str, args: list[str], terminal: Terminal) -> int:

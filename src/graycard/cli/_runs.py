@@ -99,8 +99,8 @@ class FitCommand:
     """Also save the decomposition itself here."""
     priors: str = "none"
     """Source of priors: none, oracle:SEVERITY, classical, pretrained:own, pretrained:FOLDER, or a path that
-    ends in .toml. SEVERITY is 0, the truth itself, to 5. TorchScript files (.pt) in FOLDER are programs that
-    run with your rights: take them from whom you trust. Weights in safetensors are numbers alone."""
+    ends in .toml. SEVERITY is 0, the truth itself, to 5. TorchScript files (.pt) in FOLDER are programs,
+    run in the fit's sandbox: take them from whom you trust. Weights in safetensors are numbers alone."""
     donor: Annotated[Path | None, optional("SCENE")] = None
     """Also fit this scene, and insert its object as the truth does."""
     timeout: Timeout = None

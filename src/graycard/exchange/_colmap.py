@@ -214,7 +214,7 @@ def _numbers(fields: Sequence[str], kind: Callable[[str], float], where: str) ->
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     try:
-        text = read_bytes(path).decode("utf-8")
+        text = read_bytes(path, 2**30).decode("utf-8")
     except (OSError, UnicodeDecodeError) as cause:
         raise DatasetError(f"expected a COLMAP text file at {path}, got {cause}") from cause
     return iter(enumerate(text.splitlines(), 1))

@@ -151,17 +151,23 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def read_bytes(path: Path) -> bytes:
+def read_bytes(path: Path, most: int = 2**33) -> bytes:
     """Return what a file holds; a pipe or a device, which may have no end, is none.
 
+    Args:
+        path: The file.
+        most: Bytes that it may have: a file with holes can be larger than any disk.
+
     Raises:
-        OSError: There is no such file, or it cannot be read.
+        OSError: There is no such file, it is too large, or it cannot be read.
     """
-    mode = os.stat(path).st_mode
-    if stat.S_ISDIR(mode):
+    found = os.stat(path)
+    if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(mode):
+    if not stat.S_ISREG(found.st_mode):
         raise OSError(errno.EINVAL, "a pipe or a device", str(path))
+    if found.st_size > most:
+        raise OSError(errno.EFBIG, f"{found.st_size / 2**20:.0f} MiB, more than {most // 2**20}", str(path))
     return Path(path).read_bytes()
 
 

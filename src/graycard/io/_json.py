@@ -19,6 +19,8 @@ from graycard.io._files import read_bytes, write_bytes
 from graycard.io._strict import parse_json, parse_toml
 
 T = TypeVar("T")
+LONGEST_TEXT = 2**28
+"""Bytes that a JSON or TOML file may have: a record of the largest run has some 10 MiB."""
 
 
 def to_builtins(value: Any) -> Any:
@@ -169,7 +171,7 @@ def read_toml(path: Path, error: type[GraycardError] = RecordError) -> dict[str,
 
 def _read(path: Path, kind: str, parse: Callable[[str], Any], error: type[GraycardError]) -> Any:
     try:
-        text = read_bytes(Path(path)).decode("utf-8")
+        text = read_bytes(Path(path), LONGEST_TEXT).decode("utf-8")
     except OSError as cause:
         raise error(f"expected a {kind} file at {path}, got {cause.strerror or cause}") from cause
     except ValueError as cause:
