@@ -13,7 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graycard.processes import Channel, ChannelError, Message, Places, landlock_version
+from confined_work import SERVE, ask
+from graycard.io import silent
+from graycard.processes import (
+    Channel,
+    ChannelError,
+    Limits,
+    Message,
+    Places,
+    landlock_version,
+    run_all,
+)
 from graycard.processes._landlock import TO_READ, TO_WRITE
 from graycard.processes._places import open_code, open_parts, rules_of
 
@@ -78,6 +88,12 @@ def test_objects_are_not_sent(pair: Pair, values: np.ndarray):
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [1.5]]]}'),
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8,<f8", [1]]]}'),
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [4000000000, 4000000000]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [35184372088832]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [0, 99999999999999999999]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [0, 9223372036854775807, 9]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "(2", [1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "{", [1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|b1", 7]]}'),
         head('{"kind": "x", "data": 1, "arrays": 5}'),
         b"short",
         b"",
@@ -174,6 +190,21 @@ print({
     "own": can(lambda: open(f"{root}/own/x", "w")), "thread": in_thread(),
 })
 """
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_a_confined_process_is_restricted_as_a_whole_and_knows_nothing_of_who_started_it(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Threads of libraries are bound as well; arguments of a command name a scene."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setattr(sys, "argv", ["graycard", "fit", "gray", "closed-scene"])
+    limits = Limits(60.0, 4096)
+    (outcome,) = run_all(ask, ["closed[-]scene"], 1, silent, limits=limits, confines=SERVE)
+    assert outcome.reason == ""
+    assert set(outcome.value["threads"]) == {"1"}
+    assert outcome.value["memory"] == [str(4096 * 2**20)] * 2
+    assert outcome.value["found"] == 0
 
 
 @pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")

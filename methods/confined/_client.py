@@ -2,7 +2,6 @@
 """A method in a process that can reach nothing but its capture, and the decompositions that it makes."""
 
 import os
-import shutil
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,11 +16,12 @@ from weakref import finalize
 import numpy as np
 
 from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
-from graycard.io import atomic_path, inside, printable, silent, to_builtins
+from graycard.io import printable, silent, to_builtins
 from graycard.methods._contract import Ask, Decomposition, Guest, Priors
 from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
 from graycard.methods._registry import BUILT_IN, module_of
 from graycard.methods.confined._kernels import keep_kernels, note_use
+from graycard.methods.confined._saved import take_files
 from graycard.methods.confined._wire import (
     ask_in,
     error_in,
@@ -273,7 +273,7 @@ class ConfinedDecomposition:
         made = self.method.scratch / f"saved-{next(self.method.numbers)}"
         made.mkdir()
         self.method.ask("save", {"number": self.number, "folder": str(made)})
-        _take_files(made, folder)
+        take_files(made, folder)
 
 
 class _Relights(ConfinedDecomposition):
@@ -336,23 +336,6 @@ def _kind_of(able: tuple[str, ...]) -> type[ConfinedDecomposition]:
     """Return a kind of decomposition that can do these verbs and no others: what it claims is what it has."""
     bases = tuple(_VERBS[verb] for verb in able) or (ConfinedDecomposition,)
     return type("ConfinedDecomposition", bases, {})
-
-
-def _take_files(made: Path, folder: Path) -> None:
-    """Copy what a method has written to where it is wanted; its index, in the folder itself, comes last.
-
-    Raises:
-        MethodError: There is something else than files and folders.
-        OutputError: The folder cannot be written to, or the disk is full.
-    """
-    found = sorted(made.rglob("*"), key=lambda path: (path.parent == made and path.suffix == ".json", path))
-    for path in found:
-        if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise MethodError(f"expected files of a saved decomposition, got {path.name}, which is none")
-    for path in (path for path in found if path.is_file()):
-        with atomic_path(inside(folder, *path.relative_to(made).parts)) as partial:
-            shutil.copyfile(path, partial, follow_symlinks=False)
-    shutil.rmtree(made, ignore_errors=True)
 
 
 @contextmanager

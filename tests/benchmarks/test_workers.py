@@ -186,7 +186,7 @@ def test_workers_end_with_a_bench_that_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
-    with marked(0) as own:
+    with marked() as own:
         space, bench, start, number = own.split("-")
     marks = {
         "gone": f"{space}-{bench}-never-{number}",

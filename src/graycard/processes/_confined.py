@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from graycard.io import peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
 from graycard.processes._places import Places
-from graycard.processes._starter import Starter, has_just_begun
+from graycard.processes._starter import Starter
 
 AUDIT_HOOK = "audit-hook-2"
 """Name and version of the way in which Python code is watched."""
@@ -92,8 +92,6 @@ _standing: Starter | None = None
 def start_ahead(serve: str) -> None:
     """Make this process one that uses :func:`started` again and again, and let it wait for less.
 
-    A process that has just begun, and knows of no job yet, forks: what both import is imported once.
-
     Args:
         serve: ``module:function`` that each of the processes is to run.
 
@@ -101,7 +99,7 @@ def start_ahead(serve: str) -> None:
         OSError: There is no room for a process.
     """
     global _standing
-    _standing = Starter(serve, forked=has_just_begun())
+    _standing = Starter(serve)
 
 
 def started(serve: str) -> Confined:
