@@ -132,6 +132,35 @@ class Leaves(GrayMethod):
         return super().fit(capture, priors, settings, seed, progress)
 
 
+class Escapes(GrayMethod):
+    """Leaves a process with a session and an environment of its own."""
+
+    summary = "Leaves a process that bears no mark"
+
+    def fit(self, capture: Any, priors: Any, settings: Any, seed: int, progress: Any) -> Any:
+        sleep = [sys.executable, "-c", f"import time; time.sleep({LONG_S})", os.environ["HOSTILE_TEST"]]
+        again = f"import subprocess; subprocess.Popen({sleep!r}, env={{}}, start_new_session=True)"
+        subprocess.run([sys.executable, "-c", again], env={}, start_new_session=True, check=True)
+        return super().fit(capture, priors, settings, seed, progress)
+
+
+class Exchanges(GrayMethod):
+    """Puts a link where its capture is, or tries to."""
+
+    summary = "Exchanges its capture"
+
+    def fit(self, capture: Any, priors: Any, settings: Any, seed: int, progress: Any) -> Any:
+        for place in (capture.root, capture.root.parent):
+            with contextlib.suppress(OSError):
+                os.rename(place, f"{place}-aside")
+                os.symlink(os.environ["HOSTILE_TEST"], place)
+            with contextlib.suppress(OSError):
+                (place / "written").write_text("written")
+        if not (capture.root / "capture.json").exists() or list(capture.root.parent.rglob("written")):
+            raise RuntimeError("the capture was exchanged")
+        return super().fit(capture, priors, settings, seed, progress)
+
+
 def __getattr__(name: str) -> type[Hostile]:
     """``hostile_methods:exit`` is the method that ends in the way of that name."""
     if name not in ENDS:
