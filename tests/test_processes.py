@@ -24,7 +24,7 @@ from graycard.processes import (
     landlock_version,
     run_all,
 )
-from graycard.processes._landlock import TO_READ, TO_WRITE
+from graycard.processes._landlock import LIST, TO_READ, TO_WRITE
 from graycard.processes._places import open_code, open_parts, rules_of
 
 Pair = tuple[Channel, socket.socket]
@@ -131,10 +131,14 @@ def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
     assert list(open_parts(data, [data])) == []
     (tmp_path / "scratch").mkdir()
     places = Places(str(tmp_path / "scratch"), closed=(data,))
-    plain, split, *none = open_code(
+    (plain, split, *none), rules = open_code(
         [str(tmp_path / "code" / "package"), str(tmp_path / "code"), data], places
     )
     assert none == []
+    assert {os.path.relpath(path, tmp_path): rights for path, rights in rules} == {
+        "code/package": LIST, "code/package/b.py": TO_READ, "code/a.py": TO_READ,
+        "code/runs/notes.py": TO_READ,
+    }  # fmt: skip
     assert plain == str(tmp_path / "code" / "package")
     assert {p.relative_to(split).as_posix() for p in Path(split).rglob("*")} >= {
         "a.py",
@@ -142,6 +146,20 @@ def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
         "runs/notes.py",
     }
     assert not any("truth" in path.name or "innocent" in path.name for path in Path(split).rglob("*"))
+
+
+def test_of_a_folder_with_code_modules_and_packages_are_open_and_nothing_else(tmp_path: Path):
+    """A salt, a dataset or a run may lie there."""
+    for name in ("m.py", "package/__init__.py", "package/weights.bin", "a.salt", "data/dark/s/truth.json"):
+        (tmp_path / "code" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "code" / name).write_text("")
+    code, library = str(tmp_path / "code"), str(tmp_path / "lib" / "site-packages")
+    os.makedirs(library)
+    found, rules = open_code([code, library], Places(str(tmp_path)))
+    assert found == [code, library]
+    assert dict(rules) == {
+        code: LIST, f"{code}/m.py": TO_READ, f"{code}/package": TO_READ, library: TO_READ
+    }  # fmt: skip
 
 
 def test_rules_open_what_is_handed_and_no_data(tmp_path: Path):

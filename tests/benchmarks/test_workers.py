@@ -216,7 +216,8 @@ import subprocess, sys, time
 from graycard.processes._family import adopt_orphans
 adopt_orphans()
 waits = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
-again = "import subprocess as s, sys; s.Popen([sys.executable, '-c', %r], env={}, start_new_session=True)" % waits
+start = "subprocess.Popen([sys.executable, '-c', %r], env={}, start_new_session=True)" % waits
+again = f"import subprocess, sys; {start}"
 subprocess.run([sys.executable, "-c", again], env={}, start_new_session=True, check=True)
 time.sleep(600)
 """

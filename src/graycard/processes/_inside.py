@@ -102,10 +102,10 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
     places = from_builtins(Places, told["places"])
     _take_environment(told["environment"], places)
     code = _code_of(told["code"])
-    sys.path[:] = open_code(sys.path, places)
+    sys.path[:], rules = open_code(sys.path, places)
     sys.path_importer_cache.clear()
     _fix_memory()
-    version = restrict(rules_of(places, [*sys.path, *code]))
+    version = restrict([*rules_of(places, code), *rules])
     _limit_threads()
     Guard(places.closed, places.opened, notes).install()
     told.clear()  # code of others finds what stands in frames above it
