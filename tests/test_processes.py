@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from confined_work import SERVE, ask
-from graycard.io import silent
+from graycard.io import peak_memory_mib, silent
 from graycard.processes import (
     Channel,
     ChannelError,
@@ -116,6 +116,14 @@ def test_who_died_is_not_waited_for_even_if_its_children_hold_the_socket():
         channel.receive()
     channel.close()
     theirs.close()
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_memory_of_a_process_that_has_ended_is_no_error():
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+        assert peak_memory_mib(ended.pid) >= 0.0, "a zombie"
+    assert peak_memory_mib(ended.pid) >= 0.0, "gone"
 
 
 def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A method in a process that can reach nothing but its capture, and the decompositions that it makes."""
 
+import math
 import os
 import time
 from collections import deque
@@ -142,7 +143,7 @@ class ConfinedMethod:
         }  # fmt: skip
         found = self.ask("fit", told, handed.arrays, priors).data
         with self.as_asked():
-            spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
+            spent = Spent(max(0.0, _number(found["resumed_s"])), max(0.0, _number(found["resumed_mib"])))
         return self.decomposition(found), spent
 
     def seed(self, seed: int) -> None:
@@ -222,7 +223,7 @@ class ConfinedMethod:
         match message.kind:
             case "progress":
                 with self.as_asked():
-                    done, doing = float(message.data[0]), printable(str(message.data[1]))
+                    done, doing = _number(message.data[0]), printable(str(message.data[1]))
                 self.progress(done, doing)
             case "ask":
                 self.process.channel.send(_answer(message, priors))
@@ -232,6 +233,17 @@ class ConfinedMethod:
                 raise error
             case other:
                 raise ChannelError(f"expected an answer, got {other!r}")
+
+
+def _number(value: Any) -> float:
+    """Return a number that came as JSON data.
+
+    Raises:
+        ValueError: It is none, or not finite.
+    """
+    if not math.isfinite(number := float(value)):
+        raise ValueError(f"expected a finite number, got {value!r}")
+    return number
 
 
 def _answer(message: Message, priors: Priors) -> Message:
@@ -319,7 +331,7 @@ class _Counts(ConfinedDecomposition):
         """Count the work that a picture takes."""
         told = self.method.ask("counts", {"number": self.number, "camera": to_builtins(camera)}).data
         with self.method.as_asked():
-            return {str(name): float(value) for name, value in told.items()}
+            return {str(name): _number(value) for name, value in told.items()}
 
 
 _VERBS: Mapping[str, type[ConfinedDecomposition]] = {

@@ -30,6 +30,7 @@ WORDS = {
     "garbage": "expected a message",
     "half": "exit code 0",
     "done": "to answer what is asked",
+    "infinity": "expected a finite number",
     "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
