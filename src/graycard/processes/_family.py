@@ -53,10 +53,12 @@ def adopt_orphans() -> None:
 def end_adopted() -> None:
     """Kill the children of this process, and those that they leave to it, until there are none."""
     with contextlib.suppress(ChildProcessError):
-        while _kill([pid for pid, parent in _parents().items() if parent == os.getpid()]):
+        while True:
+            if os.waitpid(-1, os.WNOHANG)[0]:
+                continue
+            if not _kill([pid for pid, parent in _parents().items() if parent == os.getpid()]):
+                return  # without /proc nobody knows them
             os.waitpid(-1, 0)
-        while os.waitpid(-1, os.WNOHANG)[0]:
-            pass  # ended by itself
 
 
 @contextlib.contextmanager
@@ -81,7 +83,7 @@ def end_family(leader: int, mark: str, spared: int = 0) -> None:
         mark: Its mark; this process, which may bear it too, is spared.
         spared: Id of another process with this mark.
     """
-    for attempt in range(_ATTEMPTS):
+    for attempt in range(_ATTEMPTS if _stat(leader) else 0):
         if not _kill(_adopted_below(leader)):  # while those that adopt them are there
             break
         time.sleep(0.005 * (attempt + 1))

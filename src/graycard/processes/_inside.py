@@ -27,7 +27,7 @@ from graycard.processes._channel import Channel, ChannelError, Message
 from graycard.processes._family import MARK, adopt_orphans, end_adopted, lead_family
 from graycard.processes._guard import Guard
 from graycard.processes._landlock import restrict
-from graycard.processes._places import Places, open_code, rules_of
+from graycard.processes._places import Places, is_inside, open_code, rules_of
 
 NUMBER = struct.Struct(">i")
 """An answer of a starter."""
@@ -104,6 +104,8 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
     code = _code_of(told["code"])
     sys.path[:], rules = open_code(sys.path, places)
     sys.path_importer_cache.clear()
+    if any(is_inside(os.getcwd(), os.path.realpath(place)) for place in places.closed):
+        os.chdir(places.scratch)  # its name may be that of the scene
     _fix_memory()
     version = restrict([*rules_of(places, code), *rules])
     _limit_threads()
