@@ -24,6 +24,7 @@ from graycard.processes import (
     landlock_version,
     run_all,
 )
+from graycard.processes._confined import Confined
 from graycard.processes._landlock import LIST, TO_READ, TO_WRITE
 from graycard.processes._places import open_code, open_parts, rules_of
 
@@ -116,6 +117,16 @@ def test_who_died_is_not_waited_for_even_if_its_children_hold_the_socket():
         channel.receive()
     channel.close()
     theirs.close()
+
+
+def test_notes_that_a_method_has_written_itself_do_no_harm():
+    """It has the descriptor, too."""
+    notes, written = os.pipe()
+    os.write(written, b"[" * 60_000 + b'\nno note\n\xff\n"a\\u0007"\n{"b": ')
+    os.close(written)
+    confined = Confined(None, None, notes)  # pyright: ignore[reportArgumentType]  # neither is asked
+    assert confined.refusals() == (r"a\x07",)
+    os.close(notes)
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")

@@ -2,13 +2,12 @@
 """Start a Python process that is to run code of others, and close to it all that it is not handed."""
 
 import contextlib
-import json
 import os
 import socket
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
-from graycard.io import peak_memory_mib, printable
+from graycard.io import parse_json, peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
 from graycard.processes._places import Places
 from graycard.processes._starter import Starter
@@ -56,7 +55,7 @@ class Confined:
         with contextlib.suppress(BlockingIOError):
             for line in os.read(self.notes, _NOTES).splitlines():
                 with contextlib.suppress(ValueError):
-                    self.refused[printable(str(json.loads(line)))] = None
+                    self.refused[printable(str(parse_json(line.decode())))] = None
         return tuple(self.refused)
 
     def peak_mib(self) -> float:
