@@ -32,6 +32,7 @@ from graycard.methods.confined._wire import (
     lights_out,
     priors_out,
     question_in,
+    shortened,
 )
 from graycard.processes import (
     ChannelError,
@@ -45,6 +46,8 @@ from graycard.processes import (
 SERVE = "graycard.methods.confined:serve"
 """Function that the process runs."""
 _NO_PRIORS = Priors()
+_LONGEST_STEP = 200
+"""Characters of what a method says of its progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +226,10 @@ class ConfinedMethod:
         match message.kind:
             case "progress":
                 with self.as_asked():
-                    done, doing = _number(message.data[0]), printable(str(message.data[1]))
+                    done, doing = (
+                        _number(message.data[0]),
+                        printable(shortened(str(message.data[1]), _LONGEST_STEP)),
+                    )
                 self.progress(done, doing)
             case "ask":
                 self.process.channel.send(_answer(message, priors))

@@ -31,6 +31,7 @@ WORDS = {
     "half": "exit code 0",
     "done": "to answer what is asked",
     "infinity": "expected a finite number",
+    "talk": "RuntimeError: bbb",
     "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
@@ -75,7 +76,12 @@ def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize("how", [*ENDS])
 def test_each_end_fails_its_own_job(scene: Path, tmp_path: Path, how: str):
     job, start = job_of(how, scene, tmp_path / "run"), time.monotonic()
-    (outcome,) = run_all(run_fit, [job], 1, silent, limits=Limits(LIMIT_S, 4096), confines=SERVE)
+    told = []
+    limits = Limits(LIMIT_S, 4096)
+    (outcome,) = run_all(
+        run_fit, [job], 1, lambda _, words: told.append(words), limits=limits, confines=SERVE
+    )
+    assert max(map(len, [*told, outcome.reason])) < 30_000
     assert time.monotonic() - start < LIMIT_S + END_S
     assert any(word in outcome.reason for word in WORDS[how].split("|")), outcome.reason
     assert not outcome.fatal

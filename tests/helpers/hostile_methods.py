@@ -78,6 +78,15 @@ def _claim_infinity() -> None:
     os._exit(0)
 
 
+def _talk() -> None:
+    """Say more than a terminal and a record can take."""
+    data = b'{"kind": "progress", "data": [0.5, "%s"], "arrays": []}' % (b"a" * 2**24)
+    channel = _channel()
+    channel.sendall(len(data).to_bytes(8, "big") + data)
+    channel.detach()
+    raise RuntimeError("b" * 2**24)
+
+
 def _blame_the_disk() -> None:
     data = b'{"kind": "error", "data": {"error": "OutputError", "words": "full", "trace": ""}, "arrays": []}'
     _channel().sendall(len(data).to_bytes(8, "big") + data)
@@ -112,6 +121,7 @@ ENDS: dict[str, Callable[[], Any]] = {
     "half": _write_half,
     "done": _pretend_to_be_done,
     "infinity": _claim_infinity,
+    "talk": _talk,
     "disk": _blame_the_disk,
     "system_exit": lambda: sys.exit(0),
     "interrupt": lambda: (_ for _ in ()).throw(KeyboardInterrupt()),
