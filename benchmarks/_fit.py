@@ -97,13 +97,14 @@ def fit_scene(
         OutputError: The folder cannot be written to, or the disk is full.
     """
     with ExitStack() as things:
-        scratch = things.enter_context(scratch_folder())
+        scratch, copies = things.enter_context(scratch_folder()), things.enter_context(scratch_folder())
         scenes = [spec.scene, *([spec.donor] if spec.donor else [])]
         check_there(scenes)
-        more = {"allowed": spec.allowed, "weights": weights_in(spec.priors)}
+        weights = weights_in(spec.priors)
+        more = {"allowed": spec.allowed, "readable": (copies, *weights)}
         places = places_of(scratch, scenes, spec.settings, jobs, spec.stages, **more)
         process = confined(spec.method, scratch, places, progress, spec.label)
-        fit = _Fit(spec, things.enter_context(process), scratch, things)
+        fit = _Fit(spec, things.enter_context(process), copies, things)
         known = fit.method.load(spec.settings)
         donor = None if COMPOSITION in known.needs else spec.donor
         if donor is not None:
@@ -121,7 +122,7 @@ def fit_scene(
         cost = _written(fit, decomposition, capture, changes, spent, predictions, alone=donor is None)
         if save is not None:
             decomposition.save(save)
-        if all(place.suffix == ".safetensors" for place in more["weights"]):
+        if all(place.suffix == ".safetensors" for place in weights):
             fit.method.keep_kernels()  # no program in weights can have made them
         return Fitted(cost, _access(fit, priors, donor))
 
@@ -137,16 +138,17 @@ class _Cost:
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """A fit under way: its spec, the process of the method, its folder, and what is open until the end."""
+    """A fit under way: its spec, the process of the method, and what is open until the end."""
 
     spec: FitSpec
     method: ConfinedMethod
-    scratch: Path
+    copies: Path
+    """Folder of the captures. The method may only read it: who writes there meets no links of others."""
     things: ExitStack
 
     def capture_of(self, scene: Path) -> Capture:
         """Return a copy of a scene's capture, in a folder that the method may read."""
-        folder = Path(tempfile.mkdtemp(prefix="capture-", dir=self.scratch))
+        folder = Path(tempfile.mkdtemp(prefix="capture-", dir=self.copies))
         return self.things.enter_context(copied_capture(scene / "capture", folder / "capture"))
 
     def fitted(self, capture: Capture, priors: Priors) -> tuple[Decomposition, Spent]:

@@ -88,7 +88,7 @@ def places_of(
     stages: Path | None = None,
     *,
     allowed: tuple[Path, ...] = (),
-    weights: tuple[Path, ...] = (),
+    readable: tuple[Path, ...] = (),
 ) -> Places:
     """Return what is open and what is closed to a fit.
 
@@ -99,7 +99,7 @@ def places_of(
         jobs: Folder of all jobs of the run, whose other files are closed with it.
         stages: Where it saves stages, ``RUN/stages/<code>/<capture>``; other stages of the run are closed.
         allowed: Files and folders that it may read and change besides.
-        weights: Files and folders of networks that it may read.
+        readable: Files and folders that it may only read: copies of captures, and weights.
 
     Raises:
         MethodError: Data would be open with what it may read or write.
@@ -123,7 +123,7 @@ def places_of(
         _make(folder)
     return Places(
         str(scratch),
-        readable=tuple(map(str, weights)),
+        readable=tuple(map(str, readable)),
         writable=tuple(map(str, allowed)),
         closed=tuple(map(str, real)),
         opened=tuple(str(folder.resolve()) for folder in opened),

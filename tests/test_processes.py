@@ -13,8 +13,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graycard.processes import Channel, ChannelError, Message, Places, landlock_version
-from graycard.processes._landlock import TO_READ, TO_WRITE
+from confined_work import SERVE, ask
+from graycard.io import peak_memory_mib, silent
+from graycard.processes import (
+    Channel,
+    ChannelError,
+    Limits,
+    Message,
+    Places,
+    landlock_version,
+    run_all,
+)
+from graycard.processes._confined import Confined
+from graycard.processes._landlock import LIST, TO_READ, TO_WRITE
 from graycard.processes._places import open_code, open_parts, rules_of
 
 Pair = tuple[Channel, socket.socket]
@@ -78,6 +89,12 @@ def test_objects_are_not_sent(pair: Pair, values: np.ndarray):
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [1.5]]]}'),
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8,<f8", [1]]]}'),
         head('{"kind": "x", "data": 1, "arrays": [["a", "<f8", [4000000000, 4000000000]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [35184372088832]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [0, 99999999999999999999]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|u1", [0, 9223372036854775807, 9]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "(2", [1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "{", [1]]]}'),
+        head('{"kind": "x", "data": 1, "arrays": [["a", "|b1", 7]]}'),
         head('{"kind": "x", "data": 1, "arrays": 5}'),
         b"short",
         b"",
@@ -102,6 +119,24 @@ def test_who_died_is_not_waited_for_even_if_its_children_hold_the_socket():
     theirs.close()
 
 
+def test_notes_that_a_method_has_written_itself_do_no_harm():
+    """It has the descriptor, too."""
+    notes, written = os.pipe()
+    os.write(written, b"[" * 60_000 + b'\nno note\n\xff\n"a\\u0007"\n{"b": ')
+    os.close(written)
+    confined = Confined(None, None, notes)  # pyright: ignore[reportArgumentType]  # neither is asked
+    assert confined.refusals() == (r"a\x07",)
+    os.close(notes)
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
+def test_memory_of_a_process_that_has_ended_is_no_error():
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        os.waitid(os.P_PID, ended.pid, os.WEXITED | os.WNOWAIT)
+        assert peak_memory_mib(ended.pid) >= 0.0, "a zombie"
+    assert peak_memory_mib(ended.pid) >= 0.0, "gone"
+
+
 def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
     for name in ("code/a.py", "code/package/b.py", "code/runs/dataset/truth.json", "code/runs/notes.py"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -115,10 +150,14 @@ def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
     assert list(open_parts(data, [data])) == []
     (tmp_path / "scratch").mkdir()
     places = Places(str(tmp_path / "scratch"), closed=(data,))
-    plain, split, *none = open_code(
+    (plain, split, *none), rules = open_code(
         [str(tmp_path / "code" / "package"), str(tmp_path / "code"), data], places
     )
     assert none == []
+    assert {os.path.relpath(path, tmp_path): rights for path, rights in rules} == {
+        "code/package": LIST, "code/package/b.py": TO_READ, "code/a.py": TO_READ,
+        "code/runs/notes.py": TO_READ,
+    }  # fmt: skip
     assert plain == str(tmp_path / "code" / "package")
     assert {p.relative_to(split).as_posix() for p in Path(split).rglob("*")} >= {
         "a.py",
@@ -126,6 +165,20 @@ def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
         "runs/notes.py",
     }
     assert not any("truth" in path.name or "innocent" in path.name for path in Path(split).rglob("*"))
+
+
+def test_of_a_folder_with_code_modules_and_packages_are_open_and_nothing_else(tmp_path: Path):
+    """A salt, a dataset or a run may lie there."""
+    for name in ("m.py", "package/__init__.py", "package/weights.bin", "a.salt", "data/dark/s/truth.json"):
+        (tmp_path / "code" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "code" / name).write_text("")
+    code, library = str(tmp_path / "code"), str(tmp_path / "lib" / "site-packages")
+    os.makedirs(library)
+    found, rules = open_code([code, library], Places(str(tmp_path)))
+    assert found == [code, library]
+    assert dict(rules) == {
+        code: LIST, f"{code}/m.py": TO_READ, f"{code}/package": TO_READ, library: TO_READ
+    }  # fmt: skip
 
 
 def test_rules_open_what_is_handed_and_no_data(tmp_path: Path):
@@ -174,6 +227,21 @@ print({
     "own": can(lambda: open(f"{root}/own/x", "w")), "thread": in_thread(),
 })
 """
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_a_confined_process_is_restricted_as_a_whole_and_knows_nothing_of_who_started_it(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Threads of libraries are bound as well; arguments of a command name a scene."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setattr(sys, "argv", ["graycard", "fit", "gray", "closed-scene"])
+    limits = Limits(60.0, 4096)
+    (outcome,) = run_all(ask, ["closed[-]scene"], 1, silent, limits=limits, confines=SERVE)
+    assert outcome.reason == ""
+    assert set(outcome.value["threads"]) == {"1"}
+    assert outcome.value["memory"] == [str(4096 * 2**20)] * 2
+    assert outcome.value["found"] == 0
 
 
 @pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """A method in a process that can reach nothing but its capture, and the decompositions that it makes."""
 
+import math
 import os
-import shutil
 import time
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,11 +17,12 @@ from weakref import finalize
 import numpy as np
 
 from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
-from graycard.io import atomic_path, inside, printable, silent, to_builtins
+from graycard.io import printable, silent, to_builtins
 from graycard.methods._contract import Ask, Decomposition, Guest, Priors
 from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
 from graycard.methods._registry import BUILT_IN, module_of
 from graycard.methods.confined._kernels import keep_kernels, note_use
+from graycard.methods.confined._saved import take_files
 from graycard.methods.confined._wire import (
     ask_in,
     error_in,
@@ -31,6 +32,7 @@ from graycard.methods.confined._wire import (
     lights_out,
     priors_out,
     question_in,
+    shortened,
 )
 from graycard.processes import (
     ChannelError,
@@ -44,6 +46,8 @@ from graycard.processes import (
 SERVE = "graycard.methods.confined:serve"
 """Function that the process runs."""
 _NO_PRIORS = Priors()
+_LONGEST_STEP = 200
+"""Characters of what a method says of its progress."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +146,7 @@ class ConfinedMethod:
         }  # fmt: skip
         found = self.ask("fit", told, handed.arrays, priors).data
         with self.as_asked():
-            spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
+            spent = Spent(max(0.0, _number(found["resumed_s"])), max(0.0, _number(found["resumed_mib"])))
         return self.decomposition(found), spent
 
     def seed(self, seed: int) -> None:
@@ -222,7 +226,10 @@ class ConfinedMethod:
         match message.kind:
             case "progress":
                 with self.as_asked():
-                    done, doing = float(message.data[0]), printable(str(message.data[1]))
+                    done, doing = (
+                        _number(message.data[0]),
+                        printable(shortened(str(message.data[1]), _LONGEST_STEP)),
+                    )
                 self.progress(done, doing)
             case "ask":
                 self.process.channel.send(_answer(message, priors))
@@ -232,6 +239,17 @@ class ConfinedMethod:
                 raise error
             case other:
                 raise ChannelError(f"expected an answer, got {other!r}")
+
+
+def _number(value: Any) -> float:
+    """Return a number that came as JSON data.
+
+    Raises:
+        ValueError: It is none, or not finite.
+    """
+    if not math.isfinite(number := float(value)):
+        raise ValueError(f"expected a finite number, got {value!r}")
+    return number
 
 
 def _answer(message: Message, priors: Priors) -> Message:
@@ -273,7 +291,7 @@ class ConfinedDecomposition:
         made = self.method.scratch / f"saved-{next(self.method.numbers)}"
         made.mkdir()
         self.method.ask("save", {"number": self.number, "folder": str(made)})
-        _take_files(made, folder)
+        take_files(made, folder)
 
 
 class _Relights(ConfinedDecomposition):
@@ -319,7 +337,7 @@ class _Counts(ConfinedDecomposition):
         """Count the work that a picture takes."""
         told = self.method.ask("counts", {"number": self.number, "camera": to_builtins(camera)}).data
         with self.method.as_asked():
-            return {str(name): float(value) for name, value in told.items()}
+            return {str(name): _number(value) for name, value in told.items()}
 
 
 _VERBS: Mapping[str, type[ConfinedDecomposition]] = {
@@ -336,23 +354,6 @@ def _kind_of(able: tuple[str, ...]) -> type[ConfinedDecomposition]:
     """Return a kind of decomposition that can do these verbs and no others: what it claims is what it has."""
     bases = tuple(_VERBS[verb] for verb in able) or (ConfinedDecomposition,)
     return type("ConfinedDecomposition", bases, {})
-
-
-def _take_files(made: Path, folder: Path) -> None:
-    """Copy what a method has written to where it is wanted; its index, in the folder itself, comes last.
-
-    Raises:
-        MethodError: There is something else than files and folders.
-        OutputError: The folder cannot be written to, or the disk is full.
-    """
-    found = sorted(made.rglob("*"), key=lambda path: (path.parent == made and path.suffix == ".json", path))
-    for path in found:
-        if path.is_symlink() or not (path.is_file() or path.is_dir()):
-            raise MethodError(f"expected files of a saved decomposition, got {path.name}, which is none")
-    for path in (path for path in found if path.is_file()):
-        with atomic_path(inside(folder, *path.relative_to(made).parts)) as partial:
-            shutil.copyfile(path, partial, follow_symlinks=False)
-    shutil.rmtree(made, ignore_errors=True)
 
 
 @contextmanager

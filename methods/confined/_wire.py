@@ -26,6 +26,8 @@ from graycard.methods._contract import Composed, Priors, Relit
 from graycard.methods._priors import Ask, ImageKind, Lamp, PriorModel, Question
 from graycard.methods.priors import UnloadedNetwork
 
+_LONGEST = 20_000
+"""Characters of what a method says of an error."""
 _IMAGE = "environment.exr"
 """Stands for the image of an environment, whose place is told beside it."""
 
@@ -158,6 +160,12 @@ def text_out(text: str) -> str:
     return text.encode(errors="replace").decode()
 
 
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    """Return a text that a record or a terminal can take: the middle of a longer one is left out."""
+    half = longest // 2
+    return text if len(text) <= longest else f"{text[:half]} … {text[-half:]}"
+
+
 class CodeOfOthersError(Exception):
     """The traceback of an error that another process met in code that is not graycard's."""
 
@@ -182,9 +190,9 @@ def error_in(data: Any) -> GraycardError:
     kinds = {kind.__name__: kind for kind in _kinds_of(GraycardError) if not issubclass(kind, OutputError)}
     kind = kinds.get(str(data["error"]), MethodError)
     error = kind.__new__(kind)
-    error.args = (str(data["words"]),)
+    error.args = (shortened(str(data["words"])),)
     if data["trace"]:
-        error.__cause__ = CodeOfOthersError(str(data["trace"]))
+        error.__cause__ = CodeOfOthersError(shortened(str(data["trace"])))
     return error
 
 

@@ -2,6 +2,7 @@
 """However a method ends, its own job fails at once, nothing of it goes on, and the job can run again."""
 
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,7 +14,7 @@ import pytest
 from graycard.benchmarks._jobs import FitJob, run_fit
 from graycard.io import silent
 from graycard.methods.confined import SERVE
-from graycard.processes import Limits, run_all
+from graycard.processes import Limits, landlock_version, run_all
 from graycard.records import Job
 from hostile_methods import ENDS
 
@@ -29,6 +30,8 @@ WORDS = {
     "garbage": "expected a message",
     "half": "exit code 0",
     "done": "to answer what is asked",
+    "infinity": "expected a finite number",
+    "talk": "RuntimeError: bbb",
     "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
@@ -49,12 +52,17 @@ def living_children(tmp_path: Path) -> set[str]:
     found, mark = set(), b"HOSTILE_TEST=" + os.fsencode(tmp_path) + b"\0"
     for path in Path("/proc").glob("[0-9]*/environ"):
         try:
-            ours = b"resource_tracker" in path.with_name("cmdline").read_bytes()  # of Python, of this process
-            if mark in path.read_bytes() and not ours and path.parent.name != str(os.getpid()):
+            ours = b"resource_tracker" in b" ".join(_command(path.parent))  # of Python, of this process
+            named = mark in path.read_bytes() or os.fsencode(tmp_path) in _command(path.parent)[-1:]
+            if named and not ours and path.parent.name != str(os.getpid()):
                 found.add(path.parent.name)
         except OSError:
             continue
     return found
+
+
+def _command(process: Path) -> list[bytes]:
+    return (process / "cmdline").read_bytes().rstrip(b"\0").split(b"\0")
 
 
 @pytest.fixture
@@ -68,7 +76,12 @@ def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize("how", [*ENDS])
 def test_each_end_fails_its_own_job(scene: Path, tmp_path: Path, how: str):
     job, start = job_of(how, scene, tmp_path / "run"), time.monotonic()
-    (outcome,) = run_all(run_fit, [job], 1, silent, limits=Limits(LIMIT_S, 4096), confines=SERVE)
+    told = []
+    limits = Limits(LIMIT_S, 4096)
+    (outcome,) = run_all(
+        run_fit, [job], 1, lambda _, words: told.append(words), limits=limits, confines=SERVE
+    )
+    assert max(map(len, [*told, outcome.reason])) < 30_000
     assert time.monotonic() - start < LIMIT_S + END_S
     assert any(word in outcome.reason for word in WORDS[how].split("|")), outcome.reason
     assert not outcome.fatal
@@ -111,3 +124,19 @@ def test_who_ends_badly_does_no_harm_to_the_jobs_after_it(scene: Path, tmp_path:
     bad, good = run_all(run_fit, jobs, 1, silent, tasks_each=5, confines=SERVE)
     assert bad.reason
     assert good.reason == ""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a process adopt orphans")
+def test_a_process_without_session_and_mark_ends_with_its_job(scene: Path, tmp_path: Path):
+    jobs = [job_of("Escapes", scene, tmp_path / "run")]
+    (outcome,) = run_all(run_fit, jobs, 1, silent, confines=SERVE)
+    assert outcome.reason == ""
+    assert living_children(tmp_path) == set()
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_a_method_cannot_put_links_where_its_capture_is_copied_to(scene: Path, tmp_path: Path):
+    """Else the process that reads the truth would write where they lead."""
+    jobs = [job_of("Exchanges", scene, tmp_path / "run")]
+    (outcome,) = run_all(run_fit, jobs, 1, silent, confines=SERVE)
+    assert outcome.reason == ""

@@ -186,7 +186,7 @@ def test_workers_end_with_a_bench_that_is_killed(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="needs /proc")
 def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
-    with marked(0) as own:
+    with marked() as own:
         space, bench, start, number = own.split("-")
     marks = {
         "gone": f"{space}-{bench}-never-{number}",
@@ -209,6 +209,31 @@ def test_orphans_of_a_bench_that_is_gone_are_ended_and_no_others() -> None:
         for process in started.values():
             process.kill()
             process.wait()
+
+
+STARTER = """
+import subprocess, sys, time
+from graycard.processes._family import adopt_orphans
+adopt_orphans()
+waits = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
+start = "subprocess.Popen([sys.executable, '-c', %r], env={}, start_new_session=True)" % waits
+again = f"import subprocess, sys; {start}"
+subprocess.run([sys.executable, "-c", again], env={}, start_new_session=True, check=True)
+time.sleep(600)
+"""
+LEADER = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]])"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux lets a process adopt orphans")
+def test_who_left_session_and_environment_ends_with_the_worker_above_its_starter() -> None:
+    command = [sys.executable, "-c", LEADER, STARTER]
+    leader = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    with leader:
+        assert leader.stdout is not None
+        detached = leader.stdout.readline().strip()
+        assert _state(detached) not in ("", "Z", "X")
+        end_family(leader.pid, "no mark at all")
+    assert _state(detached) in ("", "Z", "X")
 
 
 def _state(pid: str) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of verbs and the help: complete, readable at 80 columns, and free of heavy imports."""
 
+import io
 import re
 import shlex
 import signal
@@ -11,13 +12,14 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from rich.console import Console
 
 from graycard.cli import main
 from graycard.cli._main import CUT_OFF, ERROR
 from graycard.cli._overview import EXIT_CODES, overview
 from graycard.cli._parse import parse_verb
 from graycard.cli._table import VERBS, Group, Verb, find_verb
-from graycard.cli._terminal import FAILED, OK
+from graycard.cli._terminal import FAILED, OK, Terminal
 
 ROOT = Path(__file__).parents[2]
 NAMES = [verb.name for verb in VERBS]
@@ -189,3 +191,11 @@ def test_a_completion_knows_every_verb(capsys: Capture):
     assert not ended.value.code
     shown = capsys.readouterr().out
     assert all(name in shown for name in NAMES)
+
+
+def test_what_a_method_says_of_its_progress_is_no_markup():
+    """A tag that closes nothing would end the bench."""
+    shown = io.StringIO()
+    with Terminal(err=Console(file=shown, force_terminal=True, width=80)).progress() as report:
+        report(0.5, "[/red] [bold]half[/bold]")
+    assert "[/red] [bold]half[/bold]" in shown.getvalue()

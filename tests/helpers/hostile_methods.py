@@ -69,6 +69,24 @@ def _pretend_to_be_done() -> None:
     os._exit(0)
 
 
+def _claim_infinity() -> None:
+    data = (
+        b'{"kind": "done", "data": {"number": 1, "provides": [], "able": [], "resumed_s": "inf", '
+        b'"resumed_mib": 0}, "arrays": []}'
+    )
+    _channel().sendall(len(data).to_bytes(8, "big") + data)
+    os._exit(0)
+
+
+def _talk() -> None:
+    """Say more than a terminal and a record can take."""
+    data = b'{"kind": "progress", "data": [0.5, "%s"], "arrays": []}' % (b"a" * 2**24)
+    channel = _channel()
+    channel.sendall(len(data).to_bytes(8, "big") + data)
+    channel.detach()
+    raise RuntimeError("b" * 2**24)
+
+
 def _blame_the_disk() -> None:
     data = b'{"kind": "error", "data": {"error": "OutputError", "words": "full", "trace": ""}, "arrays": []}'
     _channel().sendall(len(data).to_bytes(8, "big") + data)
@@ -102,6 +120,8 @@ ENDS: dict[str, Callable[[], Any]] = {
     "garbage": _write_garbage,
     "half": _write_half,
     "done": _pretend_to_be_done,
+    "infinity": _claim_infinity,
+    "talk": _talk,
     "disk": _blame_the_disk,
     "system_exit": lambda: sys.exit(0),
     "interrupt": lambda: (_ for _ in ()).throw(KeyboardInterrupt()),
@@ -129,6 +149,35 @@ class Leaves(GrayMethod):
     def fit(self, capture: Any, priors: Any, settings: Any, seed: int, progress: Any) -> Any:
         _leave_children()
         threading.Thread(target=lambda: time.sleep(LONG_S), daemon=True).start()
+        return super().fit(capture, priors, settings, seed, progress)
+
+
+class Escapes(GrayMethod):
+    """Leaves a process with a session and an environment of its own."""
+
+    summary = "Leaves a process that bears no mark"
+
+    def fit(self, capture: Any, priors: Any, settings: Any, seed: int, progress: Any) -> Any:
+        sleep = [sys.executable, "-c", f"import time; time.sleep({LONG_S})", os.environ["HOSTILE_TEST"]]
+        again = f"import subprocess; subprocess.Popen({sleep!r}, env={{}}, start_new_session=True)"
+        subprocess.run([sys.executable, "-c", again], env={}, start_new_session=True, check=True)
+        return super().fit(capture, priors, settings, seed, progress)
+
+
+class Exchanges(GrayMethod):
+    """Puts a link where its capture is, or tries to."""
+
+    summary = "Exchanges its capture"
+
+    def fit(self, capture: Any, priors: Any, settings: Any, seed: int, progress: Any) -> Any:
+        for place in (capture.root, capture.root.parent):
+            with contextlib.suppress(OSError):
+                os.rename(place, f"{place}-aside")
+                os.symlink(os.environ["HOSTILE_TEST"], place)
+            with contextlib.suppress(OSError):
+                (place / "written").write_text("written")
+        if not (capture.root / "capture.json").exists() or list(capture.root.parent.rglob("written")):
+            raise RuntimeError("the capture was exchanged")
         return super().fit(capture, priors, settings, seed, progress)
 
 

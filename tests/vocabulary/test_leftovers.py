@@ -2,6 +2,7 @@
 """Leftovers of killed processes are removed; a file that a process still writes stays, however old."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from graycard.io import (
     writable_folder,
     write_bytes,
 )
+from graycard.io._hold import remove_unheld
 
 BEGIN = """
 import sys, time
@@ -93,6 +95,25 @@ def test_two_processes_do_not_take_each_other_for_dead(
         assert len(os.listdir(tmp_path / "tmp")) == 2
         mine.write_bytes(b"whole")
     assert (tmp_path / "mine.json").read_bytes() == b"whole"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="nothing can be held there")
+def test_a_folder_that_is_taken_for_left_over_before_it_is_held_is_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    made, make = [], tempfile.mkdtemp
+
+    def make_and_lose(**options: str) -> str:
+        made.append(make(**options))
+        if len(made) == 1:
+            assert remove_unheld(Path(made[0]), shutil.rmtree), "as another process does"
+        return made[-1]
+
+    monkeypatch.setattr(tempfile, "mkdtemp", make_and_lose)
+    with temporary_folder() as folder:
+        assert folder.is_dir()
+    assert len(made) == 2
 
 
 def test_what_is_not_graycards_stays(tmp_path: Path) -> None:

@@ -68,7 +68,7 @@ class Terminal:
     @contextmanager
     def progress(self) -> Iterator[Progress]:
         """Show a progress bar for the length of a block."""
-        columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
+        columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
         with ProgressBar(*columns, console=self.err, transient=True, disable=not self.err.is_terminal) as bar:
             task = bar.add_task("", total=1.0)
 

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from graycard.io._files import PARTIAL_NAME, output_error
-from graycard.io._hold import hold, let_go, remove_unheld
+from graycard.io._hold import hold, is_at, let_go, remove_unheld
 
 _LOCK = re.compile(r"(\..+)?\.lock")
 _HOLDER = re.compile(rb"(process \d+ on \S*)?")
@@ -59,18 +59,31 @@ def temporary_folder() -> Iterator[Path]:
     for left in place.glob(f"{_TEMPORARY}*"):
         remove_unheld(left, shutil.rmtree)
     try:
-        root = Path(tempfile.mkdtemp(prefix=_TEMPORARY))
-        held = os.open(root, os.O_RDONLY) if sys.platform != "win32" else None
+        root, held = _held_folder()
     except OSError as cause:
         raise output_error(place, cause) from cause
     try:
-        if held is not None:
-            hold(held)
         yield root
     finally:
         shutil.rmtree(root, ignore_errors=True)
         if held is not None:
             let_go(held)
+
+
+def _held_folder() -> tuple[Path, int | None]:
+    """Make a temporary folder and hold it; return it with a descriptor, None where nothing can be held."""
+    while True:
+        root = Path(tempfile.mkdtemp(prefix=_TEMPORARY))
+        if sys.platform == "win32":
+            return root, None
+        try:
+            held = os.open(root, os.O_RDONLY)
+        except FileNotFoundError:
+            continue  # another process took it for left over, before it was held
+        hold(held)
+        if is_at(held, root):
+            return root, held
+        let_go(held)
 
 
 def _is_left(path: Path) -> bool:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much memory is touched at a time, and what becomes of it when it is freed."""
 
+import contextlib
 import ctypes
 import resource
 import sys
@@ -49,9 +50,9 @@ def peak_memory_mib(pid: int | None = None) -> float:
         pid: Of the process; None for this one. Of others only Linux tells: elsewhere it is the most that any
             process has held which this one started and which ended.
     """
-    status = Path(f"/proc/{pid or 'self'}/status")
-    if status.is_file():
-        lines = dict(line.split(":", 1) for line in status.read_text().splitlines() if ":" in line)
+    with contextlib.suppress(OSError, KeyError):  # there is no /proc, or the process has ended
+        status = Path(f"/proc/{pid or 'self'}/status").read_text()
+        lines = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
         return int(lines["VmHWM"].split()[0]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF if pid is None else resource.RUSAGE_CHILDREN).ru_maxrss
     return peak / 2**20 if sys.platform == "darwin" else peak / 2**10

@@ -97,7 +97,7 @@ class Channel:
             found = parse_json(self._exactly(length).decode())
             kind, data, layout = found["kind"], found["data"], found["arrays"]
             arrays = {str(name): self._array(dtype, shape) for name, dtype, shape in layout}
-        except (GraycardError, ValueError, TypeError, KeyError) as cause:
+        except (GraycardError, ValueError, TypeError, KeyError, MemoryError) as cause:
             raise ChannelError(f"expected a message, got none: {cause}") from cause
         return Message(str(kind), data, arrays)
 

@@ -2,16 +2,15 @@
 """Start a Python process that is to run code of others, and close to it all that it is not handed."""
 
 import contextlib
-import json
 import os
 import socket
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
-from graycard.io import peak_memory_mib, printable
+from graycard.io import parse_json, peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
 from graycard.processes._places import Places
-from graycard.processes._starter import Starter, has_just_begun
+from graycard.processes._starter import Starter
 
 AUDIT_HOOK = "audit-hook-2"
 """Name and version of the way in which Python code is watched."""
@@ -56,7 +55,7 @@ class Confined:
         with contextlib.suppress(BlockingIOError):
             for line in os.read(self.notes, _NOTES).splitlines():
                 with contextlib.suppress(ValueError):
-                    self.refused[printable(str(json.loads(line)))] = None
+                    self.refused[printable(str(parse_json(line.decode())))] = None
         return tuple(self.refused)
 
     def peak_mib(self) -> float:
@@ -92,8 +91,6 @@ _standing: Starter | None = None
 def start_ahead(serve: str) -> None:
     """Make this process one that uses :func:`started` again and again, and let it wait for less.
 
-    A process that has just begun, and knows of no job yet, forks: what both import is imported once.
-
     Args:
         serve: ``module:function`` that each of the processes is to run.
 
@@ -101,7 +98,7 @@ def start_ahead(serve: str) -> None:
         OSError: There is no room for a process.
     """
     global _standing
-    _standing = Starter(serve, forked=has_just_begun())
+    _standing = Starter(serve)
 
 
 def started(serve: str) -> Confined:

@@ -3,7 +3,8 @@
 
 A worker leads a session of its own, and its environment holds a mark that its children inherit. So whatever
 it leaves behind is found by session or by mark, and killed; without ``/proc``, by its process group. A child
-with a session of its own and another environment is not found.
+with a session of its own and another environment is found on Linux, as the starter above it adopts it when
+its parent ends. It is not found once that starter has been killed by others.
 """
 
 import contextlib
@@ -15,14 +16,16 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 MARK = "GRAYCARD_WORKER"
 """Environment variable: namespace, id and start of the bench's process, and a number."""
 _TEMPORARY = "graycard-worker-"
 """Begin of the names of folders for temporary files; the mark follows."""
-_PDEATHSIG = 1
-"""Option of prctl: the signal that comes when the parent dies (``sys/prctl.h``)."""
+_PDEATHSIG, _SUBREAPER = 1, 36
+"""Options of prctl: the signal that comes when the parent dies, and to adopt orphans (``linux/prctl.h``)."""
+_NUMBERS = count()
 _PROC = Path("/proc")
 _ATTEMPTS = 20
 """Most rounds of killing: a child may start others meanwhile."""
@@ -41,11 +44,28 @@ def die_with_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
+def adopt_orphans() -> None:
+    """Become the parent of what this process's children leave behind; on Linux alone."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def end_adopted() -> None:
+    """Kill the children of this process, and those that they leave to it, until there are none."""
+    with contextlib.suppress(ChildProcessError):
+        while True:
+            if os.waitpid(-1, os.WNOHANG)[0]:
+                continue
+            if not _kill([pid for pid, parent in _parents().items() if parent == os.getpid()]):
+                return  # without /proc nobody knows them
+            os.waitpid(-1, 0)
+
+
 @contextlib.contextmanager
-def marked(number: int) -> Iterator[str]:
+def marked() -> Iterator[str]:
     """Mark the processes that are started within the block; yields the mark."""
     before = os.environ.get(MARK)
-    os.environ[MARK] = mark = f"{_namespace()}-{os.getpid()}-{_started(os.getpid())}-{number}"
+    os.environ[MARK] = mark = f"{_namespace()}-{os.getpid()}-{_started(os.getpid())}-{next(_NUMBERS)}"
     try:
         yield mark
     finally:
@@ -63,6 +83,10 @@ def end_family(leader: int, mark: str, spared: int = 0) -> None:
         mark: Its mark; this process, which may bear it too, is spared.
         spared: Id of another process with this mark.
     """
+    for attempt in range(_ATTEMPTS if _stat(leader) else 0):
+        if not _kill(_adopted_below(leader)):  # while those that adopt them are there
+            break
+        time.sleep(0.005 * (attempt + 1))
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(leader, signal.SIGKILL)
     quiet = 0
@@ -131,6 +155,21 @@ def _processes() -> Iterator[tuple[int, str, str]]:
             content = b""
         found = [part for part in content.split(b"\0") if part.startswith(f"{MARK}=".encode())]
         yield pid, state[0], found[0].decode(errors="replace").partition("=")[2] if found else ""
+
+
+def _parents() -> dict[int, int]:
+    """Return the parent of each living process."""
+    found = ((int(entry.name), _stat(int(entry.name))) for entry in _PROC.glob("[0-9]*"))
+    return {pid: int(fields[1]) for pid, fields in found if fields and fields[0] not in "ZX"}
+
+
+def _adopted_below(leader: int) -> list[int]:
+    """Return what a process's children have started or adopted, but for those children themselves."""
+    parents = _parents()
+    children = below = {pid for pid, parent in parents.items() if parent == leader}
+    while more := {pid for pid, parent in parents.items() if parent in below} - below:
+        below = below | more
+    return sorted(below - children)
 
 
 def _session(pid: int) -> int:

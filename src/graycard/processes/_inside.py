@@ -24,15 +24,15 @@ from threadpoolctl import threadpool_limits
 
 from graycard.io import from_builtins
 from graycard.processes._channel import Channel, ChannelError, Message
-from graycard.processes._family import MARK, lead_family
+from graycard.processes._family import MARK, adopt_orphans, end_adopted, lead_family
 from graycard.processes._guard import Guard
 from graycard.processes._landlock import restrict
-from graycard.processes._places import Places, open_code, rules_of
+from graycard.processes._places import Places, is_inside, open_code, rules_of
 
 NUMBER = struct.Struct(">i")
 """An answer of a starter."""
 _STAGES = ("benchmarks", "eval", "methods", "reports")
-_TELLING = ("PWD", "OLDPWD", "_")
+TELLING = ("PWD", "OLDPWD", "_")
 """Environment variables that tell of folders which are closed."""
 
 
@@ -47,6 +47,7 @@ def serve_starts(serve: str, control: str) -> NoReturn:
         control: Descriptor of a socket that brings requests and takes answers.
     """
     lead_family()
+    adopt_orphans()
     sys.argv[:] = ["graycard"]
     module, _, name = serve.partition(":")
     work = getattr(import_module(module), name)
@@ -64,6 +65,7 @@ def serve_starts(serve: str, control: str) -> NoReturn:
             requests.sendall(NUMBER.pack(child))
             if child > 0:
                 _, status = os.waitpid(child, 0)
+                end_adopted()
                 requests.sendall(NUMBER.pack(os.waitstatus_to_exitcode(status)))
     os._exit(0)
 
@@ -100,9 +102,13 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
     places = from_builtins(Places, told["places"])
     _take_environment(told["environment"], places)
     code = _code_of(told["code"])
-    sys.path[:] = open_code(sys.path, places)
+    sys.path[:], rules = open_code(sys.path, places)
     sys.path_importer_cache.clear()
-    version = restrict(rules_of(places, [*sys.path, *code]))
+    if any(is_inside(os.getcwd(), os.path.realpath(place)) for place in places.closed):
+        os.chdir(places.scratch)  # its name may be that of the scene
+    _fix_memory()
+    version = restrict([*rules_of(places, code), *rules])
+    _limit_threads()
     Guard(places.closed, places.opened, notes).install()
     told.clear()  # code of others finds what stands in frames above it
     channel.send(Message("confined", {"landlock": version}))
@@ -113,7 +119,7 @@ def _take_environment(variables: Mapping[str, str], places: Places) -> None:
     """Take over environment variables; caches and temporary files go to the folder of this process."""
     mark = os.environ.get(MARK)
     os.environ.clear()
-    os.environ.update({k: v for k, v in variables.items() if k not in _TELLING})
+    os.environ.update({k: v for k, v in variables.items() if k not in TELLING})
     scratch = Path(places.scratch)
     for name in ("tmp", "home"):
         (scratch / name).mkdir(exist_ok=True)
@@ -122,6 +128,21 @@ def _take_environment(variables: Mapping[str, str], places: Places) -> None:
     os.environ |= {"TMPDIR": tempfile.tempdir, "HOME": home, "XDG_CACHE_HOME": home}
     if mark:
         os.environ[MARK] = mark
+
+
+def _fix_memory() -> None:
+    """Let code of others not lift the limit of memory."""
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    soft, _ = resource.getrlimit(resource.RLIMIT_DATA)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, soft))
+
+
+def _limit_threads() -> None:
+    """Limit the threads of libraries that are loaded; some may be started, which are to be restricted too."""
     threads = os.environ.get("OMP_NUM_THREADS", "")
     if threads.isdecimal():
         threadpool_limits(int(threads))

@@ -6,9 +6,10 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.machinery import all_suffixes
 from pathlib import Path
 
-from graycard.processes._landlock import OF_DEVICES, TO_READ, TO_WRITE
+from graycard.processes._landlock import LIST, OF_DEVICES, TO_READ, TO_WRITE
 
 _SYSTEM = (
     "/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/nix/store", "/gnu/store", "/sys",
@@ -29,6 +30,9 @@ _DEVICES = (
 )  # fmt: skip
 _VARIABLES = ("LD_LIBRARY_PATH", "DRJIT_LIBLLVM_PATH", "DRJIT_LIBOPTIX_PATH", "CUDA_HOME", "CUDA_PATH")
 """Environment variables that name libraries."""
+_PREFIXES = (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix)
+_LIBRARIES = frozenset({"site-packages", "dist-packages"})
+"""Names of folders of libraries, which a user may have elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +65,8 @@ def rules_of(places: Places, code: Sequence[str]) -> Iterator[tuple[str, int]]:
     """
     closed = [os.path.realpath(path) for path in places.closed]
     libraries = [part for name in _VARIABLES for part in os.environ.get(name, "").split(os.pathsep) if part]
-    prefixes = (sys.prefix, sys.base_prefix, sys.exec_prefix, sys.base_exec_prefix)
     system = [*_SYSTEM, *(os.path.join("/proc", name) for name in _PROCESS)]
-    for path in _each([*system, *prefixes, *libraries, *code, *places.readable]):
+    for path in _each([*system, *_PREFIXES, *libraries, *code, *places.readable]):
         yield from ((part, TO_READ) for part in open_parts(path, closed))
     for pattern in _DEVICES:
         yield from ((path, OF_DEVICES) for path in glob.glob(pattern))
@@ -88,31 +91,53 @@ def open_parts(path: str, closed: Sequence[str]) -> Iterator[str]:
         yield from open_parts(os.path.join(real, name), closed)
 
 
-def open_code(entries: Iterable[str], places: Places) -> list[str]:
-    """Return places to import from of which nothing is closed.
+def open_code(entries: Iterable[str], places: Places) -> tuple[list[str], list[tuple[str, int]]]:
+    """Return places to import from of which nothing is closed, and the rules that they need.
 
-    A rule of Landlock opens a folder with all below. So a folder of code in which data lie is replaced by one
-    of links to its other parts.
+    Libraries are open as a whole, other folders for modules and packages alone: what else lies there is data.
+    A rule of Landlock opens a folder with all below. So a folder of code in which closed data lie is replaced
+    by one of links to its other parts.
 
     Args:
         entries: As in ``sys.path``.
         places: What is closed, and where links may be made.
     """
     closed = [os.path.realpath(path) for path in places.closed]
-    found = []
+    found: list[str] = []
+    rules: list[tuple[str, int]] = []
     for number, entry in enumerate(entries):
         real = os.path.realpath(entry)
         if any(is_inside(real, place) for place in closed):
             continue
         if any(is_inside(place, real) for place in closed):
             entry = os.path.join(places.scratch, f"code-{number}")
-            _link_open(real, Path(entry), closed)
+            parts = list(_link_open(real, Path(entry), closed))
+            rules += [(part, TO_READ) for part in parts if _is_code(part)]
+        elif _is_installed(real) or not os.path.isdir(real):
+            rules.append((real, TO_READ))
+        else:
+            parts = [os.path.realpath(os.path.join(real, name)) for name in _listed(real)]
+            rules += [(real, LIST), *((part, TO_READ) for part in parts if _is_code(part))]
         found.append(entry)
-    return found
+    return found, rules
 
 
-def _link_open(folder: str, target: Path, closed: Sequence[str]) -> None:
-    """Make a folder of links to what is not closed in another."""
+def _is_installed(place: str) -> bool:
+    """Tell whether a folder is one of the interpreter or of libraries."""
+    prefixes = map(os.path.realpath, _PREFIXES)
+    return any(is_inside(place, prefix) for prefix in prefixes) or not _LIBRARIES.isdisjoint(
+        Path(place).parts
+    )
+
+
+def _is_code(path: str) -> bool:
+    """Tell whether a file can be imported, or a folder holds one that can."""
+    names = _listed(path) if os.path.isdir(path) else [path]
+    return any(name.endswith(tuple(all_suffixes())) for name in names)
+
+
+def _link_open(folder: str, target: Path, closed: Sequence[str]) -> Iterator[str]:
+    """Make a folder of links to what is not closed in another, and yield what they lead to."""
     target.mkdir()
     for name in _listed(folder):
         path = os.path.join(folder, name)
@@ -120,9 +145,10 @@ def _link_open(folder: str, target: Path, closed: Sequence[str]) -> None:
         if any(is_inside(real, place) for place in closed):
             continue
         if any(is_inside(place, real) for place in closed):
-            _link_open(real, target / name, closed)
+            yield from _link_open(real, target / name, closed)
         else:
             (target / name).symlink_to(real)
+            yield real
 
 
 def _listed(folder: str) -> list[str]:

@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import count
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -28,7 +27,6 @@ from graycard.processes._worker import Step, serve
 
 J = TypeVar("J")
 DAY_S = 24 * 3600.0
-_NUMBERS = count()
 _GRACE_S = 5.0
 """Time in which a process that has no more jobs is to end by itself."""
 _LOOK_S = 0.2
@@ -253,7 +251,7 @@ def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Wo
     """
     context = multiprocessing.get_context("spawn")
     resource_tracker.ensure_running()  # within the block it would bear the mark, and end with the worker
-    with contextlib.ExitStack() as undo, marked(next(_NUMBERS)) as mark:
+    with contextlib.ExitStack() as undo, marked() as mark:
         folder = _temporary(mark)
         undo.callback(shutil.rmtree, folder, ignore_errors=True)
         try:

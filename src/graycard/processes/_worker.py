@@ -65,7 +65,8 @@ def serve(pipe: Connection, output: Connection, memory_mib: int, folder: Path, c
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
     keep_freed_memory()
     if confines:
-        start_ahead(confines)  # it imports its modules while this process imports its own
+        with contextlib.suppress(OSError):  # there is no room now: the first job tries again, and says so
+            start_ahead(confines)  # it imports its modules while this process imports its own
     _pipe = pipe
     work: Callable[[Any], Any] = pipe.recv()
     while (job := pipe.recv()) is not None:
