@@ -28,6 +28,7 @@ from graycard.processes._family import MARK, lead_family
 from graycard.processes._guard import Guard
 from graycard.processes._landlock import restrict
 from graycard.processes._places import Places, open_code, rules_of
+from graycard.processes._seccomp import refuse_calls
 
 NUMBER = struct.Struct(">i")
 """An answer of a starter."""
@@ -103,9 +104,10 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
     sys.path[:] = open_code(sys.path, places)
     sys.path_importer_cache.clear()
     version = restrict(rules_of(places, [*sys.path, *code]))
+    filtered = refuse_calls()
     Guard(places.closed, places.opened, notes).install()
     told.clear()  # code of others finds what stands in frames above it
-    channel.send(Message("confined", {"landlock": version}))
+    channel.send(Message("confined", {"landlock": version, "seccomp": filtered}))
     work(channel)
 
 
