@@ -24,6 +24,7 @@ from graycard.methods._registry import BUILT_IN, module_of
 from graycard.methods.confined._kernels import keep_kernels, note_use
 from graycard.methods.confined._wire import (
     ask_in,
+    cost_in,
     error_in,
     error_out,
     light_out,
@@ -142,7 +143,7 @@ class ConfinedMethod:
         }  # fmt: skip
         found = self.ask("fit", told, handed.arrays, priors).data
         with self.as_asked():
-            spent = Spent(max(0.0, float(found["resumed_s"])), max(0.0, float(found["resumed_mib"])))
+            spent = Spent(cost_in(found["resumed_s"]), cost_in(found["resumed_mib"]))
         return self.decomposition(found), spent
 
     def seed(self, seed: int) -> None:

@@ -4,6 +4,7 @@
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, cast
 
@@ -192,3 +193,14 @@ def _kinds_of(kind: type[GraycardError]) -> Iterator[type[GraycardError]]:
     yield kind
     for below in kind.__subclasses__():
         yield from _kinds_of(below)
+
+
+def cost_in(told: Any) -> float:
+    """Return what a method says that it took.
+
+    Raises:
+        ValueError: It is infinite or no number.
+    """
+    if not isfinite(cost := float(told)):
+        raise ValueError(f"add_resumed takes finite numbers, got {cost}")
+    return max(0.0, cost)

@@ -29,6 +29,7 @@ WORDS = {
     "garbage": "expected a message",
     "half": "exit code 0",
     "done": "to answer what is asked",
+    "endless": "finite numbers, got inf",
     "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",
