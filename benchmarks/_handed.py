@@ -13,9 +13,9 @@ from typing import Any
 from graycard import TRACKS, Capture, GraycardError, MethodError, open_capture
 from graycard.dataset import manifest_of, write_index
 from graycard.io import output_error, write_manifest
-from graycard.processes import AUDIT_HOOK, Places
+from graycard.processes import AUDIT_HOOK, SECCOMP, Places
 
-GUARDS = re.compile(rf"(landlock-[0-9]+\+)?{AUDIT_HOOK}|capture-copy-and-audit-hook-1")
+GUARDS = re.compile(rf"(landlock-[0-9]+\+)?({SECCOMP}\+)?{AUDIT_HOOK}|capture-copy-and-audit-hook-1")
 """The ways in which truth was closed to a fit: by the kernel besides, by a hook of Python alone, and as
 before, by a hook in the process that read the truth."""
 OPAQUE = "this-scene"

@@ -57,6 +57,8 @@ def format_seconds(seconds: float) -> str:
         >>> format_seconds(4.2), format_seconds(75), format_seconds(3700)
         ('4.2 s', '1 min 15 s', '1 h 1 min')
     """
+    if not math.isfinite(seconds):
+        return f"{seconds} s"
     if seconds < 1:
         return f"{seconds:.2f} s"
     if seconds < 60:

@@ -83,8 +83,11 @@ def read_salt(path: Path) -> Salt:
     """
     expected = f"expected a salt at {path}: {2 * BYTES} hexadecimal digits"
     mend = "Name the file that `graycard salt new` wrote"
+    if Path(path).exists() and not Path(path).is_file():
+        raise RecordError(f"{expected}, got what is no file. {mend}")  # a pipe waits, a device has no end
     try:
-        text = Path(path).read_bytes()[:1000].decode("ascii").strip()
+        with Path(path).open("rb") as file:
+            text = file.read(1000).decode("ascii").strip()
     except OSError as cause:
         raise RecordError(f"{expected}, got {cause.strerror or cause}. {mend}") from cause
     except UnicodeDecodeError as cause:

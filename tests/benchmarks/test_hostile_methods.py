@@ -32,6 +32,7 @@ WORDS = {
     "done": "to answer what is asked",
     "infinity": "expected a finite number",
     "talk": "RuntimeError: bbb",
+    "endless": "expected a finite number",
     "disk": "full",
     "system_exit": "SystemExit",
     "interrupt": "KeyboardInterrupt",

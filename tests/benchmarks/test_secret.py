@@ -371,3 +371,9 @@ def test_a_folder_with_a_scene_of_another_salt_does_not_tell_its_seed(
     assert "seed: another" in str(raised.value)
     assert str(spec.seed) not in str(raised.value)
     assert str(other.seed) not in str(raised.value)
+
+
+@pytest.mark.skipif(not Path("/dev/zero").is_char_device(), reason="this system has no such device")
+def test_a_salt_is_read_of_a_file_alone():
+    with pytest.raises(RecordError, match="got what is no file"):
+        read_salt(Path("/dev/zero"))

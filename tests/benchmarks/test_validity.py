@@ -20,7 +20,7 @@ from graycard.cli import main
 from graycard.io import read_json, read_manifest, sha256, write_json, write_manifest, write_rgb
 from graycard.lights import write_lights
 from graycard.predictions import finish_predictions, write_view
-from graycard.processes import AUDIT_HOOK, landlock_version
+from graycard.processes import AUDIT_HOOK, SECCOMP, landlock_version
 from graycard.records import COMPARISON, read_comparison
 from valid_runs import METHODS, breaches, change, score_in
 
@@ -31,8 +31,8 @@ def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[st
     assert last == "check-result: valid (6 fits by 11 rules, 0 broken, 0 without evidence)"
     digest = sha256(made_run / "suite.json")
     assert suite == f"suite: tiny version 1, which does not come with graycard (suite.json, SHA-256 {digest})"
-    way = f"landlock-{landlock_version()}+{AUDIT_HOOK}" if landlock_version() else AUDIT_HOOK
-    assert closed.endswith(f" in 6 fits ({way})")
+    way = f"landlock-{landlock_version()}+" if landlock_version() else ""
+    assert closed.endswith((f" in 6 fits ({way}{SECCOMP}+{AUDIT_HOOK})", f" in 6 fits ({way}{AUDIT_HOOK})"))
 
 
 def test_a_run_of_an_installation_without_extras_is_valid(run: Path):
@@ -366,6 +366,7 @@ def test_truth_was_closed(run: Path, edit: dict[str, Any], words: str, code: int
     ("guard", "says"),
     [
         (f"landlock-7+{AUDIT_HOOK}", "by the kernel (Landlock)"),
+        (f"landlock-7+{SECCOMP}+{AUDIT_HOOK}", "by the kernel (Landlock)"),
         (AUDIT_HOOK, "without Landlock"),
         ("capture-copy-and-audit-hook-1", "without Landlock"),
     ],

@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from graycard.methods import add_resumed
 from graycard.methods._gray import GrayMethod
 
 LONG_S = 600
@@ -119,6 +120,7 @@ ENDS: dict[str, Callable[[], Any]] = {
     "memory": lambda: np.ones(50 * 2**30, np.uint8),
     "garbage": _write_garbage,
     "half": _write_half,
+    "endless": lambda: add_resumed(float("inf")),
     "done": _pretend_to_be_done,
     "infinity": _claim_infinity,
     "talk": _talk,

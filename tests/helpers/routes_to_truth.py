@@ -428,6 +428,44 @@ def listening() -> Any:
 
 
 @route
+def listening_without_address() -> Any:
+    with socket.socket() as server:
+        server.listen()
+        return server.getsockname()
+
+
+@route
+def fast_open() -> Any:
+    """TCP that no call of connect opens."""
+    with socket.socket() as connection:
+        return str(connection.sendto(b"x", socket.MSG_FASTOPEN, ("127.0.0.1", PORT)))
+
+
+@route
+def datagram() -> Any:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as connection:
+        return str(connection.sendto(b"x", ("127.0.0.1", PORT)))
+
+
+@route
+def socket_with_a_path() -> Any:
+    with socket.socket(socket.AF_UNIX) as connection:
+        LIBC.chdir(bytes(ASIDE))  # such a path may have 107 bytes
+        connection.connect("socket")
+        return "connected"
+
+
+@route
+def system_v_memory() -> Any:
+    """Memory that another fit finds by its number, and that outlives this one."""
+    number = LIBC.shmget(0, 4096, 0o600)
+    if number < 0:
+        raise OSError
+    LIBC.shmctl(number, 0, None)
+    return "shared"
+
+
+@route
 def end_of_parent() -> Any:
     if LIBC.kill(os.getppid(), signal.SIGURG):  # ignored by who gets it
         raise OSError

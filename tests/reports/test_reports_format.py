@@ -34,7 +34,14 @@ def test_value_has_the_digits_of_its_unit(value: float, unit: str, text: str) ->
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(0.034, "0.03 s"), (4.21, "4.2 s"), (60, "1 min 0 s"), (75, "1 min 15 s"), (3700, "1 h 1 min")],
+    [
+        (0.034, "0.03 s"),
+        (4.21, "4.2 s"),
+        (60, "1 min 0 s"),
+        (75, "1 min 15 s"),
+        (3700, "1 h 1 min"),
+        (math.inf, "inf s"),
+    ],
 )
 def test_duration_in_the_unit_that_fits(seconds: float, text: str) -> None:
     assert format_seconds(seconds) == text

@@ -74,3 +74,12 @@ def test_errors_survive_a_process_boundary():
     back = pickle.loads(pickle.dumps(error))
     assert str(back) == str(error)
     assert isinstance(back, UnknownNameError)
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="this system has no such device")
+def test_a_device_is_not_replaced_by_a_file(tmp_path: Path):
+    path = tmp_path / "a.json"
+    path.symlink_to("/dev/full")  # a link to it: a fault must not take the device itself
+    with pytest.raises(OutputError, match="which is a device"):
+        write_json(path, {})
+    assert path.is_symlink()

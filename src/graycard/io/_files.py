@@ -32,9 +32,11 @@ def atomic_path(path: Path) -> Iterator[Path]:
     The process holds the partial file meanwhile: one that nobody holds was left by a process that was killed.
 
     Raises:
-        OutputError: The folder cannot be written to, or the disk is full.
+        OutputError: The folder cannot be written to, the disk is full, or ``path`` is a device.
     """
     path = Path(path)
+    if path.is_char_device() or path.is_block_device() or path.absolute().parent == Path("/dev"):
+        raise OutputError(f"expected the path of a file, got {path}, which is a device. Choose another")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         held, partial = _held_file(path)

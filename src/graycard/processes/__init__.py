@@ -9,6 +9,7 @@ from graycard.processes._channel import Channel as Channel
 from graycard.processes._channel import ChannelError as ChannelError
 from graycard.processes._channel import Message as Message
 from graycard.processes._confined import AUDIT_HOOK as AUDIT_HOOK
+from graycard.processes._confined import SECCOMP as SECCOMP
 from graycard.processes._confined import Confined as Confined
 from graycard.processes._confined import start_ahead as start_ahead
 from graycard.processes._confined import started as started

@@ -14,6 +14,8 @@ from graycard.processes._starter import Starter
 
 AUDIT_HOOK = "audit-hook-2"
 """Name and version of the way in which Python code is watched."""
+SECCOMP = "seccomp-1"
+"""Name and version of the filter of system calls."""
 _GRACE_S = 5.0
 """Time in which a process that is told to end may do so by itself."""
 _NOTES = 2**20
@@ -47,8 +49,9 @@ class Confined:
         """
         own = {name: value for name, value in os.environ.items() if _is_text(name + value)}
         told = {"places": asdict(places), "code": code, "environment": {**own, **variables}}
-        version = int(self.channel.ask(Message("confine", told)).data["landlock"])
-        self.guard = f"landlock-{version}+{AUDIT_HOOK}" if version else AUDIT_HOOK
+        held = self.channel.ask(Message("confine", told)).data
+        landlock = [f"landlock-{held['landlock']}"] if held["landlock"] else []
+        self.guard = "+".join([*landlock, *([SECCOMP] if held["seccomp"] else []), AUDIT_HOOK])
 
     def refusals(self) -> tuple[str, ...]:
         """Return what the audit hook has refused so far, in order, each once."""

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Seccomp: the kernel refuses a process the system calls by which it could talk past Landlock.
+
+Landlock closes TCP alone, and not what ends in TCP by another door: MPTCP, fast open, listening without an
+address. It leaves UDP, Unix sockets with a path, and what no folder holds: shared memory of System V, message
+queues, keys and extended attributes, by which one fit could tell another. The filter binds what is forked and
+started from now on, and cannot be lifted (https://docs.kernel.org/userspace-api/seccomp_filter.html).
+"""
+
+import ctypes
+import errno
+import platform
+import struct
+import sys
+from collections.abc import Iterator
+
+_SET_FILTER, _FILTER = 22, 2
+"""Option of prctl, and mode that it sets (``linux/prctl.h``, ``linux/seccomp.h``)."""
+_NO_NEW_PRIVILEGES = 38
+_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000 | errno.EACCES
+_LOAD, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x15, 0x35, 0x06
+"""Instructions of classic BPF: load a word, jump if it equals or is at least a number, return."""
+_NUMBER, _ARCHITECTURE = 0, 4
+"""Places of the call's number and of its processor in what a filter sees."""
+_X32 = 0x40000000
+"""Bit of calls of a second kind on x86-64, whose numbers are others."""
+_COMMON = (425, 463, 466)
+"""io_uring_setup, which does all others by another door; setxattrat, removexattrat."""
+_CALLS = {
+    # socket, shmget, semget, msgget, mq_open, (l, f)setxattr, (l, f)removexattr, add_key, request_key, keyctl
+    "x86_64": (0xC000003E, (41, 29, 64, 68, 240, 188, 189, 190, 197, 198, 199, 248, 249, 250)),
+    "aarch64": (0xC00000B7, (198, 194, 190, 186, 180, 5, 6, 7, 14, 15, 16, 217, 218, 219)),
+}
+"""Number of each processor, and numbers of the refused calls on it (``asm/unistd.h``)."""
+
+
+def refuse_calls() -> bool:
+    """Refuse this thread, and all that it starts from now on, sockets and memory that others can reach.
+
+    A pair of sockets (``socketpair``) and pipes stay.
+
+    Returns:
+        Whether it holds: on Linux, on processors whose calls are known here.
+    """
+    architecture, calls = _CALLS.get(platform.machine(), (0, ()))
+    if not sys.platform.startswith("linux") or not calls or sys.maxsize < 2**32:
+        return False
+    code = b"".join(_instructions(architecture, (*calls, *_COMMON)))
+    instructions = ctypes.create_string_buffer(code, len(code))
+    program = struct.pack("@HP", len(code) // 8, ctypes.addressof(instructions))
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0):
+        return False
+    return libc.prctl(_SET_FILTER, ctypes.c_ulong(_FILTER), program, 0, 0) == 0
+
+
+def _instructions(architecture: int, calls: tuple[int, ...]) -> Iterator[bytes]:
+    """Yield the filter: calls of other processors and those listed are refused, all others allowed."""
+    yield _coded(_LOAD, _ARCHITECTURE)
+    yield _coded(_EQUAL, architecture, yes=1)
+    yield _coded(_RETURN, _REFUSE)
+    yield _coded(_LOAD, _NUMBER)
+    yield _coded(_AT_LEAST, _X32, yes=len(calls) + 1)
+    for place, number in enumerate(calls):
+        yield _coded(_EQUAL, number, yes=len(calls) - place)
+    yield _coded(_RETURN, _ALLOW)
+    yield _coded(_RETURN, _REFUSE)
+
+
+def _coded(code: int, operand: int, yes: int = 0) -> bytes:
+    """Return one instruction, which skips ``yes`` others where a comparison holds."""
+    return struct.pack("=HBBI", code, yes, 0, operand)
