@@ -142,14 +142,21 @@ def fingerprint(name: str, *, with_priors: bool = False) -> str:
 
     Raises:
         UnknownNameError: No method has this name.
-        MethodError: It is offered twice.
+        MethodError: It is offered twice, or imports what no fit may read.
     """
     point = _find(name)
     spec = find_spec(point.module)
     if spec is None or spec.origin is None or not Path(spec.origin).is_file():
         return origin(point)
     roots = (f"{point.module}:{point.attr}", *_AROUND, *(_ANSWERING if with_priors else ()))
-    return f"{origin(point)} {code_hash(roots, _folders_of(point.module.partition('.')[0]))}"
+    try:
+        code = code_hash(roots, _folders_of(point.module.partition(".")[0]))
+    except PermissionError as cause:
+        raise MethodError(
+            f"expected method {name!r} to import what a fit may read, got {cause.filename}. Import that in a "
+            "module that the method does not import"
+        ) from None
+    return f"{origin(point)} {code}"
 
 
 def _folders_of(top: str) -> dict[str, Path]:

@@ -155,7 +155,7 @@ def test_a_folder_of_code_is_open_but_for_data_in_it(tmp_path: Path):
     )
     assert none == []
     assert {os.path.relpath(path, tmp_path): rights for path, rights in rules} == {
-        "code/package": LIST, "code/package/b.py": TO_READ, "code/a.py": TO_READ,
+        "code/package": TO_READ, "code/package/b.py": TO_READ, "code/a.py": TO_READ,
         "code/runs/notes.py": TO_READ,
     }  # fmt: skip
     assert plain == str(tmp_path / "code" / "package")

@@ -24,6 +24,7 @@ from graycard.benchmarks.validity._record import (
     count_breaches,
     finite_breaches,
     origin_breaches,
+    tellers_of,
     ways_of,
 )
 from graycard.benchmarks.validity._secret import secret_breaches
@@ -64,6 +65,9 @@ class Validity:
     """Number of fits that were looked at."""
     closed: Mapping[str, int] = field(default_factory=dict)
     """In how many fits truth was closed in which way: ``landlock-<version>+`` where the kernel did."""
+
+    tellers: tuple[str, ...] = ()
+    """Rows with code of others that are handed truth beside other rows."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:
@@ -111,9 +115,8 @@ def check_result(
         found += look(record, run)
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
-    return Validity(
-        tuple(dict.fromkeys(found)), rules, standard.says, part, len(record.results), ways_of(record)
-    )
+    seen = len(record.results), ways_of(record), tellers_of(record)
+    return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen)
 
 
 def _of_suite(record: RunRecord, run: Path, standard: Standard) -> list[Breach]:

@@ -14,6 +14,7 @@ from graycard.benchmarks._handed import GUARDS
 from graycard.benchmarks._sources import PACKAGES
 from graycard.eval.statistics import above_ceiling, compare_run
 from graycard.io import to_builtins
+from graycard.methods import BUILT_IN
 from graycard.records import JobResult, RunRecord, Score, read_comparison
 
 _ORIGINS = ("python", "platform", "cpu", "cores")
@@ -197,6 +198,12 @@ def ways_of(run: RunRecord) -> dict[str, int]:
     """Return in how many fits truth was closed in which way; fits without a record of one are left out."""
     ways = (result.access.guard for result in run.results if result.access is not None)
     return dict(Counter(way for way in ways if GUARDS.fullmatch(way)))
+
+
+def tellers_of(run: RunRecord) -> tuple[str, ...]:
+    """Return rows with code of others that are handed truth beside other rows, which they could tell it."""
+    told = [row.name for row in run.methods if row.sees and row.entry and row.entry not in BUILT_IN]
+    return tuple(told) if len(run.methods) > 1 else ()
 
 
 def _evidence(result: JobResult) -> str:

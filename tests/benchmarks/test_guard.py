@@ -16,7 +16,7 @@ from graycard.benchmarks._introduction import Meeting, introduce, introduction_o
 from graycard.benchmarks._jobs import FitJob, find_fit, run_fit
 from graycard.dataset import manifest_of
 from graycard.io import sha256, silent, write_json, write_layers, write_manifest
-from graycard.methods import fingerprint
+from graycard.methods import _registry, fingerprint
 from graycard.predictions import finish_predictions
 from graycard.processes import AUDIT_HOOK, landlock_version
 from graycard.processes._guard import Guard
@@ -128,8 +128,10 @@ def strangers(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     code.mkdir()
     for name in ("stranger", "stranger_early"):
         (code / f"{name}.py").write_text(WORDS)
+    (code / "stranger_renders.py").write_text(f"{WORDS}\ndef render():\n    import graycard.synth\n")
     monkeypatch.syspath_prepend(code)
     monkeypatch.setenv("SCENE", str(scene))
+    monkeypatch.setenv("GRAYCARD_PASS", "SCENE")
 
 
 def test_a_method_that_looks_is_refused_and_it_is_recorded(scene: Path, tmp_path: Path):
@@ -189,6 +191,25 @@ def test_whom_a_bench_does_not_admit(scene: Path, tmp_path: Path, method: SuiteM
     with pytest.raises(MethodError, match=words):
         raise MethodError(outcome.reason)
     assert not any(name.startswith("stranger") for name in sys.modules)
+
+
+def test_code_that_a_fit_may_not_run_counts_as_elsewhere(
+    scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)  # packages of the folder of work are open
+    name = "stranger_renders:Method"
+    outcome = meet(Meeting(SuiteMethod(name), scene.parents[1], tmp_path / "jobs"))
+    assert outcome.reason == ""
+    assert outcome.value.fingerprint == fingerprint(name, with_priors=True)
+
+
+def test_code_that_cannot_be_read_is_an_error_in_words(monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_: object) -> str:
+        raise PermissionError(13, "Permission denied", "/closed/code.py")
+
+    monkeypatch.setattr(_registry, "code_hash", refuse)
+    with pytest.raises(MethodError, match="to import what a fit may read, got /closed/code.py"):
+        fingerprint("gray")
 
 
 def test_settings_of_a_fit_by_hand_are_asked_apart(scene: Path):

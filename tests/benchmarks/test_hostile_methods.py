@@ -70,6 +70,7 @@ def _command(process: Path) -> list[bytes]:
 def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("HOSTILE_TEST", str(tmp_path))
+    monkeypatch.setenv("GRAYCARD_PASS", "HOSTILE_TEST")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
     return make_scene()
 

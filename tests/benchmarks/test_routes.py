@@ -41,9 +41,16 @@ WITHOUT_LANDLOCK = frozenset(
 )  # fmt: skip
 """Ways that docs/explanation/security.md names as open where the kernel has no Landlock."""
 NOWHERE = frozenset(
-    {"names_in_arguments", "names_in_frames", "names_in_memory", "scene_by_name", "scene_by_manifest"}
+    {
+        "names_in_arguments",
+        "names_in_frames",
+        "names_in_memory",
+        "scene_by_name",
+        "scene_by_manifest",
+        "token",
+    }
 )
-"""Ways that lead nowhere as the process is not told: which scene it fits stands in none of its variables."""
+"""Ways that lead nowhere as the process is not told: its variables hold neither the scene nor secrets."""
 FEWEST = 61
 """Ways that outsiders tried."""
 
@@ -75,7 +82,8 @@ def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.M
         named.listen()
         for name, value in {
             "ROUTES_SCENE": scene, "ROUTES_ASIDE": run, "ROUTES_HOME": tmp_path / "home",
-            "ROUTES_PORT": server.getsockname()[1],
+            "ROUTES_PORT": server.getsockname()[1], "ROUTES_TOKEN": "secret",
+            "GRAYCARD_PASS": "ROUTES_SCENE,ROUTES_ASIDE ROUTES_HOME ROUTES_PORT",
         }.items():  # fmt: skip
             monkeypatch.setenv(name, str(value))
         yield scene

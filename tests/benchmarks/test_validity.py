@@ -67,6 +67,19 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     assert [b["rule"] for b in written["validity"]["breaches"]] == ["origin"]
 
 
+def test_a_row_of_others_that_is_handed_truth_is_named(run: Path, capsys: pytest.CaptureFixture[str]):
+    main(["check-result", str(run)])
+    assert "could tell other rows" not in capsys.readouterr().out
+
+    def hand_over(data: Any) -> None:
+        row = next(row for row in data["methods"] if row["name"] == "gray")
+        row |= {"entry": "mine:Method", "sees": ["base_color"]}
+
+    change(run, hand_over)
+    main(["check-result", str(run)])
+    assert "note: row 'gray' runs code of others and is handed truth" in capsys.readouterr().out
+
+
 def test_only_a_valid_run_is_published(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "published"
     assert main(["publish", str(run), "--out", str(out), "--pictures", METHODS[0]]) == 0

@@ -144,6 +144,12 @@ ROUTES |= {
 
 
 @route
+def token() -> Any:
+    first = Path("/proc/self/environ").read_bytes()
+    return os.environ.get("ROUTES_TOKEN") or first[first.index(b"ROUTES_TOKEN=") :]
+
+
+@route
 def kernel_cache() -> Any:
     folder = Path(os.environ["GRAYCARD_SHARED_KERNELS"], f"mine-{os.getpid()}")
     folder.mkdir(parents=True)

@@ -111,6 +111,10 @@ class CheckResultCommand:
         for way, number in found.closed.items():
             kernel = "by the kernel (Landlock)" if way.startswith("landlock") else "without Landlock"
             terminal.out.print(f"truth: closed {kernel} in {number} fits ({way})")
+        for row in found.tellers:
+            terminal.out.print(
+                f"note: row {row!r} runs code of others and is handed truth: it could tell other rows"
+            )
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
             f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "

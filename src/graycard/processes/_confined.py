@@ -11,6 +11,7 @@ from graycard.io import parse_json, peak_memory_mib, printable
 from graycard.processes._channel import Channel, Message
 from graycard.processes._places import Places
 from graycard.processes._starter import Starter
+from graycard.processes._variables import passed_variables
 
 AUDIT_HOOK = "audit-hook-2"
 """Name and version of the way in which Python code is watched."""
@@ -42,13 +43,13 @@ class Confined:
         Args:
             places: What is open and what is closed.
             code: Name of a module whose package it may read.
-            variables: Environment variables that it has besides those of this process.
+            variables: Environment variables that it has besides those that are passed on.
 
         Raises:
             ChannelError: It ended.
         """
-        own = {name: value for name, value in os.environ.items() if _is_text(name + value)}
-        told = {"places": asdict(places), "code": code, "environment": {**own, **variables}}
+        environment = {**passed_variables(), **variables}
+        told = {"places": asdict(places), "code": code, "environment": environment}
         held = self.channel.ask(Message("confine", told)).data
         landlock = [f"landlock-{held['landlock']}"] if held["landlock"] else []
         self.guard = "+".join([*landlock, *([SECCOMP] if held["seccomp"] else []), AUDIT_HOOK])
@@ -80,11 +81,6 @@ class Confined:
             if self.starter is not _standing:
                 self.starter.end()
         return self.exit_code
-
-
-def _is_text(value: str) -> bool:
-    """Tell whether a message can hold a text: environment variables may be of any bytes."""
-    return value.isascii() or value.encode(errors="replace").decode() == value
 
 
 _standing: Starter | None = None

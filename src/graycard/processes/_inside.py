@@ -32,9 +32,7 @@ from graycard.processes._seccomp import refuse_calls
 
 NUMBER = struct.Struct(">i")
 """An answer of a starter."""
-_STAGES = ("benchmarks", "eval", "methods", "reports")
-TELLING = ("PWD", "OLDPWD", "_")
-"""Environment variables that tell of folders which are closed."""
+_STAGES = ("benchmarks", "eval", "methods", "reports", "synth")
 
 
 def serve_starts(serve: str, control: str) -> NoReturn:
@@ -121,7 +119,7 @@ def _take_environment(variables: Mapping[str, str], places: Places) -> None:
     """Take over environment variables; caches and temporary files go to the folder of this process."""
     mark = os.environ.get(MARK)
     os.environ.clear()
-    os.environ.update({k: v for k, v in variables.items() if k not in TELLING})
+    os.environ.update(variables)
     scratch = Path(places.scratch)
     for name in ("tmp", "home"):
         (scratch / name).mkdir(exist_ok=True)

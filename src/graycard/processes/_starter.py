@@ -12,7 +12,8 @@ from contextlib import ExitStack
 from multiprocessing.connection import wait
 
 from graycard.processes._family import MARK, end_family, marked
-from graycard.processes._inside import NUMBER, TELLING
+from graycard.processes._inside import NUMBER
+from graycard.processes._variables import passed_variables
 
 _BOOT = (
     "import json,sys;sys.path[:]=json.loads(sys.argv[1]);"
@@ -44,7 +45,7 @@ class Starter:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _BOOT, json.dumps(sys.path), serve, str(number)],
                 stdin=subprocess.DEVNULL,
-                env={name: value for name, value in os.environ.items() if name not in TELLING},
+                env={**passed_variables(), MARK: self._mark},
                 pass_fds=(number,),
                 start_new_session=True,
             )
