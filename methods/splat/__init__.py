@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them."""
+"""Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them; and ellipsoids."""
 
 from graycard.methods.splat._edit import joined_surfels as joined_surfels
 from graycard.methods.splat._edit import moved_surfels as moved_surfels
@@ -35,6 +35,10 @@ from graycard.methods.splat._warm import missing_kernels as missing_kernels
 from graycard.methods.splat._warm import warm_kernels as warm_kernels
 from graycard.methods.splat._window import Window as Window
 from graycard.methods.splat._window import windows_of as windows_of
+from graycard.methods.splat.ewa._gaussians import GaussianMaps as GaussianMaps
+from graycard.methods.splat.ewa._gaussians import Gaussians as Gaussians
+from graycard.methods.splat.ewa._rasterize import GaussianBackend as GaussianBackend
+from graycard.methods.splat.ewa._rasterize import rasterize_gaussians as rasterize_gaussians
 from graycard.methods.splat.fit._checkpoint import Checkpoint as Checkpoint
 from graycard.methods.splat.fit._checkpoint import check_saved as check_saved
 from graycard.methods.splat.fit._checkpoint import load_state as load_state

@@ -2,31 +2,31 @@
 """What a surfel is: a flat Gaussian disc with an opacity and any number of feature channels."""
 
 from dataclasses import dataclass, fields
+from typing import ClassVar
 
 import torch
 
 UNIT_TOLERANCE = 1e-3
 """How far a quaternion's length may be from one; what draws it divides by the length that is left."""
 
-_TAILS = {"centres": (3,), "rotations": (4,), "scales": (2,), "opacities": (), "features": (None,)}
-
-
 @dataclass(frozen=True, eq=False)
-class Surfels:
-    """N flat Gaussian discs, in physical units: an optimiser's log scales and logits are its own affair.
+class Primitives:
+    """N Gaussians with an opacity and feature channels: what discs and ellipsoids share.
 
     All tensors share one floating dtype and one device, and may require gradients.
-
-    Raises:
-        ValueError: A shape, dtype, device or value is not as stated below.
     """
+
+    NAME: ClassVar[str]
+    """Of one of them, in messages."""
+    AXES: ClassVar[int]
+    """Of each, along which it has a size."""
 
     centres: torch.Tensor
     """Shape ``(N, 3)``, world, metres."""
     rotations: torch.Tensor
-    """Shape ``(N, 4)``: unit quaternions ``(w, x, y, z)``, disc to world; the disc's normal is its z axis."""
+    """Shape ``(N, 4)``: unit quaternions ``(w, x, y, z)``, its own axes to the world's."""
     scales: torch.Tensor
-    """Shape ``(N, 2)``: standard deviation along the disc's x and y axes, metres, positive."""
+    """Shape ``(N, AXES)``: standard deviation along its axes, metres, positive."""
     opacities: torch.Tensor
     """Shape ``(N,)``: alpha at the centre, in [0, 1]."""
     features: torch.Tensor
@@ -38,11 +38,11 @@ class Surfels:
         if len(self) == 0:
             return
         if not bool(self.scales.detach().amin() > 0):
-            _check_values("scales", self.scales, self.scales > 0, "positive")
+            _check_values("scales", self.scales, self.scales > 0, "positive", self.NAME)
         least, most = self.opacities.detach().aminmax()
         if not bool(least >= 0) or not bool(most <= 1):
             good = (self.opacities >= 0) & (self.opacities <= 1)
-            _check_values("opacities", self.opacities, good, "in [0, 1]")
+            _check_values("opacities", self.opacities, good, "in [0, 1]", self.NAME)
         self._check_lengths()
 
     def __len__(self) -> int:
@@ -54,12 +54,17 @@ class Surfels:
         if bool(shortest >= 1 - UNIT_TOLERANCE) and bool(longest <= 1 + UNIT_TOLERANCE):
             return
         lengths = rotations.norm(dim=1)
-        _check_values("rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length")
+        _check_values("rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length", self.NAME)
+
+    def _tail(self, name: str) -> tuple[int | None, ...]:
+        """The shape of one of them in a tensor; None is any number."""
+        tails = {"centres": (3,), "rotations": (4,), "scales": (self.AXES,), "opacities": (), "features": (None,)}
+        return tails[name]
 
     def _check_tensor(self, name: str, value: object) -> None:
         if not isinstance(value, torch.Tensor):
             raise ValueError(f"expected {name} to be a torch.Tensor, got {type(value).__name__}")
-        tail = _TAILS[name]
+        tail = self._tail(name)
         shape = tuple(value.shape)
         count = len(self.centres)
         fits = len(shape) == 1 + len(tail) and shape[0] == count
@@ -73,22 +78,37 @@ class Surfels:
                 f"expected {name} as the centres are ({self.centres.dtype} on {self.centres.device}), "
                 f"got {value.dtype} on {value.device}"
             )
-        check_finite(name, value)
+        check_finite(name, value, self.NAME)
 
 
-def check_finite(name: str, values: torch.Tensor) -> None:
+@dataclass(frozen=True, eq=False)
+class Surfels(Primitives):
+    """N flat Gaussian discs, in physical units: an optimiser's log scales and logits are its own affair.
+
+    A disc's normal is its z axis; ``scales`` has shape ``(N, 2)``, along its x and y axes. All tensors share
+    one floating dtype and one device, and may require gradients.
+
+    Raises:
+        ValueError: A shape, dtype, device or value is not as stated in :class:`Primitives`.
+    """
+
+    NAME: ClassVar[str] = "surfel"
+    AXES: ClassVar[int] = 2
+
+
+def check_finite(name: str, values: torch.Tensor, noun: str = "surfel") -> None:
     """Refuse numbers that are none.
 
     Raises:
         ValueError: The first surfel with one is named.
     """
     if not bool(values.detach().sum().isfinite()):  # nor is a sum with a term that is not, for sure
-        _check_values(name, values, torch.isfinite(values), "finite")
+        _check_values(name, values, torch.isfinite(values), "finite", noun)
 
 
-def _check_values(name: str, values: torch.Tensor, good: torch.Tensor, rule: str) -> None:
+def _check_values(name: str, values: torch.Tensor, good: torch.Tensor, rule: str, noun: str) -> None:
     """Name the first surfel that breaks a rule."""
     if bool(good.all()):
         return
     row = int((~good).nonzero()[0, 0])
-    raise ValueError(f"expected {name} to be {rule}, got {values[row].tolist()} at surfel {row}")
+    raise ValueError(f"expected {name} to be {rule}, got {values[row].tolist()} at {noun} {row}")

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from graycard.methods._numba import njit
-from graycard.methods.splat._maps import ALPHA_MAX, TRANSMITTANCE_MIN
+from graycard.methods.splat._maps import TRANSMITTANCE_MIN
 from graycard.methods.splat.raster._blocks import (
     BLOCKS,
     GROUP,
@@ -24,16 +24,13 @@ from graycard.methods.splat.raster._blocks import (
     aligned,
     block_columns,
     centre_in_tile,
-    depth_at,
-    exponent_of,
     lane_positions,
-    meet,
     next_bit,
-    where_drawn,
     where_given,
 )
 from graycard.methods.splat.raster._blocks_write import clear_medians, write_shape, write_tile
 from graycard.methods.splat.raster._coefficients import COLUMNS, WHOLE
+from graycard.methods.splat.raster._footprints import disc_weight, ellipsoid_weight
 from graycard.methods.splat.raster._prefetch import fetch_listed
 from graycard.methods.splat.raster._tiles import TILE, tile_of
 from graycard.methods.splat.simd import _many as many
@@ -141,7 +138,7 @@ def stage(listed, first, count, prepared, tile, room):
 
 
 @njit(**INLINED, **BORROWING)
-def weigh(bits, block, first, rank_of_first, masks, room, deep):
+def weigh(bits, block, first, rank_of_first, masks, room, deep, solid):
     """Write the weights of a batch in one block, in order; leave out surfels that cover nothing there.
 
     Returns:
@@ -158,19 +155,18 @@ def weigh(bits, block, first, rank_of_first, masks, room, deep):
         at = k * COLUMNS
         px = x - simd.load_scalar(staged, at + WHOLE)
         py = y - simd.load_scalar(staged, at + WHOLE + 1)
-        met = meet(staged, at, px, py)
-        exponent = exponent_of(staged, at, met[3], met[4])
-        alpha = simd.minimum(many.decay(exponent), simd.broadcast(ALPHA_MAX))
-        weight = where_drawn(exponent, before, alpha * before)
+        if solid is None:
+            weight, after, depth = disc_weight(staged, at, px, py, before)
+        else:
+            weight, after, depth = ellipsoid_weight(staged, at, px, py, before)
         simd.store(room.weights, found * LANES, weight)
         if deep is not None:
-            depth, _z = depth_at(staged, at, met)
             simd.store(deep.depths, found * LANES, depth)
             half, zero = simd.broadcast(0.5), simd.broadcast(0.0)
             named = simd.broadcast(np.float32(rank_of_first + k))
             middle = simd.where_less(half, before, simd.where_less(zero, weight, depth, middle), middle)
             rank = simd.where_less(half, before, simd.where_less(zero, weight, named, rank), rank)
-        before = before - weight
+        before = after
         hit = words.any_above(weight, simd.broadcast(0.0))
         room.hits[found] = k
         masks[first + k] |= hit << block
@@ -224,7 +220,7 @@ def sum_batch(batch, block, prepared, template, sixteen, sums, deep):
 
 
 @njit(**UNWRAPPED, **BORROWING)
-def draw_tile(tile, prepared, listed, template, sixteen, masks, room, deep):
+def draw_tile(tile, prepared, listed, template, sixteen, masks, room, deep, solid):
     """Draw the list of one tile into its sums; returns how many were looked at, and the visits of blocks."""
     first, past, open_blocks, visits = tile.first, tile.past, BLOCKS, 0
     touching = room.touching
@@ -240,7 +236,7 @@ def draw_tile(tile, prepared, listed, template, sixteen, masks, room, deep):
             open_blocks += 1
             bits = touching[block % 4] & touching[4 + block // 4]
             visits += words.bit_count(bits)
-            found = weigh(bits, block, first, first - tile.first, masks, room, deep)
+            found = weigh(bits, block, first, first - tile.first, masks, room, deep, solid)
             if found > 0:
                 batch = Batch(found, first, listed, room.hits, room.weights)
                 sum_batch(batch, block, prepared, template, sixteen, room.sums, deep)
@@ -249,7 +245,7 @@ def draw_tile(tile, prepared, listed, template, sixteen, masks, room, deep):
 
 
 @njit(**UNWRAPPED)
-def draw_part(part, parts, prepared, lists, template, sixteen, normals, canvas, shape):
+def draw_part(part, parts, prepared, lists, template, sixteen, normals, canvas, shape, solid):
     """Draw every so manyth tile.
 
     Args:
@@ -262,6 +258,7 @@ def draw_part(part, parts, prepared, lists, template, sixteen, normals, canvas, 
         normals: float32, flat, three a surfel, in the world; or None.
         canvas: a ``Canvas``, to be written.
         shape: None, or what to write with the normals, see ``write_shape``.
+        solid: None for discs; ``SOLID`` for ellipsoids, see ``_footprints``.
     """
     room, deep = room_for(prepared.channels), deep_for(normals)
     start, listed = lists.start, lists.surfels
@@ -273,8 +270,10 @@ def draw_part(part, parts, prepared, lists, template, sixteen, normals, canvas, 
         ahead, ahead_past = start[min(number + parts, tiles)], start[min(number + parts + 1, tiles)]
         fetch_listed(listed, ahead, min(ahead + BATCH, ahead_past), prepared, deep)
         canvas.drawn[number], canvas.visits[number] = draw_tile(
-            tile, prepared, listed, template, sixteen, canvas.masks, room, deep
+            tile, prepared, listed, template, sixteen, canvas.masks, room, deep, solid
         )
+        if solid is not None:
+            room.through[:] = np.abs(room.through)  # the sign says that a pixel has ended
         write_tile(tile, room, template, sixteen, canvas)
         if shape is not None:
             write_shape(tile, number, deep.sums, deep.medians, shape)

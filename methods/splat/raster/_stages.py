@@ -106,8 +106,10 @@ def check_memory(needed: int, of_what: str) -> None:
         )
 
 
-def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
-    """Draw the image."""
+def draw(
+    scene: Scene, projected: Projected, lists: Lists, solid: tuple[int, ...] | None = None
+) -> Drawn:
+    """Draw the image of discs, or of ellipsoids where ``solid`` is ``SOLID``."""
     size, tiles = scene.size, lists.tiles.start.size - 1
     result = Drawn(
         np.empty((*size, scene.features.shape[1]), np.float32),
@@ -118,9 +120,8 @@ def draw(scene: Scene, projected: Projected, lists: Lists) -> Drawn:
         empty_shape(size, tiles) if scene.shaped else None,
     )
     normals = projected.normals.reshape(-1) if scene.shaped else None
-    cast(Any, forward)(
-        _prepared(scene, projected), lists.tiles, *scene.templates, normals, result.canvas, result.shape
-    )
+    prepared, canvas = _prepared(scene, projected), result.canvas
+    cast(Any, forward)(prepared, lists.tiles, *scene.templates, normals, canvas, result.shape, solid)
     return result
 
 

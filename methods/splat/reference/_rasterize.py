@@ -20,7 +20,7 @@ from graycard.methods.splat._maps import (
     Maps,
     ndc_depth,
 )
-from graycard.methods.splat._surfels import Surfels, check_finite
+from graycard.methods.splat._surfels import Primitives, Surfels, check_finite
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def rasterize_features_reference(
     return FeatureMaps(**_as_images(maps, camera))
 
 
-def checked_features(surfels: Surfels, features: torch.Tensor | None) -> torch.Tensor:
+def checked_features(surfels: Primitives, features: torch.Tensor | None) -> torch.Tensor:
     """The features to draw, after a look at them.
 
     Raises:
@@ -97,7 +97,7 @@ def checked_offsets(surfels: Surfels, offsets: torch.Tensor | None) -> torch.Ten
     return offsets
 
 
-def _check(name: str, values: object, surfels: Surfels, width: int | None) -> None:
+def _check(name: str, values: object, surfels: Primitives, width: int | None) -> None:
     """Refuse what does not go with the surfels, a row each; any number of columns where ``width`` is None."""
     count, dtype = len(surfels), surfels.centres.dtype
     wanted = f"expected {name} of shape ({count}, {width or 'C'}) in {dtype}, got"
@@ -106,7 +106,7 @@ def _check(name: str, values: object, surfels: Surfels, width: int | None) -> No
     shape = tuple(values.shape)
     if len(shape) != 2 or shape[0] != count or width not in (None, shape[1]) or values.dtype != dtype:
         raise ValueError(f"{wanted} {shape} in {values.dtype}")
-    check_finite(name, values)
+    check_finite(name, values, surfels.NAME)
 
 
 def _look(
@@ -143,7 +143,7 @@ def _intersect(seen: CameraSurfels, opacities: torch.Tensor, offsets: torch.Tens
     where it is the low-pass. Where the plane is met behind the near plane, or nowhere, the low-pass does.
     A picture that is moved is what a pixel that lies as far the other way sees.
     """
-    pixels = _pixel_centres(camera, seen.centres.dtype) - offsets[:, None]
+    pixels = pixel_centres(camera, seen.centres.dtype) - offsets[:, None]
     to_rays = torch.linalg.inv(torch.tensor(camera.K, dtype=pixels.dtype)).T
     rays = torch.nn.functional.pad(pixels, (0, 1), value=1.0) @ to_rays
     slope = torch.einsum("nk,npk->np", seen.normals, rays)
@@ -169,7 +169,7 @@ def _composite(hits: _Hits, features: torch.Tensor, normals: torch.Tensor) -> di
         "features": weight.T @ features,
         "alpha": alpha,
         "depth": (weight * hits.depth).sum(dim=0) / covered,
-        "median_depth": _median(hits, before, weight),
+        "median_depth": last_of_half(hits.depth, before, weight),
         "normal": weight.T @ normals,
         "distortion": _distortion(weight, hits.depth),
     }
@@ -181,12 +181,18 @@ def _weights(hits: _Hits) -> tuple[torch.Tensor, torch.Tensor]:
     return before, torch.where(before > TRANSMITTANCE_MIN, before * hits.alpha, 0.0)
 
 
-def _median(hits: _Hits, before: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
-    """Depth of the last surfel of each pixel that is drawn while more than half of the light passes."""
+def last_of_half(depth: torch.Tensor, before: torch.Tensor, weight: torch.Tensor) -> torch.Tensor:
+    """Depth of the last surfel of each pixel that is drawn while more than half of the light passes.
+
+    Args:
+        depth: shape ``(N, P)``, nearest surfel first.
+        before: Transmittance before each surfel, in the same shape.
+        weight: What each covers, in the same shape.
+    """
     eligible = (weight > 0) & (before > 0.5)
     rank = torch.arange(1, len(weight) + 1)[:, None] * eligible
     last = torch.nn.functional.pad(rank, (0, 0, 1, 0)).argmax(dim=0)  # 0: none; else rank
-    return torch.nn.functional.pad(hits.depth, (0, 0, 1, 0)).gather(0, last[None])[0]
+    return torch.nn.functional.pad(depth, (0, 0, 1, 0)).gather(0, last[None])[0]
 
 
 def _distortion(weight: torch.Tensor, depth: torch.Tensor) -> torch.Tensor:
@@ -200,7 +206,7 @@ def _distortion(weight: torch.Tensor, depth: torch.Tensor) -> torch.Tensor:
     return total * (weight * (m - mean) ** 2).sum(dim=0)
 
 
-def _pixel_centres(camera: Camera, dtype: torch.dtype) -> torch.Tensor:
+def pixel_centres(camera: Camera, dtype: torch.dtype) -> torch.Tensor:
     """Image coordinates ``(x, y)`` of shape ``(P, 2)``, row-major, at +0.5."""
     y, x = torch.meshgrid(torch.arange(camera.height), torch.arange(camera.width), indexing="ij")
     return torch.stack([x, y], dim=-1).reshape(-1, 2).to(dtype) + 0.5

@@ -15,6 +15,8 @@ from graycard import Camera
 from graycard.methods.splat._rays import camera_rays
 from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._trace import build_bvh, trace_rays
+from graycard.methods.splat.ewa._gaussians import Gaussians
+from graycard.methods.splat.ewa._rasterize import rasterize_gaussians
 from graycard.methods.splat.fit._adam_kernel import Moved, move_all
 from graycard.methods.splat.ops._depth_normal import depth_normal_map
 from graycard.methods.splat.ops._harmonics import spherical_harmonics_colours
@@ -47,6 +49,12 @@ def _draw(channels: int, shaped: bool) -> None:
     scene = _scene(channels, shaped)
     projected = project(scene)
     draw(scene, projected, list_tiles(scene, projected))
+
+
+def _draw_solids(channels: int) -> None:
+    """The same with no ellipsoids."""
+    geometry = torch.empty(0, 3), torch.empty(0, 4), torch.empty(0, 3), torch.empty(0)
+    rasterize_gaussians(Gaussians(*geometry, torch.empty(0, channels)), _camera())
 
 
 def _pull(channels: int, shaped: bool) -> None:
@@ -108,6 +116,7 @@ JOBS = {
     **{f"draw {c}, shaped": Job(partial(_draw, c, True), 11) for c in CHANNELS},
     **{f"pull {c}": Job(partial(_pull, c, False), 6) for c in CHANNELS},
     **{f"pull {c}, shaped": Job(partial(_pull, c, True), 9) for c in CHANNELS},
+    "draw 3, solid": Job(partial(_draw_solids, 3), 11),
     "photometric": Job(_losses, 3),
     "depth normal": Job(_depth_normal, 4),
     "harmonics": Job(_harmonics, 2),
@@ -118,6 +127,7 @@ JOBS = {
 PARTS = {
     **{f"features {c}": (f"draw {c}", f"pull {c}") for c in CHANNELS},
     **{f"maps {c}": (f"draw {c}, shaped", f"pull {c}, shaped") for c in CHANNELS},
+    "gaussians 3": ("draw 3, solid",),
     **{name: (name,) for name in ("photometric", "depth normal", "harmonics", "trace", "Adam")},
 }
 """Jobs of the parts of the engine, by the names of the parts."""
