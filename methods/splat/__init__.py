@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold them, store them, draw them; and ellipsoids."""
+"""Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold, store and draw them; and ellipsoids."""
 
 from graycard.methods.splat._edit import joined_surfels as joined_surfels
 from graycard.methods.splat._edit import moved_surfels as moved_surfels
@@ -21,6 +21,7 @@ from graycard.methods.splat._rays import Traced as Traced
 from graycard.methods.splat._rays import camera_rays as camera_rays
 from graycard.methods.splat._spread import spacing as spacing
 from graycard.methods.splat._spread import spread_evenly as spread_evenly
+from graycard.methods.splat._store import DISCS as DISCS
 from graycard.methods.splat._store import SH_DC as SH_DC
 from graycard.methods.splat._store import export_harmonics_ply as export_harmonics_ply
 from graycard.methods.splat._store import export_ply as export_ply

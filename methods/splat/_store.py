@@ -17,6 +17,8 @@ from graycard.methods.splat._surfels import Surfels
 FORMAT = {"format": "graycard-surfels", "version": "1"}
 SH_DC = 0.5 / np.sqrt(np.pi)
 """The constant spherical harmonic Y00: viewers show ``0.5 + SH_DC * f_dc``."""
+DISCS = "graycard surfels: the third scale, if there is one, is empty"
+"""Comment of PLY files, by which a reader knows discs from ellipsoids."""
 ALL_SH = 16
 """Harmonics up to degree three."""
 FLAT = 1e-6
@@ -108,7 +110,7 @@ def export_harmonics_ply(
 
 def _write_ply(path: Path, surfels: Surfels, coefficients: torch.Tensor, scale_axes: int) -> None:
     columns = _ply_columns(surfels, coefficients, scale_axes)
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(surfels)}"]
+    header = ["ply", "format binary_little_endian 1.0", f"comment {DISCS}", f"element vertex {len(surfels)}"]
     header += [f"property float {name}" for name in columns] + ["end_header", ""]
     table = np.stack(list(columns.values()), axis=1).astype("<f4")
     write_bytes(path, "\n".join(header).encode("ascii") + table.tobytes())

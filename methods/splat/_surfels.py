@@ -9,6 +9,7 @@ import torch
 UNIT_TOLERANCE = 1e-3
 """How far a quaternion's length may be from one; what draws it divides by the length that is left."""
 
+
 @dataclass(frozen=True, eq=False)
 class Primitives:
     """N Gaussians with an opacity and feature channels: what discs and ellipsoids share.
@@ -54,11 +55,19 @@ class Primitives:
         if bool(shortest >= 1 - UNIT_TOLERANCE) and bool(longest <= 1 + UNIT_TOLERANCE):
             return
         lengths = rotations.norm(dim=1)
-        _check_values("rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length", self.NAME)
+        _check_values(
+            "rotations", lengths, (lengths - 1).abs() <= UNIT_TOLERANCE, "of unit length", self.NAME
+        )
 
     def _tail(self, name: str) -> tuple[int | None, ...]:
         """The shape of one of them in a tensor; None is any number."""
-        tails = {"centres": (3,), "rotations": (4,), "scales": (self.AXES,), "opacities": (), "features": (None,)}
+        tails = {
+            "centres": (3,),
+            "rotations": (4,),
+            "scales": (self.AXES,),
+            "opacities": (),
+            "features": (None,),
+        }
         return tails[name]
 
     def _check_tensor(self, name: str, value: object) -> None:

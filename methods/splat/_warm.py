@@ -18,8 +18,9 @@ def warm_kernels(parts: Sequence[str] | None = None, progress: Progress = silent
 
     Args:
         parts: of the engine: ``"maps 3"`` for :func:`rasterize` and ``"features 3"`` for
-            :func:`rasterize_features` with three channels (also 8 and 16), ``"gaussians 3"``
-            for :func:`rasterize_gaussians`, ``"photometric"``, ``"depth normal"``, ``"harmonics"``, ``"trace"``, ``"Adam"``. None: all.
+            :func:`rasterize_features` with three channels (also 8 and 16), ``"gaussians 3"`` for
+            :func:`rasterize_gaussians`, ``"photometric"``, ``"depth normal"``, ``"harmonics"``, ``"trace"``,
+            ``"Adam"``. None: all.
         progress: Called now and then.
 
     Returns:

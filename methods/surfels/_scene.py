@@ -11,6 +11,7 @@ import torch
 
 from graycard import Camera, Light
 from graycard.methods.splat import (
+    GaussianMaps,
     Maps,
     Parameters,
     arrays_of,
@@ -108,7 +109,7 @@ def _degree(count: int) -> int:
     return degrees[count]
 
 
-def depth_layer(drawn: Maps) -> np.ndarray:
+def depth_layer(drawn: Maps | GaussianMaps) -> np.ndarray:
     """z-depth, shape ``(H, W)``, metres; +inf where surfels cover less than half of a pixel."""
     return torch.where(drawn.alpha >= SEEN, drawn.median_depth, torch.inf).numpy()
 

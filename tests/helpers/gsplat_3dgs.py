@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """3D Gaussians drawn by gsplat's own PyTorch code, on the CPU.
 
-Projection (``_fully_fused_projection``), harmonics (``_spherical_harmonics``) and compositing (``accumulate``)
-are functions of gsplat 1.5.3, ``gsplat/cuda/_torch_impl.py``. Its list of pairs comes from a kernel for GPUs:
-here it is made by that kernel's rules, ``RasterizeToPixels3DGSFwd.cu``: alpha of 1/255 or more, nearest first,
-and the Gaussian that would bring the transmittance to 1e-4 or below ends a pixel and is left out.
+Projection (``_fully_fused_projection``), harmonics (``_spherical_harmonics``) and compositing
+(``accumulate``) are functions of gsplat 1.5.3, ``gsplat/cuda/_torch_impl.py``. Its list of pairs comes from a
+kernel for GPUs: here it is made by that kernel's rules, ``RasterizeToPixels3DGSFwd.cu``. Alpha is 1/255 or
+more, the nearest come first, and the Gaussian that would bring the transmittance to
+1e-4 or below ends a pixel and is left out.
 """
 
 import torch

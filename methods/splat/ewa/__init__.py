@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ellipsoids, as 3D Gaussian Splatting draws them: their own footprint on the image, and when a pixel ends."""
+"""Ellipsoids, as 3D Gaussian Splatting draws them: their footprint, and when a pixel ends."""

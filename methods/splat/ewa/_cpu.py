@@ -69,9 +69,7 @@ def project_solids(scene: Scene, antialiased: bool) -> Projected:
         np.empty(count),
         np.zeros((count, 3), np.float32),
     )
-    cast(Any, project_kernel)(
-        scene.discs, scene.view, antialiased, result.rows, result.bounds, result.depths
-    )
+    cast(Any, project_kernel)(scene.discs, scene.view, antialiased, result.rows, result.bounds, result.depths)
     return result
 
 

@@ -87,7 +87,7 @@ def picture(solids, row, view, x, y, z):
 
 @njit(**INLINED, **BORROWING)
 def write_bounds(bounds, row, column, middle, half, size):
-    """Write pixels from and to (excluded) whose centres lie within half a width; say whether there are any."""
+    """Write pixels from and to (excluded) whose centres lie within half a width; tell if there are any."""
     first = ceil(min(max(middle - half - 0.5 - MARGIN, 0.0), size))
     past = floor(min(max(middle + half - 0.5 + MARGIN, -1.0), size - 1.0)) + 1
     bounds[row, column], bounds[row, column + 1] = np.int32(first), np.int32(past)

@@ -36,7 +36,8 @@ def rasterize_gaussians(
     Raises:
         UnknownNameError: There is no such back end.
         MethodError: The lists and images would not fit into the memory that is available (``cpu``).
-        ValueError: Features of another shape or dtype, or not finite; tensors that ask for gradients (``cpu``).
+        ValueError: Features of another shape or dtype, or not finite; or, on ``cpu``, tensors that ask for
+            gradients.
     """
     if backend == "reference":
         return rasterize_gaussians_reference(gaussians, camera, features, antialiased)

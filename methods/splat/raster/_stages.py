@@ -106,9 +106,7 @@ def check_memory(needed: int, of_what: str) -> None:
         )
 
 
-def draw(
-    scene: Scene, projected: Projected, lists: Lists, solid: tuple[int, ...] | None = None
-) -> Drawn:
+def draw(scene: Scene, projected: Projected, lists: Lists, solid: tuple[int, ...] | None = None) -> Drawn:
     """Draw the image of discs, or of ellipsoids where ``solid`` is ``SOLID``."""
     size, tiles = scene.size, lists.tiles.start.size - 1
     result = Drawn(

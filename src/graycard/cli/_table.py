@@ -178,6 +178,14 @@ VERBS = (
         example="graycard import photos --track dark --scene cellar --out data",
     ),
     Verb(
+        name="splat",
+        group="your own data",
+        module="splats",
+        command="SplatCommand",
+        help="Render a trained 3DGS or 2DGS splat as predictions of a scene",
+        example="graycard splat trained.ply data/dark/corridor-1234 --out mine",
+    ),
+    Verb(
         name="export",
         group="your own data",
         module="_scenes",

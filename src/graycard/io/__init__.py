@@ -51,6 +51,8 @@ from graycard.io._names import check_label as check_label
 from graycard.io._names import check_name as check_name
 from graycard.io._names import inside as inside
 from graycard.io._names import printable as printable
+from graycard.io._ply import Ply as Ply
+from graycard.io._ply import read_ply as read_ply
 from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
 from graycard.io._strict import parse_json as parse_json

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a trained splat to the predictions folder that is scored."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import torch
+
+from graycard import Capture, MethodError, Predictions, Progress
+from graycard.layers import find_fault
+from graycard.methods.splat import warm_kernels
+from graycard.methods.surfels import srgb_decode_tensor
+from graycard.methods.trained._frame import SAME, Frame
+from graycard.methods.trained._render import KERNELS, Picture, render_splat
+from graycard.methods.trained._trained import TrainedSplat
+from graycard.predictions import clear_predictions, finish_predictions, write_view
+
+Encoding = Literal["srgb", "linear"]
+
+
+@dataclass(frozen=True)
+class Look:
+    """How the numbers of a splat are to be read."""
+
+    encoding: Encoding = "srgb"
+    """Of its colours: ``srgb`` where it was trained on photographs, ``linear`` on linear images. Either is at
+    the exposure of the capture, at which display white is 1."""
+    background: float = 0.0
+    """That it was trained over, in its encoding."""
+    antialiased: bool | None = None
+    """Whether it was trained so; None lets the file say so."""
+    frame: Frame = SAME
+    """Where its world lies."""
+
+
+def write_splat_predictions(
+    splat: TrainedSplat,
+    capture: Capture,
+    folder: Path,
+    progress: Progress,
+    look: Look | None = None,
+    name: str = "splat",
+) -> Predictions:
+    """Render a splat for every view of a capture, training views too: gauges are fitted on these.
+
+    Args:
+        splat: What was trained.
+        capture: Of the scene.
+        folder: The predictions folder; predictions that it holds are replaced.
+        progress: Called now and then.
+        look: How its numbers are to be read.
+        name: What the predictions are called.
+
+    Returns:
+        The index that was written: radiance and depth, and normals of discs.
+
+    Raises:
+        MethodError: There is not enough memory, or the pictures hold what no file of predictions should.
+        OutputError: The folder cannot be written to, or holds something else.
+    """
+    look = look or Look()
+    antialiased = splat.antialiased if look.antialiased is None else look.antialiased
+    clear_predictions(folder)
+    warm_kernels(KERNELS[splat.primitive], progress)
+    for done, view in enumerate(capture.views):
+        progress(done / len(capture.views), f"rendering {view.name}")
+        picture = render_splat(splat, view.camera, look.frame, look.background, antialiased)
+        layers = _layers(picture, look.encoding, capture.exposure)
+        for layer, values in layers.items():
+            if fault := find_fault(layer, values, view.camera.height, view.camera.width):
+                raise MethodError(f"view {view.name}: {fault}. The splat holds colours that are out of range")
+        write_view(folder, view.name, layers)
+    written = Predictions(name, capture.track, capture.scene)
+    finish_predictions(folder, written)
+    return written
+
+
+def _layers(picture: Picture, encoding: Encoding, exposure: float) -> dict[str, np.ndarray]:
+    """Layers by name, in the units of the format."""
+    colour = torch.from_numpy(picture.colour)
+    linear = srgb_decode_tensor(colour) if encoding == "srgb" else colour
+    layers = {"radiance": (linear / exposure).numpy(), "depth": picture.depth}
+    return layers if picture.normal is None else {**layers, "normal": picture.normal}

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that renders a trained splat as predictions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from graycard._errors import GraycardError
+from graycard.cli._options import optional
+from graycard.cli._terminal import OK, Terminal
+
+if TYPE_CHECKING:
+    from graycard.methods.trained import Frame, Look, TrainedSplat
+
+BACKGROUNDS = {"black": 0.0, "white": 1.0}
+
+
+@dataclass(frozen=True)
+class SplatCommand:
+    """Render a splat that another program has trained, as predictions of a scene.
+
+    Colours of a splat are what training compared with photographs: sRGB-encoded values at the exposure of
+    the capture, blended as they are. They are decoded and divided by the exposure, for radiance is linear.
+    """
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE.ply")]
+    """A 3DGS or 2DGS PLY, as INRIA's code, nerfstudio, gsplat, OpenSplat, brush and SuperSplat write it
+    (compressed ones too), or a .splat."""
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """DATASET/<track>/<scene>."""
+    out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
+    """Write the predictions to this folder; predictions that it holds are replaced."""
+    encoding: Literal["srgb", "linear"] = "srgb"
+    """Of the colours: srgb after training on photographs, linear after training on linear images."""
+    background: Literal["black", "white"] = "black"
+    """Which one it was trained over."""
+    frame: Annotated[tuple[str, Path] | None, optional("KIND FILE")] = None
+    """Undo what a program did to the world: `nerfstudio dataparser_transforms.json`, or `matrix FILE` with
+    the 4x4 matrix from the scene's world to the splat's (text, JSON or NPY)."""
+    primitive: Literal["auto", "3dgs", "2dgs"] = "auto"
+    """Draw ellipsoids or discs; a file with two scales holds discs."""
+    antialiased: bool | None = None
+    """Whether it was trained antialiased (gsplat, nerfstudio); brush's files say so themselves."""
+    name: Annotated[str, tyro.conf.arg(metavar="NAME")] = "splat"
+    """What the predictions are called in reports."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Read, check, then render every view."""
+        from graycard.dataset import check_scene, open_capture
+        from graycard.io import check_label
+        from graycard.methods.trained import read_splat, write_splat_predictions
+
+        try:
+            check_label(self.name)
+        except ValueError as cause:
+            raise GraycardError(f"{cause}. Mend --name") from cause
+        check_scene(self.scene)
+        capture = open_capture(self.scene / "capture")
+        splat = read_splat(self.file, None if self.primitive == "auto" else self.primitive)
+        if splat.unused:
+            terminal.advise(f"properties that are not looked at: {', '.join(splat.unused)}")
+        look = self._look()
+        with terminal.progress() as progress:
+            write_splat_predictions(splat, capture, self.out, progress, look, self.name)
+        terminal.out.print(f"splat: {self.out}, {_described(splat)}, {len(capture.views)} views")
+        return OK
+
+    def _look(self) -> Look:
+        from graycard.methods.trained import Look
+
+        return Look(self.encoding, BACKGROUNDS[self.background], self.antialiased, self._frame())
+
+    def _frame(self) -> Frame:
+        """Return where the world of the splat lies.
+
+        Raises:
+            GraycardError: There is no such kind, or its file is none.
+        """
+        from graycard.methods.trained import FRAMES, SAME, read_frame
+
+        if self.frame is None:
+            return SAME
+        kind, path = self.frame
+        for known in FRAMES:
+            if kind == known:
+                return read_frame(known, path)
+        raise GraycardError(
+            f"expected --frame with {' or '.join(FRAMES)} and a file, got {kind!r}. Mend --frame"
+        )
+
+
+def _described(splat: TrainedSplat) -> str:
+    shapes = "ellipsoids (3DGS)" if splat.primitive == "3dgs" else "discs (2DGS)"
+    return f"{len(splat)} {shapes} with harmonics of degree {splat.degree}"
