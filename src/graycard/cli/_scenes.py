@@ -6,7 +6,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.table import Table
@@ -17,6 +17,9 @@ from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write
 from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
 from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
+
+SurfelFormat = Literal["ply", "2dgs", "splat"]
+"""As in ``graycard.methods.trained``, which is too heavy for the help."""
 
 if TYPE_CHECKING:
     from graycard.synth.verify import VerifyVerdict
@@ -247,17 +250,25 @@ class LookCommand:
 
 @dataclass(frozen=True)
 class ExportCommand:
-    """Write a capture for another program; photographs of held-out views are in no capture."""
+    """Write a capture or fitted surfels for another program.
 
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """DATASET/<track>/<scene>."""
-    format: ExchangeFormat
-    """transforms.json of nerfstudio, or the text model of COLMAP."""
-    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Write to this folder, new or empty."""
+    Photographs of held-out views are in no capture.
+    """
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
+    """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""
+    format: ExchangeFormat | SurfelFormat
+    """Of a scene: transforms.json of nerfstudio, or the text model of COLMAP. Of surfels: ply for viewers of
+    Gaussian splats, 2dgs for code of 2D Gaussian Splatting (two scales), or splat."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
+    """Write to this folder, new or empty; surfels to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the capture."""
+        """Write the capture, or the surfels."""
+        if self.format in ("ply", "2dgs", "splat"):
+            from graycard.cli.splats import export_surfels
+
+            return export_surfels(self.scene, self.format, self.out, terminal)
         from graycard.exchange import export_capture
 
         capture = export_capture(self.scene, self.format, self.out)

@@ -58,12 +58,12 @@ class SplatCommand:
             check_label(self.name)
         except ValueError as cause:
             raise GraycardError(f"{cause}. Mend --name") from cause
+        look = self._look()
         check_scene(self.scene)
         capture = open_capture(self.scene / "capture")
         splat = read_splat(self.file, None if self.primitive == "auto" else self.primitive)
         if splat.unused:
             terminal.advise(f"properties that are not looked at: {', '.join(splat.unused)}")
-        look = self._look()
         with terminal.progress() as progress:
             write_splat_predictions(splat, capture, self.out, progress, look, self.name)
         terminal.out.print(f"splat: {self.out}, {_described(splat)}, {len(capture.views)} views")

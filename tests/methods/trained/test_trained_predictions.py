@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trained splats as predictions: scored as the code that trained them renders them, in the right units."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from graycard import Camera, Capture, DatasetError, GraycardError, Predictions, look_at
+from graycard.benchmarks.speed import _gsplat as peer
+from graycard.cli import main
+from graycard.dataset import open_capture, open_truth
+from graycard.eval import score_predictions
+from graycard.io import silent
+from graycard.methods.splat import SH_DC, Gaussians, Surfels, harmonics_basis, rotations_to
+from graycard.methods.surfels import srgb_decode_tensor, srgb_encode_tensor
+from graycard.methods.trained import (
+    Frame,
+    Look,
+    TrainedSplat,
+    read_frame,
+    render_splat,
+    write_splat,
+    write_splat_predictions,
+)
+from graycard.predictions import finish_predictions, open_predictions, write_view
+from gsplat_3dgs import colours_by_gsplat, drawn_by_gsplat
+from random_gaussians import random_gaussians
+from splat_files import inria_columns, raw_splat, write_ply
+
+exporter = pytest.importorskip("gsplat.exporter", reason="gsplat comes with the extras 'cuda' and 'test'")
+CLOSE_DB = 0.05
+
+
+def surface_splat(scene: Path, count: int = 1200) -> TrainedSplat:
+    """Discs on the true surfaces of the training views, in the colours of these, a little wrong."""
+    capture, truth, r = open_capture(scene / "capture"), open_truth(scene / "truth"), np.random.default_rng(3)
+    found = []
+    for view in capture.train:
+        layers = truth.layers(view)
+        seen = np.isfinite(layers["depth"])
+        places = view.camera.unproject(np.where(seen, layers["depth"], 1.0))[seen]
+        found.append((places, layers["normal"][seen], layers["radiance"][seen]))
+    places, normals, radiance = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    kept = r.choice(len(places), count, replace=False)
+    shown = srgb_encode_tensor(torch.from_numpy(radiance[kept] * capture.exposure).double()).float()
+    coefficients = torch.from_numpy(r.normal(0, 0.05, (count, 16, 3))).float()
+    coefficients[:, 0] = (shown - 0.5) / SH_DC
+    surfels = Surfels(
+        torch.from_numpy(places[kept] + r.normal(0, 2e-3, (count, 3))).float(),  # no two of one depth
+        torch.from_numpy(rotations_to(normals[kept])).float(),
+        torch.from_numpy(r.uniform(0.03, 0.08, (count, 2))).float(),
+        torch.from_numpy(r.uniform(0.4, 0.99, count)).float(),
+        torch.empty(count, 0),
+    )
+    return TrainedSplat(surfels, coefficients, False)
+
+
+def scored(predictions: Path, scene: Path) -> float:
+    sheet = score_predictions(predictions, scene)
+    (value,) = (score.value for score in sheet.scores if score.metric == "radiance.psnr")
+    assert value is not None
+    return value
+
+
+def write_pictures(folder: Path, capture: Capture, draw: Callable[[Camera], torch.Tensor]) -> Path:
+    """Write predictions of encoded pictures, by nothing but the rules of docs/formats.md."""
+    for view in capture.views:
+        radiance = srgb_decode_tensor(draw(view.camera)) / capture.exposure
+        write_view(folder, view.name, {"radiance": radiance.numpy()})
+    finish_predictions(folder, Predictions("peer", capture.track, capture.scene))
+    return folder
+
+
+def test_a_3dgs_file_of_gsplats_exporter_scores_as_gsplats_own_code(
+    tmp_path: Path, make_scene: Callable[..., Path]
+):
+    scene = make_scene()
+    capture, discs = open_capture(scene / "capture"), surface_splat(scene)
+    thick = torch.nn.functional.pad(discs.shapes.scales, (0, 1), value=0.01)
+    raw = {
+        "means": discs.shapes.centres,
+        "scales": thick.log(),
+        "quats": 1.5 * discs.shapes.rotations,
+        "opacities": torch.logit(discs.shapes.opacities),
+        "sh0": discs.coefficients[:, :1],
+        "shN": discs.coefficients[:, 1:],
+    }
+    exporter.export_splats(**raw, format="ply", save_to=str(tmp_path / "trained.ply"))
+    out = tmp_path / "mine"
+    assert main(["splat", str(tmp_path / "trained.ply"), str(scene), "--out", str(out)]) == 0
+    plain = Gaussians(
+        discs.shapes.centres,
+        discs.shapes.rotations,
+        thick,
+        discs.shapes.opacities,
+        torch.empty(len(thick), 0),
+    )
+
+    def by_gsplat(camera: Camera) -> torch.Tensor:
+        colours = colours_by_gsplat(discs.coefficients, plain.centres, camera, 3)
+        return drawn_by_gsplat(replace(plain, features=colours), camera)[0]
+
+    mine = scored(out, scene)
+    theirs = scored(write_pictures(tmp_path / "theirs", capture, by_gsplat), scene)
+    assert mine > 20
+    assert abs(mine - theirs) < CLOSE_DB
+    assert open_predictions(out).method == "splat"
+    assert set(open_predictions(out).layers(capture.views[0].name)) == {"radiance", "depth"}
+
+
+def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_scene: Callable[..., Path]):
+    scene = make_scene()
+    capture, discs = open_capture(scene / "capture"), surface_splat(scene)
+    write_splat(tmp_path / "ours.ply", discs, "2dgs")
+    out = tmp_path / "mine"
+    assert main(["splat", str(tmp_path / "ours.ply"), str(scene), "--out", str(out), "--name", "discs"]) == 0
+    surfels = Surfels(
+        *(getattr(discs.shapes, n).double() for n in ("centres", "rotations", "scales", "opacities")),
+        torch.empty(len(discs), 0).double(),
+    )
+
+    def by_gsplat(camera: Camera) -> torch.Tensor:
+        colours = colours_by_gsplat(discs.coefficients.double(), surfels.centres, camera, 3)
+        projected = peer.project(surfels, camera)
+        pairs = peer.pairs_of(projected, surfels.opacities, camera)
+        return peer.accumulate(projected, pairs, surfels.opacities, colours, camera)[0].float()
+
+    mine = scored(out, scene)
+    theirs = scored(write_pictures(tmp_path / "theirs", capture, by_gsplat), scene)
+    assert mine > 20
+    assert abs(mine - theirs) < CLOSE_DB
+    layers = open_predictions(out).layers(capture.views[0].name)
+    assert set(layers) == {"radiance", "depth", "normal"}
+    truth = open_truth(scene / "truth").layers(capture.views[0])
+    both = np.isfinite(layers["depth"]) & np.isfinite(truth["depth"])
+    assert both.mean() > 0.2
+    assert np.median(np.abs(layers["depth"] - truth["depth"])[both]) < 0.02
+    assert np.median((layers["normal"] * truth["normal"]).sum(-1)[both]) > 0.98
+
+
+def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: Callable[..., Path]):
+    """A wall of one colour before all cameras: decoded by the sRGB curve, divided by the exposure."""
+    capture = open_capture(make_scene() / "capture")
+    wall = Gaussians(
+        *map(torch.tensor, ([[0.0, 0, 0.4]] * 4, [[1.0, 0, 0, 0]] * 4, [[50.0] * 3] * 4, [0.999] * 4)),
+        torch.empty(4, 0),
+    )
+    splat = TrainedSplat(wall, torch.full((4, 1, 3), (0.735 - 0.5) / SH_DC), False)
+    shown = 0.735 * 0.999  # the second of them would leave less than 1e-4: it is not drawn
+    for encoding, linear in (("srgb", ((shown + 0.055) / 1.055) ** 2.4), ("linear", shown)):
+        write_splat_predictions(splat, capture, tmp_path / "p", silent, Look(encoding))  # type: ignore[arg-type]
+        for view in capture.views:
+            seen = open_predictions(tmp_path / "p").layers(view.name)
+            np.testing.assert_allclose(seen["radiance"] * capture.exposure, linear, rtol=1e-4)
+            depth = view.camera.project(np.array([0, 0, 0.4]))[1]
+            np.testing.assert_allclose(seen["depth"], depth, rtol=1e-5)
+
+
+def test_a_background_is_what_it_was_trained_over(make_scene: Callable[..., Path]):
+    camera = open_capture(make_scene() / "capture").views[0].camera
+    few = random_gaussians(5, 1, 0.02)
+    tensors = few.centres, few.rotations, few.scales, few.opacities, few.features
+    splat = TrainedSplat(Gaussians(*(values.float() for values in tensors)), torch.zeros(5, 1, 3), False)
+    black, white = (render_splat(splat, camera, background=value).colour for value in (0.0, 1.0))
+    assert black.min() == 0
+    assert (white - black).max() == 1
+    assert (white - black).min() < 0.9
+
+
+def moved(splat: TrainedSplat, frame: Frame) -> TrainedSplat:
+    """The same splat as a program has it that moves the world before it trains."""
+    shapes, turn = splat.shapes, Rotation.from_matrix(frame.turn)
+    directions = np.random.default_rng(0).normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    here, there = (harmonics_basis(d, splat.degree) for d in (directions, turn.apply(directions)))
+    change = np.linalg.lstsq(there, here, rcond=None)[0]
+    coefficients = np.einsum("kj,njc->nkc", change, splat.coefficients.double().numpy())
+    turns = turn * Rotation.from_quat(shapes.rotations.numpy(), scalar_first=True)
+    centres = frame.scale * turn.apply(shapes.centres.numpy()) + frame.shift
+    return TrainedSplat(
+        type(shapes)(
+            *(torch.from_numpy(np.asarray(v)).float() for v in (centres, turns.as_quat(scalar_first=True))),
+            shapes.scales * frame.scale,
+            shapes.opacities,
+            shapes.features,
+        ),
+        torch.from_numpy(coefficients).float(),
+        False,
+    )
+
+
+@pytest.mark.parametrize("flat", [True, False])
+@pytest.mark.parametrize("kind", ["nerfstudio", "matrix"])
+def test_a_moved_world_is_moved_back(tmp_path: Path, make_scene: Callable[..., Path], kind: str, flat: bool):
+    """Turned from z up to y up, shrunk and shifted: the picture, depth and normals are those of the scene."""
+    scene = make_scene()
+    capture, splat = open_capture(scene / "capture"), surface_splat(scene, 300)
+    if not flat:
+        thick = torch.nn.functional.pad(splat.shapes.scales, (0, 1), value=0.02)
+        shapes = Gaussians(
+            *(getattr(splat.shapes, n) for n in ("centres", "rotations")),
+            thick,
+            splat.shapes.opacities,
+            splat.shapes.features,
+        )
+        splat = replace(splat, shapes=shapes)
+    turn = (
+        Rotation.from_euler("x", -90, degrees=True) * Rotation.from_euler("z", 20, degrees=True)
+    ).as_matrix()
+    scale, shift = 0.37, np.array([0.3, -0.2, 0.7])
+    if kind == "nerfstudio":
+        held = {"transform": np.hstack([turn, shift[:, None]]).tolist(), "scale": scale}
+        (tmp_path / "dataparser_transforms.json").write_text(json.dumps(held))
+        frame, wanted = read_frame("nerfstudio", tmp_path / "dataparser_transforms.json"), scale * shift
+    else:
+        matrix = np.vstack([np.hstack([scale * turn, shift[:, None]]), [0, 0, 0, 1]])
+        (tmp_path / "m.json").write_text(json.dumps(matrix.tolist()))
+        np.savetxt(tmp_path / "m.txt", matrix)
+        np.save(tmp_path / "m.npy", matrix)
+        frame, wanted = read_frame("matrix", tmp_path / "m.json"), shift
+        for other in ("m.txt", "m.npy"):
+            np.testing.assert_allclose(read_frame("matrix", tmp_path / other).turn, frame.turn, atol=1e-12)
+    np.testing.assert_allclose(frame.shift, wanted, atol=1e-9)
+    assert frame.scale == pytest.approx(scale)
+    there = moved(splat, frame)
+    for view in capture.views[:2]:
+        plain, back = render_splat(splat, view.camera), render_splat(there, view.camera, frame)
+        apart = np.abs(plain.colour - back.colour)
+        assert (apart > 2e-3).mean() < 2e-3
+        seen = np.isfinite(plain.depth) & np.isfinite(back.depth)
+        assert np.median(np.abs(plain.depth - back.depth)[seen]) < 1e-5
+        if flat:
+            assert plain.normal is not None
+            assert back.normal is not None
+            assert np.median(np.abs(plain.normal - back.normal)[seen]) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "message"),
+    [
+        ("nerfstudio", '{"scale": 1}', "expected 3 x 4 numbers"),
+        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}', "expected a number as scale"),
+        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]], "scale": 0}', "a scale above 0"),
+        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]], "scale": 1}', "expected a turn"),
+        ("nerfstudio", "[1]", "expected 3 x 4 numbers"),
+        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,NaN]], "scale": 1}', "expected"),
+        ("matrix", "1 0 0 0 0 1 0 0 0 0 1 0", "expected 4 x 4 numbers"),
+        ("matrix", "1 0 0 0 0 2 0 0 0 0 1 0 0 0 0 1", "expected a turn"),
+        ("matrix", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 1 1", "last row 0 0 0 1"),
+        ("matrix", "1 0 0 nan 0 1 0 0 0 0 1 0 0 0 0 1", "expected finite numbers"),
+        ("matrix", "[[1,", "got a file that is none"),
+        ("matrix", "one", "expected 4 x 4 numbers"),
+    ],
+)
+def test_frames_that_are_none_are_refused(tmp_path: Path, kind: str, text: str, message: str):
+    (tmp_path / "frame").write_text(text)
+    with pytest.raises(GraycardError, match=message):
+        read_frame(kind, tmp_path / "frame")  # type: ignore[arg-type]
+    with pytest.raises(DatasetError, match="expected"):
+        read_frame(kind, tmp_path / "none")  # type: ignore[arg-type]
+
+
+def test_the_command_line(
+    tmp_path: Path, make_scene: Callable[..., Path], capsys: pytest.CaptureFixture[str]
+):
+    scene, out = make_scene(), tmp_path / "out"
+    columns = inria_columns(raw_splat(random_gaussians(30, 5, opacities=(0.1, 0.9)), 1))
+    path = write_ply(tmp_path / "t.ply", columns | {"segment": columns["x"]})
+    (tmp_path / "m.txt").write_text("2 0 0 0 0 2 0 0 0 0 2 0 0 0 0 1")
+    args = ["splat", str(path), str(scene), "--out", str(out)]
+    assert main([*args, "--frame", "matrix", str(tmp_path / "m.txt"), "--background", "white"]) == 0
+    told = capsys.readouterr()
+    assert "30 ellipsoids (3DGS) with harmonics of degree 1, 5 views" in told.out.replace("\n", " ")
+    assert "not looked at: segment" in told.err.replace("\n", " ")
+    before = sorted(p.name for p in out.rglob("*"))
+    path.write_bytes(path.read_bytes()[:-9])
+    assert main(args) == 2
+    assert "cut off or damaged" in capsys.readouterr().err
+    assert sorted(p.name for p in out.rglob("*")) == before  # a damaged file takes nothing away
+    for wrong, message in [
+        (["--frame", "colmap", "x"], "expected --frame with nerfstudio or matrix"),
+        (["--name", "two\nlines"], "Mend --name"),
+    ]:
+        assert main([*args, *wrong]) == 2
+        assert message in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_gravity_of_opengl_and_opencv_cameras(tmp_path: Path):
+    """A red ball above, a green one below: red is in the upper half of the picture."""
+    balls = Gaussians(
+        *map(torch.tensor, ([[0.0, 0, 1], [0.0, 0, -1]], [[1.0, 0, 0, 0]] * 2, [[0.2] * 3] * 2, [0.9, 0.9])),
+        torch.empty(2, 0),
+    )
+    red, green = (np.array(c) for c in ([1.0, 0, 0], [0, 1.0, 0]))
+    splat = TrainedSplat(
+        balls, torch.from_numpy((np.stack([red, green])[:, None] - 0.5) / SH_DC).float(), False
+    )
+    camera = Camera.from_fov(32, 32, 60, look_at(np.array([0, -4.0, 0]), np.zeros(3)))
+    colour = render_splat(splat, camera).colour
+    assert colour[:16, :, 0].sum() > 10 * colour[16:, :, 0].sum()
+    assert colour[16:, :, 1].sum() > 10 * colour[:16, :, 1].sum()
