@@ -54,4 +54,11 @@ def write_film(path: Path, pictures: Sequence[np.ndarray], rate: float) -> None:
         if suffix == ".gif":
             iio.imwrite(partial, np.stack(pictures), extension=".gif", duration=1000 / rate, loop=0)
         else:
-            iio.imwrite(partial, np.stack(pictures), extension=".mp4", plugin="FFMPEG", fps=rate)
+            iio.imwrite(
+                partial,
+                np.stack(pictures),
+                extension=".mp4",
+                plugin="FFMPEG",
+                fps=rate,
+                output_params=["-f", "mp4"],  # the name of a partial file does not tell
+            )

@@ -30,7 +30,7 @@ def preview(layer: str, values: np.ndarray, white: float | None = None) -> np.nd
         return _bytes(_nearness(values, white))
     if layer.partition(".")[0] in LIGHT:
         return _bytes(srgb_encode(values / (white or brightest(values))))
-    return _bytes(srgb_encode(values) if find_layer(layer).channels == 3 else values)
+    return _bytes(srgb_encode(values) if len(find_layer(layer).channels) == 3 else values)
 
 
 def _bytes(values: np.ndarray) -> np.ndarray:

@@ -49,13 +49,13 @@ def surface_splat(scene: Path, count: int = 1200) -> TrainedSplat:
     places, normals, radiance = (np.concatenate(parts) for parts in zip(*found, strict=True))
     kept = r.choice(len(places), count, replace=False)
     shown = srgb_encode_tensor(torch.from_numpy(radiance[kept] * capture.exposure).double()).float()
-    coefficients = torch.from_numpy(r.normal(0, 0.05, (count, 16, 3))).float()
+    coefficients = torch.from_numpy(r.normal(0, 0.02, (count, 16, 3))).float()
     coefficients[:, 0] = (shown - 0.5) / SH_DC
     surfels = Surfels(
         torch.from_numpy(places[kept] + r.normal(0, 2e-3, (count, 3))).float(),  # no two of one depth
         torch.from_numpy(rotations_to(normals[kept])).float(),
-        torch.from_numpy(r.uniform(0.03, 0.08, (count, 2))).float(),
-        torch.from_numpy(r.uniform(0.4, 0.99, count)).float(),
+        torch.from_numpy(r.uniform(0.03, 0.07, (count, 2))).float(),
+        torch.from_numpy(r.uniform(0.7, 0.99, count)).float(),
         torch.empty(count, 0),
     )
     return TrainedSplat(surfels, coefficients, False)
@@ -63,7 +63,7 @@ def surface_splat(scene: Path, count: int = 1200) -> TrainedSplat:
 
 def scored(predictions: Path, scene: Path) -> float:
     sheet = score_predictions(predictions, scene)
-    (value,) = (score.value for score in sheet.scores if score.metric == "radiance.psnr")
+    (value,) = (score.value for score in sheet.scores if score.metric == "novel_view.psnr")
     assert value is not None
     return value
 
@@ -140,7 +140,7 @@ def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_sce
     truth = open_truth(scene / "truth").layers(capture.views[0])
     both = np.isfinite(layers["depth"]) & np.isfinite(truth["depth"])
     assert both.mean() > 0.2
-    assert np.median(np.abs(layers["depth"] - truth["depth"])[both]) < 0.02
+    assert np.median(np.abs(layers["depth"][both] - truth["depth"][both])) < 0.02
     assert np.median((layers["normal"] * truth["normal"]).sum(-1)[both]) > 0.98
 
 
@@ -148,7 +148,7 @@ def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: C
     """A wall of one colour before all cameras: decoded by the sRGB curve, divided by the exposure."""
     capture = open_capture(make_scene() / "capture")
     wall = Gaussians(
-        *map(torch.tensor, ([[0.0, 0, 0.4]] * 4, [[1.0, 0, 0, 0]] * 4, [[50.0] * 3] * 4, [0.999] * 4)),
+        *map(torch.tensor, ([[0.0, 0, 0.4]] * 4, [[1.0, 0, 0, 0]] * 4, [[500.0] * 3] * 4, [0.999] * 4)),
         torch.empty(4, 0),
     )
     splat = TrainedSplat(wall, torch.full((4, 1, 3), (0.735 - 0.5) / SH_DC), False)
@@ -234,7 +234,7 @@ def test_a_moved_world_is_moved_back(tmp_path: Path, make_scene: Callable[..., P
         apart = np.abs(plain.colour - back.colour)
         assert (apart > 2e-3).mean() < 2e-3
         seen = np.isfinite(plain.depth) & np.isfinite(back.depth)
-        assert np.median(np.abs(plain.depth - back.depth)[seen]) < 1e-5
+        assert np.median(np.abs(plain.depth[seen] - back.depth[seen])) < 1e-5
         if flat:
             assert plain.normal is not None
             assert back.normal is not None
