@@ -58,10 +58,11 @@ def splat_of(
     _check_names(columns, path, kind)
     axes = SCALES[: 2 if kind == "2dgs" else 3]
     centres, scales = _block(columns, POSITION, path), _sizes(columns, axes, path)
-    shapes = (Surfels if kind == "2dgs" else Gaussians)(
-        *map(torch.from_numpy, (centres, _turns(columns, path), scales, _opacities(columns, path))),
-        torch.empty(len(centres), 0),
-    )
+    numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
+    tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
+    numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
+    tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
+    shapes = Surfels(*tensors) if kind == "2dgs" else Gaussians(*tensors)
     return TrainedSplat(
         shapes,
         torch.from_numpy(_coefficients(columns, path)),

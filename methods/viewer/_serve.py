@@ -20,7 +20,7 @@ from graycard.methods.viewer._preview import preview
 from graycard.methods.viewer._saved import Fitted
 
 if TYPE_CHECKING:
-    from viser import CameraHandle, ViserServer
+    from viser import CameraHandle, ViserServer  # pyright: ignore[reportMissingImports]
 
 SURFELS = "surfels"
 """Choice of what is shown that needs no drawing here."""
@@ -107,7 +107,7 @@ def serve_pictures(
 
 def _server(port: int) -> ViserServer:
     try:
-        import viser
+        import viser  # pyright: ignore[reportMissingImports]  # of the extra 'view'
     except ImportError as cause:
         raise MethodError(
             "expected viser, which serves the page, got none. Run pip install 'graycard[view]'"

@@ -2,14 +2,25 @@
 """Files of trained splats, byte by byte as the exporters of other programs write them."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 import torch
 
-from graycard.methods.splat import Gaussians
+from graycard.methods.splat import Gaussians, Surfels
+
+Shape = TypeVar("Shape", Gaussians, Surfels)
 
 Raw = dict[str, torch.Tensor]
 """What training holds: means, log scales, quaternions, logits, ``sh0`` (N, 1, 3), ``shN`` (N, K - 1, 3)."""
+
+
+def plain(kind: type[Shape], *geometry: object) -> Shape:
+    """Discs or ellipsoids in float32, without features, of centres, rotations, scales and opacities."""
+    centres, rotations, scales, opacities = (
+        torch.as_tensor(np.asarray(values)).float() for values in geometry
+    )
+    return kind(centres, rotations, scales, opacities, torch.empty(len(centres), 0))
 
 
 def raw_splat(gaussians: Gaussians, degree: int, seed: int = 0) -> Raw:

@@ -118,7 +118,7 @@ def _text_rows(data: bytes, layouts: list[tuple[str, int, np.dtype]], _start: in
         part = lines[start : start + count]
         if len(part) < count:
             raise ValueError(f"{len(part)} of {count} rows of {name}")
-        values = np.array([line.split() for line in part], np.float64).reshape(count, len(kind))
+        values = np.array([line.split() for line in part], np.float64).reshape(count, len(kind.names or ()))
         rows[name] = np.array([tuple(row) for row in values.tolist()], kind)
         start += count
     return rows

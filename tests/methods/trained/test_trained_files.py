@@ -16,7 +16,7 @@ from graycard.methods.splat import DISCS, SH_DC, Gaussians, Surfels
 from graycard.methods.trained import TrainedSplat, read_splat, write_splat
 from random_gaussians import random_gaussians
 from random_surfels import random_surfels
-from splat_files import Raw, brush_columns, inria_columns, raw_splat, write_ply
+from splat_files import Raw, brush_columns, inria_columns, plain, raw_splat, write_ply
 
 COUNT = 300  # more than a chunk of the compressed layout
 
@@ -255,10 +255,7 @@ def test_no_byte_of_a_file_makes_another_error(
 
 def surfels_with_colours() -> TrainedSplat:
     surfels = random_surfels(50, 3, 0, opacities=(0.1, 0.95))
-    shapes = Surfels(
-        *(getattr(surfels, n).float() for n in ("centres", "rotations", "scales", "opacities")),
-        torch.empty(50, 0),
-    )
+    shapes = plain(Surfels, surfels.centres, surfels.rotations, surfels.scales, surfels.opacities)
     r = torch.Generator().manual_seed(1)
     return TrainedSplat(shapes, 0.5 * torch.randn(50, 9, 3, generator=r), False)
 

@@ -31,7 +31,7 @@ from graycard.methods.trained import (
 from graycard.predictions import finish_predictions, open_predictions, write_view
 from gsplat_3dgs import colours_by_gsplat, drawn_by_gsplat
 from random_gaussians import random_gaussians
-from splat_files import inria_columns, raw_splat, write_ply
+from splat_files import inria_columns, plain, raw_splat, write_ply
 
 exporter = pytest.importorskip("gsplat.exporter", reason="gsplat comes with the extras 'cuda' and 'test'")
 CLOSE_DB = 0.05
@@ -94,17 +94,11 @@ def test_a_3dgs_file_of_gsplats_exporter_scores_as_gsplats_own_code(
     exporter.export_splats(**raw, format="ply", save_to=str(tmp_path / "trained.ply"))
     out = tmp_path / "mine"
     assert main(["splat", str(tmp_path / "trained.ply"), str(scene), "--out", str(out)]) == 0
-    plain = Gaussians(
-        discs.shapes.centres,
-        discs.shapes.rotations,
-        thick,
-        discs.shapes.opacities,
-        torch.empty(len(thick), 0),
-    )
+    shapes = plain(Gaussians, discs.shapes.centres, discs.shapes.rotations, thick, discs.shapes.opacities)
 
     def by_gsplat(camera: Camera) -> torch.Tensor:
-        colours = colours_by_gsplat(discs.coefficients, plain.centres, camera, 3)
-        return drawn_by_gsplat(replace(plain, features=colours), camera)[0]
+        colours = colours_by_gsplat(discs.coefficients, shapes.centres, camera, 3)
+        return drawn_by_gsplat(replace(shapes, features=colours), camera)[0]
 
     mine = scored(out, scene)
     theirs = scored(write_pictures(tmp_path / "theirs", capture, by_gsplat), scene)
@@ -120,10 +114,9 @@ def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_sce
     write_splat(tmp_path / "ours.ply", discs, "2dgs")
     out = tmp_path / "mine"
     assert main(["splat", str(tmp_path / "ours.ply"), str(scene), "--out", str(out), "--name", "discs"]) == 0
-    surfels = Surfels(
-        *(getattr(discs.shapes, n).double() for n in ("centres", "rotations", "scales", "opacities")),
-        torch.empty(len(discs), 0).double(),
-    )
+    found = discs.shapes.centres, discs.shapes.rotations, discs.shapes.scales, discs.shapes.opacities
+    centres, rotations, scales, opacities = (values.double() for values in found)
+    surfels = Surfels(centres, rotations, scales, opacities, torch.empty(len(discs), 0).double())
 
     def by_gsplat(camera: Camera) -> torch.Tensor:
         colours = colours_by_gsplat(discs.coefficients.double(), surfels.centres, camera, 3)
@@ -147,10 +140,7 @@ def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_sce
 def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: Callable[..., Path]):
     """A wall of one colour before all cameras: decoded by the sRGB curve, divided by the exposure."""
     capture = open_capture(make_scene() / "capture")
-    wall = Gaussians(
-        *map(torch.tensor, ([[0.0, 0, 0.4]] * 4, [[1.0, 0, 0, 0]] * 4, [[500.0] * 3] * 4, [0.999] * 4)),
-        torch.empty(4, 0),
-    )
+    wall = plain(Gaussians, [[0, 0, 0.4]] * 4, [[1, 0, 0, 0]] * 4, [[500] * 3] * 4, [0.999] * 4)
     splat = TrainedSplat(wall, torch.full((4, 1, 3), (0.735 - 0.5) / SH_DC), False)
     shown = 0.735 * 0.999  # the second of them would leave less than 1e-4: it is not drawn
     for encoding, linear in (("srgb", ((shown + 0.055) / 1.055) ** 2.4), ("linear", shown)):
@@ -165,8 +155,8 @@ def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: C
 def test_a_background_is_what_it_was_trained_over(make_scene: Callable[..., Path]):
     camera = open_capture(make_scene() / "capture").views[0].camera
     few = random_gaussians(5, 1, 0.02)
-    tensors = few.centres, few.rotations, few.scales, few.opacities, few.features
-    splat = TrainedSplat(Gaussians(*(values.float() for values in tensors)), torch.zeros(5, 1, 3), False)
+    shapes = plain(Gaussians, few.centres, few.rotations, few.scales, few.opacities)
+    splat = TrainedSplat(shapes, torch.zeros(5, 1, 3), False)
     black, white = (render_splat(splat, camera, background=value).colour for value in (0.0, 1.0))
     assert black.min() == 0
     assert (white - black).max() == 1
@@ -178,21 +168,14 @@ def moved(splat: TrainedSplat, frame: Frame) -> TrainedSplat:
     shapes, turn = splat.shapes, Rotation.from_matrix(frame.turn)
     directions = np.random.default_rng(0).normal(size=(200, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    here, there = (harmonics_basis(d, splat.degree) for d in (directions, turn.apply(directions)))
-    change = np.linalg.lstsq(there, here, rcond=None)[0]
+    before, after = (harmonics_basis(d, splat.degree) for d in (directions, turn.apply(directions)))
+    change = np.linalg.lstsq(after, before, rcond=None)[0]
     coefficients = np.einsum("kj,njc->nkc", change, splat.coefficients.double().numpy())
     turns = turn * Rotation.from_quat(shapes.rotations.numpy(), scalar_first=True)
     centres = frame.scale * turn.apply(shapes.centres.numpy()) + frame.shift
-    return TrainedSplat(
-        type(shapes)(
-            *(torch.from_numpy(np.asarray(v)).float() for v in (centres, turns.as_quat(scalar_first=True))),
-            shapes.scales * frame.scale,
-            shapes.opacities,
-            shapes.features,
-        ),
-        torch.from_numpy(coefficients).float(),
-        False,
-    )
+    quaternions = turns.as_quat(scalar_first=True)
+    there = plain(type(shapes), centres, quaternions, shapes.scales * frame.scale, shapes.opacities)
+    return TrainedSplat(there, torch.from_numpy(coefficients).float(), False)
 
 
 @pytest.mark.parametrize("flat", [True, False])
@@ -203,12 +186,7 @@ def test_a_moved_world_is_moved_back(tmp_path: Path, make_scene: Callable[..., P
     capture, splat = open_capture(scene / "capture"), surface_splat(scene, 300)
     if not flat:
         thick = torch.nn.functional.pad(splat.shapes.scales, (0, 1), value=0.02)
-        shapes = Gaussians(
-            *(getattr(splat.shapes, n) for n in ("centres", "rotations")),
-            thick,
-            splat.shapes.opacities,
-            splat.shapes.features,
-        )
+        shapes = plain(Gaussians, splat.shapes.centres, splat.shapes.rotations, thick, splat.shapes.opacities)
         splat = replace(splat, shapes=shapes)
     turn = (
         Rotation.from_euler("x", -90, degrees=True) * Rotation.from_euler("z", 20, degrees=True)
@@ -230,15 +208,15 @@ def test_a_moved_world_is_moved_back(tmp_path: Path, make_scene: Callable[..., P
     assert frame.scale == pytest.approx(scale)
     there = moved(splat, frame)
     for view in capture.views[:2]:
-        plain, back = render_splat(splat, view.camera), render_splat(there, view.camera, frame)
-        apart = np.abs(plain.colour - back.colour)
+        here, back = render_splat(splat, view.camera), render_splat(there, view.camera, frame)
+        apart = np.abs(here.colour - back.colour)
         assert (apart > 2e-3).mean() < 2e-3
-        seen = np.isfinite(plain.depth) & np.isfinite(back.depth)
-        assert np.median(np.abs(plain.depth[seen] - back.depth[seen])) < 1e-5
+        seen = np.isfinite(here.depth) & np.isfinite(back.depth)
+        assert np.median(np.abs(here.depth[seen] - back.depth[seen])) < 1e-5
         if flat:
-            assert plain.normal is not None
+            assert here.normal is not None
             assert back.normal is not None
-            assert np.median(np.abs(plain.normal - back.normal)[seen]) < 1e-4
+            assert np.median(np.abs(here.normal - back.normal)[seen]) < 1e-4
 
 
 @pytest.mark.parametrize(
@@ -293,10 +271,7 @@ def test_the_command_line(
 
 def test_gravity_of_opengl_and_opencv_cameras(tmp_path: Path):
     """A red ball above, a green one below: red is in the upper half of the picture."""
-    balls = Gaussians(
-        *map(torch.tensor, ([[0.0, 0, 1], [0.0, 0, -1]], [[1.0, 0, 0, 0]] * 2, [[0.2] * 3] * 2, [0.9, 0.9])),
-        torch.empty(2, 0),
-    )
+    balls = plain(Gaussians, [[0, 0, 1], [0, 0, -1]], [[1, 0, 0, 0]] * 2, [[0.2] * 3] * 2, [0.9, 0.9])
     red, green = (np.array(c) for c in ([1.0, 0, 0], [0, 1.0, 0]))
     splat = TrainedSplat(
         balls, torch.from_numpy((np.stack([red, green])[:, None] - 0.5) / SH_DC).float(), False
