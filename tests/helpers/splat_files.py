@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of trained splats, byte by byte as the exporters of other programs write them."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 import torch
 
-from graycard.methods.splat import Gaussians, Surfels
+from graycard.methods.splat import Gaussians
 
-Shape = TypeVar("Shape", Gaussians, Surfels)
+Shape = TypeVar("Shape")
 
 Raw = dict[str, torch.Tensor]
 """What training holds: means, log scales, quaternions, logits, ``sh0`` (N, 1, 3), ``shN`` (N, K - 1, 3)."""
 
 
-def plain(kind: type[Shape], *geometry: object) -> Shape:
+def plain(kind: Callable[..., Shape], *geometry: object) -> Shape:
     """Discs or ellipsoids in float32, without features, of centres, rotations, scales and opacities."""
     centres, rotations, scales, opacities = (
         torch.as_tensor(np.asarray(values)).float() for values in geometry

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """3D Gaussians: the specification against gsplat's own code, the engine against the specification."""
 
+import time
 from dataclasses import fields, replace
 
+import numba
 import numpy as np
 import pytest
 import torch
 
 from graycard import Camera, UnknownNameError, look_at
-from graycard.methods.splat import GaussianMaps, Gaussians, Surfels, rasterize_gaussians
+from graycard.methods.splat import GaussianMaps, Gaussians, Surfels, rasterize, rasterize_gaussians
 from gsplat_3dgs import drawn_by_gsplat
 from random_gaussians import random_gaussians
 
@@ -140,3 +142,25 @@ def test_what_cannot_be_drawn_is_refused():
         rasterize_gaussians(random_gaussians(3, 9), camera_of(), features=torch.ones(2, 3))
     with pytest.raises(UnknownNameError, match="back end"):
         rasterize_gaussians(gaussians, camera_of(), backend="cuda")  # type: ignore[arg-type]
+
+
+def test_ellipsoids_cost_less_than_twice_as_many_discs():
+    """Least processor time of calls in turn, one thread: other programs on the machine matter little."""
+    gaussians = random_gaussians(10_000, 10, 0.03, (0.1, 1.0))
+    tensors = [getattr(gaussians, f.name).float() for f in fields(gaussians)]
+    solids = Gaussians(*tensors)  # pyright: ignore[reportCallIssue]
+    tensors[2] = tensors[2][:, :2]
+    discs = Surfels(*tensors)  # pyright: ignore[reportCallIssue]
+    camera = Camera.from_fov(256, 256, 50, look_at(np.array([0, -3.5, 0.5]), np.zeros(3)))
+    draw = {"solids": lambda: rasterize_gaussians(solids, camera), "discs": lambda: rasterize(discs, camera)}
+    threads, least = numba.get_num_threads(), dict.fromkeys(draw, np.inf)
+    numba.set_num_threads(1)
+    try:
+        for _ in range(8):
+            for name, call in draw.items():
+                begun = time.process_time()
+                call()
+                least[name] = min(least[name], time.process_time() - begun)
+    finally:
+        numba.set_num_threads(threads)
+    assert least["solids"] < 2 * least["discs"]

@@ -84,7 +84,8 @@ def read_ply(path: Path) -> dict[str, np.ndarray]:
     lines = head.decode().splitlines()
     assert lines[:2] == ["ply", "format binary_little_endian 1.0"]
     names = [line.split()[2] for line in lines if line.startswith("property float")]
-    table = np.frombuffer(body, "<f4").reshape(int(lines[2].split()[-1]), len(names))
+    (count,) = (int(line.split()[2]) for line in lines if line.startswith("element vertex"))
+    table = np.frombuffer(body, "<f4").reshape(count, len(names))
     return dict(zip(names, table.T, strict=True))
 
 

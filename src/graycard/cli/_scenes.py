@@ -250,10 +250,7 @@ class LookCommand:
 
 @dataclass(frozen=True)
 class ExportCommand:
-    """Write a capture or fitted surfels for another program.
-
-    Photographs of held-out views are in no capture.
-    """
+    """Write a capture, without photographs of held-out views, or fitted surfels for another program."""
 
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
     """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""

@@ -20,11 +20,14 @@ from graycard.methods import BUILT_IN, load_method
 from graycard.methods.priors import PriorSpec, parse_priors
 from graycard.methods.priors._spec import OWN_WEIGHTS
 from graycard.methods.splat import save_surfels
+from graycard.methods.trained import read_splat, write_splat
 from graycard.records import read_run
 from graycard.reports import publish_run
 from graycard.reports.history._keep import OWN
+from random_gaussians import random_gaussians
 from random_surfels import random_surfels
 from sparse_points import with_points
+from splat_files import inria_columns, raw_splat, write_ply
 from valid_runs import write_valid_run
 
 WriteScene = Callable[..., Path]
@@ -71,6 +74,7 @@ def build(root: Path, names: Iterable[str], write_scene: WriteScene) -> None:
         (corpus / name).write_text(text)
     shutil.copy(OWN_WEIGHTS, corpus / "own.safetensors")
     save_surfels(corpus / "surfels.safetensors", random_surfels(8))
+    _splats(corpus / "splats")
 
 
 def _exports(corpus: Path) -> None:
@@ -83,6 +87,16 @@ def _exports(corpus: Path) -> None:
     for path in (corpus / "jpeg").rglob("*.png"):
         Image.open(path).convert("RGB" if "images" in path.parts else "L").save(path.with_suffix(".jpg"))
         path.unlink()
+
+
+def _splats(folder: Path) -> None:
+    """Files of trained splats: text, binary, and without a header."""
+    folder.mkdir()
+    raw = raw_splat(random_gaussians(12, 0, opacities=(0.1, 0.9)), 1)
+    write_ply(folder / "text.ply", inria_columns(raw), "ascii")
+    write_ply(folder / "binary.ply", inria_columns(raw), "binary_big_endian")
+    discs = read_splat(write_ply(folder / "discs.ply", inria_columns(raw)), "2dgs")
+    write_splat(folder / "records.splat", discs, "splat")
 
 
 def _predictions(corpus: Path) -> None:

@@ -65,6 +65,13 @@ def _read_points(folder: Path, _: Path) -> None:
         each(lambda p=path: read_points(p))
 
 
+def _read_splat(folder: Path, _: Path) -> None:
+    from graycard.methods.trained import read_splat
+
+    for path in folder.glob("*/*"):
+        each(lambda p=path: read_splat(p))
+
+
 def _import(source: str, mask: str = "") -> Callable[[Path, Path], None]:
     def read(folder: Path, out: Path) -> None:
         cli("import", folder / source, "--track", "tabletop", "--scene", "mine", "--out", out / "d")
@@ -140,6 +147,7 @@ DATA = (
         _read_points,
         weight=16,
     ),
+    Kind("splat", ("splats",), one_of("*/*", attack_bytes, attack_lines), _read_splat, weight=8),
     Kind(
         "import: transforms.json",
         ("nerfstudio",),

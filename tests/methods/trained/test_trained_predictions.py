@@ -102,7 +102,7 @@ def test_a_3dgs_file_of_gsplats_exporter_scores_as_gsplats_own_code(
 
     mine = scored(out, scene)
     theirs = scored(write_pictures(tmp_path / "theirs", capture, by_gsplat), scene)
-    assert mine > 20
+    assert mine > 15
     assert abs(mine - theirs) < CLOSE_DB
     assert open_predictions(out).method == "splat"
     assert set(open_predictions(out).layers(capture.views[0].name)) == {"radiance", "depth"}
@@ -126,7 +126,7 @@ def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_sce
 
     mine = scored(out, scene)
     theirs = scored(write_pictures(tmp_path / "theirs", capture, by_gsplat), scene)
-    assert mine > 20
+    assert mine > 15
     assert abs(mine - theirs) < CLOSE_DB
     layers = open_predictions(out).layers(capture.views[0].name)
     assert set(layers) == {"radiance", "depth", "normal"}

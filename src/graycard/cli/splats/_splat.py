@@ -17,15 +17,12 @@ if TYPE_CHECKING:
     from graycard.methods.trained import Frame, Look, TrainedSplat
 
 BACKGROUNDS = {"black": 0.0, "white": 1.0}
+CHOICES = {"auto": None, "yes": True, "no": False}
 
 
 @dataclass(frozen=True)
 class SplatCommand:
-    """Render a splat that another program has trained, as predictions of a scene.
-
-    Colours of a splat are what training compared with photographs: sRGB-encoded values at the exposure of
-    the capture, blended as they are. They are decoded and divided by the exposure, for radiance is linear.
-    """
+    """Render a splat that another program has trained, as predictions of a scene."""
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FILE.ply")]
     """A 3DGS or 2DGS PLY, as INRIA's code, nerfstudio, gsplat, OpenSplat, brush and SuperSplat write it
@@ -35,7 +32,8 @@ class SplatCommand:
     out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
     """Write the predictions to this folder; predictions that it holds are replaced."""
     encoding: Literal["srgb", "linear"] = "srgb"
-    """Of the colours: srgb after training on photographs, linear after training on linear images."""
+    """Of the colours. Training on photographs makes sRGB-encoded ones: these are blended as they are, then
+    decoded and divided by the exposure, for radiance is linear. linear: after training on linear images."""
     background: Literal["black", "white"] = "black"
     """Which one it was trained over."""
     frame: Annotated[tuple[str, Path] | None, optional("KIND FILE")] = None
@@ -43,8 +41,8 @@ class SplatCommand:
     the 4x4 matrix from the scene's world to the splat's (text, JSON or NPY)."""
     primitive: Literal["auto", "3dgs", "2dgs"] = "auto"
     """Draw ellipsoids or discs; a file with two scales holds discs."""
-    antialiased: bool | None = None
-    """Whether it was trained antialiased (gsplat, nerfstudio); brush's files say so themselves."""
+    antialiased: Literal["auto", "yes", "no"] = "auto"
+    """Whether it was trained so (gsplat, nerfstudio); auto is what the file says, as those of brush do."""
     name: Annotated[str, tyro.conf.arg(metavar="NAME")] = "splat"
     """What the predictions are called in reports."""
 
@@ -72,7 +70,7 @@ class SplatCommand:
     def _look(self) -> Look:
         from graycard.methods.trained import Look
 
-        return Look(self.encoding, BACKGROUNDS[self.background], self.antialiased, self._frame())
+        return Look(self.encoding, BACKGROUNDS[self.background], CHOICES[self.antialiased], self._frame())
 
     def _frame(self) -> Frame:
         """Return where the world of the splat lies.
