@@ -13,6 +13,7 @@ from graycard import Camera, UnknownNameError, look_at
 from graycard.methods.splat import GaussianMaps, Gaussians, Surfels, rasterize, rasterize_gaussians
 from gsplat_3dgs import drawn_by_gsplat
 from random_gaussians import random_gaussians
+from random_surfels import random_surfels
 
 pytest.importorskip("gsplat", reason="gsplat comes with the extras 'cuda' and 'test'")
 SCENES = [
@@ -140,6 +141,8 @@ def test_what_cannot_be_drawn_is_refused():
         rasterize_gaussians(replace(gaussians, centres=gaussians.centres.requires_grad_()), camera_of())
     with pytest.raises(ValueError, match="expected features of shape"):
         rasterize_gaussians(random_gaussians(3, 9), camera_of(), features=torch.ones(2, 3))
+    with pytest.raises(ValueError, match="expected Gaussians, got Surfels"):
+        rasterize_gaussians(random_surfels(3), camera_of())  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="back end"):
         rasterize_gaussians(gaussians, camera_of(), backend="cuda")  # type: ignore[arg-type]
 

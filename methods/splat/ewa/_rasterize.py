@@ -39,6 +39,8 @@ def rasterize_gaussians(
         ValueError: Features of another shape or dtype, or not finite; or, on ``cpu``, tensors that ask for
             gradients.
     """
+    if not isinstance(gaussians, Gaussians):  # kernels would read a third scale that is not there
+        raise ValueError(f"expected Gaussians, got {type(gaussians).__name__}. Draw discs by rasterize")
     if backend == "reference":
         return rasterize_gaussians_reference(gaussians, camera, features, antialiased)
     if backend == "cpu":

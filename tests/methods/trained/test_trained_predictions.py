@@ -35,6 +35,8 @@ from splat_files import inria_columns, plain, raw_splat, write_ply
 
 exporter = pytest.importorskip("gsplat.exporter", reason="gsplat comes with the extras 'cuda' and 'test'")
 CLOSE_DB = 0.05
+SIZE = (84, 72)
+"""Pixels: fine enough that discs are drawn as such, and not as the pixels that they lie in."""
 
 
 def surface_splat(scene: Path, count: int = 1200) -> TrainedSplat:
@@ -80,7 +82,7 @@ def write_pictures(folder: Path, capture: Capture, draw: Callable[[Camera], torc
 def test_a_3dgs_file_of_gsplats_exporter_scores_as_gsplats_own_code(
     tmp_path: Path, make_scene: Callable[..., Path]
 ):
-    scene = make_scene()
+    scene = make_scene(size=SIZE)
     capture, discs = open_capture(scene / "capture"), surface_splat(scene)
     thick = torch.nn.functional.pad(discs.shapes.scales, (0, 1), value=0.01)
     raw = {
@@ -109,7 +111,7 @@ def test_a_3dgs_file_of_gsplats_exporter_scores_as_gsplats_own_code(
 
 
 def test_a_2dgs_file_of_ours_scores_as_gsplats_own_code(tmp_path: Path, make_scene: Callable[..., Path]):
-    scene = make_scene()
+    scene = make_scene(size=SIZE)
     capture, discs = open_capture(scene / "capture"), surface_splat(scene)
     write_splat(tmp_path / "ours.ply", discs, "2dgs")
     out = tmp_path / "mine"
