@@ -41,7 +41,7 @@ SAME = Frame(np.eye(3), np.zeros(3))
 """A splat that was trained in the scene's own world."""
 
 
-def read_frame(kind: FrameKind, path: Path) -> Frame:
+def read_frame(kind: FrameKind, path: Path, applied: Path | None = None) -> Frame:
     """Read how a program has moved the world.
 
     Args:
@@ -50,28 +50,52 @@ def read_frame(kind: FrameKind, path: Path) -> Frame:
             ``matrix``: a file with the 16 numbers of a (4, 4) matrix from the scene's world to the splat's,
             as text, JSON or NPY.
         path: The file.
+        applied: ``transforms.json`` that the scene was imported from, if ``ns-process-data`` of nerfstudio
+            wrote it: it has moved the world before.
 
     Raises:
         DatasetError: It is missing, or holds no similarity.
     """
-    found = _of_nerfstudio(Path(path)) if kind == "nerfstudio" else _of_matrix(Path(path))
+    found = _of_nerfstudio(Path(path), applied) if kind == "nerfstudio" else _of_matrix(Path(path))
     matrix = np.asarray(found, dtype=np.float64)
     if not np.isfinite(matrix).all():
         raise DatasetError(f"expected finite numbers in {path}, got {matrix.tolist()}")
     return _similarity(matrix, Path(path))
 
 
-def _of_nerfstudio(path: Path) -> np.ndarray:
-    data = read_json(path, DatasetError)
-    transform, scale = (
-        (data.get(key) for key in ("transform", "scale")) if isinstance(data, dict) else (None, None)
+def _of_nerfstudio(path: Path, applied: Path | None) -> np.ndarray:
+    """From the coordinates of ``transforms.json`` to those that were trained in.
+
+    ``transform`` begins at the original coordinates, as COLMAP's, from which ``applied_transform`` and
+    ``applied_scale`` led to those of the file (``nerfstudio_dataparser.py``): these are taken back.
+    """
+    data, before = _record(path), {} if applied is None else _record(applied)
+    last = np.array([0.0, 0.0, 0.0, 1.0])
+    whole = np.vstack([_numbers(data.get("transform"), path, (3, 4)), last])
+    first = np.vstack(
+        [_numbers(before.get("applied_transform", np.eye(3, 4)), applied or path, (3, 4)), last]
     )
-    matrix = _numbers(transform, path, (3, 4))
-    if isinstance(scale, bool) or not isinstance(scale, int | float):
+    scale = _number(data, "scale", path)
+    scale /= _number({"applied_scale": 1.0, **before}, "applied_scale", applied or path)
+    if abs(np.linalg.det(first)) < 1e-9:
         raise DatasetError(
-            f"expected a number as scale in {path}, got {scale!r}. Give dataparser_transforms.json"
+            f"expected an applied_transform that can be undone in {applied}, got {first[:3].tolist()}"
         )
-    return np.vstack([scale * matrix, [0, 0, 0, 1]])
+    return np.diag([scale, scale, scale, 1.0]) @ whole @ np.linalg.inv(first)
+
+
+def _record(path: Path) -> dict[str, object]:
+    data = read_json(path, DatasetError)
+    return data if isinstance(data, dict) else {}
+
+
+def _number(data: dict[str, object], key: str, path: Path) -> float:
+    value = data.get(key)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value:
+        raise DatasetError(
+            f"expected a number other than 0 as {key} in {path}, got {value!r}. Give the file of nerfstudio"
+        )
+    return float(value)
 
 
 def _of_matrix(path: Path) -> np.ndarray:

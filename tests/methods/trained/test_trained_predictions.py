@@ -221,12 +221,40 @@ def test_a_moved_world_is_moved_back(tmp_path: Path, make_scene: Callable[..., P
             assert np.median(np.abs(here.normal - back.normal)[seen]) < 1e-4
 
 
+def test_what_ns_process_data_has_applied_is_taken_back(tmp_path: Path):
+    """nerfstudio composes it with what it did to the frames, and the scale too: nerfstudio_dataparser.py."""
+    turn, shift = (
+        Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix(),
+        np.array([0.1, 0.2, 0.3]),
+    )
+    first = np.array([[0, 1.0, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0.5]])  # of ns-process-data, and a shift
+    whole = np.hstack([turn, shift[:, None]]) @ np.vstack([first, [0, 0, 0, 1]])
+    (tmp_path / "d.json").write_text(json.dumps({"transform": whole.tolist(), "scale": 0.5 * 3}))
+    meta = {"applied_transform": first.tolist(), "applied_scale": 3, "frames": []}
+    (tmp_path / "transforms.json").write_text(json.dumps(meta))
+    frame = read_frame("nerfstudio", tmp_path / "d.json", tmp_path / "transforms.json")
+    np.testing.assert_allclose(frame.turn, turn, atol=1e-12)
+    np.testing.assert_allclose(frame.shift, 0.5 * shift, atol=1e-12)
+    assert frame.scale == pytest.approx(0.5)
+    (tmp_path / "transforms.json").write_text('{"applied_transform": [[0,0,0,0],[0,0,0,0],[0,0,0,0]]}')
+    with pytest.raises(DatasetError, match="that can be undone"):
+        read_frame("nerfstudio", tmp_path / "d.json", tmp_path / "transforms.json")
+
+
 @pytest.mark.parametrize(
     ("kind", "text", "message"),
     [
         ("nerfstudio", '{"scale": 1}', "expected 3 x 4 numbers"),
-        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}', "expected a number as scale"),
-        ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]], "scale": 0}', "a scale above 0"),
+        (
+            "nerfstudio",
+            '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]]}',
+            "expected a number other than 0",
+        ),
+        (
+            "nerfstudio",
+            '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,0]], "scale": 0}',
+            "a number other than 0",
+        ),
         ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,-1,0]], "scale": 1}', "expected a turn"),
         ("nerfstudio", "[1]", "expected 3 x 4 numbers"),
         ("nerfstudio", '{"transform": [[1,0,0,0],[0,1,0,0],[0,0,1,NaN]], "scale": 1}', "expected"),

@@ -39,6 +39,8 @@ class SplatCommand:
     frame: Annotated[tuple[str, Path] | None, optional("KIND FILE")] = None
     """Undo what a program did to the world: `nerfstudio dataparser_transforms.json`, or `matrix FILE` with
     the 4x4 matrix from the scene's world to the splat's (text, JSON or NPY)."""
+    applied: Annotated[Path | None, optional("FILE")] = None
+    """With --frame nerfstudio: transforms.json that the scene was imported from, if by ns-process-data."""
     primitive: Literal["auto", "3dgs", "2dgs"] = "auto"
     """Draw ellipsoids or discs; a file with two scales holds discs."""
     antialiased: Literal["auto", "yes", "no"] = "auto"
@@ -85,7 +87,7 @@ class SplatCommand:
         kind, path = self.frame
         for known in FRAMES:
             if kind == known:
-                return read_frame(known, path)
+                return read_frame(known, path, self.applied)
         raise GraycardError(
             f"expected --frame with {' or '.join(FRAMES)} and a file, got {kind!r}. Mend --frame"
         )
