@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that make scenes, check and show them, and exchange them with other programs."""
+"""The verbs that make scenes, check and show them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
 from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
-from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
 if TYPE_CHECKING:
@@ -242,67 +241,6 @@ class LookCommand:
         for sheet in sheets:
             terminal.out.print(sheet.as_posix())
         terminal.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
-        return OK
-
-
-@dataclass(frozen=True)
-class ExportCommand:
-    """Write a capture for another program; photographs of held-out views are in no capture."""
-
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
-    """DATASET/<track>/<scene>."""
-    format: ExchangeFormat
-    """transforms.json of nerfstudio, or the text model of COLMAP."""
-    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Write to this folder, new or empty."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the capture."""
-        from graycard.exchange import export_capture
-
-        capture = export_capture(self.scene, self.format, self.out)
-        terminal.out.print(
-            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, without one, "
-            f"{len(capture.test)} held-out cameras"
-        )
-        return OK
-
-
-@dataclass(frozen=True)
-class ImportCommand:
-    """Make a capture of your own photographs and cameras; it has no truth."""
-
-    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
-    """A folder with transforms.json (nerfstudio), or with sparse/0/*.txt and images/ (COLMAP)."""
-    track: Annotated[str, tyro.conf.arg(metavar="TRACK")]
-    """Kind of scene: dark, tabletop or multilight."""
-    scene: Annotated[str, tyro.conf.arg(metavar="NAME")]
-    """Name of the scene."""
-    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
-    """Write to DATASET/<track>/<scene>/capture."""
-    hold_out_every: int = 8
-    """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Read, check, then write."""
-        from graycard import __version__
-        from graycard.dataset import open_capture
-        from graycard.exchange import import_capture
-
-        with terminal.progress() as progress:
-            made = import_capture(
-                self.folder,
-                self.out,
-                self.track,
-                self.scene,
-                hold_out_every=self.hold_out_every,
-                version=__version__,
-                progress=progress,
-            )
-        capture = open_capture(made / "capture", check=False)
-        terminal.out.print(
-            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
-        )
         return OK
 
 

@@ -172,7 +172,7 @@ VERBS = (
     Verb(
         name="import",
         group="your own data",
-        module="_scenes",
+        module="_exchange",
         command="ImportCommand",
         help="Make a capture of your own photographs and cameras",
         example="graycard import photos --track dark --scene cellar --out data",
@@ -180,9 +180,9 @@ VERBS = (
     Verb(
         name="export",
         group="your own data",
-        module="_scenes",
+        module="_exchange",
         command="ExportCommand",
-        help="Write a capture for nerfstudio or COLMAP",
+        help="Write a capture as nerfstudio, COLMAP, NeRF-synthetic or TensoIR",
         example="graycard export data/dark/corridor-1234 --format colmap --out away",
     ),
     Verb(

@@ -47,6 +47,16 @@ def check_photograph(path: Path, width: int, height: int) -> None:
     _check_size(path, (width, height), "Scale the photograph or the camera's intrinsics")
 
 
+def photograph_size(path: Path) -> tuple[int, int]:
+    """Return width and height of a photograph, from its header where the format allows.
+
+    Raises:
+        DatasetError: It is missing, of another kind, or no image.
+    """
+    _check_kind(path, "photograph", SUFFIXES)
+    return _size(path)
+
+
 def check_mask(path: Path, width: int, height: int) -> None:
     """Prove that a mask is there and of the right size, from its header.
 

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that exchange captures with other programs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, share, write_optional_json
+from graycard.exchange import ExchangeFormat, ImportOptions, ImportPlan, ImportRow
+from graycard.io import Progress
+
+SHEET = "contact-sheet.png"
+"""Contact sheet of an imported scene, in its folder."""
+MODELS = "colmap"
+"""Models that were found for bare photographs, in the scene's folder."""
+
+
+@dataclass(frozen=True)
+class ExportCommand:
+    """Write a capture for another program; photographs of held-out views are in no capture."""
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
+    """DATASET/<track>/<scene>."""
+    format: ExchangeFormat
+    """nerfstudio; COLMAP in text or binary; NeRF-synthetic (blender); or TensoIR, which holds truth."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Write to this folder, new or empty."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the capture."""
+        from graycard.exchange import export_capture
+
+        capture = export_capture(self.scene, self.format, self.out)
+        held = "with truth," if self.format == "tensoir" else "without one,"
+        terminal.out.print(
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, {held} "
+            f"{len(capture.test)} held-out cameras"
+        )
+        return OK
+
+
+@dataclass(frozen=True)
+class ImportCommand:
+    """Make a capture of your own photographs and cameras, and say what was done to them.
+
+    Bare photographs: `graycard import FOLDER --find-cameras ...` lets COLMAP find the cameras first.
+    """
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
+    """A folder of nerfstudio, COLMAP (text or binary), NeRF-synthetic or TensoIR."""
+    track: Annotated[str, tyro.conf.arg(metavar="TRACK")]
+    """Kind of scene: dark, tabletop or multilight."""
+    scene: Annotated[str, tyro.conf.arg(metavar="NAME")]
+    """Name of the scene."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Write to DATASET/<track>/<scene>/capture."""
+    hold_out: Annotated[str | None, optional("N|FILE|NAMES")] = None
+    """Hold out each N-th photograph by name from the first, 0 for none; or those that a file names, one a
+    line; or names with commas. Lists of the folder by default, else each 8th."""
+    width: Annotated[int | None, optional("PIXELS")] = None
+    """Average photographs down to this width, in linear light; as they are by default."""
+    model: Annotated[str | None, optional("NAME")] = None
+    """Take this of several models (or lights of TensoIR); the one with the most photographs by default."""
+    find_cameras: bool = False
+    """Let COLMAP find the cameras of bare photographs: pip install 'graycard[colmap]'."""
+    dry_run: bool = False
+    """Show the table of what would be done, and write nothing but --json."""
+    json: Json = None
+    """Also write the table to this file."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Read, check, write, and show what was done."""
+        from graycard.exchange import plan_import, survey_import
+
+        options = ImportOptions(self.hold_out, self.width, self.model)
+        with terminal.progress() as progress:
+            with self._source(share(progress, 0, 2)) as source:
+                plan = plan_import(source, self.track, options)
+                if self.dry_run:
+                    rows = survey_import(plan, share(progress, 1, 2))
+                else:
+                    rows = self._write(plan, source, share(progress, 1, 2))
+        self._show(terminal, rows)
+        held = len(plan.shots) - len(plan.train)
+        done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
+        truth = "true layers of each view" if plan.has_truth else "no truth"
+        terminal.out.print(f"import: {done}, {len(plan.train)} photographs, {held} views held out, {truth}")
+        return OK
+
+    @contextmanager
+    def _source(self, progress: Progress) -> Iterator[Path]:
+        """Yield a folder with cameras."""
+        from graycard.exchange import find_cameras
+
+        if not self.find_cameras:
+            yield self.folder
+            return
+        with find_cameras(self.folder, progress) as found:
+            yield found
+
+    def _write(self, plan: ImportPlan, source: Path, progress: Progress) -> Sequence[ImportRow]:
+        """Write the capture, its contact sheet, and the models that were found for it."""
+        from graycard import __version__
+        from graycard.exchange import write_import, write_png
+        from graycard.io import atomic_folder
+        from graycard.reports import contact_sheet
+
+        home = self.out / self.track / self.scene
+        rows = write_import(plan, self.out, self.scene, version=__version__, progress=progress)
+        if self.find_cameras:
+            with atomic_folder(home / MODELS) as kept:
+                shutil.copytree(source / "sparse", kept / "sparse")
+        write_png(home / SHEET, contact_sheet(home))
+        return rows
+
+    def _show(self, terminal: Terminal, rows: Sequence[ImportRow]) -> None:
+        table = new_table("", "what", "how many", "said")
+        for row in rows:
+            table.add_row("!" if row.warns else "", row.what, str(row.count), row.said)
+        terminal.out.print(table)
+        for row in rows:
+            if row.warns:
+                terminal.err.print(f"warning: {row.count} {row.what} {row.said}")
+        write_optional_json(self.json, {"folder": self.folder, "rows": list(rows)})
