@@ -81,13 +81,12 @@ class ImportCommand:
         from graycard.exchange import plan_import, survey_import
 
         options = ImportOptions(self.hold_out, self.width, self.model)
-        with terminal.progress() as progress:
-            with self._source(share(progress, 0, 2)) as source:
-                plan = plan_import(source, self.track, options)
-                if self.dry_run:
-                    rows = survey_import(plan, share(progress, 1, 2))
-                else:
-                    rows = self._write(plan, source, share(progress, 1, 2))
+        with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
+            plan = plan_import(source, self.track, options)
+            if self.dry_run:
+                rows = survey_import(plan, share(progress, 1, 2))
+            else:
+                rows = self._write(plan, source, share(progress, 1, 2))
         self._show(terminal, rows)
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)

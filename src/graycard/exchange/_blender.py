@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The layout of NeRF-synthetic: ``transforms_train.json``, ``_val`` and ``_test``, as Blender's script wrote it.
+"""The layout of NeRF-synthetic: ``transforms_train.json``, ``_val`` and ``_test``, as Blender wrote it.
 
 Cameras are those of nerfstudio (OpenGL axes); one ``camera_angle_x`` stands for all of them.
 """
@@ -57,12 +57,12 @@ def read_blender(folder: Path) -> tuple[list[PosedPhotograph], list[ImportRow]]:
 def write_blender(capture: Capture, folder: Path) -> None:
     """Write a capture as NeRF-synthetic: ``transforms_*.json`` and ``train/<view>.png``.
 
-    Frames of held-out views stand in ``transforms_test.json`` without a file; ``transforms_val.json`` repeats
-    training photographs, since loaders refuse a folder without such a list.
+    Frames of held-out views stand in ``transforms_test.json`` without a file; ``transforms_val.json``
+    repeats training photographs, since loaders refuse a folder without such a list.
 
     Raises:
-        DatasetError: Cameras differ or have another than square pixels around a centred principal point, which
-            this layout cannot say; or a photograph is missing or broken.
+        DatasetError: Cameras differ or have another than square pixels around a centred principal point,
+            which this layout cannot say; or a photograph is missing or broken.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     angle = angle_of([view.camera for view in capture.views])
@@ -85,9 +85,9 @@ def angle_of(cameras: list[Camera]) -> float:
     odd = [c for c in cameras if (c.width, c.height) != (w, h) or np.abs(c.K - plain).max() > _NEAR]
     if odd:
         raise DatasetError(
-            "expected cameras of one size and one focal length, with square pixels and the principal point in "
-            f"the middle, as this layout can say, got {len(odd)} of {len(cameras)} that are not. Export as "
-            "nerfstudio or colmap"
+            "expected cameras of one size and one focal length, with square pixels and the principal point "
+            f"in the middle, as this layout can say, got {len(odd)} of {len(cameras)} that are not. Export "
+            "as nerfstudio or colmap"
         )
     return float(2 * np.arctan(0.5 * w / f))
 

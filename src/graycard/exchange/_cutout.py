@@ -15,7 +15,7 @@ from graycard.exchange._photographs import check_photograph, read_photograph
 
 
 def read_cutout(path: Path, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return linear light over black, shape ``(height, width, 3)``, and coverage, ``(height, width)``, float32.
+    """Return linear light over black, ``(height, width, 3)``, and coverage, ``(height, width)``, float32.
 
     Raises:
         DatasetError: The file is missing, broken, or of another kind or size.

@@ -21,6 +21,8 @@ LARGEST = 2.0
 _STEPS = 200
 _SAMPLES = 64
 """Points a side of a picture's border."""
+_SLACK = 0.05
+"""Pixels by which samples of a border may miss where it is closest to the photograph's."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle in pixels of the pinhole that has the lens's intrinsics."""
@@ -63,7 +65,7 @@ def develop(linear: np.ndarray, shot: PosedPhotograph) -> np.ndarray:
 
 
 def develop_mask(mask: np.ndarray, shot: PosedPhotograph) -> np.ndarray:
-    """Return a mask, shape ``(H, W)``, bool, as the camera of a shot sees it: true where most of a pixel is."""
+    """Return a mask, ``(H, W)``, bool, as the camera of a shot sees it: true where most of a pixel is."""
     if shot.lens is None and mask.shape == (shot.camera.height, shot.camera.width):
         return mask
     return develop(mask.astype(np.float32), shot) > 0.5
@@ -140,13 +142,13 @@ def _box(lens: Lens, size: tuple[int, int]) -> Box:
     (cx, cy), (width, height) = lens.centre, size
     whole = np.array([-cx, -cy, width - cx, height - cy])
 
-    def fits(scales: np.ndarray) -> bool:
-        return _is_seen(lens, size, whole * scales)
+    def fits(scales: np.ndarray, slack: float = 0.0) -> bool:
+        return _is_seen(lens, size, whole * scales, slack)
 
     scales = np.full(4, _last(lambda s: fits(np.full(4, s)), 0.0))
     for side in range(4):
         unit = np.eye(4)[side]
-        scales[side] = _last(lambda s, u=unit: fits(np.where(u > 0, s, scales)), scales[side])
+        scales[side] = _last(lambda s, u=unit: fits(np.where(u > 0, s, scales), _SLACK), scales[side])
     left, top, right, bottom = whole * scales + np.array([cx, cy, cx, cy])
     return float(np.ceil(left)), float(np.ceil(top)), float(np.floor(right)), float(np.floor(bottom))
 
@@ -164,18 +166,19 @@ def _last(fits: Callable[[float], bool], start: float) -> float:
     return low
 
 
-def _is_seen(lens: Lens, size: tuple[int, int], box: np.ndarray) -> bool:
+def _is_seen(lens: Lens, size: tuple[int, int], box: np.ndarray, slack: float) -> bool:
     """Tell whether a photograph shows the border of a box, and distance from the centre grows up to there.
 
     Args:
         lens: It bends.
         size: Width and height of the photograph, pixels.
         box: Left, top, right and bottom, from the principal point, pixels.
+        slack: Pixels by which it may leave the photograph.
     """
     border = _border(box) / lens.focal
     both = lens.pixels(np.concatenate([border, 0.995 * border]))
     outer, inner = both[: len(border)], both[len(border) :]
-    seen = (outer >= 0).all() and (outer <= size).all()
+    seen = (outer >= -slack).all() and (outer <= np.array(size) + slack).all()
     grows = np.linalg.norm(outer - lens.centre, axis=-1) > np.linalg.norm(inner - lens.centre, axis=-1)
     return bool(np.isfinite(both).all() and seen and grows.all())
 

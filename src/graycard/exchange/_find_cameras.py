@@ -61,7 +61,7 @@ def find_cameras(photographs: Path, progress: Progress = silent) -> Iterator[Pat
         (folder / "sparse").mkdir()
         if not pycolmap.incremental_mapping(database, home, folder / "sparse"):
             raise DatasetError(
-                f"expected photographs of one scene that overlap in {photographs}, got {len(names)} that COLMAP "
-                "finds no cameras for. Take more, with smaller steps between them"
+                f"expected photographs of one scene that overlap in {photographs}, got {len(names)} that "
+                "COLMAP finds no cameras for. Take more, with smaller steps between them"
             )
         yield folder

@@ -21,12 +21,20 @@ Pair = tuple[float, float]
 class Lens(Protocol):
     """A lens with distortion."""
 
-    model: str
-    """COLMAP's name for it."""
-    focal: Pair
-    """fx and fy, pixels."""
-    centre: Pair
-    """Principal point, pixels."""
+    @property
+    def model(self) -> str:
+        """COLMAP's name for it."""
+        ...
+
+    @property
+    def focal(self) -> Pair:
+        """Fx and fy, pixels."""
+        ...
+
+    @property
+    def centre(self) -> Pair:
+        """Principal point, pixels."""
+        ...
 
     def pixels(self, directions: np.ndarray) -> np.ndarray:
         """Return the pixels that show directions; both of shape ``(N, 2)``."""
@@ -191,7 +199,9 @@ class Intrinsics:
     """None for a pinhole."""
 
 
-def make_intrinsics(model: str, size: tuple[int, int], parameters: tuple[float, ...], where: str) -> Intrinsics:
+def make_intrinsics(
+    model: str, size: tuple[int, int], parameters: tuple[float, ...], where: str
+) -> Intrinsics:
     """Return the camera of one of COLMAP's models; one whose distortion is all zero is a pinhole.
 
     Args:

@@ -145,7 +145,7 @@ def _intrinsics(entry: Mapping[str, Any], file: Path, where: str) -> Intrinsics:
 def _bent(
     entry: Mapping[str, Any], size: tuple[int, int], pinhole: tuple[float, ...], where: str
 ) -> Intrinsics:
-    """Return the camera with its distortion, however a file writes it; what it writes otherwise is refused."""
+    """Return the camera with its distortion in whatever way a file writes it; anything else is refused."""
     model, bends = str(entry.get("camera_model", "PINHOLE")).upper(), _distortion(entry, where)
     if entry.get("is_fisheye"):
         model = "OPENCV_FISHEYE"
@@ -157,9 +157,9 @@ def _bent(
     if model not in (*PERSPECTIVE, *FISHEYES) or strange:
         named = ", ".join(f"{key} {value:g}" for key, value in strange.items())
         raise DatasetError(
-            f"expected a camera of model {', '.join((*PERSPECTIVE, *FISHEYES))} with distortion that it knows "
-            f"in {where}, got {model}{' with ' + named if named else ''}. Name the right camera_model (k4 to k6 "
-            "are of FULL_OPENCV, k4 of OPENCV_FISHEYE too), or undistort the photographs first"
+            f"expected a camera of model {', '.join((*PERSPECTIVE, *FISHEYES))} with distortion that it "
+            f"knows in {where}, got {model}{' with ' + named if named else ''}. Name the right camera_model "
+            "(k4 to k6 are of FULL_OPENCV, k4 of OPENCV_FISHEYE too), or undistort the photographs first"
         )
     k1, k2, p1, p2, k3, k4, k5, k6 = (
         bends.get(k, 0.0) for k in ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -176,8 +176,8 @@ def _distortion(entry: Mapping[str, Any], where: str) -> dict[str, float]:
     listed = entry.get("distortion_params") or []
     if not isinstance(listed, list) or len(listed) > len(DISTORTION):
         raise DatasetError(
-            f"expected distortion_params as up to {len(DISTORTION)} numbers, {', '.join(DISTORTION)}, in {where}, "
-            f"got {listed!r}. Mend them"
+            f"expected distortion_params as up to {len(DISTORTION)} numbers, {', '.join(DISTORTION)}, in "
+            f"{where}, got {listed!r}. Mend them"
         )
     named = {key.lower(): value for key, value in entry.items() if _BENDS.fullmatch(key)}
     listed = dict(zip(DISTORTION, listed, strict=False))

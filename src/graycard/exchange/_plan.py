@@ -10,9 +10,10 @@ from graycard._errors import DatasetError, UnknownNameError
 from graycard.dataset import TRACKS
 from graycard.exchange._blender import TRAIN, read_blender
 from graycard.exchange._cameras import PosedPhotograph, check_names
-from graycard.exchange._develop import with_width
+from graycard.exchange._develop import undistorted, with_width
 from graycard.exchange._doctor import ImportRow, merge_rows, some
 from graycard.exchange._hold_out import hold_out
+from graycard.exchange._masks import survey_masks
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
 from graycard.exchange._photographs import SUFFIXES, check_mask, check_photograph
 from graycard.exchange._tensoir import read_tensoir, view_folders
@@ -96,6 +97,7 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
     shots = [shot if track == "tabletop" else replace(shot, mask=None) for shot in shots]
     masked = _check_files(shots)
     made = [with_width(shot, options.width) for shot in shots]
+    masks = [survey_masks([shot for shot in shots if not shot.held_out])] if masked else []
     points, said = _points(Path(source), found, made)
     rows = (
         ImportRow("cameras", len(shots), f"read as {found.kind}"),
@@ -103,6 +105,7 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         *_of_cameras(shots, made),
         *_of_files(Path(source), found, shots),
         held,
+        *masks,
         *said,
     )
     settings = {"format": found.kind, **record, **({"width": options.width} if options.width else {})}
@@ -133,6 +136,9 @@ def _points(
 ) -> tuple[Points | None, list[ImportRow]]:
     if found.colmap is not None:
         points, rows = points_of(found.colmap.model, shots, found.colmap.names)
+        rows.append(
+            ImportRow("world", 1, "as the model has it: what is a metre, and what is up, is not known")
+        )
     else:
         points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
         rows = [ImportRow("points", len(points), "kept, without tracks")] if points is not None else []
@@ -142,16 +148,19 @@ def _points(
 
 
 def _of_cameras(shots: Sequence[PosedPhotograph], made: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
-    """Yield rows about lenses and sizes: what the files say, and what the capture will have."""
-    for before, after in zip(shots, made, strict=True):
-        size = f"{after.camera.width}x{after.camera.height}"
-        was = f"{before.size[0]}x{before.size[1]}"
-        if after.lens is not None:
-            yield ImportRow("distortion", 1, f"{after.lens.model} lens undone: {was} becomes {size}")
-        else:
+    """Yield rows about lenses, then about sizes: what the files say, and what the capture will have."""
+    whole = [undistorted(shot.lens, shot.camera) if shot.lens else shot.camera for shot in shots]
+    for shot, camera in zip(shots, whole, strict=True):
+        if shot.lens is None:
             yield ImportRow("distortion", 1, "none: a pinhole")
-            if size != was:
-                yield ImportRow("width", 1, f"averaged over areas: {was} becomes {size}")
+            continue
+        (w, h), few = shot.size, camera.width * camera.height < FEW * shot.size[0] * shot.size[1]
+        said = f"{shot.lens.model} lens undone: {w}x{h} becomes {camera.width}x{camera.height}"
+        yield ImportRow("distortion", 1, said + (", and most of it is lost" if few else ""), warns=few)
+    for camera, after in zip(whole, (shot.camera for shot in made), strict=True):
+        if after.width != camera.width:
+            said = f"{camera.width}x{camera.height} becomes {after.width}x{after.height}, averaged over areas"
+            yield ImportRow("width", 1, said)
 
 
 def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
@@ -203,4 +212,3 @@ def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
             f"{len(train)}, the first {bare[0]}. Add them"
         )
     return not bare
-

@@ -65,7 +65,9 @@ def read_tensoir(folder: Path, light: str | None) -> TensoirFolder:
     if wanted not in lights and f"rgba_{wanted}" in lights:
         wanted = f"rgba_{wanted}"
     if lights and wanted not in lights:
-        raise DatasetError(f"expected photographs {wanted}.png in {folder}, got {', '.join(lights)}. Mend --model")
+        raise DatasetError(
+            f"expected photographs {wanted}.png in {folder}, got {', '.join(lights)}. Mend --model"
+        )
     shots, left = [], Counter[str]()
     for place in places:
         shots.append(_shot(place, f"{wanted}.png"))
@@ -181,4 +183,3 @@ def _meaning(layer: str, levels: np.ndarray) -> np.ndarray:
         return levels
     vectors = 2 * levels - 1
     return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-6)
-

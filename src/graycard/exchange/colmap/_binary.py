@@ -107,7 +107,8 @@ class _Reader:
             return _Reader(path, memoryview(read_bytes(path, LARGEST)))
         except OSError as cause:
             raise DatasetError(
-                f"expected a COLMAP binary file at {path}, got {cause.strerror or cause}. Export the model again"
+                f"expected a COLMAP binary file at {path}, got {cause.strerror or cause}. Export the model "
+                "again"
             ) from cause
 
     def take(self, layout: str) -> tuple[Any, ...]:
@@ -169,8 +170,8 @@ def _read_cameras(file: _Reader) -> dict[int, Intrinsics]:
         where = f"{file.path}, camera {number}"
         if not (0 <= kind < len(MODELS) and 0 < width <= _LARGEST_SIDE and 0 < height <= _LARGEST_SIDE):
             raise DatasetError(
-                f"expected a camera model from 0 to {len(MODELS) - 1} and a size in {where}, got model {kind} "
-                f"of {width}x{height}. Export the model again"
+                f"expected a camera model from 0 to {len(MODELS) - 1} and a size in {where}, got model "
+                f"{kind} of {width}x{height}. Export the model again"
             )
         name, count = MODELS[kind]
         if number in cameras:

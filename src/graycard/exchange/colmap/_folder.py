@@ -127,7 +127,9 @@ def _choose(folder: Path, wanted: str | None) -> tuple[Path, list[ImportRow]]:
     counts = {name: _count(place) for name, place in names.items()}
     largest = max(counts, key=lambda name: counts[name])
     others = ", ".join(f"{name} ({count})" for name, count in counts.items() if name != largest)
-    said = f"found; taken is {largest}, of most photographs ({counts[largest]}), left {others}: --model chooses"
+    said = (
+        f"found; taken is {largest}, of most photographs ({counts[largest]}), left {others}: --model chooses"
+    )
     return names[largest], [ImportRow("models", len(places), said, warns=True)]
 
 
@@ -142,7 +144,9 @@ def _photographs(folder: Path, model: Model) -> tuple[Path, list[ImportRow]]:
     others = sorted(p for p in folder.iterdir() if p.is_dir() and p not in known and p.name[0] != ".")
     best, most = known[0], 0
     for place in (*known, *others, folder):
-        there = sum((source_file(place, name, str(place))).is_file() for name in names) if place.is_dir() else 0
+        there = (
+            sum((source_file(place, name, str(place))).is_file() for name in names) if place.is_dir() else 0
+        )
         if there > most:
             best, most = place, there
         if most == len(names):

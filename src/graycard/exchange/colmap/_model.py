@@ -116,7 +116,9 @@ def points_of(
             pixel[here] = develop_pixels(keypoints, shots[numbers[name]])
     seen &= np.isfinite(pixel).all(axis=-1)
     whole = Points(found.positions, found.colors, found.point[seen], view[seen], pixel[seen])
-    rows.insert(0, ImportRow("points", int(kept.sum()), f"kept, with {plural(int(seen.sum()), 'observation')}"))
+    rows.insert(
+        0, ImportRow("points", int(kept.sum()), f"kept, with {plural(int(seen.sum()), 'observation')}")
+    )
     return whole.take(kept), rows
 
 

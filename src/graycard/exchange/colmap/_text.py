@@ -168,7 +168,9 @@ def _point(
             if not 0 <= keypoint < counts.get(image, 2**62) or not 0 <= image < 2**32:
                 raise ValueError(f"keypoint {keypoint} of image {image}")
     except (ValueError, IndexError, OverflowError) as cause:
-        raise DatasetError(f"expected {_FIELDS} of keypoints that are there in {where}, got {cause}") from cause
+        raise DatasetError(
+            f"expected {_FIELDS} of keypoints that are there in {where}, got {cause}"
+        ) from cause
     return position, color, track
 
 
