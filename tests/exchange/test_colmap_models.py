@@ -70,7 +70,9 @@ def test_what_colmap_writes_is_read(binary: bool, ten: Any, tmp_path: Path):
 
 
 @pytest.mark.parametrize("kind", ["colmap", "colmap-binary"])
-def test_colmap_reads_what_we_write(kind: ExchangeFormat, tiny_scenes: dict[str, Path], tmp_path: Path, make_scene: Any):
+def test_colmap_reads_what_we_write(
+    kind: ExchangeFormat, tiny_scenes: dict[str, Path], tmp_path: Path, make_scene: Any
+):
     scene = make_scene()
     manifest = manifest_of(open_capture(scene / "capture"))
     with_points(scene)
@@ -104,7 +106,9 @@ def test_a_binary_file_that_breaks_off_or_goes_on_is_refused(name: str, small: P
         with pytest.raises(DatasetError, match=f"bytes more in .*{name}|no end of it"):
             plan_import(small, "dark")
     path.write_bytes(whole + b"x")
-    with pytest.raises(DatasetError, match=f"expected .*{name} to end at byte {len(whole)}, got 1 bytes more"):
+    with pytest.raises(
+        DatasetError, match=f"expected .*{name} to end at byte {len(whole)}, got 1 bytes more"
+    ):
         plan_import(small, "dark")
     path.write_bytes(struct.pack("<Q", 2**62) + whole[8:])
     with pytest.raises(DatasetError, match="cut off or damaged"):
@@ -143,9 +147,7 @@ def test_names_of_a_binary_model_pass_the_gate(name: bytes, message: str, small:
     ],
 )
 def test_numbers_that_are_none(file: str, start: int, value: bytes, message: str, small: Path):
-    rewrite(
-        small / "sparse" / "0" / file, lambda data: data[:start] + value + data[start + len(value) :]
-    )
+    rewrite(small / "sparse" / "0" / file, lambda data: data[:start] + value + data[start + len(value) :])
     with pytest.raises(DatasetError, match=message):
         plan_import(small, "dark")
 
@@ -178,7 +180,8 @@ def test_the_largest_of_several_models_is_taken_and_another_may_be(tmp_path: Pat
     plan = plan_import(folder, "dark")
     assert len(plan.shots) == 5
     assert said(plan, "models") == [
-        "3 found; taken is sparse/1, of most photographs (5), left sparse/0 (2), sparse/2 (3): --model chooses"
+        "3 found; taken is sparse/1, of most photographs (5), left sparse/0 (2), sparse/2 (3): "
+        "--model chooses"
     ]
     assert [row.warns for row in plan.rows if row.what == "models"] == [True]
     assert len(plan_import(folder, "dark", ImportOptions(model="2")).shots) == 3

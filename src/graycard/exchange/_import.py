@@ -173,14 +173,13 @@ def _develop_all(
         light, rows = _read_light(shot)
         picture = develop(light, shot)
         keep(shot, picture)
-        pixels = picture.reshape(-1, 3)
-        sample = pixels[:: max(1, -(-len(pixels) // budget))].copy()
-        return _Developed(sample, (*rows, *_darkness(sample)))
+        sample = _some(picture, budget)
+        return _Developed(sample, (*rows, *_darkness(_some(light, budget))))
 
     samples, rows = [], []
     for number, done in enumerate(_in_order(train, work)):
         progress((number + 1) / len(train), train[number].name)
-        samples.append(done.sample.ravel())
+        samples.append(done.sample)
         rows += done.rows
     white = float(np.percentile(np.concatenate(samples), 99))
     if white <= 0:
@@ -207,6 +206,12 @@ def _read_light(shot: PosedPhotograph) -> tuple[np.ndarray, list[ImportRow]]:
     if coverage.min() == 1:
         return light, []
     return light, [ImportRow("transparency", 1, "made black, as nothing is there")]
+
+
+def _some(picture: np.ndarray, count: int) -> np.ndarray:
+    """Return the light of some pixels, evenly spread: about ``count`` of them, all where there are fewer."""
+    pixels = picture.reshape(-1, 3)
+    return pixels[:: max(1, -(-len(pixels) // count))].copy().ravel()
 
 
 def _darkness(sample: np.ndarray) -> list[ImportRow]:
