@@ -16,7 +16,7 @@ FOLDERS = ("benchmarks", "eval", "methods", "reports", "synth")
 MUST_NOT_KNOW = {
     "src/graycard/*.py": ("synth", "methods", "eval", "benchmarks", "reports"),
     **{
-        f"src/graycard/{room}/*.py": ("synth", "methods", "eval", "benchmarks", "reports")
+        f"src/graycard/{room}/**/*.py": ("synth", "methods", "eval", "benchmarks", "reports")
         for room in ("cli", "exchange", "io", "layers", "networks", "processes", "records")
     },
     "synth/**/*.py": ("methods", "eval", "benchmarks", "reports"),

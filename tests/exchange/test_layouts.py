@@ -58,7 +58,9 @@ WAYS: dict[str, tuple[dict[str, Any], str, list[float]]] = {
     "no model": (BROWN, "brown", [-0.1, 0.02, 0.001, -0.002, 0]),
     "k3": ({**BROWN, "k3": 0.01}, "brown", [-0.1, 0.02, 0.001, -0.002, 0.01]),
     "a list": (
-        {"distortion_params": [-0.1, 0.02, 0.01, 0.0, 0.001, -0.002]}, "brown", [-0.1, 0.02, 0.001, -0.002, 0.01],
+        {"distortion_params": [-0.1, 0.02, 0.01, 0.0, 0.001, -0.002]},
+        "brown",
+        [-0.1, 0.02, 0.001, -0.002, 0.01],
     ),
     "a short list": ({"distortion_params": [-0.1, 0.02]}, "brown", [-0.1, 0.02, 0, 0, 0]),
     "rational": (

@@ -103,7 +103,8 @@ def test_the_command_shows_what_it_did_and_keeps_it(
     assert rows == json.loads((tmp_path / "dry.json").read_text())["rows"]
     counts = {row["what"]: row["count"] for row in rows}
     assert counts == {
-        "cameras": 10, "photographs": 10, "distortion": 10, "width": 10, "held out": 2, "points": 12, "world": 1,
+        "cameras": 10, "photographs": 10, "distortion": 10, "width": 10, "held out": 2, "points": 12,
+        "world": 1,
     }  # fmt: skip
     with Image.open(out / "multilight" / "walk" / "contact-sheet.png") as sheet:
         assert sheet.size[0] > 1000

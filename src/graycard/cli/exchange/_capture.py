@@ -49,10 +49,7 @@ class ExportCommand:
 
 @dataclass(frozen=True)
 class ImportCommand:
-    """Make a capture of your own photographs and cameras, and say what was done to them.
-
-    Bare photographs: `graycard import FOLDER --find-cameras ...` lets COLMAP find the cameras first.
-    """
+    """Make a capture of your own photographs and cameras, and say what was done to them."""
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
     """A folder of nerfstudio, COLMAP (text or binary), NeRF-synthetic or TensoIR."""
@@ -70,7 +67,7 @@ class ImportCommand:
     model: Annotated[str | None, optional("NAME")] = None
     """Take this of several models (or lights of TensoIR); the one with the most photographs by default."""
     find_cameras: bool = False
-    """Let COLMAP find the cameras of bare photographs: pip install 'graycard[colmap]'."""
+    """FOLDER holds bare photographs: let COLMAP find their cameras (pip install 'graycard[colmap]')."""
     dry_run: bool = False
     """Show the table of what would be done, and write nothing but --json."""
     json: Json = None
