@@ -22,7 +22,7 @@ SEED = 0
 def find_cameras(photographs: Path, progress: Progress = silent) -> Iterator[Path]:
     """Yield a folder of COLMAP's layout with models of photographs; it goes when the block ends.
 
-    One camera model with radial distortion is assumed for each size of photograph.
+    COLMAP decides which photographs share a camera; each has a lens with radial distortion.
 
     Args:
         photographs: A folder of them, with folders below.

@@ -108,7 +108,8 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         *masks,
         *said,
     )
-    settings = {"format": found.kind, **record, **({"width": options.width} if options.width else {})}
+    chosen = {"width": options.width, "model": options.model}
+    settings = {"format": found.kind, **record, **{k: v for k, v in chosen.items() if v is not None}}
     return ImportPlan(Path(source), track, settings, tuple(made), masked, points, merge_rows(rows))
 
 
