@@ -3,6 +3,7 @@
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def shot(model: str, width: int | None = None) -> PosedPhotograph:
     return with_width(make_shot(Path("x.png"), "x", intrinsics(model), np.eye(4), "a test"), width)
 
 
-def theirs(model: str) -> "pycolmap.Camera":
+def theirs(model: str) -> Any:
     return pycolmap.Camera(model=model, width=SIZE[0], height=SIZE[1], params=LENSES[model])
 
 
