@@ -141,6 +141,8 @@ def test_names_of_a_binary_model_pass_the_gate(name: bytes, message: str, small:
         ("cameras.bin", 12, struct.pack("<i", 17), "got EQUIRECTANGULAR"),
         ("cameras.bin", 16, struct.pack("<Q", 2**40), "and a size in"),
         ("images.bin", 12, struct.pack("<d", float("nan")), "expected a unit quaternion"),
+        ("images.bin", 12, struct.pack("<d", 1e300), "expected a unit quaternion"),
+        ("images.bin", 44, struct.pack("<d", 1e300), "and a finite translation"),
         ("images.bin", 68, struct.pack("<I", 77), "expected a camera of cameras.txt .* got 77"),
         ("points3D.bin", 16, struct.pack("<d", float("inf")), "expected finite positions"),
         ("points3D.bin", 63, struct.pack("<I", 4000), "got keypoint 4000 of image 1, which has 12"),

@@ -143,13 +143,14 @@ def _box(lens: Lens, size: tuple[int, int]) -> Box:
     whole = np.array([-cx, -cy, width - cx, height - cy])
 
     def fits(scales: np.ndarray, slack: float = 0.0) -> bool:
-        return _is_seen(lens, size, whole * scales, slack)
+        with np.errstate(all="ignore"):  # what overflows is not seen
+            return _is_seen(lens, size, whole * scales, slack)
 
     scales = np.full(4, _last(lambda s: fits(np.full(4, s)), 0.0))
     for side in range(4):
         unit = np.eye(4)[side]
         scales[side] = _last(lambda s, u=unit: fits(np.where(u > 0, s, scales), _SLACK), scales[side])
-    left, top, right, bottom = whole * scales + np.array([cx, cy, cx, cy])
+    left, top, right, bottom = np.nan_to_num(whole * scales + np.array([cx, cy, cx, cy]))
     return float(np.ceil(left)), float(np.ceil(top)), float(np.floor(right)), float(np.floor(bottom))
 
 

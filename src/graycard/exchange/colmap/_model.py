@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sparse model of COLMAP in memory, as both its forms hold it, and what a capture takes of it."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -13,6 +14,8 @@ from graycard.exchange._doctor import ImportRow, plural
 from graycard.exchange._lens import Intrinsics
 from graycard.points import Points, no_points
 
+FARTHEST = 1e30
+"""Number in a pose from which it is no place: its square would overflow."""
 HELD_OUT = -1
 MISSING = -2
 
@@ -73,7 +76,8 @@ def pose_of(quaternion: Sequence[float], translation: Sequence[float], where: st
     from scipy.spatial.transform import Rotation
 
     numbers = [*quaternion, *translation]
-    if not (np.isfinite(numbers).all() and abs(np.linalg.norm(quaternion) - 1) < 0.1):
+    near = all(abs(x) < FARTHEST for x in translation)
+    if not (np.isfinite(numbers).all() and near and abs(math.hypot(*quaternion) - 1) < 0.1):
         raise DatasetError(
             f"expected a unit quaternion and a finite translation in {where}, got {numbers}. "
             "Leave this image out"
