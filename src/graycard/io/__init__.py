@@ -60,10 +60,5 @@ from graycard.io._primaries import REC2020 as REC2020
 from graycard.io._primaries import are_rec709 as are_rec709
 from graycard.io._primaries import name_primaries as name_primaries
 from graycard.io._progress import Progress as Progress
-from graycard.io._primaries import DISPLAY_P3 as DISPLAY_P3
-from graycard.io._primaries import REC709 as REC709
-from graycard.io._primaries import REC2020 as REC2020
-from graycard.io._primaries import are_rec709 as are_rec709
-from graycard.io._primaries import name_primaries as name_primaries
 from graycard.io._progress import silent as silent
 from graycard.io._strict import parse_json as parse_json

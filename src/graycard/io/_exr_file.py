@@ -107,7 +107,9 @@ def _check_flat(path: Path, parts: list[_Raw], error: type[GraycardError]) -> No
             )
     eyes = {header["view"]: None for _, header, _ in parts if isinstance(header.get("view"), str)}
     if len(eyes) > 1:
-        raise error(f"expected a picture of one eye in {path}, got {', '.join(eyes)}. Write one file for each")
+        raise error(
+            f"expected a picture of one eye in {path}, got {', '.join(eyes)}. Write one file for each"
+        )
 
 
 def planes_of(pieces: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -153,7 +155,10 @@ def _broken(path: Path, cause: Exception, error: type[GraycardError]) -> Graycar
 
 
 def _parts(path: Path, separate: bool) -> list[_Raw]:
-    with _warnings_as_errors(), OpenEXR.File(str(path), separate_channels=separate) as file:  # empties headers
+    with (
+        _warnings_as_errors(),
+        OpenEXR.File(str(path), separate_channels=separate) as file,
+    ):  # empties headers
         return [(part.name() or "", dict(part.header), dict(part.channels)) for part in file.parts]
 
 
@@ -190,13 +195,14 @@ def _placed(
     top, bottom = max(data[1], display[1]), min(data[3], display[3])
     if right < left or bottom < top:
         raise error(
-            f"expected pixels inside of the display window in {path}, got the data window {words_of(data)} and "
-            f"the display window {words_of(display)}. Write it again with windows that meet"
+            f"expected pixels inside of the display window in {path}, got the data window "
+            f"{words_of(data)} and the display window {words_of(display)}. Write it again with "
+            "windows that meet"
         )
     if width * height > MOST_PIXELS:
         raise error(
-            f"expected a display window of at most {MOST_PIXELS} pixels in {path}, got {width}x{height} around "
-            f"the data window {words_of(data)}. Write it again with the display window of the picture"
+            f"expected a display window of at most {MOST_PIXELS} pixels in {path}, got {width}x{height} "
+            f"around the data window {words_of(data)}. Write it again with the display window of the picture"
         )
     source = np.s_[top - data[1] : bottom + 1 - data[1], left - data[0] : right + 1 - data[0]]
     target = np.s_[top - display[1] : bottom + 1 - display[1], left - display[0] : right + 1 - display[0]]
