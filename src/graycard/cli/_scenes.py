@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,15 @@ from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
 from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
-from graycard.exchange import ExchangeFormat
+from graycard.exchange import (
+    Background,
+    ExchangeFormat,
+    Exposures,
+    ImportRow,
+    MaskObject,
+    Orientation,
+    PictureOptions,
+)
 from graycard.predictions import INDEX as PREDICTIONS
 
 if TYPE_CHECKING:
@@ -282,28 +291,52 @@ class ImportCommand:
     """Write to DATASET/<track>/<scene>/capture."""
     hold_out_every: int = 8
     """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
+    orientation: Orientation = "auto"
+    """EXIF orientation: as camera sizes tell, else pixels as stored (auto); as stored; or turned upright."""
+    background: Background = "none"
+    """What is seen through transparent pixels, in linear light; with none they are an error."""
+    exposures: Exposures = "exif"
+    """Divide photographs by the exposures that EXIF tells, or take all as exposed alike."""
+    mask_object: MaskObject = "auto"
+    """The side of masks that is the object: black, unless masks look inverted, which is an error (auto)."""
+    json: Json = None
+    """Also write the table to this file."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Read, check, then write."""
+        """Read, check, then write, and say what was done to the pixels."""
         from graycard import __version__
         from graycard.dataset import open_capture
-        from graycard.exchange import import_capture
+        from graycard.exchange import import_and_tell
 
         with terminal.progress() as progress:
-            made = import_capture(
+            made, rows = import_and_tell(
                 self.folder,
                 self.out,
                 self.track,
                 self.scene,
                 hold_out_every=self.hold_out_every,
+                pictures=PictureOptions(self.orientation, self.background, self.exposures, self.mask_object),
                 version=__version__,
                 progress=progress,
             )
+        show_rows(terminal, rows)
+        write_optional_json(self.json, {"folder": self.folder, "rows": list(rows)})
         capture = open_capture(made / "capture", check=False)
         terminal.out.print(
             f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
         )
         return OK
+
+
+def show_rows(terminal: Terminal, rows: Sequence[ImportRow]) -> None:
+    """Show what an import did, and what looks wrong once more on stderr."""
+    table = new_table("", "what", "how many", "said")
+    for row in rows:
+        table.add_row("!" if row.warns else "", row.what, str(row.count), row.said)
+    terminal.out.print(table)
+    for row in rows:
+        if row.warns:
+            terminal.err.print(f"warning: {row.what} ({row.count}): {row.said}")
 
 
 def _refuse_predictions(folder: Path) -> None:

@@ -86,7 +86,7 @@ def read_nerfstudio_points(folder: Path) -> Points | None:
     if not isinstance(name, str):
         raise DatasetError(f"expected ply_file_path as text in {folder / INDEX}, got {name!r}")
     found = read_points(source_file(folder, name, str(folder / INDEX)))
-    return without_tracks(found.positions, found.colors)
+    return without_tracks(found.positions, found.colors, found.said)
 
 
 def _frame(view: View, masked: bool) -> dict[str, Any]:

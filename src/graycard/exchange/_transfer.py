@@ -13,8 +13,15 @@ from graycard._errors import DatasetError, UnknownNameError
 from graycard.dataset import IMPORTER, TRACKS, open_capture, write_index
 from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._colmap import find_model, read_colmap, read_colmap_points, write_colmap
+from graycard.exchange._develop_pictures import (
+    Developed,
+    FoundPictures,
+    PictureOptions,
+    develop_pictures,
+    find_pictures,
+)
+from graycard.exchange._doctor import ImportRow
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
-from graycard.exchange._photographs import check_mask, check_photograph, read_mask, read_photograph
 from graycard.io import (
     FORMAT_VERSION,
     Manifest,
@@ -29,8 +36,6 @@ from graycard.io import (
 from graycard.points import Points, write_points
 
 ExchangeFormat = Literal["nerfstudio", "colmap"]
-SAMPLES = 2**20
-"""Values of a photograph, about, from which the exposure is found: all of a large one fill the memory."""
 TARGET = 1
 """Object id that an imported target gets."""
 _WRITERS: dict[ExchangeFormat, Callable[[Capture, Path], None]] = {
@@ -69,12 +74,55 @@ def import_capture(
     scene: str,
     *,
     hold_out_every: int = 8,
+    pictures: PictureOptions | None = None,
     version: str = "",
     progress: Progress = silent,
 ) -> Path:
     """Write ``DATASET/<track>/<scene>/capture`` from photographs with their cameras; there is no truth.
 
-    PNG and JPEG are decoded by the sRGB curve, EXR is taken as linear. The world stays as it is.
+    Args:
+        source: As of :func:`import_and_tell`.
+        dataset: As of :func:`import_and_tell`.
+        track: As of :func:`import_and_tell`.
+        scene: As of :func:`import_and_tell`.
+        hold_out_every: As of :func:`import_and_tell`.
+        pictures: As of :func:`import_and_tell`.
+        version: As of :func:`import_and_tell`.
+        progress: As of :func:`import_and_tell`.
+
+    Returns:
+        The scene's folder.
+
+    Raises:
+        GraycardError: As of :func:`import_and_tell`.
+    """
+    made, _ = import_and_tell(
+        source,
+        dataset,
+        track,
+        scene,
+        hold_out_every=hold_out_every,
+        pictures=pictures,
+        version=version,
+        progress=progress,
+    )
+    return made
+
+
+def import_and_tell(
+    source: Path,
+    dataset: Path,
+    track: str,
+    scene: str,
+    *,
+    hold_out_every: int = 8,
+    pictures: PictureOptions | None = None,
+    version: str = "",
+    progress: Progress = silent,
+) -> tuple[Path, tuple[ImportRow, ...]]:
+    """Write ``DATASET/<track>/<scene>/capture`` from photographs with their cameras, and say what was done.
+
+    Photographs become linear Rec.709; :mod:`graycard.exchange.pictures` says how. The world stays as it is.
 
     Args:
         source: A folder with ``transforms.json``, or with a COLMAP text model and ``images/``.
@@ -84,11 +132,12 @@ def import_capture(
         scene: A name for it.
         hold_out_every: Each how many-th photograph, by name, is held out, from the last of the first so many;
             0 for none. It does nothing where the source says itself which are test views.
+        pictures: Orientation, background, exposures and the sense of masks.
         version: Of graycard, for the manifest.
         progress: Called for each photograph.
 
     Returns:
-        The scene's folder.
+        The scene's folder, and a row for each thing that was done to the pixels.
 
     Raises:
         UnknownNameError: There is no such track.
@@ -104,13 +153,9 @@ def import_capture(
     kind, shots = _read(Path(source))
     listed = any(shot.held_out for shot in shots)
     kept = _split([_kept_of(s, track) for s in shots], 0 if listed else hold_out_every)
-    masked = _check_files(kept)
+    found = find_pictures([shot for shot in kept if not shot.held_out], pictures or PictureOptions())
     points = _read_points(Path(source), kept)
-    settings = (
-        {"format": kind, "split": "as listed"}
-        if listed
-        else {"format": kind, "hold_out_every": hold_out_every}
-    )
+    split: dict[str, str | int] = {"split": "as listed"} if listed else {"hold_out_every": hold_out_every}
     manifest = Manifest(
         "graycard-capture",
         FORMAT_VERSION,
@@ -118,18 +163,33 @@ def import_capture(
         scene,
         {"name": IMPORTER, "version": version},
         {},
-        settings,
+        {"format": kind, **split},
     )
     out = Path(dataset) / track / scene / "capture"
     with atomic_folder(out) as folder:
-        exposure = _write_photographs(kept, folder, masked, progress)
+        developed = _develop(found, folder, progress)
         views = tuple(View(s.name, "test" if s.held_out else "train", s.camera) for s in kept)
-        target = TARGET if masked else None
+        target = TARGET if found.masks else None
         if points is not None and len(points):
             write_points(folder / POINTS, points)
-        write_index(folder, Capture(track, scene, views, exposure, track == "dark", target))
+        light = developed.exposure, track == "dark", target, developed.sensor
+        write_index(folder, Capture(track, scene, views, *light))
         write_manifest(folder, manifest)
-    return out.parent
+    told = [ImportRow("points", len(points), points.said)] if points is not None and points.said else []
+    return out.parent, (*developed.rows, *told)
+
+
+def _develop(found: FoundPictures, folder: Path, progress: Progress) -> Developed:
+    """Write linear photographs and masks."""
+
+    def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
+        write_rgb(folder / f"photographs/{shot.name}.exr", light)
+
+    def keep_mask(shot: PosedPhotograph, target: np.ndarray) -> None:
+        ids = np.where(target, TARGET, 0)
+        write_layers(folder / f"masks/target/{shot.name}.exr", {"object_id": ids})
+
+    return develop_pictures(found, keep, keep_mask, progress)
 
 
 def _read(source: Path) -> tuple[ExchangeFormat, list[PosedPhotograph]]:
@@ -148,7 +208,7 @@ def _read(source: Path) -> tuple[ExchangeFormat, list[PosedPhotograph]]:
 
 
 def _read_points(source: Path, kept: Sequence[PosedPhotograph]) -> Points | None:
-    """The sparse points of a folder; None if it has none."""
+    """Return the sparse points of a folder; None if it has none."""
     if (source / INDEX).is_file():
         return read_nerfstudio_points(source)
     model = find_model(source)
@@ -177,75 +237,3 @@ def _hold_out(shot: PosedPhotograph) -> PosedPhotograph:
 def _kept_of(shot: PosedPhotograph, track: str) -> PosedPhotograph:
     """A shot without its mask, unless the track has an object to be removed."""
     return shot if track == "tabletop" else replace(shot, mask=None)
-
-
-def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
-    """Check what is to be read, before anything is written.
-
-    Returns:
-        Whether there are masks.
-
-    Raises:
-        DatasetError: A photograph or a mask is missing or of another size; only some have a mask; or masks
-            show no object or nothing else.
-    """
-    train = [shot for shot in shots if not shot.held_out]
-    for shot in train:
-        check_photograph(shot.image, shot.camera.width, shot.camera.height)
-        if shot.mask is not None:
-            check_mask(shot.mask, shot.camera.width, shot.camera.height)
-    bare = [shot.name for shot in train if shot.mask is None]
-    if bare and len(bare) < len(train):
-        raise DatasetError(
-            f"expected a mask for each training photograph or for none, got none for {len(bare)} of "
-            f"{len(train)}, the first {bare[0]}. Add them"
-        )
-    if not bare:
-        _check_masks(train)
-    return not bare
-
-
-def _check_masks(train: Sequence[PosedPhotograph]) -> None:
-    """Refuse masks that no method could remove an object by.
-
-    Raises:
-        DatasetError: None shows an object, or one shows nothing else.
-    """
-    advice = (
-        "Masks are black where the object is seen and white elsewhere: mend them, or import without masks"
-    )
-    seen = False
-    for shot in train:
-        assert shot.mask is not None, "there is one for each"
-        mask = read_mask(shot.mask, shot.camera.width, shot.camera.height)
-        if mask.all():
-            raise DatasetError(
-                f"expected a mask with an object in {shot.mask}, got one that is all black. {advice}"
-            )
-        seen |= bool(mask.any())
-    if not seen:
-        raise DatasetError(
-            f"expected an object in some mask of {len(train)}, as {train[0].mask}, got masks without any "
-            f"black. {advice}"
-        )
-
-
-def _write_photographs(
-    shots: Sequence[PosedPhotograph], folder: Path, masked: bool, progress: Progress
-) -> float:
-    """Write linear photographs and masks; returns the exposure, by which their 99th percentile becomes 1."""
-    levels = []
-    train = [shot for shot in shots if not shot.held_out]
-    for number, shot in enumerate(train):
-        progress(number / len(train), shot.name)
-        size = shot.camera.width, shot.camera.height
-        linear = read_photograph(shot.image, *size)
-        write_rgb(folder / f"photographs/{shot.name}.exr", linear)
-        levels.append(linear.reshape(-1, 3)[:: max(1, linear.size // SAMPLES)].ravel())
-        if masked and shot.mask is not None:
-            ids = np.where(read_mask(shot.mask, *size), TARGET, 0)
-            write_layers(folder / f"masks/target/{shot.name}.exr", {"object_id": ids})
-    white = float(np.percentile(np.concatenate(levels), 99))
-    if white <= 0:
-        raise DatasetError(f"expected photographs with some light, got {len(train)} that are black")
-    return 1 / white

@@ -19,3 +19,7 @@ from graycard.exchange.pictures._pixels import Exposure as Exposure
 from graycard.exchange.pictures._pixels import Header as Header
 from graycard.exchange.pictures._pixels import Note as Note
 from graycard.exchange.pictures._pixels import Pixels as Pixels
+from graycard.exchange.pictures._sense import MaskObject as MaskObject
+from graycard.exchange.pictures._sense import MaskShape as MaskShape
+from graycard.exchange.pictures._sense import judge_masks as judge_masks
+from graycard.exchange.pictures._sense import shape_of_mask as shape_of_mask

@@ -22,10 +22,16 @@ _MAGIC: dict[bytes, Kind] = {
     b"\x76\x2f\x31\x01": "EXR",
 }
 _OTHERS = {
-    b"GIF8": "GIF", b"BM": "BMP", b"RIFF": "WebP", b"\0\0\0\x0cjP": "JPEG 2000",
-    b"\xff\x4f\xff\x51": "JPEG 2000",     b"#?": "Radiance HDR", b"\0\0\x01\0": "ICO", b"P": "a portable anymap",
-    b"version ": "a pointer of Git LFS",
-}  # fmt: skip
+    b"GIF8": "GIF",
+    b"BM": "BMP",
+    b"RIFF": "WebP",
+    b"\0\0\0\x0cjP": "JPEG 2000",
+    b"\xff\x4f\xff\x51": "JPEG 2000",
+    b"#?": "Radiance HDR",
+    b"\0\0\x01\0": "ICO",
+    b"P": "a portable anymap",
+    b"version https://git-lfs": "a pointer of Git LFS",
+}
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr")
 DAMAGE = (
     OSError, SyntaxError, ValueError, LookupError, TypeError, EOFError, ArithmeticError, MemoryError,
@@ -66,7 +72,7 @@ def kind_of(path: Path, what: str = "photograph") -> Kind:
         DatasetError: It is none of those that are read.
     """
     with path.open("rb") as file:
-        head = file.read(16)
+        head = file.read(32)
     for magic, kind in _MAGIC.items():
         if head.startswith(magic):
             return kind

@@ -87,8 +87,8 @@ def _encoding(
         return found[0], (found[1],)
     if is_adobe_rgb(_exif(image, chunks)):
         raise DatasetError(
-            f"expected a picture of sRGB or Display P3 at {path}, got Adobe RGB, as its EXIF says. Convert it "
-            "to sRGB in a program that knows profiles"
+            f"expected a picture of sRGB or Display P3 at {path}, got Adobe RGB, as its EXIF says. Convert "
+            "it to sRGB in a program that knows profiles"
         )
     return Encoding(), ()
 
