@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Photographs and masks of shots: found before anything is written, then read one at a time."""
+"""Photographs and masks of shots: found before anything is written, then read a few at a time."""
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,6 +32,8 @@ Exposures = Literal["exif", "alike"]
 """Relative exposures of photographs: as EXIF tells them, or all alike."""
 SAMPLES = 2**22
 """Values of all photographs, about, from which the exposure is found: all of them fill the memory."""
+WORKERS = 4
+"""Photographs that are in memory at once, at most."""
 FEWEST = 2**14
 """Values of one photograph, about, that are looked at."""
 _DARK_LEVELS = 16
@@ -76,6 +80,16 @@ class Developed:
     rows: tuple[ImportRow, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """What is kept of one photograph once it is written."""
+
+    sample: np.ndarray
+    """Some of its light, any number of values."""
+    rows: tuple[ImportRow, ...]
+    bits: int
+
+
 def find_pictures(train: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
     """Find the photographs and masks of training shots, and look through the masks.
 
@@ -110,39 +124,54 @@ def develop_pictures(
     keep_mask: Callable[[PosedPhotograph, np.ndarray], None],
     progress: Progress = silent,
 ) -> Developed:
-    """Read each photograph and mask, one at a time, and hand it on.
+    """Read each photograph and mask and hand it on; few are in memory at a time.
 
     Args:
         found: Where they are.
-        keep: Called with the light of each photograph, shape ``(H, W, 3)``, float32.
-        keep_mask: Called with where each mask shows the object, shape ``(H, W)``, bool.
+        keep: Called from several threads with the light of each photograph, ``(H, W, 3)``, float32.
+        keep_mask: Called likewise with where each mask shows the object, shape ``(H, W)``, bool.
         progress: Called for each photograph.
 
     Raises:
         DatasetError: One is broken, or all photographs are black.
     """
-    samples, rows, depths = [], [], set()
     budget = max(FEWEST, SAMPLES // len(found.shots))
-    for number, shot in enumerate(found.shots):
-        progress(number / len(found.shots), shot.name)
+
+    def work(number: int) -> _Done:
+        shot = found.shots[number]
         picture = read_photograph(found.photographs[number], found.options.background)
-        rows += [_row(note) for note in (*picture.notes, *_darkness(picture.light, picture.bits))]
-        light = picture.light
-        if found.exposures:
-            light = light / np.float32(found.exposures[number])
+        notes = [*picture.notes, *_darkness(picture.light, picture.bits)]
+        light = picture.light / np.float32(found.exposures[number]) if found.exposures else picture.light
         keep(shot, light)
-        depths.add(picture.bits)
-        pixels = light.reshape(-1, 3)
-        samples.append(pixels[:: max(1, -(-light.size // budget))].ravel())
         if found.masks:
-            black, notes = read_mask(found.masks[number])
-            rows += [_row(note) for note in notes]
+            black, told = read_mask(found.masks[number])
+            notes += told
             keep_mask(shot, ~black if found.white_is_object else black)
+        pixels = light.reshape(-1, 3)
+        sample = pixels[:: max(1, -(-light.size // budget))].ravel()
+        return _Done(sample, tuple(map(_row, notes)), picture.bits)
+
+    samples, rows, depths = [], [], set()
+    for number, done in enumerate(_in_order(work, len(found.shots))):
+        progress((number + 1) / len(found.shots), found.shots[number].name)
+        samples.append(done.sample)
+        rows += done.rows
+        depths.add(done.bits)
     white = float(np.percentile(np.concatenate(samples), 99))
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
     return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
+
+
+def _in_order(work: Callable[[int], _Done], count: int) -> Iterator[_Done]:
+    """Yield what comes of photographs, in their order; few are in memory at a time, none after an error."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))
+    try:
+        yield from pool.map(work, range(count))
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 def _size(shot: PosedPhotograph) -> tuple[int, int]:

@@ -183,7 +183,7 @@ def _develop(found: FoundPictures, folder: Path, progress: Progress) -> Develope
     """Write linear photographs and masks."""
 
     def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-        write_rgb(folder / f"photographs/{shot.name}.exr", light)
+        write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=True)
 
     def keep_mask(shot: PosedPhotograph, target: np.ndarray) -> None:
         ids = np.where(target, TARGET, 0)

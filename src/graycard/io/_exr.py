@@ -156,14 +156,20 @@ def _nameless(path: Path, channels: Iterable[str]) -> str:
     return f"expected channels named <layer>.<suffix> in {path}, got {', '.join(named)}. Rename them"
 
 
-def write_rgb(path: Path, values: np.ndarray) -> None:
+def write_rgb(path: Path, values: np.ndarray, *, quick: bool = False) -> None:
     """Write one linear image of shape ``(H, W, 3)`` as plain ``R``, ``G``, ``B`` that any viewer opens.
+
+    Args:
+        path: The file.
+        values: Light of Rec.709.
+        quick: Compress by PIZ instead of ZIP: as small and as exact, in half the time.
 
     Raises:
         ValueError: The array has another shape.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    _write(path, _planes(find_layer("radiance"), values), {})
+    kind = OpenEXR.PIZ_COMPRESSION if quick else OpenEXR.ZIP_COMPRESSION
+    _write(path, _planes(find_layer("radiance"), values), {"compression": kind})
 
 
 def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarray:
@@ -194,7 +200,7 @@ def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, str]) -> None:
+def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, Any]) -> None:
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,

@@ -3,6 +3,7 @@
 
 import io
 import sys
+import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ MOST_PIXELS = 2**26
 """Pixels of a display window that is not the data window: a header may ask for any number of them."""
 EXR_DAMAGE = (RuntimeError, ValueError, MemoryError)
 """Errors that OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
+_stdout = threading.Lock()
+"""Held while stdout leads elsewhere: of two threads, the one that ends last would leave it there."""
 _PLAIN = ("RGB", "RGBA")
 """Names that OpenEXR gives to colours whose channels have no name before the dot."""
 
@@ -171,7 +174,7 @@ def _warnings_as_errors() -> Iterator[None]:
     """
     said = io.StringIO()
     try:
-        with redirect_stdout(said):
+        with _stdout, redirect_stdout(said):
             yield
     finally:
         if words := said.getvalue().strip():

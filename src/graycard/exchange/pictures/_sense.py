@@ -68,8 +68,8 @@ def judge_masks(
     if chosen == "auto" and mean > MOST and edge > MOST:
         raise DatasetError(
             f"expected masks that are black where the object is seen, as {paths[0]}, got black in {mean:.0%} "
-            f"of the pictures and along {edge:.0%} of their borders: they look inverted. Say which side is the "
-            "object: --mask-object white or black"
+            f"of the pictures and along {edge:.0%} of their borders: they look inverted. Say which side is "
+            "the object: --mask-object white or black"
         )
     said = f"{side} is the object: {mean:.0%} of the pictures ({min(shares):.0%} to {max(shares):.0%})"
     return white, Note("masks", said, warns=mean > MOST)
