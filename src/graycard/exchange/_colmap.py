@@ -14,7 +14,7 @@ from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._cameras import PosedPhotograph, make_camera, source_file, view_name, write_photographs
 from graycard.exchange._colmap_points import PointLines, parse_points, point_lines
-from graycard.io import read_bytes, write_bytes
+from graycard.io import decode_text, read_bytes, write_bytes
 from graycard.points import Points
 
 MODEL_FOLDERS = ("sparse/0", "sparse", "")
@@ -214,7 +214,7 @@ def _numbers(fields: Sequence[str], kind: Callable[[str], float], where: str) ->
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     try:
-        text = read_bytes(path, 2**30).decode("utf-8")
+        text = decode_text(read_bytes(path, 2**30))
     except (OSError, UnicodeDecodeError) as cause:
         raise DatasetError(f"expected a COLMAP text file at {path}, got {cause}") from cause
     return iter(enumerate(text.splitlines(), 1))

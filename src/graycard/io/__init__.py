@@ -16,6 +16,7 @@ from graycard.io._exr_file import read_exr as read_exr
 from graycard.io._exr_file import read_exr_headers as read_exr_headers
 from graycard.io._files import atomic_folder as atomic_folder
 from graycard.io._files import atomic_path as atomic_path
+from graycard.io._files import decode_text as decode_text
 from graycard.io._files import free_mib as free_mib
 from graycard.io._files import output_error as output_error
 from graycard.io._files import read_bytes as read_bytes

@@ -122,11 +122,14 @@ def to_rec709(primaries: tuple[float, ...]) -> np.ndarray:
     points = np.array(primaries, dtype=np.float64)
     if points.shape != (8,) or not np.isfinite(points).all() or points[7] <= 0:
         raise ValueError(f"expected chromaticities of four colours, got {primaries}")
-    given, wanted = (
-        RGB_Colourspace(name, np.reshape(xy[:6], (3, 2)), np.array(xy[6:]))
-        for name, xy in (("given", points), ("Rec.709", np.array(REC709)))
-    )
-    matrix = np.asarray(matrix_RGB_to_RGB(given, wanted, "Bradford"))
+    try:
+        given, wanted = (
+            RGB_Colourspace(name, np.reshape(xy[:6], (3, 2)), np.array(xy[6:]))
+            for name, xy in (("given", points), ("Rec.709", np.array(REC709)))
+        )
+        matrix = np.asarray(matrix_RGB_to_RGB(given, wanted, "Bradford"))
+    except np.linalg.LinAlgError:
+        matrix = np.full((3, 3), np.nan)
     if not np.isfinite(matrix).all() or np.abs(matrix).max() > 1e3:
         raise ValueError(f"expected chromaticities that span a colour space, got {primaries}")
     return matrix

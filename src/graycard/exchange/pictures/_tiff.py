@@ -16,6 +16,7 @@ from graycard.exchange.pictures._files import DAMAGE, broken
 from graycard.exchange.pictures._pixels import LINEAR, Encoding, Header, Note, Pixels
 from graycard.exchange.pictures._png import eight_bits
 from graycard.exchange.pictures._profiles import by_profile
+from graycard.exchange.pictures._turn import turn_back
 
 _WHITE_IS_0, _BLACK_IS_0, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
 _PREMULTIPLIED, _STRAIGHT = 1, 2
@@ -35,8 +36,7 @@ def read_header(path: Path) -> Header:
         settings = _value(page, "ExifTag")
         told = settings if isinstance(settings, Mapping) else {}
         tags = {int(tag): _number(told.get(tag.name)) for tag in _SETTINGS}
-        orientation = {int(Base.Orientation): _number(_value(page, "Orientation"))}
-        return Header(page.imagewidth, page.imagelength, orientation_of(orientation), exposure_of(tags))
+        return Header(page.imagewidth, page.imagelength, _orientation(page), exposure_of(tags))
 
 
 def read_pixels(path: Path) -> Pixels:
@@ -64,7 +64,8 @@ def read_pixels(path: Path) -> Pixels:
         if page.dtype in (np.uint16, np.float16, np.float32):
             pixels = _deep(page, path)
         else:
-            pixels = Pixels(*_shallow(path))
+            values, alpha = _shallow(path, _orientation(page))
+            pixels = Pixels(values, alpha)
     kind = f"{pixels.bits}-bit" if pixels.bits else f"float{8 * np.dtype(page.dtype).itemsize}"
     said = f"{kind} TIFF{', grey' * (pixels.values.ndim == 2)}{', palette' * (page.photometric == _PALETTE)}"
     found = Pixels(pixels.values, pixels.alpha, encoding, pixels.premultiplied, pixels.notes)
@@ -132,10 +133,16 @@ def _check_kind(page: Any, path: Path) -> None:
         )
 
 
-def _shallow(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+def _shallow(path: Path, orientation: int) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values and alpha of 8 bits, as stored: Pillow turns a TIFF upright when it loads it."""
     with Image.open(path, formats=("TIFF",)) as image:
         image.load()
-        return eight_bits(image, path)
+        values, alpha = eight_bits(image, path)
+        upright = Base.Orientation not in image.getexif()
+    if upright:
+        values = turn_back(values, orientation)
+        alpha = None if alpha is None else turn_back(alpha, orientation)
+    return values, alpha
 
 
 def _deep(page: Any, path: Path) -> Pixels:
@@ -176,7 +183,7 @@ def _whole(page: Any, path: Path) -> np.ndarray:
                 f"expected a TIFF without compression, with deflate, or LZW of 16 bits without alpha at "
                 f"{path}, got {name}. Save it so"
             ) from cause
-    return _by_opencv(path)
+    return turn_back(_by_opencv(path), _orientation(page))  # OpenCV turns a TIFF upright
 
 
 def _by_opencv(path: Path) -> np.ndarray:
@@ -188,6 +195,10 @@ def _by_opencv(path: Path) -> np.ndarray:
     if decoded is None or decoded.dtype != np.uint16:
         raise ValueError("its 16 bits cannot be read")
     return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., ::-1])
+
+
+def _orientation(page: Any) -> int:
+    return orientation_of({int(Base.Orientation): _number(_value(page, "Orientation"))})
 
 
 def _value(page: Any, tag: str | int) -> Any:

@@ -21,6 +21,11 @@ def swaps_sides(orientation: int) -> bool:
     return orientation in (5, 6, 7, 8)
 
 
+def turn_back(image: np.ndarray, orientation: int) -> np.ndarray:
+    """Return an image ``(H, W, ...)`` that stands upright as it is stored: the inverse of :func:`turn`."""
+    return turn(image, {6: 8, 8: 6}.get(orientation, orientation))
+
+
 def turn(image: np.ndarray, orientation: int) -> np.ndarray:
     """Return an image ``(H, W, ...)`` upright, as a view of the same memory."""
     flipped = {2: np.s_[:, ::-1], 3: np.s_[::-1, ::-1], 4: np.s_[::-1]}
