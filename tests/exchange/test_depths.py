@@ -139,6 +139,7 @@ def test_grey_with_alpha_of_16_bits(tmp_path: Path):
     (tmp_path / "a.png").write_bytes(png_bytes(values, 4))
     found = read_pixels(tmp_path / "a.png")
     assert np.array_equal(found.values, values[..., 0])
+    assert found.alpha is not None
     assert np.array_equal(found.alpha, values[..., 1])
 
 

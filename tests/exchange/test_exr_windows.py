@@ -3,6 +3,7 @@
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -179,7 +180,7 @@ def test_luminance_with_half_its_chroma_is_refused(tmp_path: Path):
 P3 = (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290)
 BT2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
 AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
-MATRICES = {
+MATRICES: dict[tuple[float, ...], list[list[float]]] = {
     P3: [[1.22494, -0.22494, 0], [-0.04206, 1.04206, 0], [-0.01964, -0.07864, 1.09827]],
     BT2020: [[1.66049, -0.58764, -0.07285], [-0.12455, 1.13290, -0.00835], [-0.01815, -0.10058, 1.11873]],
     AP1: [[1.70505, -0.62179, -0.08326], [-0.13026, 1.14080, -0.01055], [-0.02400, -0.12897, 1.15297]],
@@ -220,7 +221,7 @@ def test_predictions_of_other_primaries_are_refused_by_name(tmp_path: Path):
         ({"colorInteropID": "lin_ap1_scene"}, "expected chromaticities beside colours of lin_ap1_scene"),
     ],
 )
-def test_colours_that_nobody_can_convert(header: dict[str, object], message: str, tmp_path: Path):
+def test_colours_that_nobody_can_convert(header: dict[str, Any], message: str, tmp_path: Path):
     write_exr(tmp_path / "a.exr", {"RGB": np.ones((4, 5, 3), np.float32)}, **header)
     with pytest.raises(DatasetError, match=message):
         light_of(tmp_path / "a.exr")

@@ -12,6 +12,7 @@ from graycard.exchange.pictures._exif import exif_folder, exposure_of, is_adobe_
 from graycard.exchange.pictures._files import DAMAGE, broken
 from graycard.exchange.pictures._pixels import Encoding, Header, Note, Pixels
 from graycard.exchange.pictures._profiles import by_chunks, by_profile
+from graycard.io import read_bytes
 
 _KEPT = (b"IHDR", b"cICP", b"sRGB", b"gAMA", b"cHRM", b"eXIf", b"tRNS")
 _MOST_CHUNKS = 100_000
@@ -130,7 +131,7 @@ def _deep(path: Path, chunks: dict[bytes, bytes]) -> tuple[np.ndarray, np.ndarra
     """Return values and alpha of a PNG of 16 bits, uint16."""
     import cv2
 
-    decoded = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    decoded = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if decoded is None or decoded.dtype != np.uint16:
         raise ValueError("its 16 bits cannot be read")
     values, alpha = (decoded, None) if decoded.ndim == 2 else (decoded[..., 2::-1], None)

@@ -17,6 +17,7 @@ from graycard.exchange.pictures._pixels import LINEAR, Encoding, Header, Note, P
 from graycard.exchange.pictures._png import eight_bits
 from graycard.exchange.pictures._profiles import by_profile
 from graycard.exchange.pictures._turn import turn_back
+from graycard.io import read_bytes
 
 _WHITE_IS_0, _BLACK_IS_0, _RGB, _PALETTE, _YCBCR = 0, 1, 2, 3, 6
 _PREMULTIPLIED, _STRAIGHT = 1, 2
@@ -191,7 +192,7 @@ def _by_opencv(path: Path) -> np.ndarray:
 
     with Image.open(path, formats=("TIFF",)) as image:
         image.load()  # a file that breaks off is an error here
-    decoded = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+    decoded = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if decoded is None or decoded.dtype != np.uint16:
         raise ValueError("its 16 bits cannot be read")
     return decoded if decoded.ndim == 2 else np.ascontiguousarray(decoded[..., ::-1])
