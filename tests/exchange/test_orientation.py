@@ -32,9 +32,10 @@ def save(path: Path, orientation: int, *, seconds: float = 0, iso: int = 0, aper
     exif[0x0112] = orientation
     tags = {0x829A: seconds, 0x8827: iso, 0x829D: aperture}
     exif.get_ifd(0x8769).update({tag: value for tag, value in tags.items() if value})
-    image.save(
-        path, exif=exif.tobytes(), **({"quality": 100, "subsampling": 0} if path.suffix == ".jpg" else {})
-    )
+    if path.suffix == ".jpg":
+        image.save(path, exif=exif.tobytes(), quality=100, subsampling=0)
+    else:
+        image.save(path, exif=exif.tobytes())
 
 
 @pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif"])
