@@ -210,3 +210,15 @@ def test_a_file_that_breaks_off_is_never_taken_for_whole(way: str, share: float,
     (tmp_path / name).write_bytes(data[: int(share * len(data))])
     with pytest.raises(DatasetError, match=r"expected a whole image at .*, got one that breaks off"):
         photograph(tmp_path / name)
+
+
+@pytest.mark.parametrize("kind", [2, 5, 12])
+def test_a_tiff_whose_size_is_no_number(kind: int, tmp_path: Path):
+    """Its width as text, as a fraction and as a float: tags of damaged files may be of any type."""
+    tifffile.imwrite(tmp_path / "a.tif", COLOURS[:4, :5], photometric="rgb", byteorder="<")
+    data = bytearray((tmp_path / "a.tif").read_bytes())
+    at = next(i for i in range(len(data)) if data[i : i + 2] == b"\0\1" and data[i + 2] in (3, 4))
+    data[at + 2] = kind
+    (tmp_path / "a.tif").write_bytes(data)
+    with pytest.raises(DatasetError, match="expected a whole image at"):
+        photograph(tmp_path / "a.tif")

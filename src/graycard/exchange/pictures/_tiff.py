@@ -37,7 +37,8 @@ def read_header(path: Path) -> Header:
         settings = _value(page, "ExifTag")
         told = settings if isinstance(settings, Mapping) else {}
         tags = {int(tag): _number(told.get(tag.name)) for tag in _SETTINGS}
-        return Header(page.imagewidth, page.imagelength, _orientation(page), exposure_of(tags))
+        size = int(page.imagewidth), int(page.imagelength)
+        return Header(*size, _orientation(page), exposure_of(tags))
 
 
 def read_pixels(path: Path) -> Pixels:
