@@ -10,23 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from graycard._errors import DatasetError
-from graycard.io import read_bytes, write_bytes
+from graycard._ply import read_ply
+from graycard._point_colours import point_colours
+from graycard.io import write_bytes
 
 _VERTEX = np.dtype([(n, "<f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")])
 _TRACKED = np.dtype([*_VERTEX.descr, ("views", "<u2")])
 _OBSERVATION = np.dtype([("point", "<i4"), ("view", "<i4"), ("x", "<f4"), ("y", "<f4")])
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "<i2"),
-    **dict.fromkeys(("ushort", "uint16"), "<u2"),
-    **dict.fromkeys(("int", "int32"), "<i4"),
-    **dict.fromkeys(("uint", "uint32"), "<u4"),
-    **dict.fromkeys(("float", "float32"), "<f4"),
-    **dict.fromkeys(("double", "float64"), "<f8"),
-}
 _NAMES = {"u1": "uchar", "<u2": "ushort", "<i4": "int", "<f4": "float"}
-_LONGEST_HEADER = 2**16
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +38,8 @@ class Points:
     """Shape ``(M,)``: for each observation, the index of its view in ``capture.views``."""
     pixel: np.ndarray
     """Shape ``(M, 2)``: for each observation, its image coordinates ``(x, y)``, pixel centres at +0.5."""
+    said: str = ""
+    """Where the file that they were read from keeps colours, in words."""
 
     def __post_init__(self) -> None:
         count, seen = len(self.positions), len(self.point)
@@ -74,13 +67,14 @@ class Points:
             number[self.point[seen]],
             self.view[seen],
             self.pixel[seen],
+            self.said,
         )
 
 
-def without_tracks(positions: np.ndarray, colors: np.ndarray) -> Points:
+def without_tracks(positions: np.ndarray, colors: np.ndarray, said: str = "") -> Points:
     """Points of which nobody says where they were seen; shapes ``(N, 3)``."""
     none = np.zeros(0, dtype=np.int64)
-    return Points(positions, colors, none, none, np.zeros((0, 2)))
+    return Points(positions, colors, none, none, np.zeros((0, 2)), said)
 
 
 def no_points() -> Points:
@@ -116,28 +110,29 @@ def write_points(path: Path, points: Points, *, tracks: bool = True) -> None:
 
 
 def read_points(path: Path) -> Points:
-    """The points of a PLY file, binary little-endian or text, of ours or of another program.
+    """The points of a PLY file, binary or text, of ours or of another program.
 
-    Without colours points are grey; without an ``observation`` element nothing says where they were seen.
+    Colours may be bytes, 16 bits, floats or the first term of a splat; :attr:`Points.said` says which.
+    Without an ``observation`` element nothing says where points were seen.
 
     Raises:
-        DatasetError: The file is missing, cut off, or no such PLY; a position is not finite, or a colour out
-            of its range: 0 to 255 as a whole number, 0 to 1 as a float.
+        DatasetError: The file is missing, cut off, or no PLY; a position is not finite, or a colour is
+            out of any range that programs use.
     """
-    elements = _read_ply(path)
+    elements = read_ply(path)
     vertices = elements.get("vertex")
     if vertices is None or not set("xyz") <= set(vertices.dtype.names or ()):
         raise DatasetError(f"expected a PLY with x, y, z of each vertex at {path}, got {list(elements)}")
     positions = np.stack([vertices[n].astype(np.float64) for n in "xyz"], axis=-1)
-    colors = _colors(vertices, path)
+    colors, said = point_colours(vertices, path)
     if not np.isfinite(positions).all():
         raise DatasetError(f"expected finite positions in {path}, got others. Leave these points out")
     seen = elements.get("observation")
     if seen is None or seen.dtype.names != _OBSERVATION.names:
-        return without_tracks(positions, colors)
+        return without_tracks(positions, colors, said)
     pixel = np.stack([seen["x"], seen["y"]], axis=-1).astype(np.float64)
     try:
-        return Points(positions, colors, seen["point"], seen["view"], pixel)
+        return Points(positions, colors, seen["point"], seen["view"], pixel, said)
     except ValueError as cause:
         raise DatasetError(f"{path}: {cause}") from cause
 
@@ -149,66 +144,3 @@ def _header(elements: dict[str, np.ndarray]) -> bytes:
         for name, kind in ((n, rows.dtype[n].str) for n in rows.dtype.names or ()):
             lines.append(f"property {_NAMES[kind.replace('|', '')]} {name}")
     return ("\n".join([*lines, "end_header"]) + "\n").encode()
-
-
-def _colors(vertices: np.ndarray, path: Path) -> np.ndarray:
-    if not {"red", "green", "blue"} <= set(vertices.dtype.names or ()):
-        return np.full((len(vertices), 3), 128, dtype=np.uint8)
-    found = np.stack([vertices[n] for n in ("red", "green", "blue")], axis=-1)
-    most = 255 if np.issubdtype(found.dtype, np.integer) else 1
-    if not ((found >= 0) & (found <= most)).all():
-        raise DatasetError(f"expected colours from 0 to {most} in {path}, got others. Scale or mend them")
-    return np.rint(found * (255 // most)).astype(np.uint8)
-
-
-def _read_ply(path: Path) -> dict[str, np.ndarray]:
-    """Elements by name up to the first one with lists, such as faces."""
-    try:
-        data = read_bytes(path)
-    except OSError as cause:
-        raise DatasetError(f"expected points at {path}, got {cause.strerror or cause}") from cause
-    end = data.find(b"end_header", 0, _LONGEST_HEADER)
-    start = data.find(b"\n", end) + 1
-    if not data.startswith(b"ply") or end < 0 or start == 0:
-        raise DatasetError(f"expected a PLY file at {path}, got one without its header")
-    lines = data[:end].decode("latin-1").splitlines()
-    text = any(line.split()[:2] == ["format", "ascii"] for line in lines)
-    if not text and "format binary_little_endian 1.0" not in lines:
-        raise DatasetError(f"expected a text or a binary little-endian PLY at {path}, got another kind")
-    try:
-        read = _text_rows if text else _binary_rows
-        return read(data[start:], _layouts(lines))
-    except (ValueError, KeyError, IndexError, OverflowError) as cause:
-        raise DatasetError(f"expected a whole PLY at {path}, got one cut off or damaged: {cause}") from cause
-
-
-def _layouts(lines: list[str]) -> list[tuple[str, int, np.dtype]]:
-    found: list[tuple[str, int, list[tuple[str, str]]]] = []
-    for fields in (line.split() for line in lines):
-        if fields[:1] == ["element"]:
-            found.append((fields[1], int(fields[2]), []))
-        elif fields[:2] == ["property", "list"]:
-            found.pop()
-            break
-        elif fields[:1] == ["property"]:
-            found[-1][2].append((fields[2], _TYPES[fields[1]]))
-    return [(name, count, np.dtype(kinds)) for name, count, kinds in found]
-
-
-def _binary_rows(data: bytes, layouts: list[tuple[str, int, np.dtype]]) -> dict[str, np.ndarray]:
-    rows, start = {}, 0
-    for name, count, kind in layouts:
-        rows[name] = np.frombuffer(data, kind, count, start)
-        start += count * kind.itemsize
-    return rows
-
-
-def _text_rows(data: bytes, layouts: list[tuple[str, int, np.dtype]]) -> dict[str, np.ndarray]:
-    lines, rows, start = data.decode("latin-1").splitlines(), {}, 0
-    for name, count, kind in layouts:
-        part = [tuple(float(x) for x in line.split()) for line in lines[start : start + count]]
-        if len(part) < count:
-            raise ValueError(f"{len(part)} of {count} rows of {name}")
-        rows[name] = np.array(part, dtype=kind)
-        start += count
-    return rows

@@ -250,7 +250,7 @@ def test_what_is_wrong_with_a_mask_is_said_of_the_mask(folder: Path, tmp_path: P
     with pytest.raises(DatasetError, match=r"expected a mask at .*02\.png, got none"):
         take_in(folder, tmp_path / "data", "tabletop")
     change(folder, lambda index: index["frames"][1].update(mask_path="masks/01.exr"))
-    with pytest.raises(DatasetError, match=r"expected a mask as \.png, \.jpg, \.jpeg, got .*01\.exr"):
+    with pytest.raises(DatasetError, match=r"expected a mask at .*01\.exr, got none"):
         take_in(folder, tmp_path / "data", "tabletop")
 
 
@@ -266,7 +266,7 @@ FAULTS: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
         edit_frame(file_path="images/nope.png"),
         r"expected a photograph at .*nope\.png, got none",
     ),
-    "no image kind": (edit_frame(file_path="images/02.tif"), "expected a photograph as .png, .jpg"),
+    "no image kind": (edit_frame(file_path="transforms.json"), "expected a photograph as .png, .jpg"),
     "no file path": (edit_frame(file_path=None), "expected file_path"),
     "wrong size": (lambda i: i.update(w=9), "expected .* to be 9x6 pixels, as its camera is, got 8x6"),
     "half a pixel": (lambda i: i.update(w=8.5), "expected w as a whole number"),
@@ -408,14 +408,9 @@ def add_endless_text(path: Path) -> None:
     Image.fromarray(np.full((6, 8, 3), 100, np.uint8)).save(path, pnginfo=text)
 
 
-def make_deep(path: Path) -> None:
-    Image.fromarray(np.full((6, 8), 40000, np.uint16)).save(path)
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (make_deep, "expected 8 bits a channel"),
         (break_pixels, "expected a whole image at"),
         (add_endless_text, "expected a whole image at"),
         (make_transparent, "expected an opaque photograph"),

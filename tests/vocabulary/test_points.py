@@ -112,7 +112,7 @@ def test_a_text_ply_with_faces_and_without_colours(tmp_path: Path) -> None:
     ("data", "message"),
     [
         (b"", "without its header"),
-        (b"ply\nformat binary_big_endian 1.0\nend_header\n", "got another kind"),
+        (b"ply\nformat binary_middle_endian 1.0\nend_header\n", "got another kind"),
         (HEAD + b"end_header\n1 2 3\n", "cut off or damaged: 1 of 2 rows"),
         (HEAD + b"end_header\n1 2 3\n1 nan 3\n", "expected finite positions"),
         (b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "expected a PLY with x, y, z"),

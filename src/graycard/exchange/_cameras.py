@@ -15,7 +15,8 @@ from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._lens import Intrinsics, Lens
-from graycard.exchange._photographs import SUFFIXES, write_mask, write_photograph
+from graycard.exchange._photographs import write_mask, write_photograph
+from graycard.exchange.pictures import SUFFIXES
 from graycard.io import check_distinct, check_label, check_name
 
 LOOSE = 1e-3

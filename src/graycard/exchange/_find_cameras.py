@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from graycard._errors import DatasetError
-from graycard.exchange._photographs import SUFFIXES
 from graycard.exchange._pycolmap import import_pycolmap
+from graycard.exchange.pictures import SUFFIXES
 from graycard.io import Progress, silent, temporary_folder
 
 MOST_PAIRS = 60

@@ -39,7 +39,7 @@ def write_given_truth(plan: ImportPlan, capture: Capture, out: Path, generator: 
     names: dict[str, None] = {}
     with atomic_folder(out) as folder:
         for shot in plan.shots:
-            layers = _developed(read_truth_layers(shot), shot)
+            layers = _developed(read_truth_layers(shot, plan.pictures.options.background), shot)
             names |= dict.fromkeys(layers)
             write_layers(folder / f"views/{shot.name}.exr", layers)
         places = np.array([view.camera.position for view in capture.views])

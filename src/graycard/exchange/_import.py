@@ -1,24 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Photographs of a plan become a capture, or are only looked at; nothing is left half-written."""
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from graycard._capture import POINTS, Capture, View
 from graycard._errors import DatasetError
-from graycard.colour import srgb_decode
 from graycard.dataset import IMPORTER, write_index
 from graycard.exchange._cameras import PosedPhotograph
-from graycard.exchange._cutout import read_cutout
-from graycard.exchange._develop import develop, develop_mask
+from graycard.exchange._develop_pictures import develop_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows
 from graycard.exchange._given_truth import write_given_truth
-from graycard.exchange._photographs import read_mask, read_photograph
 from graycard.exchange._plan import ImportOptions, ImportPlan, plan_import
 from graycard.io import (
     FORMAT_VERSION,
@@ -33,27 +26,8 @@ from graycard.io import (
 )
 from graycard.points import write_points
 
-SAMPLES = 2**21
-"""Pixels of all photographs, about, from which the exposure is found: all of them fill the memory."""
-FEWEST = 2**12
-"""Pixels of one photograph, about, that are looked at."""
 TARGET = 1
 """Object id that an imported target gets."""
-WORKERS = 4
-"""Photographs that are in memory at once, at most."""
-_DARK = float(srgb_decode(np.array(5 / 255)))
-"""Light of level 5 of 255: below, a step of 8 bits is over a fifth of the value."""
-_COARSE = 8
-"""Different values below, up to which a photograph has been rounded to 8 bits."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Developed:
-    """What is kept of one photograph once it is written."""
-
-    sample: np.ndarray
-    """Some of its light, float32, any number of pixels."""
-    rows: tuple[ImportRow, ...]
 
 
 def import_capture(
@@ -129,18 +103,20 @@ def write_import(
     with atomic_folder(home / "capture") as folder:
 
         def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(folder / f"photographs/{shot.name}.exr", light)
-            if plan.masked and shot.mask is not None:
-                mask = develop_mask(read_mask(shot.mask, *shot.size), shot)
-                ids = np.where(mask, TARGET, 0)
-                write_layers(folder / f"masks/target/{shot.name}.exr", {"object_id": ids})
+            write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=True)
 
-        exposure, rows = _develop_all(plan, keep, progress)
+        def keep_mask(shot: PosedPhotograph, target: np.ndarray) -> None:
+            ids = np.where(target, TARGET, 0)
+            write_layers(folder / f"masks/target/{shot.name}.exr", {"object_id": ids})
+
+        developed = develop_pictures(plan.pictures, keep, keep_mask, progress)
+        rows = list(developed.rows)
         views = tuple(View(s.name, "test" if s.held_out else "train", s.camera) for s in plan.shots)
-        target = TARGET if plan.masked else None
+        target = TARGET if plan.pictures.masks else None
         if plan.points is not None and len(plan.points):
             write_points(folder / POINTS, plan.points)
-        capture = Capture(plan.track, scene, views, exposure, plan.track == "dark", target)
+        light = developed.exposure, plan.track == "dark", target, developed.sensor
+        capture = Capture(plan.track, scene, views, *light)
         write_index(folder, capture)
         write_manifest(folder, manifest)
         if plan.has_truth:
@@ -154,70 +130,9 @@ def survey_import(plan: ImportPlan, progress: Progress = silent) -> tuple[Import
     Raises:
         DatasetError: A photograph is broken, or all are black.
     """
-    _, rows = _develop_all(plan, lambda shot, light: None, progress)
-    return merge_rows([*plan.rows, *rows])
+    developed = develop_pictures(plan.pictures, _nothing, _nothing, progress)
+    return merge_rows([*plan.rows, *developed.rows])
 
 
-def _develop_all(
-    plan: ImportPlan, keep: Callable[[PosedPhotograph, np.ndarray], None], progress: Progress
-) -> tuple[float, list[ImportRow]]:
-    """Read and develop training photographs and hand each on.
-
-    Returns:
-        The exposure, by which their 99th percentile becomes 1, and rows about them.
-    """
-    train = plan.train
-    budget = max(FEWEST, SAMPLES // len(train))
-
-    def work(shot: PosedPhotograph) -> _Developed:
-        light, rows = _read_light(shot)
-        picture = develop(light, shot)
-        keep(shot, picture)
-        sample = _some(picture, budget)
-        return _Developed(sample, (*rows, *_darkness(_some(light, budget))))
-
-    samples, rows = [], []
-    for number, done in enumerate(_in_order(train, work)):
-        progress((number + 1) / len(train), train[number].name)
-        samples.append(done.sample)
-        rows += done.rows
-    white = float(np.percentile(np.concatenate(samples), 99))
-    if white <= 0:
-        raise DatasetError(f"expected photographs with some light, got {len(train)} that are black")
-    return 1 / white, rows
-
-
-def _in_order(
-    shots: Sequence[PosedPhotograph], work: Callable[[PosedPhotograph], _Developed]
-) -> Iterator[_Developed]:
-    """Yield what comes of shots, in their order; few are worked on at a time, and none after an error."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))
-    try:
-        yield from pool.map(work, shots)
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _read_light(shot: PosedPhotograph) -> tuple[np.ndarray, list[ImportRow]]:
-    if not shot.cutout:
-        return read_photograph(shot.image, *shot.size), []
-    light, coverage = read_cutout(shot.image, *shot.size)
-    if coverage.min() == 1:
-        return light, []
-    return light, [ImportRow("transparency", 1, "made black, as nothing is there")]
-
-
-def _some(picture: np.ndarray, count: int) -> np.ndarray:
-    """Return the light of some pixels, evenly spread: about ``count`` of them, all where there are fewer."""
-    pixels = picture.reshape(-1, 3)
-    return pixels[:: max(1, -(-len(pixels) // count))].copy().ravel()
-
-
-def _darkness(sample: np.ndarray) -> list[ImportRow]:
-    """Return a warning about a photograph most of which lies in the lowest levels of 8 bits."""
-    dark = sample[sample < _DARK]
-    if len(dark) <= sample.size / 2 or len(np.unique(dark)) > _COARSE:
-        return []
-    said = "darker than their quantisation: over half is below level 5 of 255. Import 16 bits or EXR"
-    return [ImportRow("photographs", 1, said, warns=True)]
+def _nothing(shot: PosedPhotograph, picture: np.ndarray) -> None:
+    """Keep nothing."""

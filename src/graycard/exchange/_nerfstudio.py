@@ -21,7 +21,7 @@ from graycard.exchange._cameras import (
     write_photographs,
 )
 from graycard.exchange._lens import Intrinsics, make_intrinsics
-from graycard.exchange._photographs import photograph_size
+from graycard.exchange.pictures import find_picture, read_header
 from graycard.io import read_json, write_json
 from graycard.points import Points, read_points, without_tracks, write_points
 
@@ -132,7 +132,8 @@ def _intrinsics(entry: Mapping[str, Any], file: Path, where: str) -> Intrinsics:
     if "w" in entry and "h" in entry:
         w, h = (int(_number(entry, name, where)) for name in "wh")
     else:
-        w, h = photograph_size(file)
+        header = read_header(find_picture(file))
+        w, h = header.width, header.height
     angle = _number(entry, "camera_angle_x", where)
     if not 0 < angle < np.pi:
         raise DatasetError(f"expected camera_angle_x between 0 and pi in {where}, got {angle:g}. Mend it")
@@ -210,7 +211,7 @@ def read_nerfstudio_points(folder: Path) -> Points | None:
     if not isinstance(name, str):
         raise DatasetError(f"expected ply_file_path as text in {folder / INDEX}, got {name!r}")
     found = read_points(source_file(folder, name, str(folder / INDEX)))
-    return without_tracks(found.positions, found.colors)
+    return without_tracks(found.positions, found.colors, found.said)
 
 
 def _frame(view: View, masked: bool) -> dict[str, Any]:

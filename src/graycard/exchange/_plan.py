@@ -2,7 +2,7 @@
 """What an import will do, before it writes anything: cameras read, files checked, and rows that say so."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,14 @@ from graycard.dataset import TRACKS
 from graycard.exchange._blender import TRAIN, read_blender
 from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._develop import undistorted, with_width
+from graycard.exchange._develop_pictures import FoundPictures, PictureOptions, find_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows, some
 from graycard.exchange._hold_out import hold_out
-from graycard.exchange._masks import survey_masks
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
-from graycard.exchange._photographs import SUFFIXES, check_mask, check_photograph
 from graycard.exchange._tensoir import read_tensoir, view_folders
 from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
 from graycard.exchange.colmap._model import points_of
+from graycard.exchange.pictures import SUFFIXES
 from graycard.points import Points
 
 FEW = 0.5
@@ -35,6 +35,8 @@ class ImportOptions:
     """Width of the pictures, pixels; None for that of the photographs."""
     model: str | None = None
     """Which of several models, or of several lights; None for the largest, or the first."""
+    pictures: PictureOptions = field(default_factory=PictureOptions)
+    """Orientation, background, exposures and the sense of masks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +48,8 @@ class ImportPlan:
     settings: dict[str, Any]
     """How it was imported, for the manifest."""
     shots: tuple[PosedPhotograph, ...]
-    masked: bool
-    """Whether training photographs have masks."""
+    pictures: FoundPictures
+    """Training photographs and their masks."""
     points: Points | None
     rows: tuple[ImportRow, ...]
 
@@ -95,9 +97,8 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
     check_names((shot.name for shot in found.shots), Path(source))
     shots, held, record = hold_out(sorted(found.shots, key=lambda s: s.name), options.hold_out)
     shots = [shot if track == "tabletop" else replace(shot, mask=None) for shot in shots]
-    masked = _check_files(shots)
     made = [with_width(shot, options.width) for shot in shots]
-    masks = [survey_masks([shot for shot in shots if not shot.held_out])] if masked else []
+    pictures = _pictures(made, options.pictures)
     points, said = _points(Path(source), found, made)
     rows = (
         ImportRow("cameras", len(shots), f"read as {found.kind}"),
@@ -105,12 +106,11 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         *_of_cameras(shots, made),
         *_of_files(Path(source), found, shots),
         held,
-        *masks,
         *said,
     )
     chosen = {"width": options.width, "model": options.model}
     settings = {"format": found.kind, **record, **{k: v for k, v in chosen.items() if v is not None}}
-    return ImportPlan(Path(source), track, settings, tuple(made), masked, points, merge_rows(rows))
+    return ImportPlan(Path(source), track, settings, tuple(made), pictures, points, merge_rows(rows))
 
 
 def _read(source: Path, model: str | None) -> _Source:
@@ -132,6 +132,14 @@ def _read(source: Path, model: str | None) -> _Source:
     )
 
 
+def _pictures(shots: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
+    """Find training photographs; behind transparency is black where the layout says that nothing is there."""
+    train = [shot for shot in shots if not shot.held_out]
+    if options.background == "none" and all(shot.cutout for shot in train):
+        options = replace(options, background="black")
+    return find_pictures(train, options)
+
+
 def _points(
     source: Path, found: _Source, shots: Sequence[PosedPhotograph]
 ) -> tuple[Points | None, list[ImportRow]]:
@@ -142,7 +150,8 @@ def _points(
         )
     else:
         points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
-        rows = [ImportRow("points", len(points), "kept, without tracks")] if points is not None else []
+        said = f"kept, without tracks{points.said and '; '}{points.said}" if points is not None else ""
+        rows = [ImportRow("points", len(points), said)] if points is not None else []
     if points is None or not len(points):
         rows.append(ImportRow("points", 0, "none: methods begin with points of their own"))
     return points, rows
@@ -173,7 +182,7 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
         return
     home = {found.colmap.photographs} if found.colmap else {shot.image.parent for shot in shots}
     known = {shot.image for shot in shots} | {shot.mask for shot in shots}
-    bare = sorted(path for place in home for path in _pictures(place, source) if path not in known)
+    bare = sorted(path for place in home for path in _files(place, source) if path not in known)
     if not bare:
         return
     there = len(shots) - len(missing)
@@ -185,31 +194,8 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
     yield ImportRow("photographs", len(bare), said, warns=few)
 
 
-def _pictures(place: Path, source: Path) -> Iterator[Path]:
+def _files(place: Path, source: Path) -> Iterator[Path]:
     """Yield the pictures below a folder of photographs; of the source itself, those beside each other."""
     for path in place.glob("*") if place == source else place.rglob("*"):
         if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file():
             yield path
-
-
-def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
-    """Check what is to be read, before anything is written.
-
-    Returns:
-        Whether there are masks.
-
-    Raises:
-        DatasetError: A photograph or a mask is missing or of another size, or only some have a mask.
-    """
-    train = [shot for shot in shots if not shot.held_out]
-    for shot in train:
-        check_photograph(shot.image, *shot.size)
-        if shot.mask is not None:
-            check_mask(shot.mask, *shot.size)
-    bare = [shot.name for shot in train if shot.mask is None]
-    if bare and len(bare) < len(train):
-        raise DatasetError(
-            f"expected a mask for each training photograph or for none, got none for {len(bare)} of "
-            f"{len(train)}, the first {bare[0]}. Add them"
-        )
-    return not bare

@@ -20,11 +20,11 @@ from graycard._truth import Truth
 from graycard.colour import srgb_encode
 from graycard.exchange._blender import angle_of
 from graycard.exchange._cameras import PosedPhotograph, make_shot
-from graycard.exchange._cutout import read_cutout, read_levels
 from graycard.exchange._doctor import ImportRow, some
 from graycard.exchange._lens import make_intrinsics
 from graycard.exchange._nerfstudio import FLIP
-from graycard.exchange._photographs import check_photograph, write_png
+from graycard.exchange._photographs import write_png
+from graycard.exchange.pictures import Background, Pixels, find_photographs, read_photograph, read_pixels
 from graycard.io import read_json, write_json
 
 METADATA = "metadata.json"
@@ -80,20 +80,33 @@ def read_tensoir(folder: Path, light: str | None) -> TensoirFolder:
     return TensoirFolder(tuple(shots), tuple(rows if len(lights) > 1 else rows[1:]))
 
 
-def read_truth_layers(shot: PosedPhotograph) -> dict[str, np.ndarray]:
+def read_truth_layers(shot: PosedPhotograph, background: Background) -> dict[str, np.ndarray]:
     """Return the true layers of a view at the size of its files: light, colours, normals and what is seen.
+
+    Args:
+        shot: It has layers.
+        background: What is behind transparent pixels.
 
     Raises:
         DatasetError: A file is missing, broken, or of another size than its camera.
     """
-    light, coverage = read_cutout(shot.image, *shot.size)
-    seen = coverage > 0.5
-    layers = {"radiance": light, "object_id": seen.astype(np.uint32)}
-    for name, path in shot.layers.items():
-        check_photograph(path, *shot.size)
-        levels = read_levels(path)[..., :3].astype(np.float32) / 255
+    names = ["", *shot.layers]
+    found = find_photographs([(path, shot.size) for path in (shot.image, *shot.layers.values())], "stored")
+    seen = _seen(read_pixels(found[0].path), shot.size)
+    layers = {"radiance": read_photograph(found[0], background).light, "object_id": seen.astype(np.uint32)}
+    for name, picture in zip(names[1:], found[1:], strict=True):
+        pixels = read_pixels(picture.path)
+        levels = np.asarray(pixels.values, np.float32) / np.float32(pixels.top)
+        levels = levels if levels.ndim == 3 else np.repeat(levels[..., None], 3, axis=-1)
         layers[name] = np.where(seen[..., None], _meaning(name, levels), 0).astype(np.float32)
     return layers
+
+
+def _seen(pixels: Pixels, size: tuple[int, int]) -> np.ndarray:
+    """Return where a picture is rather opaque than not, shape ``(H, W)``, bool."""
+    if pixels.alpha is None:
+        return np.ones(size[::-1], bool)
+    return pixels.alpha > 0.5 * pixels.top
 
 
 def write_tensoir(capture: Capture, truth: Truth | None, folder: Path) -> None:

@@ -14,7 +14,17 @@ import tyro
 
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import OK, Terminal, new_table, share, write_optional_json
-from graycard.exchange import ExchangeFormat, ImportOptions, ImportPlan, ImportRow
+from graycard.exchange import (
+    Background,
+    ExchangeFormat,
+    Exposures,
+    ImportOptions,
+    ImportPlan,
+    ImportRow,
+    MaskObject,
+    Orientation,
+    PictureOptions,
+)
 from graycard.io import Progress
 
 SHEET = "contact-sheet.png"
@@ -66,6 +76,15 @@ class ImportCommand:
     """Average photographs down to this width, in linear light; as they are by default."""
     model: Annotated[str | None, optional("NAME")] = None
     """Take this of several models (or lights of TensoIR); the one with the most photographs by default."""
+    orientation: Orientation = "auto"
+    """EXIF orientation: as camera sizes tell, else pixels as stored (auto); as stored; or turned upright."""
+    background: Background = "none"
+    """What is seen through transparent pixels, in linear light; with none they are an error, but for layouts
+    that say that nothing is there: black."""
+    exposures: Exposures = "exif"
+    """Divide photographs by the exposures that EXIF tells, or take all as exposed alike."""
+    mask_object: MaskObject = "auto"
+    """The side of masks that is the object: black, unless masks look inverted, which is an error (auto)."""
     find_cameras: bool = False
     """FOLDER holds bare photographs: let COLMAP find their cameras (pip install 'graycard[colmap]')."""
     dry_run: bool = False
@@ -77,7 +96,8 @@ class ImportCommand:
         """Read, check, write, and show what was done."""
         from graycard.exchange import plan_import, survey_import
 
-        options = ImportOptions(self.hold_out, self.width, self.model)
+        pictures = PictureOptions(self.orientation, self.background, self.exposures, self.mask_object)
+        options = ImportOptions(self.hold_out, self.width, self.model, pictures)
         with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
             plan = plan_import(source, self.track, options)
             if self.dry_run:
@@ -124,5 +144,5 @@ class ImportCommand:
         terminal.out.print(table)
         for row in rows:
             if row.warns:
-                terminal.err.print(f"warning: {row.count} {row.what} {row.said}")
+                terminal.err.print(f"warning: {row.what} ({row.count}): {row.said}")
         write_optional_json(self.json, {"folder": self.folder, "rows": list(rows)})
