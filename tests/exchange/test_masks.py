@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from graycard import DatasetError, open_capture
-from graycard.exchange import PictureOptions, import_and_tell
+from graycard.exchange import ImportOptions, PictureOptions, import_and_tell
 from graycard.exchange.pictures import FoundPicture, judge_masks, read_header, read_mask, shape_of_mask
 from made_pictures import png_bytes, write_exr, write_transforms
 
@@ -122,8 +122,8 @@ def test_the_sense_of_masks_may_be_said(tmp_path: Path):
         DatasetError, match=r"got black in 84% of the pictures and along 100% of their borders"
     ):
         import_and_tell(source, tmp_path / "out", "tabletop", "s")
-    options = PictureOptions(mask_object="white")
-    made, rows = import_and_tell(source, tmp_path / "out", "tabletop", "s", pictures=options)
+    options = ImportOptions("0", pictures=PictureOptions(mask_object="white"))
+    made, rows = import_and_tell(source, tmp_path / "out", "tabletop", "s", options)
     capture = open_capture(made / "capture")
     assert all(np.array_equal(capture.target_mask(view), ~WHITE) for view in capture.train)
     said = {row.said: row.count for row in rows if row.what == "masks"}

@@ -9,7 +9,7 @@ import tifffile
 from PIL import Image, ImageOps
 
 from graycard import Capture, DatasetError, open_capture, srgb_decode
-from graycard.exchange import PictureOptions, import_and_tell
+from graycard.exchange import ImportOptions, PictureOptions, import_and_tell
 from graycard.exchange.pictures import (
     Exposure,
     FoundPicture,
@@ -112,8 +112,8 @@ def bracket(folder: Path, settings: list[dict[str, float]], **options: object) -
         save(folder / "in" / name, 1, **setting)  # pyright: ignore[reportArgumentType]
     write_transforms(folder / "in", names, (32, 24))
     made, rows = import_and_tell(
-        folder / "in", folder / "out", "dark", f"s{len(list(folder.glob('out/dark/*')))}", hold_out_every=0,
-        pictures=PictureOptions(**options),  # pyright: ignore[reportArgumentType]
+        folder / "in", folder / "out", "dark", f"s{len(list(folder.glob('out/dark/*')))}",
+        ImportOptions("0", pictures=PictureOptions(**options)),  # pyright: ignore[reportArgumentType]
     )  # fmt: skip
     return open_capture(made / "capture"), [row.said for row in rows if row.what == "exposure"]
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graycard import DatasetError, open_capture
-from graycard.exchange import import_and_tell
+from graycard.exchange import ImportOptions, import_and_tell
 from graycard.points import read_points
 from made_pictures import png_bytes, write_transforms
 
@@ -131,6 +131,6 @@ def test_a_folder_with_points_and_a_byte_order_mark(encoding: str, tmp_path: Pat
     write_transforms(source, [f"{i}.png" for i in range(3)], (8, 6), ply_file_path="p.ply")
     index = source / "transforms.json"
     index.write_text(json.dumps(json.loads(index.read_text())), encoding=encoding)
-    made, rows = import_and_tell(source, tmp_path / "out", "dark", "s")
+    made, rows = import_and_tell(source, tmp_path / "out", "dark", "s", ImportOptions("0"))
     assert np.array_equal(open_capture(made / "capture").points().colors, COLOURS)
-    assert [(r.what, r.count) for r in rows] == [("file", 3), ("points", 20)]
+    assert {("file", 3), ("points", 20)} <= {(r.what, r.count) for r in rows}

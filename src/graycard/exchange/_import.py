@@ -59,10 +59,24 @@ def import_capture(
         DatasetError: The source is missing, malformed or incomplete, or the name is none for a folder.
         OutputError: The scene exists, or the folder cannot be written to.
     """
+    return import_and_tell(source, dataset, track, scene, options, version=version, progress=progress)[0]
+
+
+def import_and_tell(
+    source: Path,
+    dataset: Path,
+    track: str,
+    scene: str,
+    options: ImportOptions | None = None,
+    *,
+    version: str = "",
+    progress: Progress = silent,
+) -> tuple[Path, tuple[ImportRow, ...]]:
+    """Import as :func:`import_capture` does, and return also a row for each thing that was done."""
     check_scene_name(scene)
     plan = plan_import(source, track, options)
-    write_import(plan, dataset, scene, version=version, progress=progress)
-    return Path(dataset) / track / scene
+    rows = write_import(plan, dataset, scene, version=version, progress=progress)
+    return Path(dataset) / track / scene, rows
 
 
 def check_scene_name(scene: str) -> None:
