@@ -14,4 +14,5 @@ from graycard.reports.history._keep import HISTORY_PAGE as HISTORY_PAGE
 from graycard.reports.history._keep import verdict_changes as verdict_changes
 from graycard.reports.history._republish import republish_claims as republish_claims
 from graycard.reports.history._republish import republish_tables as republish_tables
+from graycard.reports.pictures._contact_sheet import contact_sheet as contact_sheet
 from graycard.reports.pictures._contact_sheet import write_contact_sheets as write_contact_sheets

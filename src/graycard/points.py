@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard._errors import DatasetError
+from graycard._point_colours import point_colours
 from graycard.io import read_ply, write_bytes
 
 _VERTEX = np.dtype([(n, "<f4") for n in "xyz"] + [(n, "u1") for n in ("red", "green", "blue")])
@@ -36,6 +37,8 @@ class Points:
     """Shape ``(M,)``: for each observation, the index of its view in ``capture.views``."""
     pixel: np.ndarray
     """Shape ``(M, 2)``: for each observation, its image coordinates ``(x, y)``, pixel centres at +0.5."""
+    said: str = ""
+    """Where the file that they were read from keeps colours, in words."""
 
     def __post_init__(self) -> None:
         count, seen = len(self.positions), len(self.point)
@@ -63,13 +66,14 @@ class Points:
             number[self.point[seen]],
             self.view[seen],
             self.pixel[seen],
+            self.said,
         )
 
 
-def without_tracks(positions: np.ndarray, colors: np.ndarray) -> Points:
+def without_tracks(positions: np.ndarray, colors: np.ndarray, said: str = "") -> Points:
     """Points of which nobody says where they were seen; shapes ``(N, 3)``."""
     none = np.zeros(0, dtype=np.int64)
-    return Points(positions, colors, none, none, np.zeros((0, 2)))
+    return Points(positions, colors, none, none, np.zeros((0, 2)), said)
 
 
 def no_points() -> Points:
@@ -107,26 +111,27 @@ def write_points(path: Path, points: Points, *, tracks: bool = True) -> None:
 def read_points(path: Path) -> Points:
     """The points of a PLY file, binary or text, of ours or of another program.
 
-    Without colours points are grey; without an ``observation`` element nothing says where they were seen.
+    Colours may be bytes, 16 bits, floats or the first term of a splat; :attr:`Points.said` says which.
+    Without an ``observation`` element nothing says where points were seen.
 
     Raises:
-        DatasetError: The file is missing, cut off, or no such PLY; a position is not finite, or a colour out
-            of its range: 0 to 255 as a whole number, 0 to 1 as a float.
+        DatasetError: The file is missing, cut off, or no PLY; a position is not finite, or a colour is
+            out of any range that programs use.
     """
     elements = read_ply(path, DatasetError, "points").elements
     vertices = elements.get("vertex")
     if vertices is None or not set("xyz") <= set(vertices.dtype.names or ()):
         raise DatasetError(f"expected a PLY with x, y, z of each vertex at {path}, got {list(elements)}")
     positions = np.stack([vertices[n].astype(np.float64) for n in "xyz"], axis=-1)
-    colors = _colors(vertices, path)
+    colors, said = point_colours(vertices, path)
     if not np.isfinite(positions).all():
         raise DatasetError(f"expected finite positions in {path}, got others. Leave these points out")
     seen = elements.get("observation")
     if seen is None or seen.dtype.names != _OBSERVATION.names:
-        return without_tracks(positions, colors)
+        return without_tracks(positions, colors, said)
     pixel = np.stack([seen["x"], seen["y"]], axis=-1).astype(np.float64)
     try:
-        return Points(positions, colors, seen["point"], seen["view"], pixel)
+        return Points(positions, colors, seen["point"], seen["view"], pixel, said)
     except ValueError as cause:
         raise DatasetError(f"{path}: {cause}") from cause
 
@@ -138,13 +143,3 @@ def _header(elements: dict[str, np.ndarray]) -> bytes:
         for name, kind in ((n, rows.dtype[n].str) for n in rows.dtype.names or ()):
             lines.append(f"property {_NAMES[kind.replace('|', '')]} {name}")
     return ("\n".join([*lines, "end_header"]) + "\n").encode()
-
-
-def _colors(vertices: np.ndarray, path: Path) -> np.ndarray:
-    if not {"red", "green", "blue"} <= set(vertices.dtype.names or ()):
-        return np.full((len(vertices), 3), 128, dtype=np.uint8)
-    found = np.stack([vertices[n] for n in ("red", "green", "blue")], axis=-1)
-    most = 255 if np.issubdtype(found.dtype, np.integer) else 1
-    if not ((found >= 0) & (found <= most)).all():
-        raise DatasetError(f"expected colours from 0 to {most} in {path}, got others. Scale or mend them")
-    return np.rint(found * (255 // most)).astype(np.uint8)

@@ -132,7 +132,7 @@ def test_settings_are_parsed_or_refused():
         parse_settings(Lens, ["--focal-length", "far"], "graycard fit lens", verb)
 
 
-@pytest.mark.parametrize("options", [["--hold_out_every", "0"], ["--hold-out-every=0"]])
+@pytest.mark.parametrize("options", [["--hold_out", "0"], ["--hold-out=0"]])
 def test_underscores_and_equals_signs_are_understood(options: list[str], tmp_path: Path, capsys: Capture):
     args = ["import", str(tmp_path / "none"), "--track", "dark", "--scene", "x", "--out", str(tmp_path / "d")]
     assert main([*args, *options]) == 2

@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 
@@ -131,6 +131,10 @@ def _run_verb(name: str, args: list[str], terminal: Terminal) -> int:
     return command.run(terminal, rest)
 
 
+RESEND_AFTER = 0.1
+"""Seconds until a signal that was lost is sent anew."""
+
+
 class _Ended(KeyboardInterrupt):
     """An end by SIGTERM; no method may take it for its own error."""
 
@@ -145,8 +149,30 @@ def _ended_tidily() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    before, hook = signal.signal(signal.SIGTERM, end), sys.unraisablehook
+    sys.unraisablehook = _resend_when_lost(hook)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+        sys.unraisablehook = hook
+
+
+def _resend_when_lost(
+    hook: "Callable[[sys.UnraisableHookArgs], object]",
+) -> "Callable[[sys.UnraisableHookArgs], None]":
+    """Return a hook that sends a signal anew whose exception was raised where Python has to drop it.
+
+    Compilers call Python back from C: an exception there is printed and forgotten, and the process goes on.
+    """
+
+    def resend(lost: "sys.UnraisableHookArgs") -> None:
+        if not isinstance(lost.exc_value, KeyboardInterrupt):
+            hook(lost)
+            return
+        number = signal.SIGTERM if isinstance(lost.exc_value, _Ended) else signal.SIGINT
+        again = threading.Timer(RESEND_AFTER, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
+
+    return resend

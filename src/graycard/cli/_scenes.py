@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that make scenes, check and show them, and exchange them with other programs."""
+"""The verbs that make scenes, check and show them."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from rich.table import Table
@@ -15,11 +15,7 @@ from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
 from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
-from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
-
-SurfelFormat = Literal["ply", "2dgs", "splat"]
-"""As in ``graycard.methods.trained``, which is too heavy for the help."""
 
 if TYPE_CHECKING:
     from graycard.synth.verify import VerifyVerdict
@@ -245,72 +241,6 @@ class LookCommand:
         for sheet in sheets:
             terminal.out.print(sheet.as_posix())
         terminal.out.print(f"look: {len(sheets)} contact sheet{'s' * (len(sheets) != 1)} in {out}")
-        return OK
-
-
-@dataclass(frozen=True)
-class ExportCommand:
-    """Write a capture, without photographs of held-out views, or fitted surfels for another program."""
-
-    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
-    """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""
-    format: ExchangeFormat | SurfelFormat
-    """Of a scene: transforms.json of nerfstudio, or the text model of COLMAP. Of surfels: ply for viewers of
-    Gaussian splats, 2dgs for code of 2D Gaussian Splatting (two scales), or splat."""
-    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
-    """Write to this folder, new or empty; surfels to this file."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the capture, or the surfels."""
-        if self.format in ("ply", "2dgs", "splat"):
-            from graycard.cli.splats import export_surfels
-
-            return export_surfels(self.scene, self.format, self.out, terminal)
-        from graycard.exchange import export_capture
-
-        capture = export_capture(self.scene, self.format, self.out)
-        terminal.out.print(
-            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, without one, "
-            f"{len(capture.test)} held-out cameras"
-        )
-        return OK
-
-
-@dataclass(frozen=True)
-class ImportCommand:
-    """Make a capture of your own photographs and cameras; it has no truth."""
-
-    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
-    """A folder with transforms.json (nerfstudio), or with sparse/0/*.txt and images/ (COLMAP)."""
-    track: Annotated[str, tyro.conf.arg(metavar="TRACK")]
-    """Kind of scene: dark, tabletop or multilight."""
-    scene: Annotated[str, tyro.conf.arg(metavar="NAME")]
-    """Name of the scene."""
-    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
-    """Write to DATASET/<track>/<scene>/capture."""
-    hold_out_every: int = 8
-    """Hold out each how many-th photograph by name, 0 for none; lists in the folder go first."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Read, check, then write."""
-        from graycard import __version__
-        from graycard.dataset import open_capture
-        from graycard.exchange import import_capture
-
-        with terminal.progress() as progress:
-            made = import_capture(
-                self.folder,
-                self.out,
-                self.track,
-                self.scene,
-                hold_out_every=self.hold_out_every,
-                version=__version__,
-                progress=progress,
-            )
-        capture = open_capture(made / "capture", check=False)
-        terminal.out.print(
-            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
-        )
         return OK
 
 

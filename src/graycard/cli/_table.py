@@ -172,7 +172,7 @@ VERBS = (
     Verb(
         name="import",
         group="your own data",
-        module="_scenes",
+        module="exchange._capture",
         command="ImportCommand",
         help="Make a capture of your own photographs and cameras",
         example="graycard import photos --track dark --scene cellar --out data",
@@ -188,7 +188,7 @@ VERBS = (
     Verb(
         name="export",
         group="your own data",
-        module="_scenes",
+        module="exchange._capture",
         command="ExportCommand",
         help="Write a capture, or fitted surfels, for other programs",
         example="graycard export data/dark/corridor-1234 --format colmap --out away",

@@ -5,8 +5,8 @@ Held-out views: their cameras are exported, their photographs are not, for a cap
 """
 
 from collections import Counter
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from graycard._camera import Camera
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError
+from graycard.exchange._lens import Intrinsics, Lens
 from graycard.exchange._photographs import write_mask, write_photograph
+from graycard.exchange.pictures import SUFFIXES
 from graycard.io import check_distinct, check_label, check_name
 
 LOOSE = 1e-3
@@ -27,11 +29,39 @@ class PosedPhotograph:
 
     name: str
     camera: Camera
+    """As the files say; distortion aside."""
     image: Path
     mask: Path | None = None
     """Black where other programs ignore the photograph."""
     held_out: bool = False
     """Whether the files say that it is a test view: then its photograph need not be there."""
+    lens: Lens | None = None
+    """What bends the photograph; None where nothing does."""
+    size: tuple[int, int] = (0, 0)
+    """Width and height of the photograph, pixels."""
+    cutout: bool = False
+    """Whether its layout says that transparency is where nothing is seen."""
+    layers: Mapping[str, Path] = field(default_factory=dict)
+    """True layers of the view that lie beside its photograph, by graycard's names."""
+
+
+def make_shot(
+    image: Path, name: str, intrinsics: Intrinsics, pose: np.ndarray, where: str
+) -> PosedPhotograph:
+    """Return a photograph with its camera from numbers that were read.
+
+    Args:
+        image: Its file.
+        name: Of the view.
+        intrinsics: Of its camera.
+        pose: Camera to world, shape ``(4, 4)``, OpenCV axes.
+        where: File and entry, for the message.
+
+    Raises:
+        DatasetError: A number is not finite, or the pose is no rotation with a translation.
+    """
+    camera = make_camera(intrinsics.size, intrinsics.focal, intrinsics.centre, pose, where)
+    return PosedPhotograph(name, camera, image, lens=intrinsics.lens, size=intrinsics.size)
 
 
 def image_name(view: View) -> str:
@@ -89,9 +119,9 @@ def make_camera(
 
 def view_name(image: str) -> str:
     """The name of a view from the path of its image: ``images/a/b.png`` becomes ``a_b``."""
-    parts = [
-        p for p in PurePosixPath(image.replace("\\", "/")).with_suffix("").parts if p not in ("/", ".", "..")
-    ]
+    path = PurePosixPath(image.replace("\\", "/"))
+    path = path.with_suffix("") if path.suffix.lower() in SUFFIXES else path
+    parts = [p for p in path.parts if p not in ("/", ".", "..")]
     return "_".join(parts[1:] if len(parts) > 1 and parts[0] == "images" else parts).lstrip(".")
 
 
@@ -111,6 +141,27 @@ def source_file(folder: Path, text: str, where: str) -> Path:
             f"expected a path below {folder} in {where}, relative to it: {cause}. Put the file there"
         ) from cause
     return folder / path
+
+
+def photograph_file(folder: Path, text: str, where: str) -> Path:
+    """Return the photograph that a file names, with or without its suffix.
+
+    Args:
+        folder: Where the path begins.
+        text: The path.
+        where: File and entry, for the message.
+
+    Returns:
+        The path as it is if there is such a file, or none with a suffix either.
+
+    Raises:
+        DatasetError: It is absolute, leads out of the folder, or holds control characters.
+    """
+    path = source_file(folder, text, where)
+    if path.is_file() or path.suffix.lower() in SUFFIXES:
+        return path
+    named = (path.with_name(path.name + way) for suffix in SUFFIXES for way in (suffix, suffix.upper()))
+    return next((candidate for candidate in named if candidate.is_file()), path)
 
 
 def check_names(names: Iterable[str], where: Path) -> None:

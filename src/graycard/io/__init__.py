@@ -11,8 +11,12 @@ from graycard.io._exr import read_rgb as read_rgb
 from graycard.io._exr import unknown_channels as unknown_channels
 from graycard.io._exr import write_layers as write_layers
 from graycard.io._exr import write_rgb as write_rgb
+from graycard.io._exr_file import ExrPart as ExrPart
+from graycard.io._exr_file import read_exr as read_exr
+from graycard.io._exr_file import read_exr_headers as read_exr_headers
 from graycard.io._files import atomic_folder as atomic_folder
 from graycard.io._files import atomic_path as atomic_path
+from graycard.io._files import decode_text as decode_text
 from graycard.io._files import free_mib as free_mib
 from graycard.io._files import output_error as output_error
 from graycard.io._files import read_bytes as read_bytes
@@ -53,6 +57,11 @@ from graycard.io._names import inside as inside
 from graycard.io._names import printable as printable
 from graycard.io._ply import Ply as Ply
 from graycard.io._ply import read_ply as read_ply
+from graycard.io._primaries import DISPLAY_P3 as DISPLAY_P3
+from graycard.io._primaries import REC709 as REC709
+from graycard.io._primaries import REC2020 as REC2020
+from graycard.io._primaries import are_rec709 as are_rec709
+from graycard.io._primaries import name_primaries as name_primaries
 from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
 from graycard.io._strict import parse_json as parse_json

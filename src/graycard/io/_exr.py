@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Layers in OpenEXR files: named channels, float32, scene-linear Rec.709, written whole or not at all."""
 
-import io
 import json
-import sys
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,11 +12,17 @@ import numpy as np
 import OpenEXR
 
 from graycard._errors import DatasetError, GraycardError, OutputError, UnknownNameError
+from graycard.io._exr_file import (
+    ExrPart,
+    named_by_part,
+    planes_of,
+    read_exr,
+    read_exr_headers,
+)
 from graycard.io._files import atomic_path, free_mib
+from graycard.io._primaries import REC709, are_rec709, name_primaries
 from graycard.layers import Layer, all_layers, find_layer
 
-REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-"""Chromaticities of the primaries and of the white point D65 (ITU-R BT.709-6)."""
 _ALIKE = 0.6
 """Likeness from which an unknown name counts as misspelt: the default of difflib."""
 
@@ -56,7 +59,7 @@ def read_layers(path: Path, error: type[GraycardError] = DatasetError) -> dict[s
         DatasetError: (or ``error``) The file is missing or broken, or has channels of no layer.
     """
     pieces = _read(path, error)
-    planes = _planes_of(pieces)
+    planes = planes_of(pieces)
     names = _stems(planes)
     if "" in names:
         raise error(_nameless(path, planes))
@@ -83,7 +86,7 @@ def read_known_layers(path: Path, error: type[GraycardError] = DatasetError) -> 
         DatasetError: (or ``error``) The file is missing or broken, or has no layer that is known.
     """
     pieces = _read(path, error)
-    planes = _planes_of(pieces)
+    planes = planes_of(pieces)
     known = [name for name in _stems(planes) if _is_layer(name)]
     if not known:
         raise error(_nameless(path, planes))
@@ -106,14 +109,11 @@ def unknown_channels(path: Path) -> dict[str, str]:
     Returns:
         An empty name where none is like it.
     """
-    sys.audit("graycard.read", str(path))
-    if not Path(path).is_file():  # OpenEXR would wait for the other end of a pipe
-        return {}
     try:
-        with _warnings_as_errors(), OpenEXR.File(str(path), header_only=True) as file:
-            channels = [channel.name for channel in file.header()["channels"]]
-    except (*_DAMAGE, OSError):
+        parts = read_exr_headers(path, DatasetError)
+    except (DatasetError, OSError):
         return {}
+    channels = [named_by_part(p.name, c.name, 2) for p in parts for c in p.header["channels"]]
     strangers = [c for c in channels if not _is_layer(c.rpartition(".")[0]) or _is_extra(c, channels)]
     return {c: _meant(c) for c in strangers}
 
@@ -156,14 +156,20 @@ def _nameless(path: Path, channels: Iterable[str]) -> str:
     return f"expected channels named <layer>.<suffix> in {path}, got {', '.join(named)}. Rename them"
 
 
-def write_rgb(path: Path, values: np.ndarray) -> None:
+def write_rgb(path: Path, values: np.ndarray, *, quick: bool = False) -> None:
     """Write one linear image of shape ``(H, W, 3)`` as plain ``R``, ``G``, ``B`` that any viewer opens.
+
+    Args:
+        path: The file.
+        values: Light of Rec.709.
+        quick: Compress by PIZ instead of ZIP: as small and as exact, in half the time.
 
     Raises:
         ValueError: The array has another shape.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    _write(path, _planes(find_layer("radiance"), values), {})
+    kind = OpenEXR.PIZ_COMPRESSION if quick else OpenEXR.ZIP_COMPRESSION
+    _write(path, _planes(find_layer("radiance"), values), {"compression": kind})
 
 
 def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarray:
@@ -172,10 +178,12 @@ def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarra
     Raises:
         DatasetError: (or ``error``) The file is missing or broken, or has other channels.
     """
-    planes = _planes_of(_read(path, error))
-    if not {"R", "G", "B"} <= planes.keys():
-        raise error(f"expected channels R, G, B in {path}, got {', '.join(planes)}")
-    return np.stack([planes[c].astype(np.float32, copy=False) for c in "RGB"], axis=-1)
+    parts = [part.planes() for part in read_exr(path, error)]
+    coloured = [planes for planes in parts if {"R", "G", "B"} <= planes.keys()]
+    if len(coloured) != 1:
+        names = ", ".join(name for planes in parts for name in planes)
+        raise error(f"expected channels R, G, B once in {path}, got {names}")
+    return np.stack([coloured[0][c].astype(np.float32, copy=False) for c in "RGB"], axis=-1)
 
 
 def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -192,7 +200,7 @@ def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, str]) -> None:
+def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, Any]) -> None:
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -210,60 +218,36 @@ def _write(path: Path, channels: dict[str, np.ndarray], attributes: dict[str, st
             ) from cause
 
 
-_DAMAGE = (RuntimeError, ValueError, MemoryError)
-"""Errors that OpenEXR raises for files that it cannot read; a header may ask for any amount of memory."""
-_PLAIN = ("RGB", "RGBA")
-"""What OpenEXR calls colours whose channels have no name before the dot."""
-
-
 def _read(path: Path, error: type[GraycardError]) -> dict[str, np.ndarray]:
-    """Colours in one piece, ``(H, W, 3 or 4)``, by the name of the layer; other channels by their own."""
-    sys.audit("graycard.read", str(path))  # OpenEXR opens files where Python's own audit does not see it
-    if not Path(path).is_file():
-        raise error(f"expected an EXR file at {path}, got none")
-    try:
-        try:
-            return _pixels(path, separate=False)
-        except _DAMAGE:  # colours whose channels are of several types stay apart
-            return _pixels(path, separate=True)
-    except _DAMAGE as cause:
-        raise error(
-            f"expected a whole EXR file at {path}, got one that breaks off or is none "
-            f"({Path(path).stat().st_size} bytes: {cause}). Write it again"
-        ) from cause
+    """Return colours in one piece, ``(H, W, 3 or 4)``, by name of the layer; other channels by their own.
 
-
-def _pixels(path: Path, separate: bool) -> dict[str, np.ndarray]:
-    with _warnings_as_errors(), OpenEXR.File(str(path), separate_channels=separate) as file:
-        return {name: channel.pixels for name, channel in file.channels().items()}
-
-
-@contextmanager
-def _warnings_as_errors() -> Iterator[None]:
-    """Around calls of OpenEXR, which prints on stdout why it leaves pixels out: stdout is for results.
-
-    Raises:
-        ValueError: It printed something.
+    Channels without a name of their own have that of their part.
     """
-    said = io.StringIO()
-    try:
-        with redirect_stdout(said):
-            yield
-    finally:
-        if words := said.getvalue().strip():
-            raise ValueError(words.splitlines()[0])
+    found: dict[str, np.ndarray] = {}
+    for part in read_exr(path, error):
+        pieces = {named_by_part(part.name, name, p.ndim): p for name, p in part.pieces.items()}
+        if twice := sorted(planes_of(pieces).keys() & planes_of(found).keys()):
+            raise error(f"expected each channel once in {path}, got {twice[0]} in two parts. Leave one out")
+        _check_primaries(path, part, error)
+        found |= pieces
+    sizes = {pixels.shape[:2] for pixels in found.values()}
+    if len(sizes) > 1:
+        raise error(f"expected parts of one size in {path}, got {_sizes(sizes)}. Write a file for each")
+    return found
 
 
-def _planes_of(pieces: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Each channel by its name in the file."""
-    planes = {}
-    for name, pixels in pieces.items():
-        if pixels.ndim == 2:
-            planes[name] = pixels
-        else:
-            stem = "" if name in _PLAIN else f"{name}."
-            planes |= {f"{stem}{c}": pixels[..., i] for i, c in enumerate("RGBA"[: pixels.shape[-1]])}
-    return planes
+def _check_primaries(path: Path, part: ExrPart, error: type[GraycardError]) -> None:
+    given = part.header.get("chromaticities")
+    coloured = any(pixels.ndim == 3 for pixels in part.pieces.values())
+    if coloured and isinstance(given, Sequence) and not are_rec709(given):
+        raise error(
+            f"expected colours of linear Rec.709 in {path}, got {name_primaries(given)}. Convert them, and "
+            "write the chromaticities of Rec.709 or none"
+        )
+
+
+def _sizes(shapes: Iterable[tuple[int, ...]]) -> str:
+    return ", ".join(f"{width}x{height}" for height, width in sorted(shapes))
 
 
 def _assemble(

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole files or none: atomic writing, hashing, and folders that can be written to."""
 
+import codecs
 import errno
 import hashlib
 import os
@@ -113,6 +114,16 @@ def _held_folder(path: Path) -> tuple[int, Path]:
         if is_at(held, Path(name)):
             return held, Path(name)
         let_go(held)
+
+
+def decode_text(data: bytes) -> str:
+    """Return text in UTF-8, or in UTF-16 where it begins with the mark of it; the mark is left out.
+
+    Raises:
+        UnicodeDecodeError: It is neither.
+    """
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return data.decode("utf-16" if wide else "utf-8-sig")
 
 
 def write_bytes(path: Path, data: bytes) -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from graycard._errors import GraycardError, RecordError
 from graycard.io._decode import decode, stored_fields
 from graycard.io._explain import explain
-from graycard.io._files import read_bytes, write_bytes
+from graycard.io._files import decode_text, read_bytes, write_bytes
 from graycard.io._strict import parse_json, parse_toml
 
 T = TypeVar("T")
@@ -171,7 +171,7 @@ def read_toml(path: Path, error: type[GraycardError] = RecordError) -> dict[str,
 
 def _read(path: Path, kind: str, parse: Callable[[str], Any], error: type[GraycardError]) -> Any:
     try:
-        text = read_bytes(Path(path), LONGEST_TEXT).decode("utf-8")
+        text = decode_text(read_bytes(Path(path), LONGEST_TEXT))
     except OSError as cause:
         raise error(f"expected a {kind} file at {path}, got {cause.strerror or cause}") from cause
     except ValueError as cause:

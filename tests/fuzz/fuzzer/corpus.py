@@ -79,7 +79,7 @@ def build(root: Path, names: Iterable[str], write_scene: WriteScene) -> None:
 
 def _exports(corpus: Path) -> None:
     scene = corpus / "dataset" / "tabletop" / "tiny-0000"
-    for form in ("nerfstudio", "colmap"):
+    for form in ("nerfstudio", "colmap", "colmap-binary", "blender", "tensoir"):
         export_capture(scene, form, corpus / form)
     shutil.copytree(corpus / "nerfstudio", corpus / "jpeg")
     index = corpus / "jpeg" / "transforms.json"

@@ -173,6 +173,16 @@ DATA = (
         weight=2,
     ),
     Kind(
+        "import: colmap binary",
+        ("colmap-binary",),
+        one_of("*/**/*.bin", attack_bytes),
+        _import("colmap-binary"),
+        weight=2,
+    ),
+    Kind("import: blender", ("blender",), one_of("*/*.json", attack_json), _import("blender")),
+    Kind("import: tensoir", ("tensoir",), one_of("*/*/*.json", attack_json), _import("tensoir")),
+    Kind("import: true layers", ("tensoir",), one_of("*/*/*.png", attack_picture), _import("tensoir")),
+    Kind(
         "import: folders",
         ("nerfstudio", "colmap"),
         any_file(),

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verbs that exchange captures with other programs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from graycard.cli._options import Json, optional
+from graycard.cli._terminal import OK, Terminal, new_table, share, write_optional_json
+from graycard.exchange import (
+    Background,
+    ExchangeFormat,
+    Exposures,
+    ImportOptions,
+    ImportPlan,
+    ImportRow,
+    MaskObject,
+    Orientation,
+    PictureOptions,
+)
+from graycard.io import Progress
+
+SurfelFormat = Literal["ply", "2dgs", "splat"]
+"""As in ``graycard.methods.trained``, which is too heavy for the help."""
+SHEET = "contact-sheet.png"
+"""Contact sheet of an imported scene, in its folder."""
+MODELS = "colmap"
+"""Models that were found for bare photographs, in the scene's folder."""
+
+
+@dataclass(frozen=True)
+class ExportCommand:
+    """Write a capture, without photographs of held-out views, or fitted surfels for another program."""
+
+    scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
+    """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""
+    format: ExchangeFormat | SurfelFormat
+    """Of a scene: nerfstudio; COLMAP in text or binary; NeRF-synthetic (blender); or TensoIR, which holds
+    truth. Of surfels: ply for viewers of splats, 2dgs for code of 2D Gaussian Splatting, or splat."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
+    """Write to this folder, new or empty; surfels to this file."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the capture, or the surfels."""
+        if self.format in ("ply", "2dgs", "splat"):
+            from graycard.cli.splats import export_surfels
+
+            return export_surfels(self.scene, self.format, self.out, terminal)
+        from graycard.exchange import export_capture
+
+        capture = export_capture(self.scene, self.format, self.out)
+        held = "with truth," if self.format == "tensoir" else "without one,"
+        terminal.out.print(
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, {held} "
+            f"{len(capture.test)} held-out cameras"
+        )
+        return OK
+
+
+@dataclass(frozen=True)
+class ImportCommand:
+    """Make a capture of your own photographs and cameras, and say what was done to them."""
+
+    folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER")]
+    """A folder of nerfstudio, COLMAP (text or binary), NeRF-synthetic or TensoIR."""
+    track: Annotated[str, tyro.conf.arg(metavar="TRACK")]
+    """Kind of scene: dark, tabletop or multilight."""
+    scene: Annotated[str, tyro.conf.arg(metavar="NAME")]
+    """Name of the scene."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DATASET")]
+    """Write to DATASET/<track>/<scene>/capture."""
+    hold_out: Annotated[str | None, optional("N|FILE|NAMES")] = None
+    """Hold out each N-th photograph by name from the first, 0 for none; or those that a file names, one a
+    line; or names with commas. Lists of the folder by default, else each 8th."""
+    width: Annotated[int | None, optional("PIXELS")] = None
+    """Average photographs down to this width, in linear light; as they are by default."""
+    model: Annotated[str | None, optional("NAME")] = None
+    """Take this of several models (or lights of TensoIR); the one with the most photographs by default."""
+    orientation: Orientation = "auto"
+    """EXIF orientation: as camera sizes tell, else pixels as stored (auto); as stored; or turned upright."""
+    background: Background = "none"
+    """What is seen through transparent pixels, in linear light; with none they are an error, but for layouts
+    that say that nothing is there: black."""
+    exposures: Exposures = "exif"
+    """Divide photographs by the exposures that EXIF tells, or take all as exposed alike."""
+    mask_object: MaskObject = "auto"
+    """The side of masks that is the object: black, unless masks look inverted, which is an error (auto)."""
+    find_cameras: bool = False
+    """FOLDER holds bare photographs: let COLMAP find their cameras (pip install 'graycard[colmap]')."""
+    dry_run: bool = False
+    """Show the table of what would be done, and write nothing but --json."""
+    json: Json = None
+    """Also write the table to this file."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Read, check, write, and show what was done."""
+        from graycard.exchange import plan_import, survey_import
+
+        pictures = PictureOptions(self.orientation, self.background, self.exposures, self.mask_object)
+        options = ImportOptions(self.hold_out, self.width, self.model, pictures)
+        with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
+            plan = plan_import(source, self.track, options)
+            if self.dry_run:
+                rows = survey_import(plan, share(progress, 1, 2))
+            else:
+                rows = self._write(plan, source, share(progress, 1, 2))
+        self._show(terminal, rows)
+        held = len(plan.shots) - len(plan.train)
+        done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
+        truth = "true layers of each view" if plan.has_truth else "no truth"
+        terminal.out.print(f"import: {done}, {len(plan.train)} photographs, {held} views held out, {truth}")
+        return OK
+
+    @contextmanager
+    def _source(self, progress: Progress) -> Iterator[Path]:
+        """Yield a folder with cameras."""
+        from graycard.exchange import find_cameras
+
+        if not self.find_cameras:
+            yield self.folder
+            return
+        with find_cameras(self.folder, progress) as found:
+            yield found
+
+    def _write(self, plan: ImportPlan, source: Path, progress: Progress) -> Sequence[ImportRow]:
+        """Write the capture, its contact sheet, and the models that were found for it."""
+        from graycard import __version__
+        from graycard.exchange import write_import, write_png
+        from graycard.io import atomic_folder
+        from graycard.reports import contact_sheet
+
+        home = self.out / self.track / self.scene
+        rows = write_import(plan, self.out, self.scene, version=__version__, progress=progress)
+        if self.find_cameras:
+            with atomic_folder(home / MODELS) as kept:
+                shutil.copytree(source / "sparse", kept / "sparse")
+        write_png(home / SHEET, contact_sheet(home))
+        return rows
+
+    def _show(self, terminal: Terminal, rows: Sequence[ImportRow]) -> None:
+        table = new_table("", "what", "how many", "said")
+        for row in rows:
+            table.add_row("!" if row.warns else "", row.what, str(row.count), row.said)
+        terminal.out.print(table)
+        for row in rows:
+            if row.warns:
+                terminal.err.print(f"warning: {row.what} ({row.count}): {row.said}")
+        write_optional_json(self.json, {"folder": self.folder, "rows": list(rows)})

@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Photographs and masks of shots: found before anything is written, then read a few at a time."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from graycard._errors import DatasetError
+from graycard._sensor import Sensor
+from graycard.exchange._cameras import PosedPhotograph
+from graycard.exchange._develop import develop, develop_mask
+from graycard.exchange._doctor import ImportRow, merge_rows
+from graycard.exchange.pictures import (
+    Background,
+    FoundPicture,
+    MaskObject,
+    Note,
+    Orientation,
+    find_photographs,
+    judge_masks,
+    read_mask,
+    read_photograph,
+    relative_exposures,
+    shape_of_mask,
+)
+from graycard.io import Progress, silent
+
+Exposures = Literal["exif", "alike"]
+"""Relative exposures of photographs: as EXIF tells them, or all alike."""
+SAMPLES = 2**22
+"""Values of all photographs, about, from which the exposure is found: all of them fill the memory."""
+WORKERS = 4
+"""Photographs that are in memory at once, at most."""
+FEWEST = 2**14
+"""Values of one photograph, about, that are looked at."""
+_DARK_LEVELS = 16
+"""Levels of a photograph of 8 bits, up to which most of it lies, that make it a dark one."""
+
+
+@dataclass(frozen=True, slots=True)
+class PictureOptions:
+    """What whoever imports may choose about pixels."""
+
+    orientation: Orientation = "auto"
+    """How EXIF orientation is taken: as camera sizes tell, pixels as stored, or turned upright."""
+    background: Background = "none"
+    """What is seen through transparent pixels; with none they are an error."""
+    exposures: Exposures = "exif"
+    """Whether photographs are divided by the exposures that EXIF tells, or taken as exposed alike."""
+    mask_object: MaskObject = "auto"
+    """Which side of masks is the object: black, unless masks look inverted, which is an error."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPictures:
+    """Photographs of training views that are there and fit their cameras, and their masks."""
+
+    shots: tuple[PosedPhotograph, ...]
+    photographs: tuple[FoundPicture, ...]
+    masks: tuple[FoundPicture, ...]
+    """One for each, or none."""
+    white_is_object: bool
+    exposures: tuple[float, ...]
+    """Relative ones, one for each, or none."""
+    options: PictureOptions
+    rows: tuple[ImportRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Developed:
+    """What all photographs say together, once each has been handed on."""
+
+    exposure: float
+    """The factor by which their 99th percentile becomes 1."""
+    sensor: Sensor | None
+    """The exposures of single photographs; None where all are taken as exposed alike."""
+    rows: tuple[ImportRow, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Done:
+    """What is kept of one photograph once it is written."""
+
+    sample: np.ndarray
+    """Some of its light, any number of values."""
+    rows: tuple[ImportRow, ...]
+    bits: int
+
+
+def find_pictures(train: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
+    """Find the photographs and masks of training shots, and look through the masks.
+
+    Raises:
+        DatasetError: One is missing, broken, of another size or kind; only some shots have a mask; masks
+            show no object or nothing else, or look inverted.
+    """
+    photographs = find_photographs([(s.image, s.size) for s in train], options.orientation)
+    bare = [shot.name for shot in train if shot.mask is None]
+    if bare and len(bare) < len(train):
+        raise DatasetError(
+            f"expected a mask for each training photograph or for none, got none for {len(bare)} of "
+            f"{len(train)}, the first {bare[0]}. Add them"
+        )
+    masked = [(s.mask, s.size) for s in train if s.mask is not None]
+    masks = find_photographs(masked, options.orientation, "mask")
+    white, rows = False, []
+    if masks:
+        white, judged = _look_through(masks, options.mask_object)
+        rows += judged
+    exposures, note = relative_exposures([p.exposure for p in photographs])
+    if options.exposures == "alike":
+        exposures, note = None, Note("exposure", "EXIF is not asked, all are taken as exposed alike")
+    rows += [_row(note, len(train))] if note else []
+    found = tuple(exposures) if exposures else ()
+    return FoundPictures(tuple(train), tuple(photographs), tuple(masks), white, found, options, tuple(rows))
+
+
+def develop_pictures(
+    found: FoundPictures,
+    keep: Callable[[PosedPhotograph, np.ndarray], None],
+    keep_mask: Callable[[PosedPhotograph, np.ndarray], None],
+    progress: Progress = silent,
+) -> Developed:
+    """Read each photograph and mask and hand it on; few are in memory at a time.
+
+    Args:
+        found: Where they are.
+        keep: Called from several threads with the light of each photograph as its camera sees it,
+            ``(H, W, 3)``, float32.
+        keep_mask: Called likewise with where each mask shows the object, shape ``(H, W)``, bool.
+        progress: Called for each photograph.
+
+    Raises:
+        DatasetError: One is broken, or all photographs are black.
+    """
+    budget = max(FEWEST, SAMPLES // len(found.shots))
+
+    def work(number: int) -> _Done:
+        shot = found.shots[number]
+        picture = read_photograph(found.photographs[number], found.options.background)
+        notes = [*picture.notes, *_darkness(picture.light, picture.bits)]
+        light = picture.light / np.float32(found.exposures[number]) if found.exposures else picture.light
+        light = develop(light, shot)
+        keep(shot, light)
+        if found.masks:
+            black, told = read_mask(found.masks[number])
+            notes += told
+            keep_mask(shot, develop_mask(~black if found.white_is_object else black, shot))
+        pixels = light.reshape(-1, 3)
+        sample = pixels[:: max(1, -(-light.size // budget))].ravel()
+        return _Done(sample, tuple(map(_row, notes)), picture.bits)
+
+    samples, rows, depths = [], [], set()
+    for number, done in enumerate(_in_order(work, len(found.shots))):
+        progress((number + 1) / len(found.shots), found.shots[number].name)
+        samples.append(done.sample)
+        rows += done.rows
+        depths.add(done.bits)
+    white = float(np.percentile(np.concatenate(samples), 99))
+    if white <= 0:
+        raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
+    bits = depths.pop() if len(depths) == 1 else 0
+    return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
+
+
+def _in_order(work: Callable[[int], _Done], count: int) -> Iterator[_Done]:
+    """Yield what comes of photographs, in their order; few are in memory at a time, none after an error."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))
+    try:
+        yield from pool.map(work, range(count))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _row(note: Note, count: int = 1) -> ImportRow:
+    return ImportRow(note.what, count, note.said, note.warns)
+
+
+def _look_through(masks: Sequence[FoundPicture], chosen: MaskObject) -> tuple[bool, list[ImportRow]]:
+    shapes = [shape_of_mask(read_mask(mask)[0]) for mask in masks]
+    white, note = judge_masks(shapes, [mask.path for mask in masks], chosen)
+    return white, [_row(note, len(masks))]
+
+
+def _sensor(found: FoundPictures, white: float, bits: int) -> Sensor | None:
+    """Return the exposures as a capture has them: white is where radiance × exposure × factor is 1."""
+    if not found.exposures:
+        return None
+    factors = zip(found.shots, found.exposures, strict=True)
+    return Sensor(bits=bits, exposures={shot.name: factor * white for shot, factor in factors})
+
+
+def _darkness(light: np.ndarray, bits: int) -> Iterator[Note]:
+    """Yield a warning of a photograph of 8 bits of which most lies in a few levels."""
+    if bits == 8 and float(np.median(light)) < _DARK_LEVELS / 255 / 12.92:
+        levels = f"most of it lies below level {_DARK_LEVELS} of 255"
+        yield Note("darkness", f"dark for 8 bits, {levels}: 16 bits or EXR keep more", warns=True)

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an import will do, before it writes anything: cameras read, files checked, and rows that say so."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from graycard._errors import DatasetError, UnknownNameError
+from graycard.dataset import TRACKS
+from graycard.exchange._blender import TRAIN, read_blender
+from graycard.exchange._cameras import PosedPhotograph, check_names
+from graycard.exchange._develop import undistorted, with_width
+from graycard.exchange._develop_pictures import FoundPictures, PictureOptions, find_pictures
+from graycard.exchange._doctor import ImportRow, merge_rows, some
+from graycard.exchange._hold_out import hold_out
+from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
+from graycard.exchange._tensoir import read_tensoir, view_folders
+from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
+from graycard.exchange.colmap._model import points_of
+from graycard.exchange.pictures import SUFFIXES
+from graycard.points import Points
+
+FEW = 0.5
+"""Share of the photographs in a folder below which their cameras look like a part of a split model."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """What whoever imports may choose."""
+
+    hold_out: str | None = None
+    """A count N for indices 0, N, 2N, … (0 for none), a file of names, or names with commas."""
+    width: int | None = None
+    """Width of the pictures, pixels; None for that of the photographs."""
+    model: str | None = None
+    """Which of several models, or of several lights; None for the largest, or the first."""
+    pictures: PictureOptions = field(default_factory=PictureOptions)
+    """Orientation, background, exposures and the sense of masks."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImportPlan:
+    """Photographs with the cameras that their pictures will have."""
+
+    source: Path
+    track: str
+    settings: dict[str, Any]
+    """How it was imported, for the manifest."""
+    shots: tuple[PosedPhotograph, ...]
+    pictures: FoundPictures
+    """Training photographs and their masks."""
+    points: Points | None
+    rows: tuple[ImportRow, ...]
+
+    @property
+    def train(self) -> tuple[PosedPhotograph, ...]:
+        """The shots whose photographs are imported."""
+        return tuple(shot for shot in self.shots if not shot.held_out)
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether each view has true layers, and some are held out."""
+        return all(shot.layers for shot in self.shots) and len(self.train) < len(self.shots)
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """What a folder holds, of whatever layout."""
+
+    kind: str
+    shots: Sequence[PosedPhotograph]
+    rows: Sequence[ImportRow] = ()
+    colmap: ColmapFolder | None = None
+
+
+def plan_import(source: Path, track: str, options: ImportOptions | None = None) -> ImportPlan:
+    """Read the cameras of a folder and prove that its photographs are there; nothing is written.
+
+    Args:
+        source: A folder of nerfstudio, NeRF-synthetic, TensoIR or COLMAP.
+        track: What kind of scene it is. On ``tabletop`` masks are taken as the object to be removed,
+            black where it is seen.
+        options: Held-out views, width, and the model of several.
+
+    Raises:
+        UnknownNameError: There is no such track, model or photograph.
+        DatasetError: The source is missing, malformed or incomplete.
+        GraycardError: A lens needs pycolmap, which is not installed.
+    """
+    if track not in TRACKS:
+        raise UnknownNameError("track", track, TRACKS)
+    options = options or ImportOptions()
+    if options.width is not None and options.width < 1:
+        raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
+    found = _read(Path(source), options.model)
+    check_names((shot.name for shot in found.shots), Path(source))
+    shots, held, record = hold_out(sorted(found.shots, key=lambda s: s.name), options.hold_out)
+    shots = [shot if track == "tabletop" else replace(shot, mask=None) for shot in shots]
+    made = [with_width(shot, options.width) for shot in shots]
+    pictures = _pictures(made, options.pictures)
+    points, said = _points(Path(source), found, made)
+    rows = (
+        ImportRow("cameras", len(shots), f"read as {found.kind}"),
+        *found.rows,
+        *_of_cameras(shots, made),
+        *_of_files(Path(source), found, shots),
+        held,
+        *said,
+    )
+    chosen = {"width": options.width, "model": options.model}
+    settings = {"format": found.kind, **record, **{k: v for k, v in chosen.items() if v is not None}}
+    return ImportPlan(Path(source), track, settings, tuple(made), pictures, points, merge_rows(rows))
+
+
+def _read(source: Path, model: str | None) -> _Source:
+    """Read the cameras of a folder, by the layout that it has."""
+    if (source / INDEX).is_file():
+        return _Source("nerfstudio", read_nerfstudio(source))
+    if view_folders(source):
+        found = read_tensoir(source, model)
+        return _Source("tensoir", found.shots, found.rows)
+    if (source / TRAIN).is_file():
+        return _Source("blender", *read_blender(source))
+    if has_model(source):
+        colmap = read_colmap(source, model)
+        return _Source("colmap", colmap.shots, colmap.rows, colmap)
+    raise DatasetError(
+        f"expected a folder with {INDEX}, {TRAIN}, train_000/metadata.json or a COLMAP model in sparse/ at "
+        f"{source}, got {'none of them' if source.is_dir() else 'nothing'}. See docs/formats.md, or let "
+        "--find-cameras find the cameras of bare photographs"
+    )
+
+
+def _pictures(shots: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
+    """Find training photographs; behind transparency is black where the layout says that nothing is there."""
+    train = [shot for shot in shots if not shot.held_out]
+    if options.background == "none" and all(shot.cutout for shot in train):
+        options = replace(options, background="black")
+    return find_pictures(train, options)
+
+
+def _points(
+    source: Path, found: _Source, shots: Sequence[PosedPhotograph]
+) -> tuple[Points | None, list[ImportRow]]:
+    if found.colmap is not None:
+        points, rows = points_of(found.colmap.model, shots, found.colmap.names)
+        rows.append(
+            ImportRow("world", 1, "as the model has it: what is a metre, and what is up, is not known")
+        )
+    else:
+        points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
+        said = f"kept, without tracks{points.said and '; '}{points.said}" if points is not None else ""
+        rows = [ImportRow("points", len(points), said)] if points is not None else []
+    if points is None or not len(points):
+        rows.append(ImportRow("points", 0, "none: methods begin with points of their own"))
+    return points, rows
+
+
+def _of_cameras(shots: Sequence[PosedPhotograph], made: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
+    """Yield rows about lenses, then about sizes: what the files say, and what the capture will have."""
+    whole = [undistorted(shot.lens, shot.camera) if shot.lens else shot.camera for shot in shots]
+    for shot, camera in zip(shots, whole, strict=True):
+        if shot.lens is None:
+            yield ImportRow("distortion", 1, "none: a pinhole")
+            continue
+        (w, h), few = shot.size, camera.width * camera.height < FEW * shot.size[0] * shot.size[1]
+        said = f"{shot.lens.model} lens undone: {w}x{h} becomes {camera.width}x{camera.height}"
+        yield ImportRow("distortion", 1, said + (", and most of it is lost" if few else ""), warns=few)
+    for camera, after in zip(whole, (shot.camera for shot in made), strict=True):
+        if after.width != camera.width:
+            said = f"{camera.width}x{camera.height} becomes {after.width}x{after.height}, averaged over areas"
+            yield ImportRow("width", 1, said)
+
+
+def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
+    """Yield rows about cameras without photographs and photographs without cameras."""
+    missing = [shot.name for shot in shots if not shot.image.is_file()]
+    if missing:
+        yield ImportRow("cameras", len(missing), f"without a photograph, held out: {some(missing)}")
+    if found.kind == "tensoir":
+        return
+    home = {found.colmap.photographs} if found.colmap else {shot.image.parent for shot in shots}
+    known = {shot.image for shot in shots} | {shot.mask for shot in shots}
+    bare = sorted(path for place in home for path in _files(place, source) if path not in known)
+    if not bare:
+        return
+    there = len(shots) - len(missing)
+    few = there < FEW * (there + len(bare))
+    named = some(path.relative_to(source).as_posix() for path in bare)
+    said = f"without a camera, left out: {named}"
+    if few:
+        said += f"; cameras hold {there} of {there + len(bare)}: is this a part of a split model?"
+    yield ImportRow("photographs", len(bare), said, warns=few)
+
+
+def _files(place: Path, source: Path) -> Iterator[Path]:
+    """Yield the pictures below a folder of photographs; of the source itself, those beside each other."""
+    for path in place.glob("*") if place == source else place.rglob("*"):
+        if path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file():
+            yield path
