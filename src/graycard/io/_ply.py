@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""PLY files of any program: elements as arrays, up to the first one with lists."""
+"""PLY files of any program: elements as arrays, but for those with lists."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +22,8 @@ _TYPES = {
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 """Of bytes, by the format that the header names."""
 _LONGEST_HEADER = 2**16
+_MARK = b"\xef\xbb\xbf"
+"""A byte order mark, which editors put before text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +34,26 @@ class Ply:
     """Rows by name of the element, each a structured array in the byte order of the file; not writable."""
     comments: tuple[str, ...]
     """Lines of the header that are for readers, without the word ``comment``."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Element:
+    """One kind of rows, as the header names it."""
+
+    name: str
+    count: int
+    fields: list[tuple[str, str, np.dtype | None]]
+    """Name, type, and type of the length for a list, else None."""
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no lists."""
+        return all(length is None for _, _, length in self.fields)
+
+    @property
+    def kind(self) -> np.dtype:
+        """Return the type of a row without lists."""
+        return np.dtype([(name, kind) for name, kind, _ in self.fields])
 
 
 @dataclass(frozen=True)
@@ -59,11 +81,14 @@ def read_ply(path: Path, error: type[GraycardError], what: str) -> Ply:
         data = read_bytes(path)
     except OSError as cause:
         raise error(f"expected {what} at {path}, got {cause.strerror or cause}") from cause
+    data = data.removeprefix(_MARK)
     header = _header(data, path, error)
     try:
-        layouts = _layouts(header.lines, _ORDERS[header.format])
-        rows = _text_rows if header.format == "ascii" else _binary_rows
-        found = rows(data[header.start :] if header.format == "ascii" else data, layouts, header.start)
+        elements = _elements(header.lines, _ORDERS[header.format])
+        if header.format == "ascii":
+            found = _text_rows(data[header.start :], elements)
+        else:
+            found = _binary_rows(data, elements, header.start)
     except (ValueError, KeyError, IndexError, OverflowError) as cause:
         raise error(f"expected a whole PLY at {path}, got one cut off or damaged: {cause}") from cause
     comments = (line.partition(" ")[2].strip() for line in header.lines if line.startswith("comment "))
@@ -85,17 +110,17 @@ def _header(data: bytes, path: Path, error: type[GraycardError]) -> _Header:
     return _Header(lines, start, named[0])
 
 
-def _layouts(lines: list[str], order: str) -> list[tuple[str, int, np.dtype]]:
-    found: list[tuple[str, int, list[tuple[str, str]]]] = []
+def _elements(lines: list[str], order: str) -> list[_Element]:
+    found: list[_Element] = []
     for fields in (line.split() for line in lines):
         if fields[:1] == ["element"]:
-            found.append((fields[1], _count(fields[2]), []))
+            found.append(_Element(fields[1], _count(fields[2]), []))
         elif fields[:2] == ["property", "list"]:
-            found.pop()
-            break
+            length = np.dtype(order + _TYPES[fields[2]])
+            found[-1].fields.append((fields[4], order + _TYPES[fields[3]], length))
         elif fields[:1] == ["property"]:
-            found[-1][2].append((fields[2], order + _TYPES[fields[1]]))
-    return [(name, count, np.dtype(kinds)) for name, count, kinds in found if kinds or count]
+            found[-1].fields.append((fields[2], order + _TYPES[fields[1]], None))
+    return found
 
 
 def _count(text: str) -> int:
@@ -104,21 +129,45 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _binary_rows(data: bytes, layouts: list[tuple[str, int, np.dtype]], start: int) -> dict[str, np.ndarray]:
+def _binary_rows(data: bytes, elements: list[_Element], start: int) -> dict[str, np.ndarray]:
     rows = {}
-    for name, count, kind in layouts:
-        rows[name] = np.frombuffer(data, kind, count, start)
-        start += count * kind.itemsize
+    last = max((i for i, element in enumerate(elements) if element.plain), default=-1)
+    for element in elements[: last + 1]:
+        if element.plain:
+            rows[element.name] = np.frombuffer(data, element.kind, element.count, start)
+            start += element.count * element.kind.itemsize
+        else:
+            start = _past_lists(data, element, start)
     return rows
 
 
-def _text_rows(data: bytes, layouts: list[tuple[str, int, np.dtype]], _start: int) -> dict[str, np.ndarray]:
+def _past_lists(data: bytes, element: _Element, start: int) -> int:
+    """Return where the rows of an element with lists end.
+
+    Raises:
+        ValueError: They lead out of the file.
+    """
+    for _ in range(element.count):
+        for _, kind, length in element.fields:
+            size = np.dtype(kind).itemsize
+            if length is not None:
+                size *= int(np.frombuffer(data, length, 1, start)[0])
+                start += length.itemsize
+            if size < 0 or start + size > len(data):
+                raise ValueError(f"a list of {element.name} leads out of the file")
+            start += size
+    return start
+
+
+def _text_rows(data: bytes, elements: list[_Element]) -> dict[str, np.ndarray]:
     lines, rows, start = data.decode("latin-1").splitlines(), {}, 0
-    for name, count, kind in layouts:
-        part = lines[start : start + count]
-        if len(part) < count:
-            raise ValueError(f"{len(part)} of {count} rows of {name}")
-        values = np.array([line.split() for line in part], np.float64).reshape(count, len(kind.names or ()))
-        rows[name] = np.array([tuple(row) for row in values.tolist()], kind)
-        start += count
+    for element in elements:
+        part = lines[start : start + element.count]
+        if len(part) < element.count and element.plain:
+            raise ValueError(f"{len(part)} of {element.count} rows of {element.name}")
+        start += element.count
+        if element.plain:
+            values = np.array([line.split() for line in part], np.float64)
+            values = values.reshape(element.count, len(element.fields))
+            rows[element.name] = np.array([tuple(row) for row in values.tolist()], element.kind)
     return rows
