@@ -84,6 +84,11 @@ def is_scene(folder: Path) -> bool:
     return (Path(folder) / "capture" / MANIFEST).is_file()
 
 
+def has_truth(scene: Path) -> bool:
+    """Whether a scene has a truth that is whole; an imported capture has none."""
+    return (Path(scene) / "truth" / MANIFEST).is_file()
+
+
 def check_scene(folder: Path) -> None:
     """Refuse a folder one level above or below a scene, and say which one is meant.
 

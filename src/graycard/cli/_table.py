@@ -186,6 +186,14 @@ VERBS = (
         example="graycard splat trained.ply data/dark/corridor-1234 --out mine",
     ),
     Verb(
+        name="adopt",
+        group="your own data",
+        module="_scores",
+        command="AdoptCommand",
+        help="Make predictions of what other code wrote",
+        example="graycard adopt theirs data/dark/corridor-1234 --layout gs-ir --out adopted",
+    ),
+    Verb(
         name="export",
         group="your own data",
         module="_scenes",
