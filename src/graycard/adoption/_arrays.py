@@ -78,7 +78,7 @@ def _picture(path: Path) -> np.ndarray:
 
 def _npy(path: Path, suffix: str) -> np.ndarray:
     if suffix == ".npy":
-        read_bytes_are_file(path)
+        _refuse_pipes(path)
         return _checked(np.load(path, mmap_mode="r", allow_pickle=False), path)
     with gzip.open(path, "rb") as packed:
         data = packed.read(_LARGEST + 1)
@@ -87,8 +87,8 @@ def _npy(path: Path, suffix: str) -> np.ndarray:
     return _checked(np.load(io.BytesIO(data), allow_pickle=False), path)
 
 
-def read_bytes_are_file(path: Path) -> None:
-    """Prove that a path is a file, and no pipe or device.
+def _refuse_pipes(path: Path) -> None:
+    """Prove that a path is a file, and no pipe or device, which may have no end.
 
     Raises:
         ValueError: It is none.
@@ -98,8 +98,8 @@ def read_bytes_are_file(path: Path) -> None:
 
 
 def _npz(path: Path, key: str) -> np.ndarray:
-    read_bytes_are_file(path)
-    with np.load(path, allow_pickle=False) as arrays:
+    _refuse_pipes(path)
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
         name = key or (arrays.files[0] if len(arrays.files) == 1 else "")
         if name not in arrays.files:
             known = ", ".join(arrays.files[:8]) or "none"

@@ -116,12 +116,13 @@ def parse_map(text: str) -> LayerMap:
 
 def _meaning(word: str, text: str) -> Mapping[str, Any]:
     """Return the fields that one word sets."""
-    if word in _WORDS:
-        return _WORDS[word]
-    if gamma := _GAMMA.fullmatch(word):
+    lower = word.casefold()
+    if lower in _WORDS:
+        return _WORDS[lower]
+    if gamma := _GAMMA.fullmatch(lower):
         if float(gamma[1]) <= 0:
             raise PredictionError(f"expected a gamma above 0 in {text!r}, got {word}")
-        return {"curve": word}
+        return {"curve": lower}
     name, equals, value = word.partition("=")
     if equals and name in _VALUES:
         try:

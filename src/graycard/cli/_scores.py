@@ -24,13 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AdoptCommand:
-    """Make a predictions folder of what other code wrote: PNG, TIFF, EXR, NPY or NPZ.
-
-    Each --map names a layer, its files and their convention, as `base_color=albedo/{view}.png:srgb`,
-    `normal=normal/{index:05d}.exr:camera-opengl` or `depth=depth.npz:key=depth:distance`. The pattern may
-    hold {view}, {index} and {split}, and * for what is the same in all. A file whose name tells no views
-    apart holds them all. `graycard adopt --layouts` lists all words, and folders of published code.
-    """
+    """Make a predictions folder of what other code wrote: PNG, TIFF, EXR, NPY or NPZ."""
 
     folder: Annotated[Path | None, tyro.conf.Positional, optional("FOLDER")] = None
     """The folder that the other code wrote."""
@@ -39,7 +33,9 @@ class AdoptCommand:
     out: Annotated[Path | None, optional("PREDICTIONS")] = None
     """Write the predictions to this folder; predictions that it holds are replaced."""
     map: Annotated[tuple[str, ...], optional("LAYER=PATTERN:WORD ...")] = ()
-    """Where layers are, and by which convention; goes before --layout, whose PATTERN an empty one is."""
+    """Where layers are, and by which convention, as base_color=albedo/{view}.png:srgb or
+    depth=depth.npz:key=depth:distance; --layouts lists the words. {index:05d} and {split} number the files,
+    * stands for what is the same in all, and a name without {view} or {index} for a file of all views."""
     layout: Annotated[str | None, optional("NAME")] = None
     """The folder is that of published code."""
     layouts: bool = False

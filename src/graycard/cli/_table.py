@@ -191,7 +191,7 @@ VERBS = (
         module="_scores",
         command="AdoptCommand",
         help="Make predictions of what other code wrote",
-        example="graycard adopt theirs data/dark/corridor-1234 --layout gs-ir --out adopted",
+        example="graycard adopt theirs data/dark/corridor-1234 --layout gs-ir --out ours",
     ),
     Verb(
         name="export",
