@@ -4,13 +4,11 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
-
 from graycard import open_capture, open_predictions, open_truth
-from graycard.dataset import has_truth
+from graycard.dataset import HELD_OUT, has_truth, open_held_out
 from graycard.eval.hints._hints import Hint, Hints
 from graycard.eval.scoring._findings import SceneFacts
-from graycard.eval.scoring._readings import TrueView, read_prediction, read_truth
+from graycard.eval.scoring._readings import TrueView, photographed, read_prediction, read_truth
 from graycard.eval.scoring._training import Training
 
 
@@ -46,6 +44,8 @@ def _seen(scene: Path) -> Iterator[TrueView]:
         return
     capture = open_capture(scene / "capture", check=False)
     for view in capture.train:
-        everywhere = np.ones((view.camera.height, view.camera.width), np.uint32)
-        layers = {"radiance": capture.photograph(view), "object_id": everywhere}
-        yield TrueView(view, layers, frozenset())
+        yield photographed(view, capture.photograph(view))
+    if (scene / HELD_OUT).is_dir():
+        held = open_held_out(scene, check=False)
+        for view in held.views:
+            yield photographed(view, held.photograph(view))

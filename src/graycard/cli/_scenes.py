@@ -14,7 +14,7 @@ from rich.table import Table
 from graycard._errors import GraycardError, UnknownNameError
 from graycard.cli._options import Json, option_names, optional, parse_settings, refuse
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, share, write_optional_json
-from graycard.dataset import SECRET_SEEDS, TRACKS, is_scene
+from graycard.dataset import HELD_OUT, SECRET_SEEDS, TRACKS, is_scene
 from graycard.exchange import ExchangeFormat
 from graycard.predictions import INDEX as PREDICTIONS
 
@@ -308,8 +308,10 @@ class ImportCommand:
                 progress=progress,
             )
         capture = open_capture(made / "capture", check=False)
+        seen = len(list((made / HELD_OUT / "photographs").glob("*.exr")))
         terminal.out.print(
-            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, no truth"
+            f"import: {made}, {len(capture.train)} photographs, {len(capture.test)} views held out, "
+            f"{seen} of them with a photograph to be scored by, no truth"
         )
         return OK
 

@@ -15,7 +15,7 @@ from graycard._errors import GraycardError
 from graycard.cli._options import Json, optional
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import Warned, warned
-from graycard.records import Score, ScoreSheet, read_run
+from graycard.records import PhotographSheet, Score, ScoreSheet, read_run
 
 if TYPE_CHECKING:
     from graycard.adoption import Adopted
@@ -120,7 +120,9 @@ def _list_layouts(terminal: Terminal, json: Path | None) -> int:
 
 @dataclass(frozen=True)
 class ScoreCommand:
-    """Score a predictions folder, from any code, against the truth of its scene."""
+    """Score a predictions folder, from any code, against the truth of its scene. An imported capture has
+    none: its held-out photographs are scored, apart from all scores with truth.
+    """
 
     predictions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PREDICTIONS")]
     """The folder: docs/formats.md says what is in it."""
@@ -135,14 +137,39 @@ class ScoreCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
-        from graycard.dataset import check_scene
+        from graycard.dataset import check_scene, is_imported
         from graycard.eval import score_predictions
 
         check_scene(self.scene)
+        if is_imported(self.scene):
+            return self._score_photographs(terminal)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
         self._show(terminal, sheet)
         write_optional_json(self.json, sheet)
         return _conclude(sheet, terminal)
+
+    def _score_photographs(self, terminal: Terminal) -> int:
+        """Score by held-out photographs; a score that failed makes the exit code 1."""
+        from graycard.eval import score_photographs
+
+        sheet = score_photographs(self.predictions, self.scene, self.protocol)
+        terminal.out.print(f"{sheet.kind}: light alone is judged, by {sheet.views} held-out photographs")
+        terminal.out.print(_photograph_table(sheet))
+        if sheet.lacking:
+            terminal.say(f"note: held out without a photograph: {', '.join(sheet.lacking)}")
+        for says in dict.fromkeys(says for score in sheet.scores for says in score.warnings):
+            terminal.say(f"warning: {says}")
+        write_optional_json(self.json, sheet)
+        failed = [score for score in sheet.scores if score.status == "failed"]
+        for reason in dict.fromkeys(score.reason for score in failed):
+            terminal.err.print(f"failed: {reason}")
+        scored = sum(score.status == "scored" for score in sheet.scores)
+        terminal.out.print(
+            f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored by photographs, no "
+            f"truth, {len(failed)} failed; see them: graycard report {self.scene} --predictions "
+            f"{sheet.method}={self.predictions}"
+        )
+        return OK if scored and not failed else FAILED
 
     def _show(self, terminal: Terminal, sheet: ScoreSheet) -> None:
         """Print all tables, then the warnings by the numbers that stand beside the scores."""
@@ -220,6 +247,17 @@ def _score_table(scores: Sequence[Score], told: Sequence[Warned]) -> Table:
         counts = f"{score.scored}/{score.expected}"
         cells = score.unit, f"{score.optimum:g}", ceiling, counts, gauge
         table.add_row(score.metric, value, *cells, *[numbers] * bool(told))
+    return table
+
+
+def _photograph_table(sheet: PhotographSheet) -> Table:
+    """Return a row for each score by photographs."""
+    table = new_table("photographs, no truth", "score", "unit", "optimum", "as taken", "views")
+    for score in sheet.scores:
+        value = f"{score.value:.4g}" if score.value is not None else score.status
+        taken = f"{x:.4g}" if (x := score.breakdown.get("as_taken")) is not None else ""
+        counts = f"{score.scored}/{score.expected}"
+        table.add_row(score.metric, value, score.unit, f"{score.optimum:g}", taken, counts)
     return table
 
 

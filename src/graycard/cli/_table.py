@@ -158,7 +158,7 @@ VERBS = (
         group="runs",
         module="_checks",
         command="ReportCommand",
-        help="Write the report of a run: one HTML file that opens offline",
+        help="Write the report of a run, or of a capture: one HTML file",
         example="graycard report runs/demo",
     ),
     Verb(

@@ -10,9 +10,11 @@ import numpy as np
 
 from graycard._capture import POINTS, Capture, View
 from graycard._errors import DatasetError, UnknownNameError
+from graycard._held_out import HELD_OUT
 from graycard.dataset import IMPORTER, TRACKS, open_capture, write_index
 from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._colmap import find_model, read_colmap, read_colmap_points, write_colmap
+from graycard.exchange._held_out import write_held_out
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points, write_nerfstudio
 from graycard.exchange._photographs import check_mask, check_photograph, read_mask, read_photograph
 from graycard.io import (
@@ -74,6 +76,8 @@ def import_capture(
 ) -> Path:
     """Write ``DATASET/<track>/<scene>/capture`` from photographs with their cameras; there is no truth.
 
+    Photographs of held-out views go to ``held_out/`` beside it, where there are any.
+
     PNG and JPEG are decoded by the sRGB curve, EXR is taken as linear. The world stays as it is.
 
     Args:
@@ -106,6 +110,7 @@ def import_capture(
     kept = _split([_kept_of(s, track) for s in shots], 0 if listed else hold_out_every)
     masked = _check_files(kept)
     points = _read_points(Path(source), kept)
+    seen = [shot for shot in kept if shot.held_out and shot.image.is_file()]
     settings = (
         {"format": kind, "split": "as listed"}
         if listed
@@ -129,6 +134,7 @@ def import_capture(
             write_points(folder / POINTS, points)
         write_index(folder, Capture(track, scene, views, exposure, track == "dark", target))
         write_manifest(folder, manifest)
+        write_held_out(out.parent / HELD_OUT, seen, manifest)
     return out.parent
 
 
@@ -190,7 +196,7 @@ def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
             show no object or nothing else.
     """
     train = [shot for shot in shots if not shot.held_out]
-    for shot in train:
+    for shot in (*train, *(shot for shot in shots if shot.held_out and shot.image.is_file())):
         check_photograph(shot.image, shot.camera.width, shot.camera.height)
         if shot.mask is not None:
             check_mask(shot.mask, shot.camera.width, shot.camera.height)
