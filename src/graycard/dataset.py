@@ -208,6 +208,6 @@ def _refuse_imported(folder: Path) -> None:
     if not folder.exists() and is_imported(folder.parent):
         raise DatasetError(
             f"expected the truth of a rendered scene at {folder}, got an imported capture, which has no "
-            "truth: its held-out photographs alone can be scored, by `graycard score PREDICTIONS SCENE`, and "
-            "seen by `graycard report SCENE --predictions NAME=PREDICTIONS`"
+            "truth: methods that need none can be fitted to it, `graycard score PREDICTIONS SCENE` judges "
+            "its held-out photographs, and `graycard report SCENE --predictions NAME=PREDICTIONS` shows them"
         )
