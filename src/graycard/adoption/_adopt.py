@@ -14,7 +14,7 @@ from graycard.adoption._declared import LayerMap, parse_map
 from graycard.adoption._layouts import Layout, Views
 from graycard.adoption._places import Place, check_pattern, filled, find_file, is_stack, number_in, places_of
 from graycard.adoption._values import to_layer
-from graycard.dataset import open_capture
+from graycard.dataset import is_imported, open_capture
 from graycard.io import Progress, atomic_folder, read_bytes, remove, silent
 from graycard.predictions import (
     FOLDERS,
@@ -67,6 +67,8 @@ class Request:
     method: str = ""
     optional: frozenset[str] = frozenset()
     """Layers that may have no files at all: those of a layout."""
+    notes: tuple[str, ...] = ()
+    """What was changed about a layout, for the reader."""
 
 
 def request_of(
@@ -85,7 +87,7 @@ def request_of(
         PredictionError: There is nothing to adopt, or a map is malformed or double.
         UnknownNameError: There is no such layer or word.
     """
-    known = [parse_map(text) for text in layout.maps] if layout else []
+    known, notes = _of_layout(layout, Path(scene))
     given = [_completed(parse_map(text), known) for text in maps]
     layers = [declared.layer for declared in given]
     if double := [layer for layer in layers if layers.count(layer) > 1]:
@@ -101,7 +103,7 @@ def request_of(
     of_layout = frozenset(declared.layer for declared in known) - {*layers}
     told = {name: value for name, value in options.items() if value}
     views = {"views": layout.views} if layout else {}
-    return replace(found, optional=of_layout, **(views | told))
+    return replace(found, optional=of_layout, notes=notes, **(views | told))
 
 
 def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
@@ -134,7 +136,25 @@ def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
         out,
         len(places),
         tuple(_adopted(declared, ranges[declared.layer]) for declared in taken),
-        (*absent, *_unpredicted(capture, places)),
+        (*request.notes, *absent, *_unpredicted(capture, places)),
+    )
+
+
+def _of_layout(layout: Layout | None, scene: Path) -> tuple[list[LayerMap], tuple[str, ...]]:
+    """Return the maps of a layout, and what is to be said of them.
+
+    A program that was trained on a user's own photographs knows nothing of the exposure of their capture.
+    """
+    known = [parse_map(text) for text in layout.maps] if layout else []
+    if not any(declared.exposed for declared in known) or not is_imported(scene):
+        return known, ()
+    plain = [
+        replace(declared, exposed=False, words=tuple(word for word in declared.words if word != "exposed"))
+        for declared in known
+    ]
+    return plain, (
+        "exposed was left out of the layout, as for code that was trained on the photographs themselves. For "
+        "photographs of `graycard export` declare it: --map radiance=:srgb:exposed",
     )
 
 
