@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -32,7 +33,7 @@ def theirs(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def take(theirs: Path, adopted_scene: Path, tmp_path: Path) -> Adopt:
-    def run(*maps: str, **options: str) -> Adopted:
+    def run(*maps: str, **options: Any) -> Adopted:
         return adopt(request_of(theirs, adopted_scene, maps, **options), tmp_path / "ours")
 
     return run

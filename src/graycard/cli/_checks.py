@@ -15,6 +15,7 @@ from rich.table import Table
 from graycard._errors import GraycardError, OutputError, RecordError
 from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
+from graycard.cli.adoption._captures import report_captured
 from graycard.io import write_json
 from graycard.records import (
     COMPARISON,
@@ -177,7 +178,7 @@ class ReportCommand:
         from graycard.reports import ledger_of_run
 
         if is_scene(self.run_folder):
-            return self._report_capture(terminal)
+            return report_captured(terminal, self.run_folder, self.predictions, self.out)
         if self.predictions:
             raise GraycardError(
                 f"expected --predictions with an imported capture, got {self.run_folder}. Rows of a run come "
@@ -188,36 +189,6 @@ class ReportCommand:
             ledger_of_run(self.run_folder)
         except RecordError as fault:
             terminal.err.print(f"claims: {fault}")
-        terminal.out.print(f"report: {path.resolve()}")
-        return OK
-
-    def _report_capture(self, terminal: Terminal) -> int:
-        """Write the page of an imported capture: photographs, no truth.
-
-        Raises:
-            GraycardError: The scene has truth, or no predictions are named.
-        """
-        from graycard.dataset import is_imported
-        from graycard.eval import score_photographs
-        from graycard.reports import CaptureRow, write_capture_report
-
-        if not is_imported(self.run_folder):
-            raise GraycardError(
-                f"expected a run, or an imported capture, got a scene with truth at {self.run_folder}. "
-                "`graycard bench SUITE --predictions NAME=FOLDER` reports on predictions of such scenes"
-            )
-        named = [text.partition("=") for text in self.predictions]
-        if not named or any(not (name and folder) for name, _, folder in named):
-            raise GraycardError(
-                f"expected --predictions NAME=FOLDER for the capture {self.run_folder}, got "
-                f"{' '.join(self.predictions) or 'none'}. Make some: `graycard fit 2dgs {self.run_folder} "
-                "--out mine`, then name them mine=mine"
-            )
-        rows = [
-            CaptureRow(name, Path(folder), score_photographs(Path(folder), self.run_folder))
-            for name, _, folder in named
-        ]
-        path = write_capture_report(self.run_folder, rows, out=self.out)
         terminal.out.print(f"report: {path.resolve()}")
         return OK
 

@@ -188,7 +188,7 @@ VERBS = (
     Verb(
         name="adopt",
         group="your own data",
-        module="_scores",
+        module="adoption._adopt",
         command="AdoptCommand",
         help="Make predictions of what other code wrote",
         example="graycard adopt theirs data/dark/corridor-1234 --layout gs-ir --out ours",
