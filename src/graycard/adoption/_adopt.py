@@ -4,6 +4,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -72,7 +73,15 @@ class Request:
 
 
 def request_of(
-    folder: Path, scene: Path, maps: Sequence[str], layout: Layout | None = None, **options: str
+    folder: Path,
+    scene: Path,
+    maps: Sequence[str],
+    layout: Layout | None = None,
+    *,
+    views: Views | Literal[""] = "",
+    order: str = "capture",
+    star: str = "",
+    method: str = "",
 ) -> Request:
     """Return a request by texts of ``--map`` and a layout; a map goes before the layout's for its layer.
 
@@ -81,7 +90,10 @@ def request_of(
         scene: ``DATASET/<track>/<scene>``.
         maps: As ``LAYER=PATTERN:WORD:…``; an empty pattern stands for that of the layout.
         layout: A known one, or None.
-        options: Of :class:`Request`: ``views``, ``order``, ``star``, ``method``; empty ones are left out.
+        views: Which were predicted; empty for those of the layout, or all.
+        order: As of :class:`Request`.
+        star: As of :class:`Request`.
+        method: Name in scores; empty for that of the folder.
 
     Raises:
         PredictionError: There is nothing to adopt, or a map is malformed or double.
@@ -99,11 +111,9 @@ def request_of(
         )
     for declared in kept:
         check_pattern(declared.pattern, str(declared))
-    found = Request(Path(folder), Path(scene), tuple(kept))
     of_layout = frozenset(declared.layer for declared in known) - {*layers}
-    told = {name: value for name, value in options.items() if value}
-    views = {"views": layout.views} if layout else {}
-    return replace(found, optional=of_layout, notes=notes, **(views | told))
+    chosen = views or (layout.views if layout else "all")
+    return Request(Path(folder), Path(scene), tuple(kept), chosen, order, star, method, of_layout, notes)
 
 
 def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:

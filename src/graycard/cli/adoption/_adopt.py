@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -37,7 +37,7 @@ class AdoptCommand:
     """The folder is that of published code."""
     layouts: bool = False
     """List the known layouts and the words of --map."""
-    views: Annotated[str | None, optional("all|train|test")] = None
+    views: Annotated[Literal["all", "train", "test"] | None, optional("all|train|test")] = None
     """Views that were predicted; all by default, or those of the layout."""
     order: Annotated[str, tyro.conf.arg(metavar="capture|name|FILE")] = "capture"
     """Order by which {index} counts views: that of capture.json, by name, or a file with a name a line."""

@@ -68,11 +68,12 @@ def report_captured(terminal: Terminal, scene: Path, predictions: Sequence[str],
     if not named or any(not (name and folder) for name, _, folder in named):
         raise GraycardError(
             f"expected --predictions NAME=FOLDER for the capture {scene}, got "
-            f"{' '.join(predictions) or 'none'}. Make some: `graycard fit 2dgs {scene} --out mine`, then name "
-            "them mine=mine"
+            f"{' '.join(predictions) or 'none'}. Make some: `graycard fit 2dgs {scene} --out mine`, then "
+            "name them mine=mine"
         )
-    folders = {name: Path(folder) for name, _, folder in named}
-    rows = [CaptureRow(name, folder, score_photographs(folder, scene)) for name, folder in folders.items()]
+    rows = [
+        CaptureRow(name, Path(folder), score_photographs(Path(folder), scene)) for name, _, folder in named
+    ]
     path = write_capture_report(scene, rows, out=out)
     terminal.out.print(f"report: {path.resolve()}")
     return OK
