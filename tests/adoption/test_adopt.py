@@ -255,6 +255,7 @@ def test_outputs_of_strangers_stay_in_their_folder(
         (".npz", b"PK\x03\x04"),
         (".npy.gz", b"\x1f\x8b\x08"),
         (".png", b"\x89PNG\r\n\x1a\n"),
+        (".png", b""),
         (".exr", b"\x76\x2f\x31\x01"),
         (".tiff", b"II*\x00"),
     ],

@@ -165,6 +165,13 @@ def test_a_scene_with_truth_has_its_report_in_a_bench(
     assert "got a scene with truth" in capsys.readouterr().err
 
 
+def test_a_bench_of_scenes_says_what_to_run(cellar: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", str(cellar.parents[1])]) == 2
+    said = capsys.readouterr().err
+    assert f"graycard fit 2dgs {cellar} --out mine" in said
+    assert f"graycard report {cellar} --predictions 2dgs=mine" in said
+
+
 def test_predictions_of_another_scene_are_refused(
     cellar: Path, tiny_scenes: dict[str, Path], predict: Callable[..., Path]
 ) -> None:

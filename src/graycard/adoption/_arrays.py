@@ -68,7 +68,10 @@ def _picture(path: Path) -> np.ndarray:
     """Return the codes of a picture; OpenCV reads 16 bits of each colour, which Pillow cuts off."""
     import cv2
 
-    codes = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        codes = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as cause:
+        raise ValueError("no picture that OpenCV can decode") from cause
     if codes is None:
         raise ValueError("no picture that OpenCV can decode")
     if codes.ndim == 3 and codes.shape[-1] >= 3:

@@ -196,10 +196,12 @@ def _check_files(shots: Sequence[PosedPhotograph]) -> bool:
             show no object or nothing else.
     """
     train = [shot for shot in shots if not shot.held_out]
-    for shot in (*train, *(shot for shot in shots if shot.held_out and shot.image.is_file())):
+    for shot in train:
         check_photograph(shot.image, shot.camera.width, shot.camera.height)
         if shot.mask is not None:
             check_mask(shot.mask, shot.camera.width, shot.camera.height)
+    for shot in (shot for shot in shots if shot.held_out and shot.image.is_file()):
+        check_photograph(shot.image, shot.camera.width, shot.camera.height)
     bare = [shot.name for shot in train if shot.mask is None]
     if bare and len(bare) < len(train):
         raise DatasetError(

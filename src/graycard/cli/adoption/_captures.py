@@ -13,6 +13,24 @@ from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_option
 from graycard.records import PhotographSheet
 
 
+def refuse_scenes(suite: str) -> None:
+    """Refuse a folder of scenes in the place of a suite, and say what to run on scenes of one's own.
+
+    Raises:
+        GraycardError: It is such a folder.
+    """
+    if not Path(suite).is_dir():
+        return
+    from graycard.dataset import capture_folders
+
+    if scenes := capture_folders(Path(suite)):
+        raise GraycardError(
+            f"expected a suite, got a folder of scenes, {suite}. Fit a method to one of them: `graycard fit "
+            f"2dgs {scenes[0]} --out mine`; then `graycard score mine {scenes[0]}`, and for photographs of "
+            f"your own `graycard report {scenes[0]} --predictions 2dgs=mine`"
+        )
+
+
 def score_captured(
     terminal: Terminal, predictions: Path, scene: Path, protocol: str, json: Path | None
 ) -> int:
