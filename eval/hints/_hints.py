@@ -46,7 +46,7 @@ class Hint:
     layer: str
     says: str
     declare: str = ""
-    """What `graycard adopt` is to be told of the layer instead; empty where nothing would help."""
+    """Word for `graycard adopt` to declare of the layer instead; empty where nothing would help."""
 
 
 @dataclass(slots=True)

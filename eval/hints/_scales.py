@@ -13,7 +13,7 @@ _APART = 0.05
 
 
 class Scale(NamedTuple):
-    """What one factor does to the depth of a view."""
+    """Effect of one factor on the depth of a view."""
 
     factor: float
     before: float

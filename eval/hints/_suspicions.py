@@ -35,7 +35,7 @@ class Suspicion:
     """The error that must be undercut after the inverse."""
     says: str
     declare: str = ""
-    """What `graycard adopt` is to be told instead; empty where it cannot undo the mistake."""
+    """Word for `graycard adopt` to declare instead; empty where it cannot undo the mistake."""
 
 
 def shape_error(predicted: Values, true: Values, sight: Sight) -> float:

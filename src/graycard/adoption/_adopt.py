@@ -51,12 +51,12 @@ class Adopted:
     views: int
     layers: tuple[AdoptedLayer, ...]
     left_out: tuple[str, ...] = ()
-    """What a reader must know: layers of a layout without files, views that have no prediction."""
+    """Remarks that a reader needs: layers of a layout without files, views that have no prediction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be adopted, and how its files are found."""
+    """Outputs to adopt, and the way to find their files."""
 
     folder: Path
     scene: Path
@@ -69,7 +69,7 @@ class Request:
     optional: frozenset[str] = frozenset()
     """Layers that may have no files at all: those of a layout."""
     notes: tuple[str, ...] = ()
-    """What was changed about a layout, for the reader."""
+    """Remarks on changes of a layout, for the reader."""
 
 
 def request_of(

@@ -19,7 +19,7 @@ def to_layer(
 
     Args:
         values: One view of a file, as it was read.
-        declared: What was declared of it.
+        declared: Its declaration.
         camera: Of the view.
         exposure: Of the scene.
         where: The file, for messages.

@@ -42,7 +42,7 @@ class AdoptCommand:
     order: Annotated[str, tyro.conf.arg(metavar="capture|name|FILE")] = "capture"
     """Order by which {index} counts views: that of capture.json, by name, or a file with a name a line."""
     star: Annotated[str | None, optional("TEXT")] = None
-    """What stands for * in patterns; by default the one name that fits."""
+    """Text that stands for * in patterns; by default the one name that fits."""
     method: Annotated[str | None, optional("NAME")] = None
     """Name of the method in scores; the name of FOLDER by default."""
     json: Json = None
