@@ -3,6 +3,8 @@
 
 from graycard import angles as angles
 from graycard.eval._protocol import PROTOCOL as PROTOCOL
+from graycard.eval.hints._find import find_hints as find_hints
+from graycard.eval.hints._hints import Hint as Hint
 from graycard.eval.kinds._metric import Metric as Metric
 from graycard.eval.kinds._references import Reference as Reference
 from graycard.eval.lights._errors import LightMatch as LightMatch
@@ -42,6 +44,7 @@ from graycard.eval.scoring._gauge import apply_gauge as apply_gauge
 from graycard.eval.scoring._gauge import fit_gauge as fit_gauge
 from graycard.eval.scoring._gauge import moments as moments
 from graycard.eval.scoring._mask import judged_mask as judged_mask
+from graycard.eval.scoring._photographs import score_photographs as score_photographs
 from graycard.eval.scoring._sheet import in_every_view as in_every_view
 from graycard.eval.scoring._sheet import score_predictions as score_predictions
 from graycard.eval.scoring._sheet import scores_of as scores_of

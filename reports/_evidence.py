@@ -151,6 +151,16 @@ def open_method(
     )
 
 
+def handed_in(name: str, folder: Path, views: Sequence[View]) -> MethodEvidence:
+    """What lies in a predictions folder, without a job; what is missing or broken is a fault."""
+    try:
+        found = open_predictions(folder)
+    except GraycardError as cause:
+        return MethodEvidence(name, fault=str(cause))
+    layers, faults = _read_views(found, views)
+    return MethodEvidence(name, layers=layers, faults=faults, predictions=found)
+
+
 def usable_layer(
     method: MethodEvidence, view: View, name: str, mask: np.ndarray
 ) -> tuple[np.ndarray, str] | tuple[None, str]:

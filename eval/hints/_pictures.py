@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Hints about whole pictures: mirrored, moved, exchanged, rounded, clipped, or the wrong part removed."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,22 @@ _GRID = 8
 _FLIPS = {"left and right": np.s_[:, ::-1], "top and bottom": np.s_[::-1]}
 
 
+_LAYERS = ("base_color", "normal", "depth", "roughness", "metallic")
+"""Layers that are looked at beside radiance; the first tells views apart where there is no radiance."""
+_SIDE = 48
+"""Rows and columns, about, of the small pictures by which views are told apart without radiance."""
+_ORDER = "views in their order: --order name, or a file with their names"
+
+
+class Stamp(NamedTuple):
+    """A small picture of a layer: predicted, true, and where it is judged."""
+
+    layer: str
+    predicted: np.ndarray
+    true: np.ndarray
+    mask: np.ndarray
+
+
 @dataclass(frozen=True, slots=True)
 class Looks:
     """Evidence of one view on mistakes with whole pictures."""
@@ -27,12 +44,14 @@ class Looks:
     view: str
     thumbnails: tuple[np.ndarray, np.ndarray] | None = None
     """Predicted and true, each ``(8, 8)``, less for a tiny picture; None without radiance."""
-    flips: tuple[float, ...] = ()
-    """Error as it is, and mirrored in each way."""
+    flips: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    """By layer: the error as it is, and mirrored in each way."""
     moves: tuple[tuple[tuple[float, float], float], ...] = ()
     """Error after each move (down, right) in pixels."""
     says: tuple[tuple[str, str], ...] = ()
     """Layer and hint of what a view tells by itself."""
+    stamp: Stamp | None = None
+    """Of a layer, where there is no radiance."""
 
 
 def look(predicted: PredictedView, true: TrueView, exposure: float) -> Looks:
@@ -40,24 +59,58 @@ def look(predicted: PredictedView, true: TrueView, exposure: float) -> Looks:
     says = tuple(
         _rounded("base_color", predicted, true) + _clipped(predicted, true) + _inverted(predicted, true)
     )
+    flips = {layer: found for layer in _LAYERS if (found := _mirrored(layer, predicted, true))}
     p = _fit(predicted, true, "radiance")
     if p is None or "radiance" not in true.layers:
-        return Looks(true.view.name, says=says)
+        stamps = (_stamp(layer, predicted, true) for layer in _LAYERS)
+        stamp = next((stamp for stamp in stamps if stamp is not None), None)
+        return Looks(true.view.name, flips=flips, says=says, stamp=stamp)
     a, b = (srgb_encode(luminance(image) * exposure) for image in (p, true.take("radiance")))
-    flips = tuple(_rms(a[way] - b) for way in (np.s_[:, :], *_FLIPS.values()))
+    flips = {"radiance": tuple(_rms(a[way] - b) for way in (np.s_[:, :], *_FLIPS.values())), **flips}
     return Looks(true.view.name, (_thumbnail(a), _thumbnail(b)), flips, _moves(a, b), says)
 
 
-def picture_hints(looks: Sequence[Looks]) -> list[tuple[str, str]]:
-    """Layer and hint, where most of the views say the same."""
+def picture_hints(looks: Sequence[Looks]) -> list[tuple[str, str, str]]:
+    """Layer, hint, and what to declare instead, where most of the views say the same."""
     seen = [x for x in looks if x.thumbnails is not None]
-    found = [*_exchanged(seen), *_flipped(seen)] if seen else []
-    if seen and not found:
-        found += _moved(seen)
+    found = [("radiance", says, _ORDER) for says in _exchanged(seen)] if seen else []
+    found = found or _exchanged_layers([x for x in looks if x.stamp is not None])
+    if not found:
+        found = _flipped(looks)
+    if seen and not any(layer == "radiance" for layer, _, _ in found):
+        found += [("radiance", says, "") for says in _moved(seen)]
     candidates = dict.fromkeys(says for x in looks for says in x.says)
-    return [("radiance", says) for says in found] + [
-        says for says in candidates if sum(says in x.says for x in looks) > len(looks) / 2
-    ]
+    return found + [(*says, "") for says in candidates if sum(says in x.says for x in looks) > len(looks) / 2]
+
+
+def _raw(layer: str, predicted: PredictedView, true: TrueView) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return a layer as predicted, 0 where it is not finite, and its mask; None where it has another size."""
+    values = predicted.layers.get(layer)
+    if values is None or layer not in true.layers or values.shape != true.layers[layer].shape:
+        return None
+    mask = true.mask(layer)
+    found = np.nan_to_num(values.astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0)
+    return (found, mask) if mask.any() else None
+
+
+def _mirrored(layer: str, predicted: PredictedView, true: TrueView) -> tuple[float, ...]:
+    """Return the error of a layer as it is, and mirrored in each way, where it is judged."""
+    seen = _raw(layer, predicted, true)
+    if seen is None:
+        return ()
+    values, mask = seen
+    t = true.take(layer)[mask]
+    return tuple(_rms(values[way][mask] - t) for way in (np.s_[:, :], *_FLIPS.values()))
+
+
+def _stamp(layer: str, predicted: PredictedView, true: TrueView) -> Stamp | None:
+    """Return every n-th pixel of a layer, by which views are told apart."""
+    seen = _raw(layer, predicted, true)
+    if seen is None:
+        return None
+    values, mask = seen
+    step = np.s_[:: max(1, mask.shape[0] // _SIDE), :: max(1, mask.shape[1] // _SIDE)]
+    return Stamp(layer, values[step], true.take(layer)[step], mask[step])
 
 
 def _fit(predicted: PredictedView, true: TrueView, layer: str) -> np.ndarray | None:
@@ -73,19 +126,56 @@ def _fit(predicted: PredictedView, true: TrueView, layer: str) -> np.ndarray | N
 def _exchanged(looks: Sequence[Looks]) -> list[str]:
     """Views whose prediction is far closer to what another view sees."""
     pairs = [x.thumbnails for x in looks if x.thumbnails is not None]
-    costs = np.array([[_rms(p - t) for _, t in pairs] for p, _ in pairs])
+    return _named([x.view for x in looks], np.array([[_rms(p - t) for _, t in pairs] for p, _ in pairs]))
+
+
+def _exchanged_layers(looks: Sequence[Looks]) -> list[tuple[str, str, str]]:
+    """The same by another layer than radiance."""
+    stamps = [x.stamp for x in looks if x.stamp is not None]
+    if not stamps or len({stamp.layer for stamp in stamps}) > 1:
+        return []
+    costs = np.array([[_cost(a, b) for b in stamps] for a in stamps])
+    return [(stamps[0].layer, says, _ORDER) for says in _named([x.view for x in looks], costs)]
+
+
+def _cost(one: Stamp, other: Stamp) -> float:
+    """Return the error of a view's prediction against what another sees."""
+    if one.predicted.shape != other.true.shape or not other.mask.any():
+        return np.inf
+    return _rms((one.predicted - other.true)[other.mask])
+
+
+def _named(views: Sequence[str], costs: np.ndarray) -> list[str]:
+    """Say which view shows which, by the error of each prediction (row) against each truth (column)."""
     other = costs.argmin(axis=1)
     wrong = [i for i, j in enumerate(other) if costs[i, j] < _RATIO * costs[i, i]]
-    if 2 * len(wrong) < len(looks) or len(wrong) < 2 or len({other[i] for i in wrong}) < len(wrong):
+    if 2 * len(wrong) < len(views) or len(wrong) < 2 or len({other[i] for i in wrong}) < len(wrong):
         return []  # a picture that is the same for all views is close to one of them
-    named = ", ".join(f"{looks[i].view} shows {looks[other[i]].view}" for i in wrong[:3])
+    named = ", ".join(f"{views[i]} shows {views[other[i]]}" for i in wrong[:3])
     return [f"views look exchanged: {named}"]
 
 
-def _flipped(looks: Sequence[Looks]) -> list[str]:
-    errors = np.array([x.flips for x in looks]).mean(axis=0)
-    ways = [way for way, error in zip(_FLIPS, errors[1:], strict=True) if error < _RATIO * errors[0]]
-    return [f"pictures look mirrored: {way} are exchanged" for way in ways[:1]]
+def _flipped(looks: Sequence[Looks]) -> list[tuple[str, str, str]]:
+    """Layers that are mirrored; the others are not named where the pictures are."""
+    found = []
+    for layer in ("radiance", *_LAYERS):
+        errors = np.array([x.flips[layer] for x in looks if layer in x.flips])
+        if not len(errors):
+            continue
+        mean = errors.mean(axis=0)
+        ways = [way for way, error in zip(_FLIPS, mean[1:], strict=True) if error < _RATIO * mean[0]]
+        declare = {"top and bottom": "bottom-up, or leave it out"}
+        found += [(layer, way, declare.get(way, "")) for way in ways[:1]]
+    if any(layer == "radiance" for layer, _, _ in found):
+        found = [entry for entry in found if entry[0] == "radiance"]
+    return [
+        (
+            layer,
+            f"{'pictures look' if layer == 'radiance' else f'{layer} looks'} mirrored: {way} are exchanged",
+            d,
+        )
+        for layer, way, d in found
+    ]
 
 
 def _moved(looks: Sequence[Looks]) -> list[str]:

@@ -222,6 +222,12 @@ def read_truth(truth: Truth, view: View) -> TrueView:
     return TrueView(view, with_derived(truth.layers(view)), truth.emitter_ids(), charts)
 
 
+def photographed(view: View, photograph: np.ndarray) -> TrueView:
+    """Return a photograph in the place of truth: light is all that is known, and every pixel counts."""
+    everywhere = np.ones((view.camera.height, view.camera.width), np.uint32)
+    return TrueView(view, {"radiance": photograph, "object_id": everywhere}, frozenset())
+
+
 def _renamed(
     layers: Mapping[str, T], names: Mapping[str, str] | None
 ) -> tuple[Mapping[str, T], frozenset[str]]:

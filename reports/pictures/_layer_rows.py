@@ -142,6 +142,25 @@ def layer_row(
     )
 
 
+def bare_row(name: str, view: View, exposure: float, methods: Sequence[MethodEvidence]) -> LayerRow:
+    """The pictures of a layer in one view, of which no truth is known: no error is shown."""
+    title, mask = title_of(name), np.ones((view.camera.height, view.camera.width), bool)
+    found = [usable_layer(method, view, name, mask)[0] for method in methods]
+    low, high = _value_range([values for values in found if values is not None] or [np.zeros(1)])
+    layer = JudgedLayer(name, exposure, {}, {}, 1.0, low, high)
+    return LayerRow(
+        title,
+        _unit_of(name),
+        Tile(missing="no truth"),
+        tuple(_prediction(layer, view, method, mask, title) for method in methods),
+        (),
+        (),
+        _scale("error", 0, 1, "", ""),
+        _scale("error", 0, 1, "", ""),
+        _scale("depth", low, high, find_layer(name).unit, "") if _is_number(name) else None,
+    )
+
+
 def _unit_of(name: str) -> str:
     if name in _UNITS:
         return _UNITS[name]

@@ -5,6 +5,7 @@ DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photogra
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
                                   relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
                                   [composition/{composition.json views/<view>.exr}]
+DATASET/<track>/<scene>/held_out/ manifest.json photographs/<view>.exr   of an imported capture, without truth
 """
 
 from dataclasses import replace
@@ -13,6 +14,9 @@ from typing import Any
 
 from graycard._capture import Capture, file_of
 from graycard._errors import DatasetError
+from graycard._held_out import HELD_OUT as HELD_OUT
+from graycard._held_out import PHOTOGRAPHS
+from graycard._held_out import HeldOut as HeldOut
 from graycard._truth import Truth
 from graycard.io import (
     MANIFEST,
@@ -22,6 +26,7 @@ from graycard.io import (
     from_builtins,
     read_json,
     read_manifest,
+    sha256,
     write_json,
 )
 
@@ -62,6 +67,35 @@ def open_truth(folder: Path, *, check: bool = True) -> Truth:
     return _open(Truth, Path(folder), "truth", check)
 
 
+def open_held_out(scene: Path, *, check: bool = True) -> HeldOut:
+    """The photographs of held-out views beside an imported capture.
+
+    Args:
+        scene: ``DATASET/<track>/<scene>``.
+        check: Compare every file with its SHA-256 first.
+
+    Raises:
+        DatasetError: The capture is missing, no photograph was held out, or one is damaged.
+    """
+    capture, folder = open_capture(Path(scene) / "capture", check=check), Path(scene) / HELD_OUT
+    if not (folder / MANIFEST).is_file():
+        what = f"{len(capture.test)} held-out views without one" if capture.test else "no held-out view"
+        raise DatasetError(
+            f"expected photographs of held-out views at {folder}, got {what}. Import the capture again, with "
+            "another --scene, --hold-out-every 8, and the photographs of all views there"
+        )
+    manifest = read_manifest(folder, "graycard-held-out")
+    if (manifest.track, manifest.scene) != (capture.track, capture.scene):
+        raise DatasetError(
+            f"expected {folder} to be of {capture.track}/{capture.scene}, got "
+            f"{manifest.track}/{manifest.scene}. Import the capture again"
+        )
+    if check:
+        check_files(folder, manifest)
+    views = tuple(v for v in capture.test if f"{PHOTOGRAPHS}/{v.name}.exr" in manifest.files)
+    return HeldOut(capture, views, folder, sha256(folder / MANIFEST))
+
+
 def write_index(folder: Path, content: Capture | Truth) -> None:
     """Write ``capture.json`` or ``truth.json``; the manifest is sealed after it."""
     name = "capture" if isinstance(content, Capture) else "truth"
@@ -82,6 +116,19 @@ def capture_folders(dataset: Path) -> list[Path]:
 def is_scene(folder: Path) -> bool:
     """Whether a folder is that of a scene, ``DATASET/<track>/<scene>``, and none of scenes."""
     return (Path(folder) / "capture" / MANIFEST).is_file()
+
+
+def is_imported(scene: Path) -> bool:
+    """Whether a scene is a user's own photographs, which have no truth beside them."""
+    capture = Path(scene) / "capture"
+    if has_truth(scene) or not (capture / MANIFEST).is_file():
+        return False
+    return read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER
+
+
+def has_truth(scene: Path) -> bool:
+    """Whether a scene has a truth that is whole; an imported capture has none."""
+    return (Path(scene) / "truth" / MANIFEST).is_file()
 
 
 def check_scene(folder: Path) -> None:
@@ -158,12 +205,9 @@ def _refuse_imported(folder: Path) -> None:
     Raises:
         DatasetError: ``folder`` would be the truth beside such a capture.
     """
-    capture = folder.parent / "capture"
-    if folder.exists() or not (capture / MANIFEST).is_file():
-        return
-    if read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER:
+    if not folder.exists() and is_imported(folder.parent):
         raise DatasetError(
             f"expected the truth of a rendered scene at {folder}, got an imported capture, which has no "
-            "truth: it can be fitted by methods that need none and looked at, not scored. For scores, take a "
-            "scene of `graycard render`"
+            "truth: methods that need none can be fitted to it, `graycard score PREDICTIONS SCENE` judges "
+            "its held-out photographs, and `graycard report SCENE --predictions NAME=PREDICTIONS` shows them"
         )

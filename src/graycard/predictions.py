@@ -233,6 +233,20 @@ def clear_predictions(folder: Path) -> Path:
         OutputError: The folder holds something else, or cannot be written to.
     """
     folder = Path(folder)
+    check_room(folder)
+    writable_folder(folder)
+    for name in (INDEX, LIGHTS, *FOLDERS):
+        remove(folder / name)
+    return folder
+
+
+def check_room(folder: Path) -> None:
+    """Prove that a folder is free or holds predictions and nothing else.
+
+    Raises:
+        OutputError: It holds something else.
+    """
+    folder = Path(folder)
     names = [p.name for p in folder.iterdir() if not p.name.startswith(".")] if folder.is_dir() else []
     foreign = sorted(set(names) - {INDEX, LIGHTS, *FOLDERS})
     if foreign:
@@ -240,10 +254,6 @@ def clear_predictions(folder: Path) -> Path:
             f"expected {folder} to be free or to hold predictions, got {', '.join(foreign[:3])} in it. "
             "Choose another output folder"
         )
-    writable_folder(folder)
-    for name in (INDEX, LIGHTS, *FOLDERS):
-        remove(folder / name)
-    return folder
 
 
 def write_view(folder: Path, view: str, layers: Mapping[str, np.ndarray]) -> None:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from rich.table import Table
 
-from graycard._errors import OutputError, RecordError
+from graycard._errors import GraycardError, OutputError, RecordError
 from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
+from graycard.cli.adoption._captures import report_captured
 from graycard.io import write_json
 from graycard.records import (
     COMPARISON,
@@ -160,17 +161,29 @@ class PublishCommand:
 
 @dataclass(frozen=True)
 class ReportCommand:
-    """Write the report of a run: one HTML file that opens offline."""
+    """Write the report of a run, or of predictions of an imported capture, as one HTML file that opens
+    offline.
+    """
 
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder."""
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|SCENE")]
+    """The run folder; or an imported capture, DATASET/<track>/<scene>."""
     out: Annotated[Path | None, optional("FILE")] = None
-    """Write to this file; RUN/report/index.html by default. For a run that cannot be written to."""
+    """Write to this file; RUN/report/index.html or SCENE/report/index.html by default."""
+    predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
+    """With SCENE: predictions that are held against its photographs, a column each."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.dataset import is_scene
         from graycard.reports import ledger_of_run
 
+        if is_scene(self.run_folder):
+            return report_captured(terminal, self.run_folder, self.predictions, self.out)
+        if self.predictions:
+            raise GraycardError(
+                f"expected --predictions with an imported capture, got {self.run_folder}. Rows of a run come "
+                "from `graycard bench SUITE --predictions`"
+            )
         path = self._written()
         try:
             ledger_of_run(self.run_folder)

@@ -15,6 +15,7 @@ from graycard.cli._checks import salt_in
 from graycard.cli._options import Json, Memory, SaltFile, Timeout, optional, parse_settings, show_help
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import run_lines
+from graycard.cli.adoption._captures import refuse_scenes
 from graycard.io import Progress
 from graycard.records import Looks, RunRecord
 
@@ -236,6 +237,7 @@ class BenchCommand:
         from graycard.reports import write_report
         from graycard.synth import find_llvm
 
+        refuse_scenes(self.suite)
         self._check()
         salt = None if self.salt is None else salt_in(self.salt, terminal)
         jobs = usable_cores() if self.jobs is None else self.jobs

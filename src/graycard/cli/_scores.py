@@ -14,12 +14,15 @@ from rich.table import Table
 from graycard.cli._options import Json
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import Warned, warned
+from graycard.cli.adoption._captures import score_captured
 from graycard.records import Score, ScoreSheet, read_run
 
 
 @dataclass(frozen=True)
 class ScoreCommand:
-    """Score a predictions folder, from any code, against the truth of its scene."""
+    """Score a predictions folder, from any code, against the truth of its scene. An imported capture has
+    none: its held-out photographs are scored, apart from all scores with truth.
+    """
 
     predictions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PREDICTIONS")]
     """The folder: docs/formats.md says what is in it."""
@@ -34,10 +37,12 @@ class ScoreCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Score; a score that failed makes the exit code 1."""
-        from graycard.dataset import check_scene
+        from graycard.dataset import check_scene, is_imported
         from graycard.eval import score_predictions
 
         check_scene(self.scene)
+        if is_imported(self.scene):
+            return score_captured(terminal, self.predictions, self.scene, self.protocol, self.json)
         sheet = score_predictions(self.predictions, self.scene, self.protocol)
         self._show(terminal, sheet)
         write_optional_json(self.json, sheet)

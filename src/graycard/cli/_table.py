@@ -158,7 +158,7 @@ VERBS = (
         group="runs",
         module="_checks",
         command="ReportCommand",
-        help="Write the report of a run: one HTML file that opens offline",
+        help="Write the report of a run, or of a capture: one HTML file",
         example="graycard report runs/demo",
     ),
     Verb(
@@ -184,6 +184,14 @@ VERBS = (
         command="SplatCommand",
         help="Render a trained 3DGS or 2DGS splat as predictions of a scene",
         example="graycard splat trained.ply data/dark/corridor-1234 --out mine",
+    ),
+    Verb(
+        name="adopt",
+        group="your own data",
+        module="adoption._adopt",
+        command="AdoptCommand",
+        help="Make predictions of what other code wrote",
+        example="graycard adopt theirs data/dark/corridor-1234 --layout gs-ir --out ours",
     ),
     Verb(
         name="export",

@@ -20,6 +20,7 @@ from graycard.exchange.pictures import (
     MaskObject,
     Note,
     Orientation,
+    Picture,
     find_photographs,
     judge_masks,
     read_mask,
@@ -57,15 +58,19 @@ class PictureOptions:
 
 @dataclass(frozen=True, slots=True)
 class FoundPictures:
-    """Photographs of training views that are there and fit their cameras, and their masks."""
+    """Photographs that are there and fit their cameras, and masks of training views."""
 
     shots: tuple[PosedPhotograph, ...]
+    """Training views."""
+    held: tuple[PosedPhotograph, ...]
+    """Held-out views that have a photograph."""
     photographs: tuple[FoundPicture, ...]
+    """One for each of both, training views first."""
     masks: tuple[FoundPicture, ...]
-    """One for each, or none."""
+    """One for each training view, or none."""
     white_is_object: bool
     exposures: tuple[float, ...]
-    """Relative ones, one for each, or none."""
+    """Relative ones, one for each photograph, or none."""
     options: PictureOptions
     rows: tuple[ImportRow, ...]
 
@@ -91,14 +96,21 @@ class _Done:
     bits: int
 
 
-def find_pictures(train: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
+def find_pictures(
+    train: Sequence[PosedPhotograph], options: PictureOptions, held: Sequence[PosedPhotograph] = ()
+) -> FoundPictures:
     """Find the photographs and masks of training shots, and look through the masks.
+
+    Args:
+        train: Training shots.
+        options: What whoever imports has chosen.
+        held: Held-out shots that have a photograph.
 
     Raises:
         DatasetError: One is missing, broken, of another size or kind; only some shots have a mask; masks
             show no object or nothing else, or look inverted.
     """
-    photographs = find_photographs([(s.image, s.size) for s in train], options.orientation)
+    photographs = find_photographs([(s.image, s.size) for s in (*train, *held)], options.orientation)
     bare = [shot.name for shot in train if shot.mask is None]
     if bare and len(bare) < len(train):
         raise DatasetError(
@@ -114,9 +126,27 @@ def find_pictures(train: Sequence[PosedPhotograph], options: PictureOptions) -> 
     exposures, note = relative_exposures([p.exposure for p in photographs])
     if options.exposures == "alike":
         exposures, note = None, Note("exposure", "EXIF is not asked, all are taken as exposed alike")
-    rows += [_row(note, len(train))] if note else []
-    found = tuple(exposures) if exposures else ()
-    return FoundPictures(tuple(train), tuple(photographs), tuple(masks), white, found, options, tuple(rows))
+    rows += [_row(note, len(photographs))] if note else []
+    seen = tuple(train), tuple(held), tuple(photographs), tuple(masks)
+    return FoundPictures(*seen, white, tuple(exposures or ()), options, tuple(rows))
+
+
+def develop_held_out(found: FoundPictures, keep: Callable[[PosedPhotograph, np.ndarray], None]) -> None:
+    """Read each photograph of a held-out view as those of training views are, and hand it on.
+
+    Raises:
+        DatasetError: One is broken.
+    """
+    for number, shot in enumerate(found.held, start=len(found.shots)):
+        keep(shot, develop(_light(found, number)[0], shot))
+
+
+def _light(found: FoundPictures, number: int) -> tuple[np.ndarray, Picture]:
+    """Return the light of a photograph at the exposure that all have in common, and the photograph."""
+    picture = read_photograph(found.photographs[number], found.options.background)
+    if not found.exposures:
+        return picture.light, picture
+    return picture.light / np.float32(found.exposures[number]), picture
 
 
 def develop_pictures(
@@ -125,7 +155,7 @@ def develop_pictures(
     keep_mask: Callable[[PosedPhotograph, np.ndarray], None],
     progress: Progress = silent,
 ) -> Developed:
-    """Read each photograph and mask and hand it on; few are in memory at a time.
+    """Read photographs and masks of training views and hand them on; few are in memory at a time.
 
     Args:
         found: Where they are.
@@ -141,9 +171,8 @@ def develop_pictures(
 
     def work(number: int) -> _Done:
         shot = found.shots[number]
-        picture = read_photograph(found.photographs[number], found.options.background)
+        light, picture = _light(found, number)
         notes = [*picture.notes, *_darkness(picture.light, picture.bits)]
-        light = picture.light / np.float32(found.exposures[number]) if found.exposures else picture.light
         light = develop(light, shot)
         keep(shot, light)
         if found.masks:
@@ -191,7 +220,7 @@ def _sensor(found: FoundPictures, white: float, bits: int) -> Sensor | None:
     """Return the exposures as a capture has them: white is where radiance × exposure × factor is 1."""
     if not found.exposures:
         return None
-    factors = zip(found.shots, found.exposures, strict=True)
+    factors = zip(found.shots, found.exposures, strict=False)  # those of held-out views come after
     return Sensor(bits=bits, exposures={shot.name: factor * white for shot, factor in factors})
 
 

@@ -7,11 +7,13 @@ import numpy as np
 
 from graycard._capture import POINTS, Capture, View
 from graycard._errors import DatasetError
+from graycard._held_out import HELD_OUT
 from graycard.dataset import IMPORTER, write_index
 from graycard.exchange._cameras import PosedPhotograph
 from graycard.exchange._develop_pictures import develop_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows
 from graycard.exchange._given_truth import write_given_truth
+from graycard.exchange._held_out import write_held_out
 from graycard.exchange._plan import ImportOptions, ImportPlan, plan_import
 from graycard.io import (
     FORMAT_VERSION,
@@ -133,6 +135,7 @@ def write_import(
         capture = Capture(plan.track, scene, views, *light)
         write_index(folder, capture)
         write_manifest(folder, manifest)
+        write_held_out(home / HELD_OUT, plan.pictures, manifest)
         if plan.has_truth:
             rows.append(write_given_truth(plan, capture, home / "truth", generator))
     return merge_rows([*plan.rows, *rows])

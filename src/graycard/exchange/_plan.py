@@ -49,7 +49,7 @@ class ImportPlan:
     """How it was imported, for the manifest."""
     shots: tuple[PosedPhotograph, ...]
     pictures: FoundPictures
-    """Training photographs and their masks."""
+    """Photographs, and masks of training views."""
     points: Points | None
     rows: tuple[ImportRow, ...]
 
@@ -133,11 +133,11 @@ def _read(source: Path, model: str | None) -> _Source:
 
 
 def _pictures(shots: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
-    """Find training photographs; behind transparency is black where the layout says that nothing is there."""
+    """Find photographs; behind transparency is black where the layout says that nothing is there."""
     train = [shot for shot in shots if not shot.held_out]
     if options.background == "none" and all(shot.cutout for shot in train):
         options = replace(options, background="black")
-    return find_pictures(train, options)
+    return find_pictures(train, options, [shot for shot in shots if shot.held_out and shot.image.is_file()])
 
 
 def _points(

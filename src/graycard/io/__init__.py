@@ -7,6 +7,7 @@ from graycard.io._decode import IN_MEMORY as IN_MEMORY
 from graycard.io._exr import KnownLayers as KnownLayers
 from graycard.io._exr import read_known_layers as read_known_layers
 from graycard.io._exr import read_layers as read_layers
+from graycard.io._exr import read_planes as read_planes
 from graycard.io._exr import read_rgb as read_rgb
 from graycard.io._exr import unknown_channels as unknown_channels
 from graycard.io._exr import write_layers as write_layers
@@ -53,6 +54,7 @@ from graycard.io._names import RelativePath as RelativePath
 from graycard.io._names import check_distinct as check_distinct
 from graycard.io._names import check_label as check_label
 from graycard.io._names import check_name as check_name
+from graycard.io._names import check_relative_path as check_relative_path
 from graycard.io._names import inside as inside
 from graycard.io._names import printable as printable
 from graycard.io._ply import Ply as Ply

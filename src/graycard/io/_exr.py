@@ -186,6 +186,15 @@ def read_rgb(path: Path, error: type[GraycardError] = DatasetError) -> np.ndarra
     return np.stack([coloured[0][c].astype(np.float32, copy=False) for c in "RGB"], axis=-1)
 
 
+def read_planes(path: Path, error: type[GraycardError] = DatasetError) -> dict[str, np.ndarray]:
+    """Return every channel of an EXR file by its name, each ``(H, W)``, in its own type.
+
+    Raises:
+        DatasetError: (or ``error``) The file is missing or broken.
+    """
+    return planes_of(_read(path, error))
+
+
 def _planes(kind: Layer, values: np.ndarray) -> dict[str, np.ndarray]:
     """One contiguous plane per channel: OpenEXR writes a strided view as wrong pixels, silently."""
     values = np.asarray(values)

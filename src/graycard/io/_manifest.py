@@ -21,9 +21,9 @@ FORMAT_VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """The index of a capture or truth folder."""
+    """The index of a capture, a truth, or held-out photographs."""
 
-    format: Literal["graycard-capture", "graycard-truth"]
+    format: Literal["graycard-capture", "graycard-truth", "graycard-held-out"]
     format_version: int
     track: Name
     scene: Name

@@ -31,6 +31,9 @@ from graycard.records._ledger import read_ledger as read_ledger
 from graycard.records._looks import Edition as Edition
 from graycard.records._looks import Look as Look
 from graycard.records._looks import Looks as Looks
+from graycard.records._photographs import KIND as KIND
+from graycard.records._photographs import PhotographSheet as PhotographSheet
+from graycard.records._photographs import read_photograph_sheet as read_photograph_sheet
 from graycard.records._run import HOLDS_NOISE as HOLDS_NOISE
 from graycard.records._run import PUBLISHED_PAGE as PUBLISHED_PAGE
 from graycard.records._run import Access as Access

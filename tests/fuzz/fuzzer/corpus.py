@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """The sound inputs that are changed: scenes, predictions, runs, exports, decompositions and texts."""
 
+import gzip
 import shutil
 from collections.abc import Callable, Iterable
 from dataclasses import fields
 from pathlib import Path
 
+import numpy as np
+import OpenEXR
 from PIL import Image
 
 from changed_scene import enrich
 from fuzzer.texts import CLAIMS, PRIORS, SUITE
-from graycard import open_capture
+from graycard import open_capture, open_truth
 from graycard.benchmarks import FitSpec, fit_scene, make_baseline
 from graycard.cli import main
 from graycard.dataset import manifest_of
@@ -60,6 +63,7 @@ def build(root: Path, names: Iterable[str], write_scene: WriteScene) -> None:
         write_manifest(scene / "capture", manifest)
     _exports(corpus)
     _predictions(corpus)
+    _outputs(corpus)
     if needed & {"run", "published", "baseline.json"}:
         _runs(corpus, write_scene)
     for method in BUILT_IN:
@@ -103,6 +107,30 @@ def _predictions(corpus: Path) -> None:
     scene = corpus / "dataset" / "multilight" / "tiny-0000"
     for method in ("gray", "truth"):
         fit_scene(FitSpec(method, {}, 0, scene), corpus / "predictions" / method, silent)
+
+
+def _outputs(corpus: Path) -> None:
+    """Write true layers in each kind of file that is adopted, and photographs of held-out views."""
+    scene, folder = corpus / "dataset" / "multilight" / "tiny-0000", corpus / "outputs"
+    truth, header = open_truth(scene / "truth"), {"type": OpenEXR.scanlineimage}
+    folder.mkdir()
+    for view in (v for v in truth.views if v.split == "test"):
+        layers = truth.layers(view)
+        np.save(folder / f"depth_{view.name}.npy", np.nan_to_num(layers["depth"], posinf=9))
+        np.savez(folder / f"rough_{view.name}.npz", roughness=layers["roughness"])
+        Image.fromarray((layers["base_color"] * 255).astype(np.uint8)).save(
+            folder / f"albedo_{view.name}.png"
+        )
+        Image.fromarray(layers["roughness"]).save(folder / f"metal_{view.name}.tiff")
+        planes = {c: np.array(layers["normal"][..., i], order="C") for i, c in enumerate("XYZ")}
+        OpenEXR.File(header, planes).write(str(folder / f"normal_{view.name}.exr"))
+        with gzip.open(folder / f"light_{view.name}.npy.gz", "wb") as file:
+            np.save(file, layers["radiance"])
+    away = corpus / "held-out"
+    shutil.copytree(corpus / "nerfstudio", away)
+    first = next((away / "images").iterdir())
+    for view in (v for v in truth.views if v.split == "test"):
+        shutil.copy(first, away / "images" / f"{view.name}.png")
 
 
 def _runs(corpus: Path, write_scene: WriteScene) -> None:

@@ -93,6 +93,31 @@ def _score(name: str) -> Callable[[Path, Path], None]:
     return read
 
 
+_OUTPUTS = (
+    "depth=depth_{view}.npy:z", "roughness=rough_{view}.npz", "base_color=albedo_{view}.png:srgb",
+    "metallic=metal_{view}.tiff", "normal=normal_{view}.exr:world", "radiance=light_{view}.npy.gz:linear",
+)  # fmt: skip
+
+
+def _adopt(folder: Path, out: Path) -> None:
+    outputs, scene = folder / "outputs", folder / _IN
+    common = ("--views", "test", "--out", out / "p", "--map")
+    each(
+        lambda: cli("adopt", outputs, scene, *common, *_OUTPUTS),
+        *(lambda m=text: cli("adopt", outputs, scene, *common, m) for text in _OUTPUTS),
+    )
+
+
+def _held_out(folder: Path, out: Path) -> None:
+    scene = out / "d" / "tabletop" / "mine"
+    cli("import", folder / "held-out", "--track", "tabletop", "--scene", "mine", "--out", out / "d")
+    cli("fit", "gray", scene, "--out", out / "p")
+    each(
+        lambda: cli("score", out / "p", scene, "--json", out / "scores.json"),
+        lambda: cli("report", scene, "--predictions", f"gray={out / 'p'}"),
+    )
+
+
 def _fit(method: str) -> Callable[[Path, Path], None]:
     def read(folder: Path, out: Path) -> None:
         from graycard import open_capture
@@ -188,6 +213,17 @@ DATA = (
         any_file(),
         lambda f, o: each(lambda: _import("nerfstudio")(f, o), lambda: _import("colmap")(f, o / "second")),
     ),
+    Kind(
+        "adopt: pictures and arrays",
+        ("outputs", SCENE),
+        one_of("outputs/*", attack_bytes, attack_bytes, attack_file),
+        _adopt,
+        weight=4,
+    ),
+    Kind("adopt: exr", ("outputs", SCENE), one_of("outputs/*.exr", attack_exr), _adopt, weight=2),
+    Kind("adopt: png", ("outputs", SCENE), one_of("outputs/*.png", attack_picture), _adopt, weight=2),
+    Kind("adopt: folders", ("outputs", SCENE), any_file("outputs"), _adopt),
+    Kind("held-out photographs", ("held-out",), one_of("*/images/test*.png", attack_picture), _held_out),
     Kind(
         "predictions: json",
         ("predictions/truth", SCENE),

@@ -115,7 +115,8 @@ class ImportCommand:
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
         truth = "true layers of each view" if plan.has_truth else "no truth"
-        terminal.out.print(f"import: {done}, {len(plan.train)} photographs, {held} views held out, {truth}")
+        seen = f"{held} views held out, {len(plan.pictures.held)} of them with a photograph to be scored by"
+        terminal.out.print(f"import: {done}, {len(plan.train)} photographs, {seen}, {truth}")
         return OK
 
     @contextmanager

@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keep the photographs of held-out views beside an imported capture, where no method sees them."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from graycard._held_out import PHOTOGRAPHS
+from graycard.exchange._cameras import PosedPhotograph
+from graycard.exchange._develop_pictures import FoundPictures, develop_held_out
+from graycard.io import Manifest, atomic_folder, remove, write_manifest, write_rgb
+
+
+def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> None:
+    """Write photographs as linear light; nothing is written where there are none.
+
+    Args:
+        folder: Where to; what an import that was cut off has left there goes.
+        found: The photographs.
+        capture: Manifest of their capture.
+
+    Raises:
+        DatasetError: A photograph is broken.
+        OutputError: The folder cannot be written to, or the disk is full.
+    """
+    remove(folder)
+    if not found.held:
+        return
+    with atomic_folder(folder) as partial:
+
+        def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
+            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=True)
+
+        develop_held_out(found, keep)
+        write_manifest(partial, replace(capture, format="graycard-held-out"))

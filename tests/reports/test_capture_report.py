@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of an imported capture: marked as photographs without truth, and complete in itself."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from graycard import RecordError, View
+from graycard.cli import main
+from graycard.eval import score_photographs
+from graycard.reports import CaptureRow, write_capture_report
+from real_captures import import_tiny, predict_photographs
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory, write_tiny: Callable[..., Path]) -> list[CaptureRow]:
+    folder = tmp_path_factory.mktemp("cellar")
+    scene = import_tiny(folder, write_tiny)
+
+    def darker(view: View, light: np.ndarray) -> np.ndarray:
+        return light * np.float32(0.7)
+
+    made = {
+        "right": predict_photographs(folder / "a", scene),
+        "<b>": predict_photographs(folder / "b", scene, darker),
+    }
+    return [CaptureRow(name, path, score_photographs(path, scene)) for name, path in made.items()]
+
+
+def scene_of(rows: list[CaptureRow]) -> Path:
+    return rows[0].predictions.parent / "mine" / "dark" / "cellar"
+
+
+def test_the_page_is_marked_and_complete(rows: list[CaptureRow], tmp_path: Path) -> None:
+    page = write_capture_report(scene_of(rows), rows, out=tmp_path / "page.html").read_text()
+    assert page.count("photographs, no truth") >= 3
+    assert "default-src &#39;none&#39;" in page
+    assert not re.findall(r"(?:src|href)=.(?!data:|#)", page)
+    assert "<b>" not in page
+    assert "&lt;b&gt;" in page
+
+
+def test_pictures_stand_beside_their_photograph(rows: list[CaptureRow], tmp_path: Path) -> None:
+    """Three views of three pictures, two errors, and two layers of two methods; six training photographs."""
+    page = write_capture_report(scene_of(rows), rows, out=tmp_path / "page.html").read_text()
+    assert page.count("<img") == 6 + 3 * (1 + 2 + 2 + 2 * 2)
+    for words in ("Base color", "Depth", "no truth", "Held-out view test_001"):
+        assert words in page
+    assert "ground truth" not in page
+    values = [score.value for score in rows[1].sheet.scores if score.metric == "photographs.psnr"]
+    assert values[0] is not None
+    assert f"{values[0]:.2f}" in page
+
+
+def test_the_same_predictions_give_the_same_bytes(rows: list[CaptureRow], tmp_path: Path) -> None:
+    one, two = (write_capture_report(scene_of(rows), rows, out=tmp_path / name) for name in "ab")
+    assert one.read_bytes() == two.read_bytes()
+
+
+def test_rows_have_names_of_their_own(rows: list[CaptureRow], tmp_path: Path) -> None:
+    for bad in ([], [rows[0], rows[0]]):
+        with pytest.raises(RecordError, match="expected rows of different names"):
+            write_capture_report(scene_of(rows), bad, out=tmp_path / "page.html")
+
+
+def test_the_verb_writes_the_page(rows: list[CaptureRow], capsys: pytest.CaptureFixture[str]) -> None:
+    scene = scene_of(rows)
+    assert main(["report", str(scene), "--predictions", f"mine={rows[0].predictions}"]) == 0
+    assert str(scene / "report" / "index.html") in capsys.readouterr().out
+    assert (scene / "report" / "index.html").is_file()
