@@ -88,7 +88,7 @@ def test_the_command_shows_what_it_did_and_keeps_it(
     common = ["--track", "multilight", "--scene", "walk", "--out", out, "--width", "60"]
     assert run(bent, *common, "--dry-run", "--json", tmp_path / "dry.json") == 0
     dry = capsys.readouterr()
-    assert "import: dry run, nothing written, 8 photographs, 2 views held out, no truth" in dry.out
+    assert "import: dry run, nothing written, 8 photographs, 2 views held out, 2 of them with" in dry.out
     assert not out.exists()
     assert run(bent, *common, "--json", tmp_path / "done.json") == 0
     done = capsys.readouterr()
