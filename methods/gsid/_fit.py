@@ -123,7 +123,7 @@ def chunk_ends(steps: int, share: float) -> list[int]:
     With a rest of a few steps at the end, a lamp that is left out there would leave a hole in the light.
     """
     chunks = min(steps, max(1, round(1 / share)))
-    return [round(number * steps / chunks) for number in range(1, chunks + 1)]
+    return [number * steps // chunks for number in range(1, chunks + 1)]
 
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningRateSchedule]:
