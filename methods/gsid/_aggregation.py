@@ -66,8 +66,7 @@ def aggregated(state: FitState, stage: LightStage) -> FitState:
     if stage.settings.lamps == 0:
         return state
     parameters = state.parameters
-    whole = at_tile_size(stage, parameters)
-    kept = _Trial(whole, at_half_size(whole, parameters), parameters)
+    kept = _trial_of(parameters, stage)
     for proposals in (_pruned, _merged, _split, _put):
         kept = kept.best(proposals(kept))
     changed = torch.zeros(stage.settings.lamps, dtype=torch.bool)
@@ -80,16 +79,31 @@ def aggregated(state: FitState, stage: LightStage) -> FitState:
 
 
 @torch.no_grad()
-def without_dim_lamps(state: FitState, least: float) -> FitState:
-    """Return a state without the lamps that send less than a share ``least`` of all that lamps send."""
-    flux = lamps_from(state.parameters.shared).flux().sum(dim=-1)
-    kept = flux >= least * flux.sum()
+def without_dim_lamps(state: FitState, stage: LightStage) -> FitState:
+    """Return a state without the lamps that give less than a share of what all lamps give to the views.
+
+    A lamp may send most of its light to where no camera looks, so what it sends says little.
+
+    Args:
+        state: Of the second stage.
+        stage: What is looked at; ``least_share`` of its settings is the share.
+    """
+    if stage.settings.lamps == 0:
+        return state
+    given = _trial_of(state.parameters, stage).given
+    kept = given >= stage.settings.least_share * given.sum()
     shared = {name: v[kept] if name in LAMPS else v for name, v in state.parameters.shared.items()}
     moments = {
         name: replace(m, first=m.first[kept], second=m.second[kept]) if name in LAMPS else m
         for name, m in state.moments.items()
     }
     return replace(state, parameters=replace(state.parameters, shared=shared), moments=moments)
+
+
+def _trial_of(parameters: Parameters, stage: LightStage) -> "_Trial":
+    """The lights as they are, with views no larger than a tile."""
+    whole = at_tile_size(stage, parameters)
+    return _Trial(whole, at_half_size(whole, parameters), parameters)
 
 
 @dataclass(frozen=True, eq=False)

@@ -99,21 +99,31 @@ def check_told(guesses: Sequence[MaterialGuess], settings: GsidSettings) -> None
 def train_lights(state: FitState, stage: LightStage, progress: Progress) -> FitState:
     """Fit lights in chunks: before each, trace rays to the lamps of then, and change lamps.
 
-    After the last change lamps that are next to out are left out for good: the scene will not show them, and
-    the others have the steps that are left to make up for them.
+    After the last change, and before the last chunk in any case, lamps that are next to out are left out for
+    good: the others have a chunk or more to make up for them. The scene shows all that are left.
     """
     settings = stage.settings
-    every = max(1, round(settings.aggregate_every * stage.steps))
     config = TrainConfig(stage.steps, learning_rates(stage.extent, settings), stage.extent)
-    while state.step < stage.steps:
+    ends = chunk_ends(stage.steps, settings.aggregate_every)
+    for end in ends:
         stage = renewed(stage, state.parameters)
-        if 0 < state.step <= settings.aggregate_until * stage.steps:
+        changing = state.step <= settings.aggregate_until * stage.steps
+        if state.step > 0 and changing:
             state = aggregated(state, stage)
-        elif state.step > 0:
-            state = without_dim_lamps(state, settings.least_share)
+        if state.step > 0 and (not changing or end == ends[-1]):
+            state = without_dim_lamps(state, stage)
         objective = objective_in(stage, state.parameters)
-        state = train(state, replace(config, until=state.step + every), objective, progress)
+        state = train(state, replace(config, until=end), objective, progress)
     return state
+
+
+def chunk_ends(steps: int, share: float) -> list[int]:
+    """Return the steps at which chunks of about a share of all steps end, all of nearly the same length.
+
+    With a rest of a few steps at the end, a lamp that is left out there would leave a hole in the light.
+    """
+    chunks = min(steps, max(1, round(1 / share)))
+    return [number * steps // chunks for number in range(1, chunks + 1)]
 
 
 def learning_rates(extent: float, settings: GsidSettings) -> dict[str, LearningRateSchedule]:

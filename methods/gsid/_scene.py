@@ -17,7 +17,7 @@ from graycard.methods._contract import Guest
 from graycard.methods.gsid._bounces import Bounces, bounced_light, bounces_between
 from graycard.methods.gsid._draw import draw, light_evaluations, reach_in_view
 from graycard.methods.gsid._guest import with_guest
-from graycard.methods.gsid._lights import lamps_from, sky_from
+from graycard.methods.gsid._lights import POSITIONS, lamps_from, sky_from
 from graycard.methods.gsid._model import (
     BASE_COLOR,
     OPEN,
@@ -89,19 +89,13 @@ class GsidScene(LayeredScene):
         return _ALWAYS | {f"radiance.{name}" for name in (*self._names, SKY_NAME)}
 
     @property
-    def _shining(self) -> torch.Tensor:
-        """Numbers of the lamps that are not out: each with its share of all local light, by flux."""
-        flux = lamps_from(self.parameters.all).flux().sum(dim=-1)
-        return (flux >= self.settings.least_share * flux.sum()).nonzero()[:, 0]
-
-    @property
     def _names(self) -> list[str]:
-        return [f"lamp-{number}" for number in range(1, len(self._shining) + 1)]
+        return [f"lamp-{number}" for number in range(1, len(self.parameters.shared[POSITIONS]) + 1)]
 
     @property
     def _lamps(self) -> Lamps:
-        """The lamps that were found and are not out, in W/sr."""
-        lamps = lamps_from(self.parameters.all)[self._shining]
+        """The lamps that were found, in W/sr."""
+        lamps = lamps_from(self.parameters.all)
         return Lamps(lamps.positions, lamps.axes, lamps.sharpness, lamps.amplitudes / self.exposure)
 
     def _images(self, camera: Camera, layers: Sequence[str]) -> Mapping[str, np.ndarray]:
@@ -157,7 +151,7 @@ class GsidScene(LayeredScene):
         return bounces_between(surfels_of(values), lit_normals(values), self.extent)
 
     def _shining_at(self, camera: Camera) -> Shining:
-        """The lamps that shine, in W/sr."""
+        """The given lamps, or those that were found, in W/sr."""
         if self.given is not None:
             return known_lamps(self.given.local, camera, PANEL)
         return self._lamps

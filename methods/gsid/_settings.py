@@ -83,11 +83,11 @@ class GsidSettings:
     Losses between surfels, and of normals, then go on. Positions stand still, as in the paper."""
     aggregate_every: float = 0.1
     """Share of the second stage after which lamps that do next to nothing are put where light is missing,
-    and rays are traced anew (inferred)."""
+    and rays are traced anew (inferred). With 1 all lamps stay, whatever they give."""
     aggregate_until: float = 0.7
     """Share of the second stage after which no lamp is moved so, and dim ones are left out (inferred)."""
     least_share: float = 2e-2
-    """Of all local light: what a lamp must give to stay (inferred)."""
+    """Of what all lamps give to the views: what a lamp must give to stay (inferred)."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

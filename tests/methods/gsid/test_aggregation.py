@@ -20,8 +20,10 @@ from graycard.methods.gsid._aggregation import (
     without_dim_lamps,
 )
 from graycard.methods.gsid._candidates import FirstLights
+from graycard.methods.gsid._fit import chunk_ends
 from graycard.methods.gsid._lights import (
     AMPLITUDES,
+    AXES,
     DARK,
     POSITIONS,
     SHARPNESS,
@@ -172,9 +174,29 @@ def test_dim_lamps_are_left_out(world: World):
     places, sent = np.concatenate([TRUE, FALSE[None]]), np.concatenate([SENT, [[0.01, 0.01, 0.01]]])
     state = state_of(world, places[[0, 2, 1]], sent[[0, 2, 1]])
     state.moments[POSITIONS].first[:] = torch.arange(3.0)[:, None]
-    after = without_dim_lamps(state, 0.02)
+    after = without_dim_lamps(state, stage_of(world))
     assert [len(after.parameters.shared[name]) for name in LAMP_NAMES] == [2] * 4
     for name in LAMP_NAMES:
         assert torch.equal(after.parameters.shared[name], state.parameters.shared[name][[0, 2]])
     assert after.moments[POSITIONS].first[:, 0].tolist() == [0, 2]
     assert loss_of(world, after) == pytest.approx(loss_of(world, state), rel=0.05)
+
+
+def test_lamps_stay_that_are_seen_beside_one_that_shines_elsewhere(world: World):
+    """A beam to where no camera looks sends fifty times as much as both true lamps, and gives nothing."""
+    state = state_of(world, np.concatenate([TRUE, FALSE[None]]), np.concatenate([SENT, [[5e4] * 3]]))
+    lights = state.parameters.shared
+    lights[AXES][2], lights[SHARPNESS][2] = torch.tensor([0.0, 0.0, 1.0]), 4.0
+    flux = lamps_from(lights).flux().sum(dim=-1)
+    assert float(flux[:2].max()) < 0.02 * float(flux.sum())
+    after = without_dim_lamps(state, stage_of(world)).parameters.shared
+    assert torch.equal(after[POSITIONS], lights[POSITIONS][:2])
+
+
+@pytest.mark.parametrize(("steps", "share"), [(825, 0.1), (66, 0.1), (4, 0.1), (50, 0.5), (7, 1.0)])
+def test_chunks_are_alike_to_a_step(steps: int, share: float):
+    """The last chunk too: lamps that are left out before it have steps that make up for them."""
+    sizes = np.diff([0, *chunk_ends(steps, share)])
+    assert sizes.sum() == steps
+    assert sizes.max() - sizes.min() <= 1
+    assert len(sizes) == min(steps, round(1 / share))

@@ -81,9 +81,8 @@ def test_a_lamp_gets_another_colour(found: GsidScene):
 def test_a_lamp_is_moved_with_its_shadow(found: GsidScene):
     """As if it had been found there, and rays told what is in its way."""
     lamp = lamps_of(found)[0]
-    number = int(found._shining[0])  # pyright: ignore[reportPrivateUsage]
     shared = {name: values.clone() for name, values in found.parameters.shared.items()}
-    shared[POSITIONS][number, 0] += 1
+    shared[POSITIONS][0, 0] += 1
     traced = replace(found.settings, visibility="traced")
     there = replace(found, parameters=replace(found.parameters, shared=shared), settings=traced)
     x, y, z = lamp.position
