@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 from graycard import RecordError
-from graycard.io import to_builtins, write_bytes, write_json
+from graycard.io import read_text, to_builtins, write_bytes, write_json
 from graycard.records import CLAIMS, PUBLISHED_PAGE, Comparison, Ledger, read_run
 from graycard.reports.history._keep import KeptHistory, continue_history
 from graycard.reports.history._remake import picture_parts, remade_page
@@ -27,13 +27,13 @@ def republish_claims(folder: Path, ledger: Ledger, comparison: Comparison) -> Ke
 
     Raises:
         RecordError: A verdict changed and the history says no reason, or the page has no section of claims or
-            lacks another part.
+            lacks another part or is no text.
         OutputError: The folder cannot be written to, or the disk is full.
     """
     folder = Path(folder).resolve()
     record, data, page = read_run(folder), to_builtins(ledger), folder / PUBLISHED_PAGE
     kept = continue_history(folder.parent, f"{folder.name}/{CLAIMS}", data, record.started)
-    old = page.read_text(encoding="utf-8")
+    old = read_text(page, "HTML")
     if '<section class="claims"' not in old:
         raise RecordError(f"expected a section of claims in {page}, got a page without. Publish the run anew")
     packed = json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"

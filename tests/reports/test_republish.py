@@ -155,6 +155,9 @@ def test_a_page_without_claims_is_refused(published: Path):
     (published / "index.html").write_text("<html></html>")
     with pytest.raises(RecordError, match="expected a section of claims in .*index.html"):
         republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
+    (published / "index.html").write_bytes(b'<section class="claims">\xff</section>')
+    with pytest.raises(RecordError, match="expected HTML in .*index.html, got what is no text"):
+        republish_claims(published, ledger_of("contradicted", published), comparison_of(published))
 
 
 def test_a_page_that_is_refused_leaves_every_file_as_it_was(published: Path):

@@ -30,6 +30,7 @@ from graycard.io._json import check_version as check_version
 from graycard.io._json import dumps as dumps
 from graycard.io._json import from_builtins as from_builtins
 from graycard.io._json import read_json as read_json
+from graycard.io._json import read_text as read_text
 from graycard.io._json import read_toml as read_toml
 from graycard.io._json import to_builtins as to_builtins
 from graycard.io._json import write_json as write_json

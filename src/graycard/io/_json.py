@@ -169,13 +169,27 @@ def read_toml(path: Path, error: type[GraycardError] = RecordError) -> dict[str,
     return _read(path, "TOML", parse_toml, error)
 
 
-def _read(path: Path, kind: str, parse: Callable[[str], Any], error: type[GraycardError]) -> Any:
+def read_text(path: Path, kind: str, error: type[GraycardError] = RecordError) -> str:
+    """Return the text of a file.
+
+    Args:
+        path: The file.
+        kind: Kind of text, for messages, as ``JSON``.
+        error: What is raised.
+
+    Raises:
+        RecordError: (or ``error``) There is no such file, it is too large, or it is no text.
+    """
     try:
-        text = decode_text(read_bytes(Path(path), LONGEST_TEXT))
+        return decode_text(read_bytes(Path(path), LONGEST_TEXT))
     except OSError as cause:
         raise error(f"expected a {kind} file at {path}, got {cause.strerror or cause}") from cause
     except ValueError as cause:
         raise error(f"expected {kind} in {path}, got what is no text in UTF-8: {cause}") from cause
+
+
+def _read(path: Path, kind: str, parse: Callable[[str], Any], error: type[GraycardError]) -> Any:
+    text = read_text(path, kind, error)
     try:
         return parse(text)
     except ValueError as cause:
