@@ -82,7 +82,7 @@ def open_held_out(scene: Path, *, check: bool = True) -> HeldOut:
         what = f"{len(capture.test)} held-out views without one" if capture.test else "no held-out view"
         raise DatasetError(
             f"expected photographs of held-out views at {folder}, got {what}. Import the capture again, with "
-            "another --scene, --hold-out-every 8, and the photographs of all views there"
+            "another --scene, --hold-out 8, and the photographs of all views there"
         )
     manifest = read_manifest(folder, "graycard-held-out")
     if (manifest.track, manifest.scene) != (capture.track, capture.scene):

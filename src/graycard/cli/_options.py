@@ -55,7 +55,7 @@ class TakesSettings(Protocol):
 
 
 def option_names(kind: type[Any], prefix: str = "--") -> list[str]:
-    """Return the options that tyro makes of a dataclass, as ``--hold-out-every`` and ``--capture.bits``."""
+    """Return the options that tyro makes of a dataclass, as ``--hold-out`` and ``--capture.bits``."""
     names = []
     for name, hint in get_type_hints(kind, include_extras=True).items():
         option = prefix + name.rstrip("_").replace("_", "-")  # from_ is --from
