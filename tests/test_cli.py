@@ -160,6 +160,7 @@ def test_speed_measures_what_scoring_costs(tmp_path: Path, monkeypatch: pytest.M
     assert 50 < cost["peak_mib"] < 8000
 
 
+@pytest.mark.slow
 def test_speed_measures_what_steps_cost(tmp_path: Path, capsys: Capture):
     assert main(["speed", "steps", "--quick", "--json", str(tmp_path / "s.json")]) == 0
     assert "as long with pictures of 32 x 32 as with those of 16 x 16" in last_line(capsys)
@@ -474,7 +475,7 @@ def test_export_import_fit_then_no_score(
     assert main(["fit", "gray", str(scene), "--out", str(tmp_path / "p")]) == 0
     assert len(open_predictions(tmp_path / "p").view_names()) == 5
     assert main(["score", str(tmp_path / "p"), str(scene)]) == 2
-    assert "got an imported capture, which has no truth" in capsys.readouterr().err
+    assert "expected truth or photographs of held-out views" in capsys.readouterr().err
 
 
 def test_look_draws_a_sheet_a_scene(make_scene: Callable[..., Path], capsys: Capture):

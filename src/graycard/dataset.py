@@ -81,8 +81,8 @@ def open_held_out(scene: Path, *, check: bool = True) -> HeldOut:
     if not (folder / MANIFEST).is_file():
         what = f"{len(capture.test)} held-out views without one" if capture.test else "no held-out view"
         raise DatasetError(
-            f"expected photographs of held-out views at {folder}, got {what}. Import the capture again, with "
-            "another --scene, --hold-out 8, and the photographs of all views there"
+            f"expected truth or photographs of held-out views at {folder}, got {what}. Import the capture "
+            "again, with another --scene, --hold-out 8, and the photographs of all views there"
         )
     manifest = read_manifest(folder, "graycard-held-out")
     if (manifest.track, manifest.scene) != (capture.track, capture.scene):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Surfels are told by pictures, moved, and put beside others."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -20,7 +20,8 @@ CAMERAS = [
 
 def surfels_of(count: int = 30, seed: int = 1000) -> splat.Surfels:
     found = random_surfels(count, seed, channels=0)
-    return splat.Surfels(*(getattr(found, name).float() for name in found.__dataclass_fields__))
+    names = [field.name for field in fields(found)]
+    return splat.Surfels(*(getattr(found, name).float() for name in names))
 
 
 def test_gathering_is_drawing_the_other_way_round():

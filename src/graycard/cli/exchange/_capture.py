@@ -115,8 +115,10 @@ class ImportCommand:
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
         truth = "true layers of each view" if plan.has_truth else "no truth"
-        seen = f"{held} views held out, {len(plan.pictures.held)} of them with a photograph to be scored by"
-        terminal.out.print(f"import: {done}, {len(plan.train)} photographs, {seen}, {truth}")
+        seen = len(plan.pictures.held)
+        scored = f", {seen} of them with a photograph to be scored by" if seen else ""
+        counts = f"{len(plan.train)} photographs, {held} views held out{scored}"
+        terminal.out.print(f"import: {done}, {counts}, {truth}")
         return OK
 
     @contextmanager
