@@ -104,6 +104,17 @@ def test_a_pipe_is_no_file(tmp_path: Path):
         read_layers(tmp_path / "a.exr")
 
 
+def test_names_of_channels_that_are_no_text_are_damage(tmp_path: Path):
+    path = tmp_path / "a.exr"
+    write_layers(path, {"depth": np.ones((3, 4), np.float32)})
+    data = path.read_bytes()
+    assert b"depth." in data
+    path.write_bytes(data.replace(b"depth.", b"\xffepth."))
+    assert unknown_channels(path) == {}
+    with pytest.raises(DatasetError, match="breaks off or is none"):
+        read_layers(path)
+
+
 def test_a_missing_file(tmp_path: Path):
     with pytest.raises(PredictionError, match="expected an EXR file at .*, got none"):
         read_layers(tmp_path / "no.exr", PredictionError)

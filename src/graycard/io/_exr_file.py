@@ -89,7 +89,10 @@ def read_exr_headers(path: Path, error: type[GraycardError]) -> list[ExrPart]:
     _check_file(path, error)
     try:
         with _warnings_as_errors(), OpenEXR.File(str(path), header_only=True) as file:
-            return [ExrPart(part.name() or "", dict(part.header), {}) for part in file.parts]
+            parts = [ExrPart(part.name() or "", dict(part.header), {}) for part in file.parts]
+            for channel in (channel for part in parts for channel in part.header["channels"]):
+                str(channel.name)  # it is decoded only now
+            return parts
     except EXR_DAMAGE as cause:
         raise _broken(path, cause, error) from cause
 
@@ -149,7 +152,7 @@ def _check_file(path: Path, error: type[GraycardError]) -> None:
 
 
 def _broken(path: Path, cause: Exception, error: type[GraycardError]) -> GraycardError:
-    if isinstance(cause, UnicodeError):
+    if isinstance(cause, UnicodeEncodeError):
         return error(f"expected a path in UTF-8, got {str(path)!r}, which OpenEXR cannot open. Rename it")
     return error(
         f"expected a whole EXR file at {path}, got one that breaks off or is none "
