@@ -11,7 +11,7 @@ from pathlib import Path
 
 from graycard import TRACKS, MethodError
 from graycard.benchmarks._handed import OPAQUE, places_of, scratch_folder
-from graycard.benchmarks._jobs import guarded
+from graycard.benchmarks._jobs import JOBS_EACH, guarded
 from graycard.benchmarks._suites import SuiteMethod
 from graycard.io import from_builtins, silent, to_builtins
 from graycard.methods import BUILT_IN
@@ -54,7 +54,7 @@ def introduce(
     """
     foreign = [m for m in methods if not m.predictions and m.name not in BUILT_IN]
     meetings = [Meeting(method, dataset, jobs, allowed) for method in foreign]
-    found = run_all(meet, meetings, at_a_time, silent, limits=limits, tasks_each=20, confines=SERVE)
+    found = run_all(meet, meetings, at_a_time, silent, limits=limits, tasks_each=JOBS_EACH, confines=SERVE)
     met = iter(found)
     return [_heard(next(met)) if method in foreign else introduction_of(method) for method in methods]
 

@@ -43,6 +43,8 @@ R = TypeVar("R")
 
 DONE, SCORES, ERROR = "job.json", "scores.json", "error.txt"
 
+JOBS_EACH = 20
+"""Fits or sheets of a worker, until a fresh one takes over: to import what they need takes seconds."""
 PROTOCOLS = "albedo"
 """A bench scores by graycard's rules and puts the published albedo protocols beside them."""
 

@@ -25,6 +25,7 @@ from graycard import Progress, open_truth
 from graycard.benchmarks._edition import refuse_sealed
 from graycard.benchmarks._introduction import introduce
 from graycard.benchmarks._jobs import (
+    JOBS_EACH,
     FitJob,
     RenderJob,
     find_fit,
@@ -60,8 +61,6 @@ from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRec
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
 STAGES = "stages"
-JOBS_EACH = 20
-"""Fits or sheets of a worker, until a fresh one takes over: to import what they need takes seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,8 +233,7 @@ def _score(bench: Bench, fitted: Ended) -> Ended:
     """Score all predictions that were made."""
     made = [job for job, outcome in fitted if not outcome.reason]
     progress = bench.part(2, "scoring")
-    each = JOBS_EACH
-    outcomes = run_all(run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=each)
+    outcomes = run_all(run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=JOBS_EACH)
     return list(zip(made, outcomes, strict=True))
 
 

@@ -152,7 +152,7 @@ def open_method(
 
 
 def handed_in(name: str, folder: Path, views: Sequence[View]) -> MethodEvidence:
-    """What lies in a predictions folder, without a job; what is missing or broken is a fault."""
+    """Read a predictions folder without a job; a missing or broken picture is a fault."""
     try:
         found = open_predictions(folder)
     except GraycardError as cause:

@@ -51,7 +51,7 @@ class Looks:
     says: tuple[tuple[str, str], ...] = ()
     """Layer and hint of what a view tells by itself."""
     stamp: Stamp | None = None
-    """Of a layer, where there is no radiance."""
+    """Picture of a layer, where there is no radiance."""
 
 
 def look(predicted: PredictedView, true: TrueView, exposure: float) -> Looks:

@@ -17,7 +17,7 @@ class Sight:
     camera_to_world: np.ndarray
     """Shape ``(3, 3)``: camera axes to the world's."""
     cosine: np.ndarray
-    """Of the angle between the ray and the optical axis, shape ``(N, 1)``."""
+    """Cosine of the angle between the ray and the optical axis, shape ``(N, 1)``."""
 
 
 Values = np.ndarray

@@ -87,7 +87,7 @@ class GsidSettings:
     aggregate_until: float = 0.7
     """Share of the second stage after which no lamp is moved so, and dim ones are left out (inferred)."""
     least_share: float = 2e-2
-    """Of what all lamps give to the views: what a lamp must give to stay (inferred)."""
+    """Least share of the light of all lamps in the views that a lamp must give to stay (inferred)."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -18,9 +18,9 @@ class Primitives:
     """
 
     NAME: ClassVar[str]
-    """Of one of them, in messages."""
+    """Name of one of them, in messages."""
     AXES: ClassVar[int]
-    """Of each, along which it has a size."""
+    """Number of axes along which each has a size."""
 
     centres: torch.Tensor
     """Shape ``(N, 3)``, world, metres."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the world of a splat lies in that of a scene: programs move, turn and scale what they train on."""
+"""Place a splat's world in that of a scene: programs move, turn and scale what they train on."""
 
 import json
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from graycard.io import read_bytes, read_json
 FrameKind = Literal["nerfstudio", "matrix"]
 FRAMES = get_args(FrameKind)
 RIGID = 1e-3
-"""How far the product of a turn with its inverse may be from one: files hold float32, and fewer digits."""
+"""Largest distance from one of a rotation times its transpose: files hold float32, and fewer digits."""
 
 
 @dataclass(frozen=True, eq=False)

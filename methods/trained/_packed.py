@@ -29,7 +29,7 @@ _OTHERS = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
 
 
 def is_packed(elements: Mapping[str, np.ndarray]) -> bool:
-    """Whether the elements of a PLY are those of the compressed layout."""
+    """Tell whether the elements of a PLY are those of the compressed layout."""
     vertices = elements.get("vertex")
     return vertices is not None and WORDS[0] in (vertices.dtype.names or ())
 

@@ -22,17 +22,17 @@ Encoding = Literal["srgb", "linear"]
 
 @dataclass(frozen=True)
 class Look:
-    """How the numbers of a splat are to be read."""
+    """Choices of how the numbers of a splat are read."""
 
     encoding: Encoding = "srgb"
-    """Of its colours: ``srgb`` where it was trained on photographs, ``linear`` on linear images. Either is at
-    the exposure of the capture, at which display white is 1."""
+    """Encoding of its colours: ``srgb`` after training on photographs, ``linear`` after training on linear
+    images. Either is at the exposure of the capture, at which display white is 1."""
     background: float = 0.0
     """That it was trained over, in its encoding."""
     antialiased: bool | None = None
-    """Whether it was trained so; None lets the file say so."""
+    """True if it was trained with antialiasing; None lets the file say."""
     frame: Frame = SAME
-    """Where its world lies."""
+    """Place of its world in that of the scene."""
 
 
 def write_splat_predictions(

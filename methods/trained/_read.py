@@ -20,7 +20,7 @@ CONVERTED = {
     ".splatv": "a splat that moves", ".json": "settings", ".pt": "a checkpoint", ".pth": "a checkpoint",
     ".ckpt": "a checkpoint", ".npz": "arrays",
 }  # fmt: skip
-"""What is not read, by suffix."""
+"""Formats that are refused, by suffix."""
 
 
 def read_splat(path: Path, primitive: Primitive | None = None) -> TrainedSplat:

@@ -26,7 +26,7 @@ KERNELS = {"3dgs": ("gaussians 3", "harmonics"), "2dgs": ("maps 3", "harmonics")
 
 @dataclass(frozen=True)
 class Picture:
-    """What a camera sees of a splat."""
+    """Picture, depth and normals of a splat for one camera."""
 
     colour: np.ndarray
     """Shape ``(H, W, 3)``, in the encoding that it was trained in, over the background."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a trained splat is, whatever file it came from."""
+"""A trained splat, from whatever file."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,7 +20,7 @@ class TrainedSplat:
     coefficients: torch.Tensor
     """Shape ``(N, K, 3)``, K = 1, 4, 9 or 16: a colour is one half plus their sum with the harmonics."""
     antialiased: bool
-    """Whether the file says that it was trained so: brush does, others say nothing."""
+    """True if the file says that it was trained with antialiasing: brush does, others say nothing."""
     unused: tuple[str, ...] = ()
     """Properties of the file that say nothing about shape or colour here, and were passed over."""
 
@@ -34,5 +34,5 @@ class TrainedSplat:
 
     @property
     def degree(self) -> int:
-        """Of the harmonics, 0 to 3."""
+        """Degree of the harmonics, 0 to 3."""
         return {1: 0, 4: 1, 9: 2, 16: 3}[self.coefficients.shape[1]]

@@ -26,7 +26,7 @@ class Fitted:
 
 
 def is_saved(folder: Path) -> bool:
-    """Whether a folder is one that ``graycard fit --save`` wrote."""
+    """Tell whether ``graycard fit --save`` wrote a folder."""
     return (Path(folder) / INDEX).is_file()
 
 

@@ -119,7 +119,7 @@ def is_scene(folder: Path) -> bool:
 
 
 def is_imported(scene: Path) -> bool:
-    """Whether a scene is a user's own photographs, which have no truth beside them."""
+    """Tell whether a scene is a user's own photographs, which have no truth beside them."""
     capture = Path(scene) / "capture"
     if has_truth(scene) or not (capture / MANIFEST).is_file():
         return False
@@ -127,7 +127,7 @@ def is_imported(scene: Path) -> bool:
 
 
 def has_truth(scene: Path) -> bool:
-    """Whether a scene has a truth that is whole; an imported capture has none."""
+    """Tell whether a scene has a truth that is whole; an imported capture has none."""
     return (Path(scene) / "truth" / MANIFEST).is_file()
 
 

@@ -38,7 +38,7 @@ class Points:
     pixel: np.ndarray
     """Shape ``(M, 2)``: for each observation, its image coordinates ``(x, y)``, pixel centres at +0.5."""
     said: str = ""
-    """Where the file that they were read from keeps colours, in words."""
+    """Place of the colours in the file that they were read from, in words."""
 
     def __post_init__(self) -> None:
         count, seen = len(self.positions), len(self.point)

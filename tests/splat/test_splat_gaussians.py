@@ -3,6 +3,7 @@
 
 import time
 from dataclasses import fields, replace
+from typing import Any
 
 import numba
 import numpy as np
@@ -141,10 +142,12 @@ def test_what_cannot_be_drawn_is_refused():
         rasterize_gaussians(replace(gaussians, centres=gaussians.centres.requires_grad_()), camera_of())
     with pytest.raises(ValueError, match="expected features of shape"):
         rasterize_gaussians(random_gaussians(3, 9), camera_of(), features=torch.ones(2, 3))
+    discs: Any = random_surfels(3)
+    unknown: Any = "cuda"
     with pytest.raises(ValueError, match="expected Gaussians, got Surfels"):
-        rasterize_gaussians(random_surfels(3), camera_of())  # type: ignore[arg-type]
+        rasterize_gaussians(discs, camera_of())
     with pytest.raises(UnknownNameError, match="back end"):
-        rasterize_gaussians(gaussians, camera_of(), backend="cuda")  # type: ignore[arg-type]
+        rasterize_gaussians(gaussians, camera_of(), backend=unknown)
 
 
 def test_ellipsoids_cost_less_than_twice_as_many_discs():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a 3D Gaussian is, what drawing it gives, and the constants that its back ends share.
+"""3D Gaussians, the maps that drawing them gives, and the constants that back ends share.
 
 The constants are those of gsplat 1.5 (``RasterizeToPixels3DGSFwd.cu``), which differ from those of surfels:
 an alpha is cut at 0.999, and the Gaussian that would bring the transmittance to 1e-4 or below is not drawn.
@@ -38,7 +38,7 @@ class Gaussians(Primitives):
 
 @dataclass(frozen=True)
 class GaussianMaps(FeatureMaps):
-    """What :class:`FeatureMaps` holds, and depth: that of the centres, for an ellipsoid has no surface."""
+    """The maps of :class:`FeatureMaps`, and depth of the centres, for an ellipsoid has no surface."""
 
     depth: torch.Tensor
     """Expected z-depth, sum of w z over sum of w, shape ``(H, W)``, metres; 0 where alpha is 0."""

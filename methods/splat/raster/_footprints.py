@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sixteen pixels see of a disc or of an ellipsoid: its weight, what is left of the light, its depth.
+"""Weight and depth of a disc or an ellipsoid in sixteen pixels, and the light that is left behind it.
 
 An ellipsoid's picture is a Gaussian on the image. Its columns are those of ``_coefficients``: u and v are
 linear in the pixel, without a denominator, and scaled so that alpha is ``opacity * exp(-(u^2 + v^2))``.

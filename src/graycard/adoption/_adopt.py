@@ -36,10 +36,10 @@ class AdoptedLayer:
 
     layer: str
     declared: str
-    """As of ``--map``."""
+    """Declaration, as of ``--map``."""
     files: int
     lowest: float
-    """Of the values that are finite, in graycard's unit."""
+    """Lowest of the finite values, in graycard's unit."""
     highest: float
 
 

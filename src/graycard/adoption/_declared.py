@@ -58,7 +58,7 @@ _COLON = re.compile(r":(?![^{}]*\})")
 
 @dataclass(frozen=True, slots=True)
 class LayerMap:
-    """Where other code keeps a layer, and by which convention."""
+    """Place and convention of a layer of other code."""
 
     layer: str
     """Name in graycard."""
@@ -80,7 +80,7 @@ class LayerMap:
     drop_alpha: bool = False
     key: str = ""
     words: tuple[str, ...] = ()
-    """As they were declared."""
+    """Words of the declaration."""
 
     @property
     def kind(self) -> Layer:

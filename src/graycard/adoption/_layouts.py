@@ -16,14 +16,14 @@ Views = Literal["all", "train", "test"]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where one program keeps its outputs, and by which conventions."""
+    """Places and conventions of one program's outputs."""
 
     name: str
     title: str
     folder: str
-    """Which folder is meant, in the words of the program."""
+    """The folder that is meant, in the words of the program."""
     maps: tuple[str, ...]
-    """As of ``--map``; of several for one layer the first that has files is taken."""
+    """Declarations, as of ``--map``; of several for one layer the first that has files is taken."""
     source: str
     """Repository, file and commit that the layout was read off."""
     views: Views = "all"

@@ -16,7 +16,7 @@ from graycard._errors import GraycardError, MethodError
 from graycard.cli._overview import overview
 from graycard.cli._table import HELP, find_verb
 from graycard.cli._terminal import OK, Terminal
-from graycard.io import keep_freed_memory
+from graycard.io import is_text, keep_freed_memory
 
 ERROR = 2
 CUT_OFF = 141
@@ -94,7 +94,7 @@ def _run(args: list[str], terminal: Terminal) -> int:
     if not args:
         terminal.err.print(overview())
         return ERROR
-    if strange := [arg for arg in args if not _is_text(arg)]:
+    if strange := [arg for arg in args if not is_text(arg)]:
         terminal.err.print(
             f"graycard: expected names in UTF-8, got {strange[0]!a}. Rename that file or folder"
         )
@@ -107,11 +107,6 @@ def _run(args: list[str], terminal: Terminal) -> int:
         terminal.out.print(f"graycard {version('graycard')}")
         return OK
     return _run_verb(first, rest, terminal)
-
-
-def _is_text(arg: str) -> bool:
-    """Tell whether all libraries can open files of this name: Python keeps odd bytes as surrogates."""
-    return arg.encode(errors="replace").decode() == arg
 
 
 def _run_verb(name: str, args: list[str], terminal: Terminal) -> int:

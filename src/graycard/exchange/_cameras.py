@@ -29,18 +29,18 @@ class PosedPhotograph:
 
     name: str
     camera: Camera
-    """As the files say; distortion aside."""
+    """Pinhole that the files name, without distortion."""
     image: Path
     mask: Path | None = None
     """Black where other programs ignore the photograph."""
     held_out: bool = False
     """Whether the files say that it is a test view: then its photograph need not be there."""
     lens: Lens | None = None
-    """What bends the photograph; None where nothing does."""
+    """Lens that bends the photograph; None where nothing does."""
     size: tuple[int, int] = (0, 0)
     """Width and height of the photograph, pixels."""
     cutout: bool = False
-    """Whether its layout says that transparency is where nothing is seen."""
+    """True if its layout says that nothing is seen where it is transparent."""
     layers: Mapping[str, Path] = field(default_factory=dict)
     """True layers of the view that lie beside its photograph, by graycard's names."""
 

@@ -44,16 +44,16 @@ _DARK_LEVELS = 16
 
 @dataclass(frozen=True, slots=True)
 class PictureOptions:
-    """What whoever imports may choose about pixels."""
+    """Choices about pixels."""
 
     orientation: Orientation = "auto"
-    """How EXIF orientation is taken: as camera sizes tell, pixels as stored, or turned upright."""
+    """Way to take EXIF orientation: as camera sizes tell, pixels as stored, or turned upright."""
     background: Background = "none"
-    """What is seen through transparent pixels; with none they are an error."""
+    """Light behind transparent pixels; with none they are an error."""
     exposures: Exposures = "exif"
-    """Whether photographs are divided by the exposures that EXIF tells, or taken as exposed alike."""
+    """Divide photographs by the exposures that EXIF tells, or take all as exposed alike."""
     mask_object: MaskObject = "auto"
-    """Which side of masks is the object: black, unless masks look inverted, which is an error."""
+    """Side of masks that is the object: black, unless masks look inverted, which is an error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class FoundPictures:
 
 @dataclass(frozen=True, slots=True)
 class Developed:
-    """What all photographs say together, once each has been handed on."""
+    """Exposure, sensor and rows that follow from all photographs together."""
 
     exposure: float
     """The factor by which their 99th percentile becomes 1."""
@@ -88,7 +88,7 @@ class Developed:
 
 @dataclass(frozen=True, slots=True)
 class _Done:
-    """What is kept of one photograph once it is written."""
+    """The little that is kept of a photograph once it is written."""
 
     sample: np.ndarray
     """Some of its light, any number of values."""

@@ -15,11 +15,11 @@ class ImportRow:
     what: str
     """A word or two, as ``distortion``."""
     count: int
-    """How many photographs, cameras or points it is about."""
+    """Number of photographs, cameras or points that it is about."""
     said: str
-    """What was done to them, in a sentence."""
+    """A sentence that says what was done to them."""
     warns: bool = False
-    """Whether it looks wrong."""
+    """True if it looks wrong."""
 
 
 def merge_rows(rows: Iterable[ImportRow]) -> tuple[ImportRow, ...]:

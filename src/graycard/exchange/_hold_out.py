@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which photographs are held out: by the layout's own lists, by a count, or by names."""
+"""Choose held-out photographs: by the layout's own lists, by a count, or by names."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -183,7 +183,7 @@ _RARE = {
 }
 """Models that need COLMAP's own code."""
 _STRAIGHT = ("SIMPLE_DIVISION", "DIVISION")
-"""Of them, those that are a pinhole when all their coefficients are zero."""
+"""Models that are a pinhole when all their coefficients are zero."""
 _COUNTS = {**{name: (focal, 0) for name, focal in PINHOLES.items()}, **_BROWN, **_FISHEYE, **_RARE}
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an import will do, before it writes anything: cameras read, files checked, and rows that say so."""
+"""Plan an import before anything is written: read cameras, check files, and say so in rows."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,14 +27,14 @@ FEW = 0.5
 
 @dataclass(frozen=True, slots=True)
 class ImportOptions:
-    """What whoever imports may choose."""
+    """Choices of an import."""
 
     hold_out: str | None = None
     """A count N for indices 0, N, 2N, … (0 for none), a file of names, or names with commas."""
     width: int | None = None
     """Width of the pictures, pixels; None for that of the photographs."""
     model: str | None = None
-    """Which of several models, or of several lights; None for the largest, or the first."""
+    """Name of one of several models or lights; None for the largest, or the first."""
     pictures: PictureOptions = field(default_factory=PictureOptions)
     """Orientation, background, exposures and the sense of masks."""
 
@@ -46,7 +46,7 @@ class ImportPlan:
     source: Path
     track: str
     settings: dict[str, Any]
-    """How it was imported, for the manifest."""
+    """Record of how it was imported, for the manifest."""
     shots: tuple[PosedPhotograph, ...]
     pictures: FoundPictures
     """Photographs, and masks of training views."""
@@ -60,13 +60,13 @@ class ImportPlan:
 
     @property
     def has_truth(self) -> bool:
-        """Whether each view has true layers, and some are held out."""
+        """Tell whether each view has true layers, and some are held out."""
         return all(shot.layers for shot in self.shots) and len(self.train) < len(self.shots)
 
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """What a folder holds, of whatever layout."""
+    """Contents of a folder, of whatever layout."""
 
     kind: str
     shots: Sequence[PosedPhotograph]

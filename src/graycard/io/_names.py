@@ -167,6 +167,11 @@ def printable(text: str) -> str:
     )
 
 
+def is_text(value: str) -> bool:
+    """Tell whether a text can be written in UTF-8: Python keeps odd bytes of names as surrogates."""
+    return value.encode(errors="replace").decode() == value
+
+
 def _escape(character: str) -> str:
     code = ord(character)
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"

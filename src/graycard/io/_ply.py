@@ -20,7 +20,7 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
-"""Of bytes, by the format that the header names."""
+"""Order of bytes, by the format that the header names."""
 _LONGEST_HEADER = 2**16
 _MARK = b"\xef\xbb\xbf"
 """A byte order mark, which editors put before text."""
@@ -28,7 +28,7 @@ _MARK = b"\xef\xbb\xbf"
 
 @dataclass(frozen=True, eq=False)
 class Ply:
-    """What a PLY file holds."""
+    """Contents of a PLY file."""
 
     elements: dict[str, np.ndarray]
     """Rows by name of the element, each a structured array in the byte order of the file; not writable."""
@@ -47,7 +47,7 @@ class _Element:
 
     @property
     def plain(self) -> bool:
-        """Whether it has no lists."""
+        """Tell whether it has no lists."""
         return all(length is None for _, _, length in self.fields)
 
     @property
@@ -62,7 +62,7 @@ class _Header:
 
     lines: list[str]
     start: int
-    """Of the data, in bytes."""
+    """Place of the data, in bytes."""
     format: str
 
 

@@ -50,7 +50,7 @@ class Starter:
                 start_new_session=True,
             )
         self.pid = 0
-        """Of the process that was started last."""
+        """Id of the process that was started last."""
         self._code: int | None = 0
 
     def start(self, connection: int, notes: int) -> None:

@@ -3,6 +3,8 @@
 
 import os
 
+from graycard.io import is_text
+
 PASSED = "GRAYCARD_PASS"
 """Environment variable that names others, separated by commas or blanks."""
 _NAMES = (
@@ -24,10 +26,5 @@ def passed_variables() -> dict[str, str]:
     return {
         name: value
         for name, value in os.environ.items()
-        if (name in _NAMES or name.startswith(_PREFIXES) or name in named) and _is_text(name + value)
+        if (name in _NAMES or name.startswith(_PREFIXES) or name in named) and is_text(name + value)
     }
-
-
-def _is_text(value: str) -> bool:
-    """Tell whether a message can hold a text: environment variables may be of any bytes."""
-    return value.isascii() or value.encode(errors="replace").decode() == value

@@ -28,7 +28,7 @@ class PhotographSheet:
     """Hash of the manifest of the photographs, which holds the hash of each file."""
     scores: tuple[Score, ...]
     metrics: tuple[MetricRecord, ...]
-    """What the scores mean, in their order."""
+    """Meaning of the scores, in their order."""
     views: int
     """Held-out views with a photograph."""
     lacking: tuple[Name, ...] = ()

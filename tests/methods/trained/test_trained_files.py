@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from graycard import DatasetError, GraycardError
 from graycard.methods.splat import DISCS, SH_DC, Gaussians, Surfels
-from graycard.methods.trained import TrainedSplat, read_splat, write_splat
+from graycard.methods.trained import SplatFormat, TrainedSplat, read_splat, write_splat
 from random_gaussians import random_gaussians
 from random_surfels import random_surfels
 from splat_files import Raw, brush_columns, inria_columns, plain, raw_splat, write_ply
@@ -261,9 +261,9 @@ def surfels_with_colours() -> TrainedSplat:
 
 
 @pytest.mark.parametrize(("kind", "axes"), [("ply", 3), ("2dgs", 2)])
-def test_our_own_files_come_back_as_discs(tmp_path: Path, kind: str, axes: int):
+def test_our_own_files_come_back_as_discs(tmp_path: Path, kind: SplatFormat, axes: int):
     splat = surfels_with_colours()
-    write_splat(tmp_path / "out.ply", splat, kind)  # type: ignore[arg-type]
+    write_splat(tmp_path / "out.ply", splat, kind)
     assert (tmp_path / "out.ply").read_bytes().count(b"float scale_") == axes
     assert DISCS.encode() in (tmp_path / "out.ply").read_bytes()
     found = read_splat(tmp_path / "out.ply")

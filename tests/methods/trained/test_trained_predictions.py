@@ -21,6 +21,7 @@ from graycard.methods.splat import SH_DC, Gaussians, Surfels, harmonics_basis, r
 from graycard.methods.surfels import srgb_decode_tensor, srgb_encode_tensor
 from graycard.methods.trained import (
     Frame,
+    FrameKind,
     Look,
     TrainedSplat,
     read_frame,
@@ -145,8 +146,8 @@ def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: C
     wall = plain(Gaussians, [[0, 0, 0.4]] * 4, [[1, 0, 0, 0]] * 4, [[500] * 3] * 4, [0.999] * 4)
     splat = TrainedSplat(wall, torch.full((4, 1, 3), (0.735 - 0.5) / SH_DC), False)
     shown = 0.735 * 0.999  # the second of them would leave less than 1e-4: it is not drawn
-    for encoding, linear in (("srgb", ((shown + 0.055) / 1.055) ** 2.4), ("linear", shown)):
-        write_splat_predictions(splat, capture, tmp_path / "p", silent, Look(encoding))  # type: ignore[arg-type]
+    for look, linear in ((Look("srgb"), ((shown + 0.055) / 1.055) ** 2.4), (Look("linear"), shown)):
+        write_splat_predictions(splat, capture, tmp_path / "p", silent, look)
         for view in capture.views:
             seen = open_predictions(tmp_path / "p").layers(view.name)
             np.testing.assert_allclose(seen["radiance"] * capture.exposure, linear, rtol=1e-4)
@@ -266,12 +267,12 @@ def test_what_ns_process_data_has_applied_is_taken_back(tmp_path: Path):
         ("matrix", "one", "expected 4 x 4 numbers"),
     ],
 )
-def test_frames_that_are_none_are_refused(tmp_path: Path, kind: str, text: str, message: str):
+def test_frames_that_are_none_are_refused(tmp_path: Path, kind: FrameKind, text: str, message: str):
     (tmp_path / "frame").write_text(text)
     with pytest.raises(GraycardError, match=message):
-        read_frame(kind, tmp_path / "frame")  # type: ignore[arg-type]
+        read_frame(kind, tmp_path / "frame")
     with pytest.raises(DatasetError, match="expected"):
-        read_frame(kind, tmp_path / "none")  # type: ignore[arg-type]
+        read_frame(kind, tmp_path / "none")
 
 
 def test_the_command_line(

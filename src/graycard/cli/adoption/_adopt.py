@@ -30,7 +30,7 @@ class AdoptCommand:
     out: Annotated[Path | None, optional("PREDICTIONS")] = None
     """Write the predictions to this folder; predictions that it holds are replaced."""
     map: Annotated[tuple[str, ...], optional("LAYER=PATTERN:WORD ...")] = ()
-    """Where layers are, and by which convention, as base_color=albedo/{view}.png:srgb or
+    """Places and conventions of layers, as base_color=albedo/{view}.png:srgb or
     depth=depth.npz:key=depth:distance; --layouts lists the words. {index:05d} and {split} number the files,
     * stands for what is the same in all, and a name without {view} or {index} for a file of all views."""
     layout: Annotated[str | None, optional("NAME")] = None

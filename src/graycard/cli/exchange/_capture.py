@@ -28,7 +28,7 @@ from graycard.exchange import (
 from graycard.io import Progress
 
 SurfelFormat = Literal["ply", "2dgs", "splat"]
-"""As in ``graycard.methods.trained``, which is too heavy for the help."""
+"""Formats of ``graycard.methods.trained``, which is too heavy for the help."""
 SHEET = "contact-sheet.png"
 """Contact sheet of an imported scene, in its folder."""
 MODELS = "colmap"
@@ -42,7 +42,7 @@ class ExportCommand:
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE|SAVED")]
     """DATASET/<track>/<scene>, or what `graycard fit --save` wrote."""
     format: ExchangeFormat | SurfelFormat
-    """Of a scene: nerfstudio; COLMAP in text or binary; NeRF-synthetic (blender); or TensoIR, which holds
+    """For a scene: nerfstudio; COLMAP in text or binary; NeRF-synthetic (blender); or TensoIR, which holds
     truth. Of surfels: ply for viewers of splats, 2dgs for code of 2D Gaussian Splatting, or splat."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER|FILE")]
     """Write to this folder, new or empty; surfels to this file."""
@@ -86,7 +86,7 @@ class ImportCommand:
     orientation: Orientation = "auto"
     """EXIF orientation: as camera sizes tell, else pixels as stored (auto); as stored; or turned upright."""
     background: Background = "none"
-    """What is seen through transparent pixels, in linear light; with none they are an error, but for layouts
+    """Light behind transparent pixels, in linear light; with none they are an error, but for layouts
     that say that nothing is there: black."""
     exposures: Exposures = "exif"
     """Divide photographs by the exposures that EXIF tells, or take all as exposed alike."""

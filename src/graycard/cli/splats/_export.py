@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ``graycard export`` does with a saved decomposition."""
+"""Export a saved decomposition."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class ViewCommand:
     scene: Annotated[Path | None, optional("SCENE")] = None
     """Also show the cameras of DATASET/<track>/<scene>."""
     port: int = 8080
-    """Of the page, http://127.0.0.1:PORT; the next free one is taken."""
+    """Port of the page, http://127.0.0.1:PORT; the next free one is taken."""
     seconds: Annotated[float | None, optional("SECONDS")] = None
     """End after so long; by default when you press Ctrl-C."""
 
@@ -60,7 +60,7 @@ class TurntableCommand:
     """Write a film of a turn around a saved decomposition."""
 
     folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SAVED")]
-    """What `graycard fit --save` wrote."""
+    """A folder that `graycard fit --save` wrote."""
     out: Annotated[Path, tyro.conf.arg(metavar="FILE.mp4|FILE.gif|FOLDER")]
     """Write to this file; a name without a suffix is a folder of PNG files."""
     layer: Annotated[str, tyro.conf.arg(metavar="LAYER")] = "radiance"
@@ -70,7 +70,7 @@ class TurntableCommand:
     frames: int = 60
     """Pictures of the film."""
     seconds: float = 4.0
-    """Of the film."""
+    """Length of the film."""
     size: int = 256
     """Pixels a side."""
 

@@ -32,10 +32,10 @@ class SplatCommand:
     out: Annotated[Path, tyro.conf.arg(metavar="PREDICTIONS")]
     """Write the predictions to this folder; predictions that it holds are replaced."""
     encoding: Literal["srgb", "linear"] = "srgb"
-    """Of the colours. Training on photographs makes sRGB-encoded ones: these are blended as they are, then
+    """Encoding of the colours. Training on photographs makes sRGB ones: these are blended as they are, then
     decoded and divided by the exposure, for radiance is linear. linear: after training on linear images."""
     background: Literal["black", "white"] = "black"
-    """Which one it was trained over."""
+    """Background that it was trained over."""
     frame: Annotated[tuple[str, Path] | None, optional("KIND FILE")] = None
     """Undo what a program did to the world: `nerfstudio dataparser_transforms.json`, or `matrix FILE` with
     the 4x4 matrix from the scene's world to the splat's (text, JSON or NPY)."""
@@ -44,9 +44,9 @@ class SplatCommand:
     primitive: Literal["auto", "3dgs", "2dgs"] = "auto"
     """Draw ellipsoids or discs; a file with two scales holds discs."""
     antialiased: Literal["auto", "yes", "no"] = "auto"
-    """Whether it was trained so (gsplat, nerfstudio); auto is what the file says, as those of brush do."""
+    """Say if it was trained so (gsplat, nerfstudio); with auto the file says, as those of brush do."""
     name: Annotated[str, tyro.conf.arg(metavar="NAME")] = "splat"
-    """What the predictions are called in reports."""
+    """Name of the predictions in reports."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Read, check, then render every view."""

@@ -95,7 +95,7 @@ def write_binary(
 
 @dataclass(slots=True)
 class _Reader:
-    """What is left of a file."""
+    """The rest of a file that is being read."""
 
     path: Path
     data: memoryview

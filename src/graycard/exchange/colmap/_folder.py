@@ -17,7 +17,7 @@ from graycard.exchange.colmap._model import Model
 from graycard.exchange.colmap._tracks import model_tables
 
 MODEL_FOLDERS = ("sparse", "", "colmap/sparse", "dense/sparse")
-"""Where models lie, or folders of them with numbers for names."""
+"""Folders of models, or of folders of them with numbers for names."""
 HELD_OUT = "held_out"
 PHOTOGRAPHS = ("images", "photographs", "photos", "input", "image", "rgb")
 """Names of folders with photographs, in the order in which they are looked at."""
@@ -29,7 +29,7 @@ class ColmapFolder:
 
     shots: tuple[PosedPhotograph, ...]
     model: Model
-    """Of the training views."""
+    """Model of the training views."""
     names: dict[int, str]
     """Name of the view by id of its image in the model."""
     photographs: Path

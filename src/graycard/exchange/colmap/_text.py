@@ -45,14 +45,7 @@ def write_text(
     images: Sequence[tuple[str, int, Sequence[float], np.ndarray]],
     points: Sequence[tuple[np.ndarray, np.ndarray, float, Sequence[tuple[int, int]]]],
 ) -> None:
-    """Write a model of pinholes; cameras, images and points have the ids 1, 2, 3, …
-
-    Args:
-        folder: Where to.
-        cameras: Width, height, and fx, fy, cx, cy of each.
-        images: Name, camera id, quaternion (w, x, y, z) with translation, and keypoints x, y, point id of
-            each; shape ``(N, 3)``.
-        points: Position, colour, error, and image id and keypoint of each observation.
+    """Write a model of pinholes; arguments as of :func:`graycard.exchange.colmap._binary.write_binary`.
 
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.

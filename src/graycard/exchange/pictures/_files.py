@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a picture lies, and which kind of file it is by its first bytes, whatever its name ends in."""
+"""Find pictures, and tell kinds of files by their first bytes, whatever their names end in."""
 
 import struct
 import warnings

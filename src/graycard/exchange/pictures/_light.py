@@ -14,7 +14,7 @@ from graycard.exchange.pictures._profiles import to_rec709
 from graycard.io import REC709
 
 Background = Literal["none", "black", "white"]
-"""What is seen through transparent pixels; with none they are an error."""
+"""Light behind transparent pixels; with none they are an error."""
 
 
 def to_light(pixels: Pixels, path: Path, background: Background) -> tuple[np.ndarray, tuple[Note, ...]]:

@@ -17,7 +17,7 @@ from graycard.exchange.pictures._pixels import Exposure, Header, Note, Pixels
 from graycard.exchange.pictures._turn import UPRIGHT, WORDS, swaps_sides, turn
 
 Orientation = Literal["auto", "stored", "upright"]
-"""How EXIF orientation is taken: as the size of the camera tells, pixels as stored, or turned upright."""
+"""Way to take EXIF orientation: as the size of the camera tells, pixels as stored, or turned upright."""
 Size = tuple[int, int]
 """Width and height, pixels."""
 
@@ -29,12 +29,12 @@ class FoundPicture:
     path: Path
     header: Header
     turned: bool = False
-    """Whether it is turned upright when it is read."""
+    """True if it is turned upright when it is read."""
     notes: tuple[Note, ...] = ()
 
     @property
     def exposure(self) -> Exposure | None:
-        """How the camera was set, where EXIF tells it."""
+        """Exposure of the camera, where EXIF tells it."""
         return self.header.exposure
 
 

@@ -11,7 +11,7 @@ SRGB = None
 """The curve of IEC 61966-2-1, piecewise."""
 LINEAR = 1.0
 Curve = float | None
-"""How light follows from a stored value in [0, 1]: the sRGB curve, or this power of it."""
+"""Curve from a stored value in [0, 1] to light: that of sRGB, or this power."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,14 +21,14 @@ class Note:
     what: str
     """A word or two, as ``orientation``."""
     said: str
-    """What it is and what was done, the same words for the same thing in each picture."""
+    """Words for what was found and done, the same for the same thing in each picture."""
     warns: bool = False
-    """Whether it looks wrong, or may be meant otherwise."""
+    """True if it looks wrong, or may be meant otherwise."""
 
 
 @dataclass(frozen=True, slots=True)
 class Encoding:
-    """What stored colours mean."""
+    """Meaning of stored colours: curve and primaries."""
 
     curve: Curve = SRGB
     primaries: tuple[float, ...] = REC709
@@ -37,7 +37,7 @@ class Encoding:
 
 @dataclass(frozen=True, slots=True)
 class Exposure:
-    """How a camera was set, as EXIF tells it."""
+    """Exposure of a camera, as EXIF tells it."""
 
     seconds: float
     f_number: float | None = None
@@ -46,7 +46,7 @@ class Exposure:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a file says before its pixels are read."""
+    """Header of a picture: all that a file says before its pixels are read."""
 
     width: int
     """Pixels, as stored: before any turn."""
@@ -67,7 +67,7 @@ class Pixels:
     """Shape ``(H, W)``, of the same type: how much of a pixel is covered; None where the file has none."""
     encoding: Encoding = field(default_factory=Encoding)
     premultiplied: bool = False
-    """Whether the values are multiplied by alpha."""
+    """True if the values are multiplied by alpha."""
     notes: tuple[Note, ...] = ()
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stored colours mean, by ICC profiles, by chunks of PNG, or by chromaticities.
+"""Meaning of stored colours, by ICC profiles, chunks of PNG, or chromaticities.
 
 An ICC profile is told by what it does: littleCMS brings a lattice of colours through it to sRGB, and the
 result is held against each encoding that is known. So names and versions of a profile play no part.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which side of the masks of a capture is the object, and how much of the pictures it fills."""
+"""Find the side of masks that is the object, and the share of the pictures that it fills."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from graycard._errors import DatasetError
 from graycard.exchange.pictures._pixels import Note
 
 MaskObject = Literal["auto", "black", "white"]
-"""Which side of a mask is the object; with auto black, unless masks look inverted, which is an error."""
+"""Side of a mask that is the object; with auto black, unless masks look inverted, which is an error."""
 MOST = 0.5
 """Share of pictures, and of their borders, above which an object looks like its surroundings."""
 
 
 @dataclass(frozen=True, slots=True)
 class MaskShape:
-    """How a mask lies in its picture."""
+    """Shares of a mask in its picture."""
 
     share: float
     """Share of the picture that is black."""

@@ -13,7 +13,7 @@ WORDS = {
     7: "mirrored along the other diagonal",
     8: "turned by 90° counterclockwise",
 }
-"""What a viewer does with the stored pixels."""
+"""Turn and mirror that a viewer applies to the stored pixels."""
 
 
 def swaps_sides(orientation: int) -> bool:
