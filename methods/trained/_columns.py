@@ -60,8 +60,6 @@ def splat_of(
     centres, scales = _block(columns, POSITION, path), _sizes(columns, axes, path)
     numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
     tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
-    numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
-    tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
     shapes = Surfels(*tensors) if kind == "2dgs" else Gaussians(*tensors)
     return TrainedSplat(
         shapes,

@@ -10,6 +10,7 @@ import pytest
 from graycard import UnknownNameError, open_capture, open_predictions
 from graycard.adoption import LAYOUTS, adopt, find_layout, parse_map, request_of
 from graycard.eval import find_hints, score_predictions
+from graycard.exchange import export_capture, import_capture
 from graycard.records import ScoreSheet
 from other_outputs import (
     Writer,
@@ -102,6 +103,20 @@ def test_a_layout_of_test_views_alone_says_what_it_lacks(
     assert sheet.score("normal.mean_angle").value == pytest.approx(
         mine.score("normal.mean_angle").value, abs=0.3
     )
+
+
+def test_an_imported_truth_does_not_bring_an_exposure(
+    tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    """Photographs of TensoIR's layout are as they were, like those that come without albedo and normals."""
+    rendered = write_tiny(tmp_path / "rendered", train=4, test=3)
+    export_capture(rendered, "tensoir", tmp_path / "away")
+    scene = import_capture(tmp_path / "away", tmp_path / "mine", "dark", "lego")
+    assert (scene / "truth").is_dir()
+    for of, exposed in ((rendered, True), (scene, False)):
+        request = request_of(tmp_path, of, (), find_layout("tensoir"))
+        light = next(declared for declared in request.maps if declared.layer == "radiance")
+        assert (light.exposed, "exposed" in light.words, request.notes == ()) == (exposed,) * 3
 
 
 def test_layers_without_files_are_left_out_by_name(adopted_scene: Path, own: Path, tmp_path: Path) -> None:

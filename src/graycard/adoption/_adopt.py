@@ -15,7 +15,7 @@ from graycard.adoption._declared import LayerMap, parse_map
 from graycard.adoption._layouts import Layout, Views
 from graycard.adoption._places import Place, check_pattern, filled, find_file, is_stack, number_in, places_of
 from graycard.adoption._values import to_layer
-from graycard.dataset import is_imported, open_capture
+from graycard.dataset import is_in_display_white, open_capture
 from graycard.io import Progress, atomic_folder, read_bytes, remove, silent
 from graycard.predictions import (
     FOLDERS,
@@ -156,7 +156,7 @@ def _of_layout(layout: Layout | None, scene: Path) -> tuple[list[LayerMap], tupl
     A program that was trained on a user's own photographs knows nothing of the exposure of their capture.
     """
     known = [parse_map(text) for text in layout.maps] if layout else []
-    if not any(declared.exposed for declared in known) or not is_imported(scene):
+    if not any(declared.exposed for declared in known) or not is_in_display_white(scene):
         return known, ()
     plain = [
         replace(declared, exposed=False, words=tuple(word for word in declared.words if word != "exposed"))
