@@ -95,6 +95,53 @@ def test_a_star_that_fits_twice_is_refused_unless_it_is_told(
     check_albedo(own, tmp_path)
 
 
+@pytest.mark.parametrize(
+    "pattern", ["{index}.npy", "{index+1:03d}.npy", "s*_{index:04d}.npy", "{split}/{index}.npy"]
+)
+@pytest.mark.parametrize("views", ["all", "test"])
+def test_files_of_more_views_than_there_are_are_refused(
+    pattern: str, views: str, theirs: Path, take: Adopt, adopted_scene: Path
+) -> None:
+    """What numbers other views than the scene has is not cut off: 0 may be any of them."""
+    capture = open_capture(adopted_scene / "capture")
+    chosen = capture.test if views == "test" else capture.views
+
+    def write(split: str, number: int) -> Path:
+        name = pattern.replace("{split}", split).replace("*", "9")
+        name = name.replace("{index+1:03d}", f"{number + 1:03d}").replace("{index:04d}", f"{number:04d}")
+        path = theirs / name.replace("{index}", str(number))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, np.full((24, 28, 3), 0.1 * number))
+        return path
+
+    count = {"train": 0, "test": 0}
+    for number, view in enumerate(chosen):
+        write(view.split, count[view.split] if "{split}" in pattern else number)
+        count[view.split] += 1
+    assert take(f"base_color={pattern}:linear", views=views).views == len(chosen)
+    extra = write("test", count["test"] if "{split}" in pattern else len(chosen))
+    with pytest.raises(GraycardError, match=rf"got more: {extra.name} is there, too.*--order"):
+        take(f"base_color={pattern}:linear", views=views)
+
+
+def test_a_folder_of_many_files_is_read_to_its_end_and_listed_once(
+    theirs: Path, take: Adopt, adopted_scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(10_050):
+        (theirs / f"{number:05d}_x.log").touch()
+    views = open_capture(adopted_scene / "capture").views
+    for view in views:
+        np.save(theirs / f"z_{view.name}_x.npy", np.full((24, 28, 3), 0.5))
+    listed: list[Path] = []
+    iterdir = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda self: listed.append(self) or iterdir(self))
+    assert take("base_color=z_{view}_*.npy:linear", "radiance=z_{view}_*.npy:linear").views == len(views)
+    assert listed.count(theirs) == 1
+    monkeypatch.setattr("graycard.adoption._places._MOST", 10_000)
+    with pytest.raises(GraycardError, match="expected up to 10000 files in .*theirs, got more"):
+        take("base_color=z_{view}_*.npy:linear")
+
+
 def test_arrays_of_all_views_are_taken_in_order(
     theirs: Path, take: Adopt, own: Path, adopted_scene: Path, tmp_path: Path
 ) -> None:
@@ -297,6 +344,9 @@ def test_strange_requests_are_refused(theirs: Path, adopted_scene: Path, take: A
     for maps, options, says in (
         ([], {}, "expected --layout or --map, got neither"),
         (["base_color={name}.png"], {}, r"expected \{view\}, .* got \{name\}"),
+        (["base_color={index:5d}.png"], {}, r"got \{index:5d\}. Write \{index:05d\} where zeros fill"),
+        (["base_color={index:03}.png"], {}, r"got \{index:03\}. Write \{index:03d\} where"),
+        (["base_color={index+1:4}.png"], {}, r"got \{index\+1:4\}. Write \{index\+1:04d\} where"),
         (["base_color=:srgb"], {}, "expected a pattern"),
         (["base_color=a.npy", "base_color=b.npy"], {}, "expected one --map for base_color, got 2"),
         (["base_color={view}.npy"], {"views": "held"}, "expected --views all, train or test, got held"),

@@ -11,7 +11,6 @@ import pytest
 from graycard import View, open_predictions
 from graycard.adoption import adopt, request_of
 from graycard.eval import find_hints
-from graycard.io import write_json
 from other_outputs import decode, encode, numbered
 
 OPENGL = np.array([1.0, -1.0, -1.0])
@@ -145,8 +144,3 @@ def test_decoding_goes_on_beyond_white(adopted_scene: Path, own: Path, tmp_path:
     adopt(request_of(tmp_path / "theirs", adopted_scene, ["radiance={view}.npy:srgb"]), tmp_path / "ours")
     found = open_predictions(tmp_path / "ours").layers("test_001")["radiance"]
     np.testing.assert_allclose(found, decode(values), rtol=1e-6)
-
-
-def test_json_holds_the_hints(tmp_path: Path, adopted_scene: Path, own: Path) -> None:
-    write_json(tmp_path / "hints.json", find_hints(own, adopted_scene))
-    assert (tmp_path / "hints.json").read_text().strip() == "[]"
