@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Patterns, kinds of file and faults of outputs: what fits is adopted, all else is refused by name."""
 
+import gzip
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -294,10 +295,6 @@ def test_outputs_of_strangers_stay_in_their_folder(
 @pytest.mark.parametrize(
     ("suffix", "data"),
     [
-        (
-            ".npy",
-            b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }" + b" " * 50,
-        ),
         (".npy", b"nothing"),
         (".npz", b"PK\x03\x04"),
         (".npy.gz", b"\x1f\x8b\x08"),
@@ -312,6 +309,47 @@ def test_broken_files_are_refused(suffix: str, data: bytes, theirs: Path, take: 
         (theirs / f"{name}{suffix}").write_bytes(data)
     with pytest.raises(GraycardError, match="expected a whole"):
         take(f"base_color={{view}}{suffix}:linear")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".npy.gz"])
+def test_arrays_of_objects_are_refused_as_such(suffix: str, theirs: Path, take: Adopt, own: Path) -> None:
+    """They are whole, but to open one would run what it holds."""
+    for name in open_predictions(own).view_names():
+        with (
+            gzip.open(theirs / f"{name}{suffix}", "wb")
+            if suffix.endswith("gz")
+            else open(theirs / f"{name}{suffix}", "wb") as file
+        ):
+            (np.savez if suffix == ".npz" else np.save)(file, np.array([{1: 2}], dtype=object))
+    with pytest.raises(GraycardError, match="expected numbers in .*, got objects of Python"):
+        take(f"base_color={{view}}{suffix}:linear")
+
+
+@pytest.mark.parametrize(
+    ("declared", "values", "says"),
+    [
+        ("depth={view}.npy:z", np.nan, "expected values of depth in .*, got none that is finite"),
+        ("depth={view}.npy:z", -2.0, "expected depths above 0 in .*, got -2 to -2"),
+        ("depth={view}.npy:distance", 0.0, "expected depths above 0 in .*, got 0 to 0"),
+        ("depth={view}.npy:inverse", 0.0, "got none that is finite"),
+        (
+            "roughness={view}.npy:linear",
+            np.inf,
+            "expected values of roughness in .*, got none that is finite",
+        ),
+    ],
+)
+def test_a_layer_that_says_nothing_is_refused(
+    declared: str, values: float, says: str, theirs: Path, take: Adopt, own: Path, tmp_path: Path
+) -> None:
+    for name in open_predictions(own).view_names():
+        np.save(theirs / f"{name}.npy", np.full((24, 28), values))
+    with pytest.raises(GraycardError, match=says):
+        take(declared)
+    assert [path.name for path in tmp_path.iterdir()] == ["theirs"]
+    first = open_predictions(own).view_names()[0]
+    np.save(theirs / f"{first}.npy", np.full((24, 28), 1.5))  # one view may see nothing
+    assert take(declared).views == 7
 
 
 @pytest.mark.parametrize(

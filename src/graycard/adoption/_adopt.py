@@ -11,7 +11,7 @@ import numpy as np
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError, PredictionError
 from graycard.adoption._arrays import read_array
-from graycard.adoption._declared import LayerMap, parse_map
+from graycard.adoption._declared import DEPTH, LayerMap, parse_map
 from graycard.adoption._layouts import Layout, Views
 from graycard.adoption._places import (
     Files,
@@ -134,7 +134,8 @@ def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
 
     Raises:
         DatasetError: The capture is missing or broken.
-        PredictionError: A file is missing, broken, of another size or of other channels.
+        PredictionError: A file is missing, broken, of another size or of other channels, or no value of a
+            layer is one.
         OutputError: The folder holds something else, or cannot be written to.
     """
     if not request.folder.is_dir():
@@ -148,6 +149,8 @@ def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
     remove(staging)
     with atomic_folder(staging) as folder:
         ranges = _write_views(folder, files, taken, places, capture.exposure, progress)
+        for declared in taken:
+            _check_range(declared, ranges[declared.layer], request.folder)
         method = request.method or request.folder.resolve().name or "adopted"
         finish_predictions(folder, Predictions(method, capture.track, capture.scene))
     _move(staging, out)
@@ -340,6 +343,25 @@ def _range(
     if finite.size:
         low, high = min(low, float(finite.min())), max(high, float(finite.max()))
     return low, high, files | {path}
+
+
+def _check_range(declared: LayerMap, found: tuple[float, float, set[Path]], folder: Path) -> None:
+    """Refuse a layer that says nothing in any view.
+
+    Raises:
+        PredictionError: No value is finite, or no depth is above 0.
+    """
+    low, high, _ = found
+    if low > high:
+        raise PredictionError(
+            f"expected values of {declared.layer} in {folder}, got none that is finite by '{declared}'. Mend "
+            "the outputs, or the declaration"
+        )
+    if declared.layer == DEPTH and high <= 0:
+        raise PredictionError(
+            f"expected depths above 0 in {folder}, got {low:.4g} to {high:.4g} by '{declared}'. Where z "
+            "points backward, add times=-1"
+        )
 
 
 def _adopted(declared: LayerMap, found: tuple[float, float, set[Path]]) -> AdoptedLayer:
