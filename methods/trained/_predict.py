@@ -40,6 +40,15 @@ class Look:
     """Place of its world in that of the scene."""
 
 
+@dataclass(frozen=True)
+class DrawnSplat:
+    """Predictions that were drawn of a splat."""
+
+    predictions: Predictions
+    unseen: tuple[str, ...]
+    """Views in which nothing of it is seen."""
+
+
 def write_splat_predictions(
     splat: TrainedSplat,
     capture: Capture,
@@ -47,7 +56,7 @@ def write_splat_predictions(
     progress: Progress,
     look: Look | None = None,
     name: str = "splat",
-) -> Predictions:
+) -> DrawnSplat:
     """Render a splat for every view of a capture, training views too: gauges are fitted on these.
 
     Args:
@@ -59,7 +68,7 @@ def write_splat_predictions(
         name: What the predictions are called.
 
     Returns:
-        The index that was written: radiance and depth, and normals of discs.
+        The index that was written (radiance and depth, and normals of discs), and the views without anything.
 
     Raises:
         MethodError: There is not enough memory, or the pictures hold what no file of predictions should.
@@ -69,10 +78,12 @@ def write_splat_predictions(
     antialiased = splat.antialiased if look.antialiased is None else look.antialiased
     exposure = _exposure_of(look, capture)
     clear_predictions(folder)
+    unseen: list[str] = []
     warm_kernels(KERNELS[splat.primitive], progress)
     for done, view in enumerate(capture.views):
         progress(done / len(capture.views), f"rendering {view.name}")
         picture = render_splat(splat, view.camera, look.frame, look.background, antialiased)
+        unseen += [] if _is_anything_seen(picture, look.background) else [view.name]
         layers = _layers(picture, look.encoding, exposure)
         for layer, values in layers.items():
             if fault := find_fault(layer, values, view.camera.height, view.camera.width):
@@ -80,7 +91,12 @@ def write_splat_predictions(
         write_view(folder, view.name, layers)
     written = Predictions(name, capture.track, capture.scene)
     finish_predictions(folder, written)
-    return written
+    return DrawnSplat(written, tuple(unseen))
+
+
+def _is_anything_seen(picture: Picture, background: float) -> bool:
+    """Tell whether a pixel is covered by half, or is a code of 8 bits off the background."""
+    return bool(np.isfinite(picture.depth).any() or (np.abs(picture.colour - background) > 1 / 255).any())
 
 
 def _exposure_of(look: Look, capture: Capture) -> float:

@@ -124,6 +124,29 @@ def test_properties_that_are_not_used_are_named(tmp_path: Path):
     assert read_splat(write_ply(tmp_path / "s.ply", columns)).unused == ("segment",)
 
 
+@pytest.mark.parametrize(
+    ("change", "doubt"),
+    [
+        (lambda c: c, None),
+        (lambda c: c | {"opacity": 1 / (1 + np.exp(-c["opacity"]))}, "opacities lie between 0 and 1"),
+        (lambda c: c | {f"scale_{a}": np.exp(c[f"scale_{a}"]) for a in range(3)}, "scales are above 0"),
+        (lambda c: c | {f"rot_{part}": c[f"rot_{part}"] * (np.arange(40) > 1) for part in range(4)},
+         "2 of 40 rotations have length zero"),
+    ],
+)  # fmt: skip
+def test_numbers_that_training_does_not_write_are_doubted(
+    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]], doubt: str | None
+):
+    found = read_splat(write_ply(tmp_path / "d.ply", change(inria_columns(raw(1, 40)))))
+    assert [said.startswith(doubt) for said in found.doubts if doubt] == [True] * (doubt is not None)
+    assert bool(found.doubts) == (doubt is not None)
+
+
+def test_a_few_gaussians_may_be_of_any_kind(tmp_path: Path):
+    columns = inria_columns(raw(0, 5)) | {"opacity": np.full(5, 0.5, np.float32)}
+    assert read_splat(write_ply(tmp_path / "d.ply", columns)).doubts == ()
+
+
 def test_limits_of_activations(tmp_path: Path):
     """Opaque, clear, flat, and without a direction: all of these are in files that training wrote."""
     columns = inria_columns(raw(0, 4))

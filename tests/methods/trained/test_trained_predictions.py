@@ -353,6 +353,20 @@ def test_the_command_line(
         assert message in capsys.readouterr().err.replace("\n", " ")
 
 
+@pytest.mark.parametrize("background", ["black", "white"])
+def test_views_without_anything_of_the_splat_are_named(
+    tmp_path: Path, make_scene: Callable[..., Path], capsys: pytest.CaptureFixture[str], background: str
+):
+    """The world was moved, and nobody said so: pictures of the background are written, with a word."""
+    scene, columns = make_scene(), inria_columns(raw_splat(random_gaussians(30, 5, opacities=(0.1, 0.9)), 1))
+    for shift, unseen in ((0.0, False), (1e4, True)):
+        path = write_ply(tmp_path / "t.ply", columns | {"x": columns["x"] + np.float32(shift)})
+        args = ["splat", str(path), str(scene), "--out", str(tmp_path / "o"), "--background", background]
+        assert main(args) == 0
+        said = capsys.readouterr().err.replace("\n", " ")
+        assert ("nothing of the splat is seen in 5 of 5 views" in said) == unseen
+
+
 def test_gravity_of_opengl_and_opencv_cameras(tmp_path: Path):
     """A red ball above, a green one below: red is in the upper half of the picture."""
     balls = plain(Gaussians, [[0, 0, 1], [0, 0, -1]], [[1, 0, 0, 0]] * 2, [[0.2] * 3] * 2, [0.9, 0.9])

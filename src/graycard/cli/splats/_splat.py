@@ -67,8 +67,16 @@ class SplatCommand:
         splat = read_splat(self.file, None if self.primitive == "auto" else self.primitive)
         if splat.unused:
             terminal.advise(f"properties that are not looked at: {', '.join(splat.unused)}")
+        for doubt in splat.doubts:
+            terminal.advise(doubt)
         with terminal.progress() as progress:
-            write_splat_predictions(splat, capture, self.out, progress, look, self.name)
+            drawn = write_splat_predictions(splat, capture, self.out, progress, look, self.name)
+        if drawn.unseen:
+            terminal.advise(
+                f"nothing of the splat is seen in {len(drawn.unseen)} of {len(capture.views)} views, as "
+                f"{', '.join(drawn.unseen[:3])}: is its world that of the scene? --frame tells how it was "
+                "moved"
+            )
         terminal.out.print(f"splat: {self.out}, {_described(splat)}, {len(capture.views)} views")
         return OK
 
