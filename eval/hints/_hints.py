@@ -104,9 +104,8 @@ def _length_hints(lengths: list[float]) -> list[Hint]:
     if _SHORT < middle < _LONG:
         return []
     longer = "longer" if middle > 1 else "shorter"
-    return [
-        Hint("normal", f"normal is not of unit length: half of the normals are {longer} than {middle:.3g}")
-    ]
+    says = f"normal is not of unit length: half of the normals are {longer} than {middle:.3g}"
+    return [Hint("normal", says, "coded where values are (n + 1) / 2, and no codes or times=")]
 
 
 def with_hints(scores: Iterable[Score], found: Mapping[str, tuple[str, ...]]) -> tuple[Score, ...]:

@@ -146,7 +146,7 @@ def test_normals_that_are_no_directions_are_named(
         np.save(tmp_path / "theirs" / f"{view.name}.npy", made(layers["normal"]))
     adopt(request_of(tmp_path / "theirs", adopted_scene, [f"normal={{view}}.npy:{declared}"]), tmp_path / "o")
     (hint,) = find_hints(tmp_path / "o", adopted_scene)
-    assert (hint.layer, "normals are" in hint.says) == ("normal", True)
+    assert (hint.layer, "normals are" in hint.says, "coded" in hint.declare) == ("normal", True, True)
 
 
 @pytest.mark.parametrize(

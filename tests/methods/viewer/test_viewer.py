@@ -237,6 +237,19 @@ def test_predictions_without_views_have_no_page(tmp_path: Path):
         serve_pictures(open_predictions(write_even(tmp_path / "p", [])), {}, 8090)
 
 
+def test_pages_that_cannot_be_served_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    folder = write_even(tmp_path / "p", ["a"])
+    for more, message in [
+        (["--port", "0"], "Mend --port"),
+        (["--port", "65536"], "Mend --port"),
+        (["--port", "-1"], "Mend --port"),
+        (["--seconds", "-1"], "Mend --seconds"),
+        (["--seconds", "nan"], "Mend --seconds"),
+    ]:
+        assert main(["view", str(folder), *more]) == 2
+        assert message in capsys.readouterr().err.replace("\n", " ")
+
+
 def wait_until(holds: Callable[[], bool], page: Page | None = None) -> None:
     end = time.monotonic() + 60
     while not holds() and time.monotonic() < end:

@@ -17,6 +17,8 @@ from graycard.cli._terminal import OK, Terminal
 if TYPE_CHECKING:
     from graycard import Camera
 
+HIGHEST = 65535
+"""Port that a computer has."""
 LONGEST = 3600
 """Pictures of a film."""
 
@@ -39,6 +41,7 @@ class ViewCommand:
         from graycard.methods.viewer import is_saved, open_fitted, serve_fitted, serve_pictures
         from graycard.predictions import open_predictions
 
+        self._check()
         cameras = _cameras(self.scene)
         if is_saved(self.folder):
             server = serve_fitted(open_fitted(self.folder), cameras, self.port)
@@ -52,6 +55,17 @@ class ViewCommand:
         finally:
             server.stop()
         return OK
+
+    def _check(self) -> None:
+        """Refuse a page that cannot be served.
+
+        Raises:
+            GraycardError: A number is out of its range.
+        """
+        if not 1 <= self.port <= HIGHEST:
+            raise GraycardError(f"expected a port from 1 to {HIGHEST}, got {self.port}. Mend --port")
+        if self.seconds is not None and not self.seconds >= 0:
+            raise GraycardError(f"expected seconds of 0 or more, got {self.seconds}. Mend --seconds")
 
 
 @dataclass(frozen=True)
