@@ -120,8 +120,16 @@ def is_scene(folder: Path) -> bool:
 
 def is_imported(scene: Path) -> bool:
     """Tell whether a scene is a user's own photographs, which have no truth beside them."""
+    return not has_truth(scene) and is_in_display_white(scene)
+
+
+def is_in_display_white(scene: Path) -> bool:
+    """Tell whether light of a scene is in units of display white, as that of imported photographs is.
+
+    It is so beside an imported truth, too. Light of a rendered scene is in W/m²/sr.
+    """
     capture = Path(scene) / "capture"
-    if has_truth(scene) or not (capture / MANIFEST).is_file():
+    if not (capture / MANIFEST).is_file():
         return False
     return read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER
 
