@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from graycard.exchange.pictures import (
 )
 from graycard.io import Progress, silent
 
+DoneT = TypeVar("DoneT")
 Exposures = Literal["exif", "alike"]
 """Relative exposures of photographs: as EXIF tells them, or all alike."""
 SAMPLES = 2**22
@@ -134,11 +135,20 @@ def find_pictures(
 def develop_held_out(found: FoundPictures, keep: Callable[[PosedPhotograph, np.ndarray], None]) -> None:
     """Read each photograph of a held-out view as those of training views are, and hand it on.
 
+    Args:
+        found: Where they are.
+        keep: As of :func:`develop_pictures`.
+
     Raises:
         DatasetError: One is broken.
     """
-    for number, shot in enumerate(found.held, start=len(found.shots)):
-        keep(shot, develop(_light(found, number)[0], shot))
+
+    def work(number: int) -> None:
+        shot = found.held[number]
+        keep(shot, develop(_light(found, len(found.shots) + number)[0], shot))
+
+    for _ in _in_order(work, len(found.held)):
+        pass
 
 
 def _light(found: FoundPictures, number: int) -> tuple[np.ndarray, Picture]:
@@ -196,7 +206,7 @@ def develop_pictures(
     return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
 
 
-def _in_order(work: Callable[[int], _Done], count: int) -> Iterator[_Done]:
+def _in_order(work: Callable[[int], DoneT], count: int) -> Iterator[DoneT]:
     """Yield what comes of photographs, in their order; few are in memory at a time, none after an error."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))

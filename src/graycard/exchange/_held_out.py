@@ -30,7 +30,7 @@ def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> Non
     with atomic_folder(folder) as partial:
 
         def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=True)
+            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
         develop_held_out(found, keep)
         write_manifest(partial, replace(capture, format="graycard-held-out"))

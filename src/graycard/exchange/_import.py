@@ -119,7 +119,7 @@ def write_import(
     with atomic_folder(home / "capture") as folder:
 
         def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=True)
+            write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
         def keep_mask(shot: PosedPhotograph, target: np.ndarray) -> None:
             ids = np.where(target, TARGET, 0)
