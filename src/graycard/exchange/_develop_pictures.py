@@ -84,6 +84,8 @@ class Developed:
     """The factor by which their 99th percentile becomes 1."""
     sensor: Sensor | None
     """The exposures of single photographs; None where all are taken as exposed alike."""
+    held_out: Sensor | None
+    """The same of those of held-out views."""
     rows: tuple[ImportRow, ...]
 
 
@@ -203,7 +205,13 @@ def develop_pictures(
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
-    return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
+    count = len(found.shots)  # exposures of held-out views come after those of training views
+    return Developed(
+        1 / white,
+        _sensor(found.shots, found.exposures[:count], white, bits),
+        _sensor(found.held, found.exposures[count:], white, bits),
+        merge_rows([*rows, *found.rows]),
+    )
 
 
 def _in_order(work: Callable[[int], DoneT], count: int) -> Iterator[DoneT]:
@@ -226,11 +234,13 @@ def _look_through(masks: Sequence[FoundPicture], chosen: MaskObject) -> tuple[bo
     return white, [_row(note, len(masks))]
 
 
-def _sensor(found: FoundPictures, white: float, bits: int) -> Sensor | None:
+def _sensor(
+    shots: Sequence[PosedPhotograph], exposures: Sequence[float], white: float, bits: int
+) -> Sensor | None:
     """Return the exposures as a capture has them: white is where radiance × exposure × factor is 1."""
-    if not found.exposures:
+    if not exposures:
         return None
-    factors = zip(found.shots, found.exposures, strict=False)  # those of held-out views come after
+    factors = zip(shots, exposures, strict=True)
     return Sensor(bits=bits, exposures={shot.name: factor * white for shot, factor in factors})
 
 
