@@ -4,11 +4,13 @@
 import shutil
 from collections.abc import Iterator
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from graycard import open_truth, srgb_encode
@@ -22,6 +24,14 @@ READ_CANVAS = """(label) => {
   const canvas = [...document.querySelectorAll('canvas')].find((c) => c.getAttribute('aria-label') === label);
   return [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data];
 }"""
+CELLS = """(scroll) => {
+  const { left, top } = scroll.getBoundingClientRect();
+  const bodies = [...scroll.querySelector('table').tBodies];
+  const rows = bodies.flatMap((body) => [...body.rows]).filter((row) => row.cells.length > 1);
+  return rows.map((row) => [...row.cells].map((cell) => cell.getBoundingClientRect()).map(
+    (box) => [Math.round(box.left - left + 3), Math.round(box.bottom - top - 1)]));
+}"""
+"""A place in the left padding of each cell of a row, just above its lower edge, pixels of what scrolls."""
 MOVE = "(e, value) => { e.value = value; e.dispatchEvent(new Event('input', { bubbles: true })); }"
 BACKGROUND = "getComputedStyle(document.body).backgroundColor"
 
@@ -100,6 +110,25 @@ def test_dark_scheme_and_narrow_window(browser: Browser, tiny_run: Path) -> None
         page.close()
     assert backgrounds == ["rgb(246, 246, 244)", "rgb(21, 22, 21)"]
     assert heard == []
+
+
+@pytest.mark.parametrize("width", [420, 1400])
+@pytest.mark.parametrize("scrolled", [0, 60])
+def test_lines_of_tables_are_the_same_below_each_cell(
+    browser: Browser, tiny_run: Path, width: int, scrolled: int
+) -> None:
+    """Heads of rows stick while a narrow table is scrolled, and their lines with them."""
+    page = open_report(browser, write_report(tiny_run), [], viewport={"width": width, "height": 900})
+    page.evaluate(f"document.querySelectorAll('.scroll').forEach((e) => {{ e.scrollLeft = {scrolled}; }})")
+    tables = [t for t in page.locator(".scroll:has(table.scores)").all() if t.is_visible()]
+    assert tables
+    for table in tables:
+        picture = np.asarray(Image.open(BytesIO(table.screenshot())).convert("RGB"))
+        for row in table.evaluate(CELLS):
+            strips = [picture[y - 4 : y + 1, x] for x, y in row if 0 <= x < picture.shape[1]]
+            assert all((strip == strips[0]).all() for strip in strips)
+            assert len(strips) > 1
+    page.close()
 
 
 def test_without_script_pictures_and_both_views_are_there(browser: Browser, tiny_run: Path) -> None:

@@ -44,6 +44,11 @@ class PosedPhotograph:
     layers: Mapping[str, Path] = field(default_factory=dict)
     """True layers of the view that lie beside its photograph, by graycard's names."""
 
+    @property
+    def keeps_pixels(self) -> bool:
+        """Tell whether the camera's picture has the photograph's own pixels, none of them averaged."""
+        return self.lens is None and self.size == (self.camera.width, self.camera.height)
+
 
 def make_shot(
     image: Path, name: str, intrinsics: Intrinsics, pose: np.ndarray, where: str

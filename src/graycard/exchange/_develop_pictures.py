@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from graycard.exchange.pictures import (
 )
 from graycard.io import Progress, silent
 
+DoneT = TypeVar("DoneT")
 Exposures = Literal["exif", "alike"]
 """Relative exposures of photographs: as EXIF tells them, or all alike."""
 SAMPLES = 2**22
@@ -83,6 +84,8 @@ class Developed:
     """The factor by which their 99th percentile becomes 1."""
     sensor: Sensor | None
     """The exposures of single photographs; None where all are taken as exposed alike."""
+    held_out: Sensor | None
+    """The same of those of held-out views."""
     rows: tuple[ImportRow, ...]
 
 
@@ -134,11 +137,20 @@ def find_pictures(
 def develop_held_out(found: FoundPictures, keep: Callable[[PosedPhotograph, np.ndarray], None]) -> None:
     """Read each photograph of a held-out view as those of training views are, and hand it on.
 
+    Args:
+        found: Where they are.
+        keep: As of :func:`develop_pictures`.
+
     Raises:
         DatasetError: One is broken.
     """
-    for number, shot in enumerate(found.held, start=len(found.shots)):
-        keep(shot, develop(_light(found, number)[0], shot))
+
+    def work(number: int) -> None:
+        shot = found.held[number]
+        keep(shot, develop(_light(found, len(found.shots) + number)[0], shot))
+
+    for _ in _in_order(work, len(found.held)):
+        pass
 
 
 def _light(found: FoundPictures, number: int) -> tuple[np.ndarray, Picture]:
@@ -193,10 +205,16 @@ def develop_pictures(
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
-    return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
+    count = len(found.shots)  # exposures of held-out views come after those of training views
+    return Developed(
+        1 / white,
+        _sensor(found.shots, found.exposures[:count], white, bits),
+        _sensor(found.held, found.exposures[count:], white, bits),
+        merge_rows([*rows, *found.rows]),
+    )
 
 
-def _in_order(work: Callable[[int], _Done], count: int) -> Iterator[_Done]:
+def _in_order(work: Callable[[int], DoneT], count: int) -> Iterator[DoneT]:
     """Yield what comes of photographs, in their order; few are in memory at a time, none after an error."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     pool = ThreadPoolExecutor(max_workers=min(WORKERS, cores))
@@ -216,11 +234,13 @@ def _look_through(masks: Sequence[FoundPicture], chosen: MaskObject) -> tuple[bo
     return white, [_row(note, len(masks))]
 
 
-def _sensor(found: FoundPictures, white: float, bits: int) -> Sensor | None:
+def _sensor(
+    shots: Sequence[PosedPhotograph], exposures: Sequence[float], white: float, bits: int
+) -> Sensor | None:
     """Return the exposures as a capture has them: white is where radiance × exposure × factor is 1."""
-    if not found.exposures:
+    if not exposures:
         return None
-    factors = zip(found.shots, found.exposures, strict=False)  # those of held-out views come after
+    factors = zip(shots, exposures, strict=True)
     return Sensor(bits=bits, exposures={shot.name: factor * white for shot, factor in factors})
 
 

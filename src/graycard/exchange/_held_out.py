@@ -6,19 +6,21 @@ from pathlib import Path
 
 import numpy as np
 
-from graycard._held_out import PHOTOGRAPHS
+from graycard._held_out import PHOTOGRAPHS, SENSOR
+from graycard._sensor import Sensor
 from graycard.exchange._cameras import PosedPhotograph
 from graycard.exchange._develop_pictures import FoundPictures, develop_held_out
-from graycard.io import Manifest, atomic_folder, remove, write_manifest, write_rgb
+from graycard.io import Manifest, atomic_folder, remove, write_json, write_manifest, write_rgb
 
 
-def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> None:
+def write_held_out(folder: Path, found: FoundPictures, capture: Manifest, sensor: Sensor | None) -> None:
     """Write photographs as linear light; nothing is written where there are none.
 
     Args:
         folder: Where to; what an import that was cut off has left there goes.
         found: The photographs.
         capture: Manifest of their capture.
+        sensor: Their exposures; None where all are taken as exposed alike.
 
     Raises:
         DatasetError: A photograph is broken.
@@ -30,7 +32,9 @@ def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> Non
     with atomic_folder(folder) as partial:
 
         def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=True)
+            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
         develop_held_out(found, keep)
+        if sensor is not None:
+            write_json(partial / SENSOR, sensor)
         write_manifest(partial, replace(capture, format="graycard-held-out"))

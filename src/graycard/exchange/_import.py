@@ -119,7 +119,7 @@ def write_import(
     with atomic_folder(home / "capture") as folder:
 
         def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=True)
+            write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
         def keep_mask(shot: PosedPhotograph, target: np.ndarray) -> None:
             ids = np.where(target, TARGET, 0)
@@ -135,7 +135,7 @@ def write_import(
         capture = Capture(plan.track, scene, views, *light)
         write_index(folder, capture)
         write_manifest(folder, manifest)
-        write_held_out(home / HELD_OUT, plan.pictures, manifest)
+        write_held_out(home / HELD_OUT, plan.pictures, manifest, developed.held_out)
         if plan.has_truth:
             rows.append(write_given_truth(plan, capture, home / "truth", generator))
     return merge_rows([*plan.rows, *rows])

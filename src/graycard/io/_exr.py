@@ -162,7 +162,8 @@ def write_rgb(path: Path, values: np.ndarray, *, quick: bool = False) -> None:
     Args:
         path: The file.
         values: Light of Rec.709.
-        quick: Compress by PIZ instead of ZIP: as small and as exact, in half the time.
+        quick: Compress by PIZ instead of ZIP, as exactly: in less than half the time where values are few,
+            as in pictures of 8 bits, and in twice the time where pixels are averages of others.
 
     Raises:
         ValueError: The array has another shape.
