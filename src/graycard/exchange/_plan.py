@@ -18,7 +18,7 @@ from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudi
 from graycard.exchange._tensoir import read_tensoir, view_folders
 from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
 from graycard.exchange.colmap._model import points_of
-from graycard.exchange.pictures import SUFFIXES
+from graycard.exchange.pictures import SUFFIXES, Files
 from graycard.points import Points
 
 FEW = 0.5
@@ -49,7 +49,7 @@ class ImportPlan:
     """Record of how it was imported, for the manifest."""
     shots: tuple[PosedPhotograph, ...]
     pictures: FoundPictures
-    """Photographs, and masks of training views."""
+    """Photographs that are there, and masks of training views."""
     points: Points | None
     rows: tuple[ImportRow, ...]
 
@@ -95,16 +95,20 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
     found = _read(Path(source), options.model)
     check_names((shot.name for shot in found.shots), Path(source))
-    shots, held, record = hold_out(sorted(found.shots, key=lambda s: s.name), options.hold_out)
-    shots = [shot if track == "tabletop" else replace(shot, mask=None) for shot in shots]
-    made = [with_width(shot, options.width) for shot in shots]
+    named, renamed = _on_disk(sorted(found.shots, key=lambda s: s.name))
+    shots, held, record = hold_out(named, options.hold_out)
+    made = [
+        with_width(shot if track == "tabletop" else replace(shot, mask=None), options.width) for shot in shots
+    ]
     pictures = _pictures(made, options.pictures)
     points, said = _points(Path(source), found, made)
     rows = (
         ImportRow("cameras", len(shots), f"read as {found.kind}"),
         *found.rows,
+        *renamed,
         *_of_cameras(shots, made),
         *_of_files(Path(source), found, shots),
+        *_of_masks(shots, made),
         held,
         *said,
     )
@@ -116,11 +120,13 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
 def _read(source: Path, model: str | None) -> _Source:
     """Read the cameras of a folder, by the layout that it has."""
     if (source / INDEX).is_file():
+        _refuse_model(model, "nerfstudio")
         return _Source("nerfstudio", read_nerfstudio(source))
     if view_folders(source):
         found = read_tensoir(source, model)
         return _Source("tensoir", found.shots, found.rows)
     if (source / TRAIN).is_file():
+        _refuse_model(model, "NeRF-synthetic")
         return _Source("blender", *read_blender(source))
     if has_model(source):
         colmap = read_colmap(source, model)
@@ -130,6 +136,25 @@ def _read(source: Path, model: str | None) -> _Source:
         f"{source}, got {'none of them' if source.is_dir() else 'nothing'}. See docs/formats.md, or let "
         "--find-cameras find the cameras of bare photographs"
     )
+
+
+def _refuse_model(model: str | None, layout: str) -> None:
+    if model is not None:
+        raise DatasetError(
+            f"expected --model for a folder of COLMAP or TensoIR, which may have several models or lights, "
+            f"got {model!r} for one of {layout}, which has one. Leave --model out"
+        )
+
+
+def _on_disk(shots: Sequence[PosedPhotograph]) -> tuple[list[PosedPhotograph], list[ImportRow]]:
+    """Return shots with their files by the very names that they have on disk; others are as they were."""
+    files, found = Files(), []
+    for shot in shots:
+        image = files.find(shot.image) or shot.image
+        mask = shot.mask and (files.find(shot.mask) or shot.mask)
+        found.append(replace(shot, image=image, mask=mask))
+    count = sum((a.image, a.mask) != (b.image, b.mask) for a, b in zip(shots, found, strict=True))
+    return found, [ImportRow("names", count, "found under a name in other case")] if count else []
 
 
 def _pictures(shots: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
@@ -182,7 +207,7 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
         return
     home = {found.colmap.photographs} if found.colmap else {shot.image.parent for shot in shots}
     known = {shot.image for shot in shots} | {shot.mask for shot in shots}
-    bare = sorted(path for place in home for path in _files(place, source) if path not in known)
+    bare = sorted({path for place in home for path in _files(place, source) if path not in known})
     if not bare:
         return
     there = len(shots) - len(missing)
@@ -192,6 +217,14 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
     if few:
         said += f"; cameras hold {there} of {there + len(bare)}: is this a part of a split model?"
     yield ImportRow("photographs", len(bare), said, warns=few)
+
+
+def _of_masks(shots: Sequence[PosedPhotograph], made: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
+    """Yield a row about masks that another track than tabletop does not take."""
+    if lost := sum(
+        shot.mask is not None and after.mask is None for shot, after in zip(shots, made, strict=True)
+    ):
+        yield ImportRow("masks", lost, "left out: tabletop alone has an object to be removed")
 
 
 def _files(place: Path, source: Path) -> Iterator[Path]:

@@ -3,6 +3,7 @@
 
 from graycard.exchange.pictures._exposures import relative_exposures as relative_exposures
 from graycard.exchange.pictures._files import SUFFIXES as SUFFIXES
+from graycard.exchange.pictures._files import Files as Files
 from graycard.exchange.pictures._files import find_picture as find_picture
 from graycard.exchange.pictures._light import Background as Background
 from graycard.exchange.pictures._light import to_light as to_light

@@ -10,7 +10,7 @@ import numpy as np
 
 from graycard._errors import DatasetError
 from graycard.exchange.pictures import _openexr, _png, _tiff
-from graycard.exchange.pictures._files import find_picture, hush_pillow, kind_of
+from graycard.exchange.pictures._files import Files, find_picture, hush_pillow, kind_of
 from graycard.exchange.pictures._light import Background, to_light
 from graycard.exchange.pictures._masks import white_of
 from graycard.exchange.pictures._pixels import Exposure, Header, Note, Pixels
@@ -97,9 +97,9 @@ def find_photographs(
     Raises:
         DatasetError: One is missing, damaged, of another size, or of a kind that is not read.
     """
-    found = []
+    found, files = [], Files()
     for path, size in wanted:
-        place = find_picture(path, what)
+        place = find_picture(path, what, files)
         notes = (Note("names", "found under a name in other case"),) if place.name != path.name else ()
         found.append((FoundPicture(place, read_header(place, what), notes=notes), size))
     told = {t for picture, size in found for t in [_told(picture.header, size)] if t is not None}
