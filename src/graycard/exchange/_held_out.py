@@ -9,28 +9,31 @@ import numpy as np
 from graycard._held_out import PHOTOGRAPHS
 from graycard.exchange._cameras import PosedPhotograph
 from graycard.exchange._develop_pictures import FoundPictures, develop_held_out
-from graycard.io import Manifest, atomic_folder, remove, write_manifest, write_rgb
+from graycard.exchange._doctor import ImportRow
+from graycard.io import Manifest, write_manifest, write_rgb
 
 
-def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> None:
+def write_held_out(folder: Path, found: FoundPictures, capture: Manifest) -> tuple[ImportRow, ...]:
     """Write photographs as linear light; nothing is written where there are none.
 
     Args:
-        folder: Where to; what an import that was cut off has left there goes.
+        folder: Where to: a part of a scene that is not yet whole.
         found: The photographs.
         capture: Manifest of their capture.
+
+    Returns:
+        Rows about their pixels.
 
     Raises:
         DatasetError: A photograph is broken.
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    remove(folder)
     if not found.held:
-        return
-    with atomic_folder(folder) as partial:
+        return ()
 
-        def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
-            write_rgb(partial / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=shot.keeps_pixels)
+    def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
+        write_rgb(folder / f"{PHOTOGRAPHS}/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
-        develop_held_out(found, keep)
-        write_manifest(partial, replace(capture, format="graycard-held-out"))
+    rows = develop_held_out(found, keep)
+    write_manifest(folder, replace(capture, format="graycard-held-out"))
+    return rows

@@ -15,7 +15,7 @@ from graycard.exchange._develop_pictures import FoundPictures, PictureOptions, f
 from graycard.exchange._doctor import ImportRow, merge_rows, some
 from graycard.exchange._hold_out import hold_out
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
-from graycard.exchange._tensoir import read_tensoir, view_folders
+from graycard.exchange._tensoir import has_true_layers, read_tensoir, view_folders
 from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
 from graycard.exchange.colmap._model import points_of
 from graycard.exchange.pictures import SUFFIXES, Files
@@ -60,8 +60,8 @@ class ImportPlan:
 
     @property
     def has_truth(self) -> bool:
-        """Tell whether each view has true layers, and some are held out."""
-        return all(shot.layers for shot in self.shots) and len(self.train) < len(self.shots)
+        """Tell whether some held-out view has the true layers that scores need."""
+        return any(shot.held_out and has_true_layers(shot) for shot in self.shots)
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ class ImportCommand:
         self._show(terminal, rows)
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
-        truth = "true layers of each view" if plan.has_truth else "no truth"
+        truth = "true layers of held-out views" if plan.has_truth else "no truth"
         seen = len(plan.pictures.held)
         scored = f", {seen} of them with a photograph to be scored by" if seen else ""
         counts = f"{len(plan.train)} photographs, {held} views held out{scored}"
