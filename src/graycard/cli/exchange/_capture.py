@@ -53,14 +53,16 @@ class ExportCommand:
             from graycard.cli.splats import export_surfels
 
             return export_surfels(self.scene, self.format, self.out, terminal)
-        from graycard.exchange import export_capture
+        from graycard.exchange import export_capture, left_out_of
 
         capture = export_capture(self.scene, self.format, self.out)
-        held = "with truth," if self.format == "tensoir" else "without one,"
+        held = "with truth" if self.format == "tensoir" else "without a photograph"
         terminal.out.print(
-            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, {held} "
-            f"{len(capture.test)} held-out cameras"
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs, "
+            f"{len(capture.test)} held-out cameras {held}"
         )
+        if lost := left_out_of(capture, self.format):
+            terminal.err.print(f"warning: {self.format} has no place for {' and '.join(lost)}: left out")
         return OK
 
 
