@@ -7,6 +7,7 @@ Distortion is undone first, then the picture is made smaller by averaging areas,
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -57,7 +58,8 @@ def develop(linear: np.ndarray, shot: PosedPhotograph) -> np.ndarray:
     camera = shot.camera
     if shot.lens is not None:
         K, width, height = _full_size(shot)
-        columns, rows = _maps(shot.lens, tuple(K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()), width, height)
+        with _lock_of(shot.lens):  # one thread makes a map, the others wait for it
+            columns, rows = _maps(shot.lens, tuple(K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()), width, height)
         linear = cv2.remap(linear, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     if linear.shape[:2] != (camera.height, camera.width):
         linear = cv2.resize(linear, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
@@ -111,17 +113,22 @@ def _smaller(camera: Camera, width: int) -> Camera:
 
 def _full_size(shot: PosedPhotograph) -> tuple[np.ndarray, int, int]:
     """Return intrinsics and size of the undistorted picture before it is made smaller."""
-    assert shot.lens is not None, "whoever asks has looked"
+    assert shot.lens is not None, "asked for bent photographs alone"
     whole = undistorted(shot.lens, _named(shot))
     return whole.K, whole.width, whole.height
 
 
 def _named(shot: PosedPhotograph) -> Camera:
     """Return the pinhole that the files name before distortion."""
-    assert shot.lens is not None, "whoever asks has looked"
+    assert shot.lens is not None, "asked for bent photographs alone"
     (fx, fy), (cx, cy) = shot.lens.focal, shot.lens.centre
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     return Camera(*shot.size, K, shot.camera.camera_to_world)
+
+
+@lru_cache(maxsize=64)
+def _lock_of(lens: Lens) -> Lock:
+    return Lock()
 
 
 @lru_cache(maxsize=2)

@@ -219,7 +219,7 @@ def _about_turn(header: Header, turned: bool, orientation: Orientation, told: bo
         if told is not None
         else "as others are"
         if turned
-        else "as COLMAP before 4 does; viewers turn it (--orientation upright)",
+        else "as COLMAP does; viewers turn it (--orientation upright)",
     }[orientation]
     unsure = orientation == "auto" and told is None
     return Note("orientation", f"EXIF says {WORDS[header.orientation]}: {done}, {why}", unsure)
