@@ -66,5 +66,5 @@ def test_quaternions_may_be_rounded(rounded: list[float]):
 @pytest.mark.parametrize("wrong", [[0.5, 0.5, 0.5, 0.53], [1, 0, 0, 0.07], [2, 0, 0, 0], [0.9, 0, 0, 0]])
 def test_quaternions_with_a_wrong_number_are_refused(wrong: list[float]):
     """A wrong digit makes it longer or shorter, and turns the view by degrees."""
-    with pytest.raises(DatasetError, match="expected a quaternion of length 1 up to rounding"):
+    with pytest.raises(DatasetError, match="expected a unit quaternion"):
         pose_of(wrong, [0, 0, 0], "a test")

@@ -101,7 +101,8 @@ def names_after(kind: str) -> Callable[[View], str]:
 
 def test_held_out_photographs_are_not_exported(exported: Path):
     names = {p.stem for folder in ("images", "train", "test") for p in (exported / folder).glob("*")}
-    assert names == {"train_000", "train_002", "train_004"}
+    assert {name.removeprefix("train_") for name in names} == {"000", "002", "004"}
+    assert len(list(exported.rglob("*.png"))) == 3
 
 
 def test_nerfstudio_axes_and_lists(tiny_scenes: dict[str, Path], tmp_path: Path):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from graycard._capture import POINTS, Capture, View
-from graycard._errors import DatasetError
+from graycard._errors import DatasetError, OutputError
 from graycard._held_out import HELD_OUT
 from graycard.dataset import IMPORTER, write_index
 from graycard.exchange._cameras import PosedPhotograph
@@ -14,7 +14,7 @@ from graycard.exchange._develop_pictures import develop_held_out, develop_pictur
 from graycard.exchange._doctor import ImportRow, merge_rows
 from graycard.exchange._given_truth import develop_given_truth, write_given_truth
 from graycard.exchange._held_out import write_held_out
-from graycard.exchange._plan import ImportOptions, ImportPlan, plan_import
+from graycard.exchange._plan import ImportOptions, ImportPlan, check_options, plan_import
 from graycard.io import (
     FORMAT_VERSION,
     Manifest,
@@ -75,10 +75,33 @@ def import_and_tell(
     progress: Progress = silent,
 ) -> tuple[Path, tuple[ImportRow, ...]]:
     """Import as :func:`import_capture` does, and return also a row for each thing that was done."""
-    check_scene_name(scene)
+    check_import(dataset, track, scene, options or ImportOptions())
     plan = plan_import(source, track, options)
     rows = write_import(plan, dataset, scene, version=version, progress=progress)
     return Path(dataset) / track / scene, rows
+
+
+def check_import(dataset: Path | None, track: str, scene: str, options: ImportOptions) -> None:
+    """Refuse what can be refused before a camera or photograph is looked at.
+
+    Args:
+        dataset: As of :func:`import_capture`; None where nothing will be written.
+        track: As of :func:`import_capture`.
+        scene: As of :func:`import_capture`.
+        options: As of :func:`import_capture`.
+
+    Raises:
+        UnknownNameError: There is no such track.
+        DatasetError: The scene's name is none for a folder, or an option is none.
+        OutputError: The scene exists.
+    """
+    check_scene_name(scene)
+    check_options(track, options)
+    home = Path(dataset) / track / scene if dataset is not None else None
+    if home is not None and (home.is_file() or (home.is_dir() and any(home.iterdir()))):
+        raise OutputError(
+            f"expected a new or an empty folder at {home}, got one in use. Give another --scene"
+        )
 
 
 def check_scene_name(scene: str) -> None:

@@ -13,8 +13,9 @@ from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._develop import undistorted, with_width
 from graycard.exchange._develop_pictures import FoundPictures, PictureOptions, find_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows, some
-from graycard.exchange._hold_out import hold_out
+from graycard.exchange._hold_out import check_hold_out, hold_out
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
+from graycard.exchange._odd_cameras import odd_cameras
 from graycard.exchange._tensoir import has_true_layers, read_tensoir, view_folders
 from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
 from graycard.exchange.colmap._model import points_of
@@ -88,11 +89,8 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         DatasetError: The source is missing, malformed or incomplete.
         GraycardError: A lens needs pycolmap, which is not installed.
     """
-    if track not in TRACKS:
-        raise UnknownNameError("track", track, TRACKS)
     options = options or ImportOptions()
-    if options.width is not None and options.width < 1:
-        raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
+    check_options(track, options)
     found = _read(Path(source), options.model)
     check_names((shot.name for shot in found.shots), Path(source))
     named, renamed = _on_disk(sorted(found.shots, key=lambda s: s.name))
@@ -109,6 +107,8 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         *_of_cameras(shots, made),
         *_of_files(Path(source), found, shots),
         *_of_masks(shots, made),
+        *_of_width(made, options.width),
+        *odd_cameras(shots, points),
         held,
         *said,
     )
@@ -117,11 +117,37 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
     return ImportPlan(Path(source), track, settings, tuple(made), pictures, points, merge_rows(rows))
 
 
+def check_options(track: str, options: ImportOptions) -> None:
+    """Refuse a track or options that are none, before anything is read.
+
+    Raises:
+        UnknownNameError: There is no such track.
+        DatasetError: The width or the choice of held-out views is none.
+    """
+    if track not in TRACKS:
+        raise UnknownNameError("track", track, TRACKS)
+    if options.width is not None and options.width < 1:
+        raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
+    check_hold_out(options.hold_out)
+
+
 def _read(source: Path, model: str | None) -> _Source:
     """Read the cameras of a folder, by the layout that it has."""
     if (source / INDEX).is_file():
         _refuse_model(model, "nerfstudio")
-        return _Source("nerfstudio", read_nerfstudio(source))
+        shots, rows = read_nerfstudio(source)
+        said = (
+            f"read from {INDEX} alone: cameras of {TRAIN} are passed over. Move {INDEX} away to import them"
+        )
+        both = (source / TRAIN).is_file()
+        if both and len(shots) < 2:
+            raise DatasetError(
+                f"expected two or more frames in {source / INDEX}, got {len(shots)}, and {TRAIN} beside it, "
+                f"which is passed over. Move {INDEX} away to import that"
+            )
+        return _Source(
+            "nerfstudio", shots, [*rows, ImportRow("cameras", len(shots), said, warns=True)] if both else rows
+        )
     if view_folders(source):
         found = read_tensoir(source, model)
         return _Source("tensoir", found.shots, found.rows)
@@ -217,6 +243,12 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
     if few:
         said += f"; cameras hold {there} of {there + len(bare)}: is this a part of a split model?"
     yield ImportRow("photographs", len(bare), said, warns=few)
+
+
+def _of_width(made: Sequence[PosedPhotograph], width: int | None) -> Iterator[ImportRow]:
+    """Yield a row about pictures that are smaller than the width that was asked for."""
+    if width is not None and (small := sum(shot.camera.width < width for shot in made)):
+        yield ImportRow("width", small, f"less than {width} pixels: nothing is made larger")
 
 
 def _of_masks(shots: Sequence[PosedPhotograph], made: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:

@@ -103,10 +103,11 @@ class ImportCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Read, check, write, and show what was done."""
-        from graycard.exchange import plan_import, survey_import
+        from graycard.exchange import check_import, plan_import, survey_import
 
         pictures = PictureOptions(self.orientation, self.background, self.exposures, self.mask_object)
         options = ImportOptions(self.hold_out, self.width, self.model, pictures)
+        check_import(None if self.dry_run else self.out, self.track, self.scene, options)
         with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
             plan = plan_import(source, self.track, options)
             if self.dry_run:

@@ -68,6 +68,9 @@ def read_colmap(folder: Path, wanted: str | None) -> ColmapFolder:
     """
     place, rows = _choose(folder, wanted)
     model, own = _read(place), _place_of(folder, place)
+    if _is_model(place) and not _is_text(place) and (place / _text.CAMERAS).is_file():
+        told = "in both forms; binary files are read, as COLMAP does, and text files are passed over"
+        rows = [*rows, ImportRow("models", 1, told, warns=True)]
     home, said = _photographs(folder, own, model)
     masks = (own if home.is_relative_to(own) else folder) / MASKS
     if own != folder and masks != folder / MASKS and (folder / MASKS).is_dir():
