@@ -325,7 +325,21 @@ def test_tensoirs_layers_become_truth(width: int | None, tiny_scenes: dict[str, 
         else:
             assert layers["normal"].shape == (12, 14, 3)
             seen = layers["object_id"] > 0
+            blocks = {name: exact[name].reshape(12, 2, 14, 2, -1) for name in layers}
+            parts = (blocks["object_id"] > 0).astype(float)
+            share = parts.mean(axis=(1, 3))[..., 0]
+            assert np.array_equal(seen, share > 0.5)
+            base = (blocks["base_color"] * parts).mean(axis=(1, 3)) / np.maximum(share, 1e-6)[..., None]
+            assert np.abs(layers["base_color"] - base)[seen].max() <= 0.5 / 255 + 1e-5
+            mean = (blocks["normal"] * parts).mean(axis=(1, 3))
+            mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-9)
+            assert ((layers["normal"] * mean).sum(axis=-1)[seen] > np.cos(np.radians(1))).all()
             np.testing.assert_allclose(np.linalg.norm(layers["normal"], axis=-1)[seen], 1, atol=1e-5)
+            assert all((layers[name][~seen] == 0).all() for name in ("base_color", "normal"))
+            shown = srgb_decode(np.rint(255 * srgb_encode(exact["radiance"] * before.exposure)) / 255)
+            shown = np.where(exact["object_id"][..., None] > 0, shown, 0)
+            expected = shown.reshape(12, 2, 14, 2, 3).mean(axis=(1, 3))
+            np.testing.assert_allclose(layers["radiance"], expected, atol=1e-5)
 
 
 def test_a_tensoir_folder_with_faults(tiny_scenes: dict[str, Path], tmp_path: Path):

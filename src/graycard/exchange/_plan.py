@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from graycard._errors import DatasetError, UnknownNameError
+from graycard._point_colours import GREYED
 from graycard.dataset import TRACKS
 from graycard.exchange._blender import TRAIN, read_blender
 from graycard.exchange._cameras import PosedPhotograph, check_names
@@ -202,7 +203,8 @@ def _points(
     else:
         points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
         said = f"kept, without tracks{points.said and '; '}{points.said}" if points is not None else ""
-        rows = [ImportRow("points", len(points), said)] if points is not None else []
+        grey = points is not None and GREYED in points.said and bool(len(points))
+        rows = [ImportRow("points", len(points), said, warns=grey)] if points is not None else []
     if points is None or not len(points):
         rows.append(ImportRow("points", 0, "none: methods begin with points of their own"))
     return points, rows

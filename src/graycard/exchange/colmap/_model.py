@@ -82,8 +82,8 @@ def pose_of(quaternion: Sequence[float], translation: Sequence[float], where: st
     if not (np.isfinite(numbers).all() and near and abs(math.hypot(*quaternion) - 1) < LOOSE):
         raise DatasetError(
             f"expected a unit quaternion and a finite translation in {where}, got {numbers}, of length "
-            f"{math.hypot(*quaternion):.4g} where rounding allows {LOOSE:g} from 1. Export the model again, or "
-            "leave this image out"
+            f"{math.hypot(*quaternion):.4g}, {LOOSE:g} or more from 1. Export the model again, or leave this "
+            "image out"
         )
     w, x, y, z = quaternion
     rotation = Rotation.from_quat([x, y, z, w]).as_matrix()  # normalises
