@@ -22,8 +22,8 @@ LARGEST = 2.0
 _STEPS = 200
 _SAMPLES = 64
 """Points a side of a picture's border."""
-_SLACK = 0.05
-"""Pixels by which samples of a border may miss where it is closest to the photograph's."""
+_SLACK = 0.02
+"""Pixels by which centres of outermost pixels may miss those of the photograph, from where light is known."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle in pixels of the pinhole that has the lens's intrinsics."""
@@ -175,18 +175,21 @@ def _last(fits: Callable[[float], bool], start: float) -> float:
 
 
 def _is_seen(lens: Lens, size: tuple[int, int], box: np.ndarray, slack: float) -> bool:
-    """Tell whether a photograph shows the border of a box, and distance from the centre grows up to there.
+    """Tell whether a photograph shows the outermost pixels of a box, and distance grows up to its border.
 
     Args:
         lens: It bends.
         size: Width and height of the photograph, pixels.
         box: Left, top, right and bottom, from the principal point, pixels.
-        slack: Pixels by which it may leave the photograph.
+        slack: Pixels by which centres of pixels may leave those of the photograph.
     """
     border = _border(box) / lens.focal
-    both = lens.pixels(np.concatenate([border, 0.995 * border]))
-    outer, inner = both[: len(border)], both[len(border) :]
-    seen = (outer >= -slack).all() and (outer <= np.array(size) + slack).all()
+    centres = (
+        _border(np.concatenate([np.minimum(box[:2] + 0.5, 0), np.maximum(box[2:] - 0.5, 0)])) / lens.focal
+    )
+    both = lens.pixels(np.concatenate([border, 0.995 * border, centres]))
+    outer, inner, pixels = np.split(both, 3)
+    seen = (pixels >= 0.5 - slack).all() and (pixels <= np.array(size) - 0.5 + slack).all()
     grows = np.linalg.norm(outer - lens.centre, axis=-1) > np.linalg.norm(inner - lens.centre, axis=-1)
     return bool(np.isfinite(both).all() and seen and grows.all())
 
