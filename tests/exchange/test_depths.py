@@ -286,3 +286,10 @@ def test_channels_of_a_tiff_beyond_colours_follow_one_rule(
         assert np.array_equal(found.alpha, values[..., colours + alpha])
     assert [n.said for n in found.notes if n.what == "alpha"] == told
     assert all(n.warns for n in found.notes if n.what == "alpha")
+
+
+def test_a_picture_of_too_many_pixels_is_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    Image.fromarray(np.zeros((30, 40, 3), np.uint8)).save(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 500)
+    with pytest.raises(DatasetError, match=r"expected an image of fewer pixels at .*a\.png: .*1200 pixels"):
+        read_header(tmp_path / "a.png")

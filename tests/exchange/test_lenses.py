@@ -117,8 +117,9 @@ def test_threads_share_a_map(monkeypatch: pytest.MonkeyPatch):
 
     monkeypatch.setattr(BrownLens, "maps", slow)
     photographs = [make_shot(Path(f"{i}.png"), f"{i}", _odd_lens(), np.eye(4), "a test") for i in range(8)]
+    straight = [with_width(photograph, None) for photograph in photographs]
     with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda s: develop(own_coordinates(), with_width(s, None)), photographs))
+        list(pool.map(lambda s: develop(own_coordinates(), s), straight))
     assert len(made) == 1
 
 

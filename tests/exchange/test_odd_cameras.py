@@ -123,3 +123,10 @@ def test_a_model_in_both_forms_is_told(tmp_path: Path):
     pycolmap.Reconstruction(tmp_path / "sparse/0").write_text(tmp_path / "sparse/0")
     said = "in both forms; binary files are read, as COLMAP does, and text files are passed over"
     assert warnings(tmp_path) == [("models", 1, said)]
+
+
+def test_depths_that_are_not_read_are_told(folder: Path):
+    change(folder, lambda i: [frame.update(depth_file_path="d.exr") for frame in i["frames"][:4]])
+    rows = plan_import(folder, "dark").rows
+    told = [(row.count, row.said) for row in rows if row.what == "depths"]
+    assert told == [(4, "of depth_file_path are not read")]

@@ -84,13 +84,15 @@ def read_nerfstudio(folder: Path) -> tuple[list[PosedPhotograph], list[ImportRow
     shots = [shot_of(frame, index, folder, f"{path}, frame {i}") for i, frame in enumerate(frames)]
     names = [frame["file_path"] for frame in frames]
     shots = [replace(shot, held_out=name in held_out) for shot, name in zip(shots, names, strict=True)]
+    deep = sum("depth_file_path" in frame for frame in frames)
+    rows = [ImportRow("depths", deep, "of depth_file_path are not read")] if deep else []
     if not train:
-        return shots, []
+        return shots, rows
     named = train | held_out
     kept = [shot for shot, name in zip(shots, names, strict=True) if name in named]
     others = [shot.name for shot, name in zip(shots, names, strict=True) if name not in named]
     said = f"left out, as no list of {INDEX} names them: {some(others)}"
-    return kept, [ImportRow("cameras", len(others), said, warns=True)] if others else []
+    return kept, [*rows, *([ImportRow("cameras", len(others), said, warns=True)] if others else [])]
 
 
 def frames_of(index: Any, path: Path) -> list[dict[str, Any]]:

@@ -203,7 +203,7 @@ def _points(
     else:
         points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
         said = f"kept, without tracks{points.said and '; '}{points.said}" if points is not None else ""
-        grey = points is not None and GREYED in points.said and bool(len(points))
+        grey = points is not None and points.said.startswith(f"{GREYED},")
         rows = [ImportRow("points", len(points), said, warns=grey)] if points is not None else []
     if points is None or not len(points):
         rows.append(ImportRow("points", 0, "none: methods begin with points of their own"))

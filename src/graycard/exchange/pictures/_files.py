@@ -120,5 +120,7 @@ def kind_of(path: Path, what: str = "photograph") -> Kind:
 
 
 def broken(path: Path, cause: object) -> DatasetError:
-    """Return the error for a file that its library cannot read."""
+    """Return the error for a file that its library cannot read, or does not as it is too large."""
+    if isinstance(cause, Image.DecompressionBombError):
+        return DatasetError(f"expected an image of fewer pixels at {path}: {cause}. Scale it")
     return DatasetError(f"expected a whole image at {path}, got one that breaks off or is none: {cause}")
