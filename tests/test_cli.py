@@ -466,7 +466,7 @@ def test_export_import_fit_then_no_score(
     away, data = str(tmp_path / "away"), tmp_path / "data"
     assert main(["export", str(tiny_scenes["dark"]), "--format", kind, "--out", away]) == 0
     assert last_line(capsys) == (
-        f"export: {away} as {kind}, 3 photographs and, without one, 2 held-out cameras"
+        f"export: {away} as {kind}, 3 photographs, 2 held-out cameras without a photograph"
     )
     assert main(["import", away, "--track", "dark", "--scene", "mine", "--out", str(data)]) == 0
     scene = data / "dark" / "mine"

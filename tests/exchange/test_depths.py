@@ -222,3 +222,74 @@ def test_a_tiff_whose_size_is_no_number(kind: int, tmp_path: Path):
     (tmp_path / "a.tif").write_bytes(data)
     with pytest.raises(DatasetError, match="expected a whole image at"):
         photograph(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_light_that_alpha_does_not_cover_is_kept(channels: int, tmp_path: Path):
+    """A glow has light and no alpha; beyond, alpha may be 0 in some channel of light or other."""
+    light = np.zeros((2, 3, channels), np.float32)
+    light[0, 0], light[1, 1] = 5.0, 0.25
+    alpha = np.array([[0, 0, 1], [0, 0.5, 1]], np.float32)
+    names = (
+        {"Y": light[..., 0]} if channels == 1 else dict(zip("RGB", np.moveaxis(light, -1, 0), strict=True))
+    )
+    write_exr(tmp_path / "a.exr", {**names, "A": alpha})
+    for background, behind in (("black", 0.0), ("white", 1.0)):
+        expected = np.broadcast_to(light + behind * (1 - alpha[..., None]), (2, 3, 3))
+        assert np.array_equal(photograph(tmp_path / "a.exr", background).light, expected)
+
+
+def test_coded_light_that_alpha_does_not_cover_is_told(tmp_path: Path):
+    """It cannot be decoded: a curve belongs to colours before they were multiplied."""
+    coded = np.full((3, 4, 4), 30000, np.uint16)
+    coded[0, 0] = 0
+    tifffile.imwrite(tmp_path / "a.tif", coded, photometric="rgb", extrasamples=["assocalpha"])
+    assert all("alpha is 0" not in n.said for n in photograph(tmp_path / "a.tif", "black").notes)
+    coded[0, 0, 1] = 500
+    tifffile.imwrite(tmp_path / "a.tif", coded, photometric="rgb", extrasamples=["assocalpha"])
+    told = [n for n in photograph(tmp_path / "a.tif", "black").notes if "alpha is 0" in n.said]
+    assert [n.warns for n in told] == [True]
+
+
+EXTRAS = {
+    "one, not said": (["unspecified"], None, ["a channel that is not said to be alpha was left out"]),
+    "alpha": (["unassalpha"], 0, []),
+    "not said, then alpha": (
+        ["unspecified", "unassalpha"], 1, ["a channel that is not said to be alpha was left out"],
+    ),
+    "alpha, then not said": (
+        ["unassalpha", "unspecified"], 0, ["a channel that is not said to be alpha was left out"],
+    ),
+    "two, not said": (
+        ["unspecified"] * 2, None, ["2 channels that are not said to be alpha were left out"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize("colours", [1, 3])
+@pytest.mark.parametrize("extras", EXTRAS)
+def test_channels_of_a_tiff_beyond_colours_follow_one_rule(
+    extras: str, colours: int, kind: type, tmp_path: Path
+):
+    names, alpha, told = EXTRAS[extras]
+    values = rng.integers(1, 250, (6, 8, colours + len(names))).astype(kind)
+    photometric = "rgb" if colours == 3 else "minisblack"
+    tifffile.imwrite(
+        tmp_path / "a.tif", values, photometric=photometric, extrasamples=names, planarconfig="contig"
+    )
+    found = read_pixels(tmp_path / "a.tif")
+    shown = found.values if found.values.ndim == 3 else found.values[..., None]
+    assert np.array_equal(shown, np.broadcast_to(values[..., :colours], shown.shape))
+    assert (found.alpha is None) == (alpha is None)
+    if found.alpha is not None and alpha is not None:
+        assert np.array_equal(found.alpha, values[..., colours + alpha])
+    assert [n.said for n in found.notes if n.what == "alpha"] == told
+    assert all(n.warns for n in found.notes if n.what == "alpha")
+
+
+def test_a_picture_of_too_many_pixels_is_called_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    Image.fromarray(np.zeros((30, 40, 3), np.uint8)).save(tmp_path / "a.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 500)
+    with pytest.raises(DatasetError, match=r"expected an image of fewer pixels at .*a\.png: .*1200 pixels"):
+        read_header(tmp_path / "a.png")

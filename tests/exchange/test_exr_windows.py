@@ -233,3 +233,15 @@ def test_a_quick_file_is_exact_too(tmp_path: Path):
     assert np.array_equal(read_rgb(tmp_path / "a.exr"), pixels)
     write_layers(tmp_path / "b.exr", {"radiance": pixels})
     assert np.array_equal(light_of(tmp_path / "b.exr"), pixels)
+
+
+def test_what_a_header_says_and_nobody_asks_is_told(tmp_path: Path):
+    light = np.full((3, 4, 3), 0.5, np.float32)
+    write_exr(tmp_path / "a.exr", {"RGB": light})
+    assert [note.what for note in read_pixels(tmp_path / "a.exr").notes] == ["file"]
+    write_exr(tmp_path / "a.exr", {"RGB": light}, expTime=0.01, isoSpeed=100.0, pixelAspectRatio=2.0)
+    told = [(note.said, note.warns) for note in read_pixels(tmp_path / "a.exr").notes[1:]]
+    assert told == [
+        ("expTime, isoSpeed of EXR not asked: light is taken as it is stored", False),
+        ("2 times as wide as high, as EXR says: taken as square", True),
+    ]

@@ -6,6 +6,7 @@ Loaders here are a few lines each, written after the rules of the programs, not 
 
 import json
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ import pytest
 from PIL import Image
 
 from graycard import DatasetError, look_at, open_capture, open_truth, srgb_decode, srgb_encode
-from graycard.exchange import ImportOptions, export_capture, import_capture, plan_import
+from graycard.cli import main
+from graycard.exchange import ImportOptions, export_capture, import_capture, left_out_of, plan_import
 from graycard.exchange._export import write_tensoir
 
 TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -163,20 +165,38 @@ def test_what_is_odd_about_nerf_synthetic_is_said(synthetic: Path):
     assert [(row.count, row.warns) for row in rows] == [(5, True)]
 
 
-def nerf_pytorch(folder: Path, split: str) -> tuple[np.ndarray, np.ndarray, float]:
-    """Pictures, poses and focal length, as the loader that the field copies."""
-    meta = json.loads((folder / f"transforms_{split}.json").read_text())
-    pictures = [np.asarray(Image.open(folder / (f["file_path"] + ".png"))) / 255.0 for f in meta["frames"]]
-    poses = np.array([f["transform_matrix"] for f in meta["frames"]])
-    width = pictures[0].shape[1]
-    return np.array(pictures), poses, 0.5 * width / np.tan(0.5 * meta["camera_angle_x"])
+def nerf_pytorch(folder: Path) -> tuple[np.ndarray, np.ndarray, list[np.ndarray], float]:
+    """Pictures, poses, indices by split and focal length, as ``load_blender_data``: it opens all lists."""
+    pictures, poses, counts = [], [], [0]
+    for split in ("train", "val", "test"):
+        meta = json.loads((folder / f"transforms_{split}.json").read_text())
+        for frame in meta["frames"]:
+            pictures.append(np.asarray(Image.open(folder / (frame["file_path"] + ".png"))) / 255.0)
+            poses.append(np.array(frame["transform_matrix"]))
+        counts.append(len(pictures))
+    whole = np.array(pictures)
+    white = whole[..., :3] * whole[..., -1:] + (1.0 - whole[..., -1:])  # its --white_bkgd
+    splits = [np.arange(a, b) for a, b in pairwise(counts)]
+    return white, np.array(poses), splits, 0.5 * whole.shape[2] / np.tan(0.5 * meta["camera_angle_x"])
 
 
-def test_the_usual_loader_reads_our_nerf_synthetic(tiny_scenes: dict[str, Path], tmp_path: Path):
-    capture = export_capture(tiny_scenes["multilight"], "blender", tmp_path / "out")
-    pictures, poses, focal = nerf_pytorch(tmp_path / "out", "train")
-    assert len(pictures) == len(capture.train) == 3
-    for view, picture, pose in zip(capture.train, pictures, poses, strict=True):
+def inria(folder: Path, split: str) -> list[np.ndarray]:
+    """Pictures as ``readCamerasFromTransforms`` of 3D Gaussian Splatting lays them on white."""
+    frames = json.loads((folder / f"transforms_{split}.json").read_text())["frames"]
+    found = []
+    for frame in frames:
+        rgba = np.array(Image.open(folder / (frame["file_path"] + ".png")).convert("RGBA")) / 255.0
+        found.append(rgba[:, :, :3] * rgba[:, :, 3:4] + (1 - rgba[:, :, 3:4]))
+    return found
+
+
+@pytest.mark.parametrize("track", ["multilight", "tabletop"])
+def test_the_usual_loaders_read_our_nerf_synthetic(track: str, tiny_scenes: dict[str, Path], tmp_path: Path):
+    capture = export_capture(tiny_scenes[track], "blender", tmp_path / "out")
+    pictures, poses, splits, focal = nerf_pytorch(tmp_path / "out")
+    assert [len(split) for split in splits] == [3, 3, 3]
+    for view, number in zip(capture.train, splits[0], strict=True):
+        picture, pose = pictures[number], poses[number]
         shown = srgb_encode(capture.photograph(view) * capture.exposure)
         assert np.abs(picture - shown).max() <= 0.5 / 255 + 1e-9
         assert abs(focal - view.camera.K[0, 0]) < 1e-9
@@ -185,9 +205,55 @@ def test_the_usual_loader_reads_our_nerf_synthetic(tiny_scenes: dict[str, Path],
         ray = pose[:3, :3] @ local
         expected = view.camera.project(pose[:3, 3] + 2 * ray)[0]
         np.testing.assert_allclose(expected, [x, y], atol=1e-9)
-    test = json.loads((tmp_path / "out" / "transforms_test.json").read_text())["frames"]
-    assert [f["file_path"] for f in test] == [f"./test/{v.name}" for v in capture.test]
-    assert not (tmp_path / "out" / "test").exists()
+    for split in ("train", "test"):
+        assert np.array_equal(inria(tmp_path / "out", split), pictures[splits[0]])
+
+
+def test_held_out_cameras_of_nerf_synthetic_stand_where_no_loader_looks(
+    tiny_scenes: dict[str, Path], tmp_path: Path
+):
+    capture = export_capture(tiny_scenes["multilight"], "blender", tmp_path / "out")
+    lists = sorted(path.name for path in (tmp_path / "out").glob("*.json"))
+    assert lists == [f"transforms_{split}.json" for split in ("test", "train", "val")]
+    held = json.loads((tmp_path / "out" / "held_out" / "transforms.json").read_text())["frames"]
+    assert len(held) == len(capture.test) == 2
+    assert not list((tmp_path / "out").rglob("test/*"))
+
+
+def test_names_stay_in_nerf_synthetic(tiny_scenes: dict[str, Path], tmp_path: Path):
+    """Names would grow by the folder's with each export and import."""
+    scene, names = tiny_scenes["multilight"], []
+    for turn in range(2):
+        export_capture(scene, "blender", tmp_path / f"out{turn}")
+        scene = import_capture(tmp_path / f"out{turn}", tmp_path / f"data{turn}", "multilight", "x")
+        names.append([(v.name, v.split) for v in open_capture(scene / "capture").views])
+    before = open_capture(tiny_scenes["multilight"] / "capture").views
+    assert names == [sorted((v.name, v.split) for v in before)] * 2
+
+
+def test_what_a_layout_has_no_place_for_is_said(
+    tiny_scenes: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    args = ["export", str(tiny_scenes["tabletop"]), "--format"]
+    for kind in ("blender", "tensoir"):
+        assert main([*args, kind, "--out", str(tmp_path / kind)]) == 0
+        told = capsys.readouterr().err
+        assert told == f"warning: {kind} has no place for 3 masks of the target: left out\n"
+    assert main([*args, "colmap", "--out", str(tmp_path / "colmap")]) == 0
+    shown = capsys.readouterr()
+    assert "3 photographs, 2 held-out cameras without a photograph" in shown.out
+    assert shown.err == ""
+
+
+def test_points_that_a_layout_has_no_place_for_are_said(nerfstudio: Callable[..., Path], tmp_path: Path):
+    folder = nerfstudio(**PLAIN, ply_file_path="p.ply")
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    (folder / "p.ply").write_text(
+        f"ply\nformat ascii 1.0\nelement vertex 2\n{axes}end_header\n0 0 0\n1 1 1\n"
+    )
+    capture = open_capture(import_capture(folder, tmp_path / "data", "dark", "x") / "capture")
+    assert left_out_of(capture, "blender") == left_out_of(capture, "tensoir") == ["2 sparse points"]
+    assert left_out_of(capture, "nerfstudio") == []
 
 
 def test_cameras_that_a_layout_cannot_say_are_refused(nerfstudio: Callable[..., Path], tmp_path: Path):
@@ -259,7 +325,21 @@ def test_tensoirs_layers_become_truth(width: int | None, tiny_scenes: dict[str, 
         else:
             assert layers["normal"].shape == (12, 14, 3)
             seen = layers["object_id"] > 0
+            blocks = {name: exact[name].reshape(12, 2, 14, 2, -1) for name in layers}
+            parts = (blocks["object_id"] > 0).astype(float)
+            share = parts.mean(axis=(1, 3))[..., 0]
+            assert np.array_equal(seen, share > 0.5)
+            base = (blocks["base_color"] * parts).mean(axis=(1, 3)) / np.maximum(share, 1e-6)[..., None]
+            assert np.abs(layers["base_color"] - base)[seen].max() <= 0.5 / 255 + 1e-5
+            mean = (blocks["normal"] * parts).mean(axis=(1, 3))
+            mean /= np.maximum(np.linalg.norm(mean, axis=-1, keepdims=True), 1e-9)
+            assert ((layers["normal"] * mean).sum(axis=-1)[seen] > np.cos(np.radians(1))).all()
             np.testing.assert_allclose(np.linalg.norm(layers["normal"], axis=-1)[seen], 1, atol=1e-5)
+            assert all((layers[name][~seen] == 0).all() for name in ("base_color", "normal"))
+            shown = srgb_decode(np.rint(255 * srgb_encode(exact["radiance"] * before.exposure)) / 255)
+            shown = np.where(exact["object_id"][..., None] > 0, shown, 0)
+            expected = shown.reshape(12, 2, 14, 2, 3).mean(axis=(1, 3))
+            np.testing.assert_allclose(layers["radiance"], expected, atol=1e-5)
 
 
 def test_a_tensoir_folder_with_faults(tiny_scenes: dict[str, Path], tmp_path: Path):

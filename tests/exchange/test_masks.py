@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from graycard import DatasetError, open_capture
-from graycard.exchange import ImportOptions, PictureOptions, import_and_tell
+from graycard.exchange import ImportOptions, PictureOptions, import_and_tell, import_capture
 from graycard.exchange.pictures import FoundPicture, judge_masks, read_header, read_mask, shape_of_mask
 from made_pictures import png_bytes, write_exr, write_transforms
 
@@ -104,6 +104,31 @@ def test_an_object_that_is_not_around_all_else_is_taken_either_way(left: int, to
     assert white
     assert turned.said == note.said.replace("black", "white")
     assert judge_masks([shape_of_mask(~black)], path, "black")[1].warns
+
+
+def grey_alpha(path: Path, white: np.ndarray) -> None:
+    """Colours are the same everywhere, and so is alpha where there is no object."""
+    Image.fromarray(np.dstack([np.full(white.shape, 9), 255 * white]).astype(np.uint8), "LA").save(
+        path, "PNG"
+    )
+
+
+SETS = {**MASKS, "grey alpha": grey_alpha}
+
+
+@pytest.mark.parametrize("way", SETS)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_mask_without_an_object_is_read_as_the_others_are(way: str, first: bool, tmp_path: Path):
+    """Alone, a mask that is 1 everywhere could be one of labels, or nearly black."""
+    empty = np.ones_like(WHITE)
+    planes = [empty, WHITE, WHITE] if first else [WHITE, WHITE, empty]
+    source = folder_of(tmp_path, WHITE)
+    for i, plane in enumerate(planes):
+        SETS[way](source / f"m{i}.png", plane)
+    made = import_capture(source, tmp_path / "out", "tabletop", "s", ImportOptions("0"))
+    capture = open_capture(made / "capture")
+    found = [capture.target_mask(view) for view in capture.train]
+    assert all(np.array_equal(target, ~plane) for target, plane in zip(found, planes, strict=True))
 
 
 def folder_of(tmp_path: Path, white: np.ndarray) -> Path:

@@ -160,3 +160,26 @@ def test_exposures_of_a_tiff(tmp_path: Path):
     assert header.orientation == 6
     tifffile.imwrite(tmp_path / "b.tif", np.zeros((4, 5, 3), np.uint16), photometric="rgb")
     assert read_header(tmp_path / "b.tif").exposure is None
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+def test_colmap_takes_pixels_as_stored(orientation: int, tmp_path: Path):
+    """Our words for ``auto`` say so; COLMAP's own features lie where the stored pixels have detail."""
+    pycolmap = pytest.importorskip("pycolmap")
+    picture = np.full((240, 320, 3), 128, np.uint8)
+    spots = np.random.default_rng(0).integers(0, 256, (10, 10))
+    picture[10:90, 10:90] = np.kron(spots, np.ones((8, 8)))[..., None]
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    (tmp_path / "in").mkdir()
+    Image.fromarray(picture).save(tmp_path / "in" / "a.jpg", exif=exif, quality=98)
+    pycolmap.logging.minloglevel = 2
+    pycolmap.extract_features(tmp_path / "a.db", tmp_path / "in", ["a.jpg"], pycolmap.CameraMode.AUTO)
+    with pycolmap.Database.open(tmp_path / "a.db") as database:
+        camera, keypoints = database.read_all_cameras()[0], np.asarray(database.read_keypoints(1))
+    assert (camera.width, camera.height) == (320, 240)
+    assert np.abs(keypoints[:, :2].mean(axis=0) - 50).max() < 15
+    found = find_photographs([(tmp_path / "in" / "a.jpg", (camera.width, camera.height))])
+    assert not found[0].turned
+    if orientation == 3:
+        assert "taken as stored, as COLMAP does; viewers turn it" in found[0].notes[0].said

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from graycard import DatasetError, open_capture
-from graycard.exchange import ImportOptions, import_and_tell
+from graycard.exchange import ImportOptions, import_and_tell, plan_import
 from graycard.points import read_points
 from made_pictures import png_bytes, write_transforms
 
@@ -60,6 +60,7 @@ FLAVOURS: dict[str, Callable[[], bytes]] = {
     "text of floats": lambda: ply(COLOURS.astype("f4"), order=""),
     "diffuse": lambda: ply(COLOURS.astype("u1"), ("diffuse_red", "diffuse_green", "diffuse_blue")),
     "r g b": lambda: ply((COLOURS / 255).astype("f8"), ("r", "g", "b"), order=">"),
+    "capitals": lambda: ply(COLOURS.astype("u1"), ("Red", "GREEN", "blue")),
     "splat": lambda: ply(((COLOURS / 255 - 0.5) * 2 * np.sqrt(np.pi)).astype("f4"), SPLAT),
     "splat, text": lambda: ply(((COLOURS / 255 - 0.5) / 0.28209479177387814).astype("f8"), SPLAT, ""),
     "with a mark": lambda: codecs.BOM_UTF8 + ply(COLOURS.astype("u1"), order=""),
@@ -99,6 +100,34 @@ def test_no_colours_are_grey_and_said(tmp_path: Path):
     found = read_points(tmp_path / "p.ply")
     assert (found.colors == 128).all()
     assert found.said == "no colours: grey"
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (("intensity", "b", "c"), "intensity"),
+        (("red", "green", "c"), "red, green"),
+        (("Gray", "b", "c"), "Gray"),
+    ],
+)
+def test_parts_of_colours_are_named(names: tuple[str, ...], told: str, tmp_path: Path):
+    (tmp_path / "p.ply").write_bytes(ply(COLOURS.astype("u1"), names))
+    assert read_points(tmp_path / "p.ply").said == f"no colours: grey, as {told} alone is none"
+    picture = rng.integers(0, 255, (6, 8, 3), dtype=np.uint8)
+    for i in range(3):
+        (tmp_path / f"{i}.png").write_bytes(png_bytes(picture, 2))
+    write_transforms(tmp_path, [f"{i}.png" for i in range(3)], (8, 6), ply_file_path="p.ply")
+    assert [row.warns for row in plan_import(tmp_path, "dark").rows if row.what == "points"] == [True]
+
+
+@pytest.mark.parametrize(("bright", "top"), [(1.5, 1), (15.5, 1), (200.5, 255)])
+def test_some_light_above_1_makes_no_bytes_of_the_others(bright: float, top: int, tmp_path: Path):
+    """Read as 0 to 255, all other points would be black."""
+    values = np.array([[bright, 0.5, 0.25], [0.5, 1.0, 0.0]])
+    (tmp_path / "p.ply").write_bytes(ply(values))
+    found = read_points(tmp_path / "p.ply")
+    assert found.colors.tolist() == np.rint(255 * np.minimum(values / top, 1)).tolist()
+    assert ("1 cut there" in found.said) == (top == 1)
 
 
 @pytest.mark.parametrize(

@@ -118,7 +118,7 @@ def test_the_command_shows_what_it_did_and_keeps_it(
     counts = {row["what"]: row["count"] for row in rows}
     assert counts == {
         "cameras": 10, "photographs": 10, "distortion": 10, "width": 10, "held out": 2, "points": 12,
-        "world": 1, "file": 8,
+        "world": 1, "file": 10,
     }  # fmt: skip
     with Image.open(out / "multilight" / "walk" / "contact-sheet.png") as sheet:
         assert sheet.size[0] > 1000
@@ -134,7 +134,7 @@ def test_warnings_stand_on_the_other_stream(bent: Path, tmp_path: Path, capsys: 
         Image.open(bent / f"{place.stem}.png").save(place, format="PNG")
     assert run(bent, "--track", "dark", "--scene", "x", "--out", tmp_path / "data", "--dry-run") == 0
     shown = capsys.readouterr()
-    assert "warning: darkness (8): dark for 8 bits" in shown.err
+    assert "warning: darkness (10): dark for 8 bits" in shown.err
     assert "!" in shown.out
 
 
@@ -154,12 +154,54 @@ def test_inverted_masks_are_refused(tiny_scenes: dict[str, Path], tmp_path: Path
         plan_import(tmp_path / "out", "tabletop")
 
 
-def test_a_name_that_is_none_is_refused_before_anything_is_read(
-    bent: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (("--scene", "../x"), "Give the scene another --scene"),
+        (("--scene", "there"), "expected a new or an empty folder at"),
+        (("--track", "bright"), "expected a track that exists, got 'bright'"),
+        (("--width", "0"), "expected a width of 1 or more pixels, got 0"),
+        (("--hold-out", "1"), "expected to hold out every 2nd photograph or fewer"),
+        (("--hold-out", ""), "expected names of photographs to hold out, got none in ''"),
+        (("--hold-out", " , "), "expected names of photographs to hold out, got none"),
+    ],
+)
+@pytest.mark.parametrize("more", [(), ("--find-cameras",), ("--dry-run",)])
+def test_what_is_none_is_refused_before_anything_is_read(
+    more: tuple[str, ...],
+    wrong: tuple[str, str],
+    message: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ):
-    assert run(bent, "--track", "dark", "--scene", "../x", "--out", tmp_path / "data") == 2
-    assert "Give the scene another --scene" in capsys.readouterr().err
-    assert not (tmp_path / "data").exists()
+    """There is not even a folder to read: that would be the next error."""
+    (tmp_path / "data" / "dark" / "there" / "capture").mkdir(parents=True)
+    chosen = {"--track": "dark", "--scene": "x", "--out": str(tmp_path / "data"), **dict([wrong])}
+    assert run(tmp_path / "nowhere", *(part for pair in chosen.items() for part in pair), *more) == 2
+    told = capsys.readouterr().err
+    if "--dry-run" in more and "there" in wrong:
+        assert "nowhere" in told  # a dry run writes nothing, so nothing is in its way
+    else:
+        assert message in told
+        assert "nowhere" not in told
+
+
+def test_an_empty_list_of_names_is_refused(bent: Path, tmp_path: Path):
+    (tmp_path / "list.txt").write_text("# none yet\n\n")
+    with pytest.raises(DatasetError, match=r"got none in '.*list\.txt'\. Give 0 to hold out none"):
+        plan_import(bent, "dark", ImportOptions(hold_out=str(tmp_path / "list.txt")))
+
+
+@pytest.mark.parametrize(("count", "words"), [(2, "2nd"), (3, "3rd"), (4, "4th"), (11, "11th"), (21, "21st")])
+def test_counts_are_said_as_people_say_them(count: int, words: str, bent: Path):
+    rows = plan_import(bent, "dark", ImportOptions(hold_out=str(count))).rows
+    assert [row.said.split(",")[0] for row in rows if row.what == "held out"] == [f"each {words} by name"]
+
+
+def test_a_width_that_is_more_than_there_is_told(bent: Path):
+    rows = plan_import(bent, "dark", ImportOptions(width=640)).rows
+    told = [(row.count, row.said) for row in rows if row.what == "width"]
+    assert told == [(10, "less than 640 pixels: nothing is made larger")]
 
 
 def test_bare_photographs_are_told_the_way(tmp_path: Path, capsys: pytest.CaptureFixture[str]):

@@ -6,7 +6,9 @@ from graycard.exchange._develop_pictures import PictureOptions as PictureOptions
 from graycard.exchange._doctor import ImportRow as ImportRow
 from graycard.exchange._export import ExchangeFormat as ExchangeFormat
 from graycard.exchange._export import export_capture as export_capture
+from graycard.exchange._export import left_out_of as left_out_of
 from graycard.exchange._find_cameras import find_cameras as find_cameras
+from graycard.exchange._import import check_import as check_import
 from graycard.exchange._import import import_and_tell as import_and_tell
 from graycard.exchange._import import import_capture as import_capture
 from graycard.exchange._import import survey_import as survey_import

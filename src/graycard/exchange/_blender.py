@@ -4,6 +4,7 @@
 Cameras are those of nerfstudio (OpenGL axes); one ``camera_angle_x`` stands for all of them.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from graycard.io import read_json, write_json
 
 SPLITS = ("train", "val", "test")
 TRAIN = "transforms_train.json"
+HELD_OUT = "held_out/transforms.json"
+"""Cameras without photographs in a folder that we wrote, where no loader looks: each opens what is listed."""
 _NEAR = 1e-6
 """Pixels by which focal lengths and principal points may differ and still be one camera."""
 
@@ -36,15 +39,14 @@ def read_blender(folder: Path) -> tuple[list[PosedPhotograph], list[ImportRow]]:
     shots: list[PosedPhotograph] = []
     rows: list[ImportRow] = []
     seen: set[Path] = set()
-    for split in SPLITS:
-        path = folder / f"transforms_{split}.json"
+    for split, path in (*((s, folder / f"transforms_{s}.json") for s in SPLITS), ("test", folder / HELD_OUT)):
         if not path.is_file():
             continue
         index = read_json(path, DatasetError)
         frames = frames_of(index, path)
         if shots and "w" not in index:  # photographs of held-out views need not be there
             index = {**index, "w": shots[0].size[0], "h": shots[0].size[1]}
-        found = [_shot(frame, index, folder, f"{path}, frame {i}") for i, frame in enumerate(frames)]
+        found = [_shot(frame, index, path.parent, f"{path}, frame {i}") for i, frame in enumerate(frames)]
         new = [shot for shot in found if shot.image not in seen]
         if again := len(found) - len(new):
             rows.append(ImportRow("views", again, f"of {path.name} taken once: other lists have them too"))
@@ -55,10 +57,11 @@ def read_blender(folder: Path) -> tuple[list[PosedPhotograph], list[ImportRow]]:
 
 
 def write_blender(capture: Capture, folder: Path) -> None:
-    """Write a capture as NeRF-synthetic: ``transforms_*.json`` and ``train/<view>.png``.
+    """Write a capture as NeRF-synthetic: ``transforms_*.json`` and ``train/<view>.png``, opaque RGBA.
 
-    Frames of held-out views stand in ``transforms_test.json`` without a file; ``transforms_val.json``
-    repeats training photographs, since loaders refuse a folder without such a list.
+    Loaders open each photograph of all three lists, and take the last channel for alpha. So
+    ``transforms_val.json`` and ``transforms_test.json`` repeat training photographs, and cameras of held-out
+    views stand in ``held_out/transforms.json``.
 
     Raises:
         DatasetError: Cameras differ or have another than square pixels around a centred principal point,
@@ -66,11 +69,25 @@ def write_blender(capture: Capture, folder: Path) -> None:
         OutputError: The folder cannot be written to, or the disk is full.
     """
     angle = angle_of([view.camera for view in capture.views])
+    files = _files(capture.views)
     for view in capture.train:
-        write_photograph(folder / f"train/{view.name}.png", capture.photograph(view) * capture.exposure)
-    for split, views in (("train", capture.train), ("val", capture.train), ("test", capture.test)):
-        frames = [_frame(view) for view in views]
-        write_json(folder / f"transforms_{split}.json", {"camera_angle_x": angle, "frames": frames})
+        linear = capture.photograph(view) * capture.exposure
+        write_photograph(folder / f"{files[view.name]}.png", linear, opaque=True)
+    lists = {**{f"transforms_{split}.json": capture.train for split in SPLITS}, HELD_OUT: capture.test}
+    for name, views in lists.items():
+        frames = [_frame(view, files[view.name]) for view in views]
+        if frames:
+            write_json(folder / name, {"camera_angle_x": angle, "frames": frames})
+
+
+def _files(views: Sequence[View]) -> dict[str, str]:
+    """Return the path of each view, without suffix; import joins folder and name, so no name is doubled."""
+    names = {view.name for view in views}
+    short = {v.name: v.name.removeprefix(f"{v.split}_") for v in views}
+    return {
+        v.name: f"./{v.split}/{v.name if short[v.name] in ('', *(names - {v.name})) else short[v.name]}"
+        for v in views
+    }
 
 
 def angle_of(cameras: list[Camera]) -> float:
@@ -96,10 +113,9 @@ def _shot(frame: dict[str, Any], index: dict[str, Any], folder: Path, where: str
     return replace(shot_of(frame, index, folder, where), cutout=True)
 
 
-def _frame(view: View) -> dict[str, Any]:
-    folder = "train" if view.split == "train" else "test"
+def _frame(view: View, file: str) -> dict[str, Any]:
     return {
-        "file_path": f"./{folder}/{view.name}",
+        "file_path": file,
         "rotation": 0.0,
         "transform_matrix": view.camera.camera_to_world @ FLIP,
     }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the camera files of other programs have in common, and the checks that all of them need.
+"""Shots, names and poses as the camera files of all programs have them, and the checks that all need.
 
 Held-out views: their cameras are exported, their photographs are not, for a capture has none.
 """
@@ -16,7 +16,7 @@ from graycard._capture import Capture, View
 from graycard._errors import DatasetError
 from graycard.exchange._lens import Intrinsics, Lens
 from graycard.exchange._photographs import write_mask, write_photograph
-from graycard.exchange.pictures import SUFFIXES
+from graycard.exchange.pictures import SUFFIXES, Files
 from graycard.io import check_distinct, check_label, check_name
 
 LOOSE = 1e-3
@@ -34,7 +34,7 @@ class PosedPhotograph:
     mask: Path | None = None
     """Black where other programs ignore the photograph."""
     held_out: bool = False
-    """Whether the files say that it is a test view: then its photograph need not be there."""
+    """True if the files say that it is a test view: then its photograph need not be there."""
     lens: Lens | None = None
     """Lens that bends the photograph; None where nothing does."""
     size: tuple[int, int] = (0, 0)
@@ -70,7 +70,7 @@ def make_shot(
 
 
 def image_name(view: View) -> str:
-    """Where the photograph of a view lies in an export."""
+    """Return the path of a view's photograph in an export."""
     return f"images/{view.name}.png"
 
 
@@ -157,7 +157,7 @@ def photograph_file(folder: Path, text: str, where: str) -> Path:
         where: File and entry, for the message.
 
     Returns:
-        The path as it is if there is such a file, or none with a suffix either.
+        Its path, also where names differ in case alone; the path as it is named where there is no file.
 
     Raises:
         DatasetError: It is absolute, leads out of the folder, or holds control characters.
@@ -165,8 +165,11 @@ def photograph_file(folder: Path, text: str, where: str) -> Path:
     path = source_file(folder, text, where)
     if path.is_file() or path.suffix.lower() in SUFFIXES:
         return path
-    named = (path.with_name(path.name + way) for suffix in SUFFIXES for way in (suffix, suffix.upper()))
-    return next((candidate for candidate in named if candidate.is_file()), path)
+    named = [path, *(path.with_name(path.name + suffix) for suffix in SUFFIXES)]
+    if there := next((candidate for candidate in named if candidate.is_file()), None):
+        return there  # without a look at the whole folder
+    files = Files()
+    return next((found for candidate in named if (found := files.find(candidate))), path)
 
 
 def check_names(names: Iterable[str], where: Path) -> None:

@@ -7,6 +7,7 @@ Distortion is undone first, then the picture is made smaller by averaging areas,
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from threading import Lock
 
 import cv2
 import numpy as np
@@ -21,8 +22,8 @@ LARGEST = 2.0
 _STEPS = 200
 _SAMPLES = 64
 """Points a side of a picture's border."""
-_SLACK = 0.05
-"""Pixels by which samples of a border may miss where it is closest to the photograph's."""
+_SLACK = 0.02
+"""Pixels by which centres of outermost pixels may miss those of the photograph, from where light is known."""
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle in pixels of the pinhole that has the lens's intrinsics."""
@@ -57,7 +58,8 @@ def develop(linear: np.ndarray, shot: PosedPhotograph) -> np.ndarray:
     camera = shot.camera
     if shot.lens is not None:
         K, width, height = _full_size(shot)
-        columns, rows = _maps(shot.lens, tuple(K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()), width, height)
+        with _lock_of(shot.lens):  # one thread makes a map, the others wait for it
+            columns, rows = _maps(shot.lens, tuple(K[[0, 1, 0, 1], [0, 1, 2, 2]].tolist()), width, height)
         linear = cv2.remap(linear, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     if linear.shape[:2] != (camera.height, camera.width):
         linear = cv2.resize(linear, (camera.width, camera.height), interpolation=cv2.INTER_AREA)
@@ -111,17 +113,22 @@ def _smaller(camera: Camera, width: int) -> Camera:
 
 def _full_size(shot: PosedPhotograph) -> tuple[np.ndarray, int, int]:
     """Return intrinsics and size of the undistorted picture before it is made smaller."""
-    assert shot.lens is not None, "whoever asks has looked"
+    assert shot.lens is not None, "asked for bent photographs alone"
     whole = undistorted(shot.lens, _named(shot))
     return whole.K, whole.width, whole.height
 
 
 def _named(shot: PosedPhotograph) -> Camera:
     """Return the pinhole that the files name before distortion."""
-    assert shot.lens is not None, "whoever asks has looked"
+    assert shot.lens is not None, "asked for bent photographs alone"
     (fx, fy), (cx, cy) = shot.lens.focal, shot.lens.centre
     K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])
     return Camera(*shot.size, K, shot.camera.camera_to_world)
+
+
+@lru_cache(maxsize=64)
+def _lock_of(lens: Lens) -> Lock:
+    return Lock()
 
 
 @lru_cache(maxsize=2)
@@ -168,18 +175,21 @@ def _last(fits: Callable[[float], bool], start: float) -> float:
 
 
 def _is_seen(lens: Lens, size: tuple[int, int], box: np.ndarray, slack: float) -> bool:
-    """Tell whether a photograph shows the border of a box, and distance from the centre grows up to there.
+    """Tell whether a photograph shows the outermost pixels of a box, and distance grows up to its border.
 
     Args:
         lens: It bends.
         size: Width and height of the photograph, pixels.
         box: Left, top, right and bottom, from the principal point, pixels.
-        slack: Pixels by which it may leave the photograph.
+        slack: Pixels by which centres of pixels may leave those of the photograph.
     """
     border = _border(box) / lens.focal
-    both = lens.pixels(np.concatenate([border, 0.995 * border]))
-    outer, inner = both[: len(border)], both[len(border) :]
-    seen = (outer >= -slack).all() and (outer <= np.array(size) + slack).all()
+    centres = (
+        _border(np.concatenate([np.minimum(box[:2] + 0.5, 0), np.maximum(box[2:] - 0.5, 0)])) / lens.focal
+    )
+    both = lens.pixels(np.concatenate([border, 0.995 * border, centres]))
+    outer, inner, pixels = np.split(both, 3)
+    seen = (pixels >= 0.5 - slack).all() and (pixels <= np.array(size) - 0.5 + slack).all()
     grows = np.linalg.norm(outer - lens.centre, axis=-1) > np.linalg.norm(inner - lens.centre, axis=-1)
     return bool(np.isfinite(both).all() and seen and grows.all())
 

@@ -4,7 +4,7 @@
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -15,14 +15,19 @@ from graycard.exchange._cameras import PosedPhotograph
 from graycard.exchange._develop import develop, develop_mask
 from graycard.exchange._doctor import ImportRow, merge_rows
 from graycard.exchange.pictures import (
+    ANY_KIND,
     Background,
+    Exposure,
     FoundPicture,
+    MaskKind,
     MaskObject,
     Note,
     Orientation,
     Picture,
+    exposures_beside,
     find_photographs,
     judge_masks,
+    look_at_masks,
     read_mask,
     read_photograph,
     relative_exposures,
@@ -58,6 +63,16 @@ class PictureOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class RelativeExposures:
+    """Exposures of photographs, 1 in the geometric mean of those of training views."""
+
+    train: tuple[float, ...]
+    """One for each training view, or none where all are taken as exposed alike."""
+    held: tuple[float, ...]
+    """One for each held-out view that has a photograph."""
+
+
+@dataclass(frozen=True, slots=True)
 class FoundPictures:
     """Photographs that are there and fit their cameras, and masks of training views."""
 
@@ -69,9 +84,10 @@ class FoundPictures:
     """One for each of both, training views first."""
     masks: tuple[FoundPicture, ...]
     """One for each training view, or none."""
+    mask_kind: MaskKind
+    """Kind that all masks have."""
     white_is_object: bool
-    exposures: tuple[float, ...]
-    """Relative ones, one for each photograph, or none."""
+    exposures: RelativeExposures
     options: PictureOptions
     rows: tuple[ImportRow, ...]
 
@@ -122,43 +138,66 @@ def find_pictures(
         )
     masked = [(s.mask, s.size) for s in train if s.mask is not None]
     masks = find_photographs(masked, options.orientation, "mask")
-    white, rows = False, []
+    kind, white, rows = ANY_KIND, False, []
     if masks:
-        white, judged = _look_through(masks, options.mask_object)
+        kind = look_at_masks(masks)
+        white, judged = _look_through(masks, kind, options.mask_object)
         rows += judged
-    exposures, note = relative_exposures([p.exposure for p in photographs])
-    if options.exposures == "alike":
-        exposures, note = None, Note("exposure", "EXIF is not asked, all are taken as exposed alike")
-    rows += [_row(note, len(photographs))] if note else []
+    told = [photograph.exposure for photograph in photographs]
+    exposures, noted = _exposures(told[: len(train)], told[len(train) :], options.exposures)
     seen = tuple(train), tuple(held), tuple(photographs), tuple(masks)
-    return FoundPictures(*seen, white, tuple(exposures or ()), options, tuple(rows))
+    return FoundPictures(*seen, kind, white, exposures, options, (*rows, *noted))
 
 
-def develop_held_out(found: FoundPictures, keep: Callable[[PosedPhotograph, np.ndarray], None]) -> None:
+def _exposures(
+    train: Sequence[Exposure | None], held: Sequence[Exposure | None], chosen: Exposures
+) -> tuple[RelativeExposures, list[ImportRow]]:
+    """Return exposures and rows about them; those of held-out photographs are no matter of the others."""
+    if chosen == "alike":
+        note = Note("exposure", "EXIF is not asked, all are taken as exposed alike")
+        return RelativeExposures((), (1.0,) * len(held)), [_row(note, len(train) + len(held))]
+    found, note = relative_exposures(train)
+    others, lacking = exposures_beside(held, train)
+    rows = [_row(note, len(train))] if note else []
+    if lacking:
+        said = "held out, EXIF tells less of it than of others: taken as exposed as they are in the mean"
+        rows.append(ImportRow("exposure", lacking, said, warns=True))
+    if others != [1.0] * len(held):
+        said = "held out, exposed otherwise than others in the mean: light is divided by the ratio"
+        rows.append(ImportRow("exposure", sum(other != 1 for other in others), said))
+    return RelativeExposures(tuple(found or ()), tuple(others)), rows
+
+
+def develop_held_out(
+    found: FoundPictures, keep: Callable[[PosedPhotograph, np.ndarray], None]
+) -> tuple[ImportRow, ...]:
     """Read each photograph of a held-out view as those of training views are, and hand it on.
 
     Args:
         found: Where they are.
         keep: As of :func:`develop_pictures`.
 
+    Returns:
+        Rows about their pixels.
+
     Raises:
         DatasetError: One is broken.
     """
 
-    def work(number: int) -> None:
+    def work(number: int) -> tuple[Note, ...]:
         shot = found.held[number]
-        keep(shot, develop(_light(found, len(found.shots) + number)[0], shot))
+        light, picture = _light(found, len(found.shots) + number, found.exposures.held[number])
+        keep(shot, develop(light, shot))
+        return picture.notes
 
-    for _ in _in_order(work, len(found.held)):
-        pass
+    return merge_rows(_row(note) for notes in _in_order(work, len(found.held)) for note in notes)
 
 
-def _light(found: FoundPictures, number: int) -> tuple[np.ndarray, Picture]:
+def _light(found: FoundPictures, number: int, exposure: float) -> tuple[np.ndarray, Picture]:
     """Return the light of a photograph at the exposure that all have in common, and the photograph."""
     picture = read_photograph(found.photographs[number], found.options.background)
-    if not found.exposures:
-        return picture.light, picture
-    return picture.light / np.float32(found.exposures[number]), picture
+    picture = replace(picture, notes=(*picture.notes, *_darkness(picture.light, picture.bits)))
+    return picture.light if exposure == 1 else picture.light / np.float32(exposure), picture
 
 
 def develop_pictures(
@@ -183,12 +222,13 @@ def develop_pictures(
 
     def work(number: int) -> _Done:
         shot = found.shots[number]
-        light, picture = _light(found, number)
-        notes = [*picture.notes, *_darkness(picture.light, picture.bits)]
+        exposures = found.exposures.train
+        light, picture = _light(found, number, exposures[number] if exposures else 1.0)
+        notes = list(picture.notes)
         light = develop(light, shot)
         keep(shot, light)
         if found.masks:
-            black, told = read_mask(found.masks[number])
+            black, told = read_mask(found.masks[number], found.mask_kind)
             notes += told
             keep_mask(shot, develop_mask(~black if found.white_is_object else black, shot))
         pixels = light.reshape(-1, 3)
@@ -205,11 +245,12 @@ def develop_pictures(
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
-    count = len(found.shots)  # exposures of held-out views come after those of training views
+    train, held = found.exposures.train, found.exposures.held
+    is_told = bool(train) or any(other != 1 for other in held)
     return Developed(
         1 / white,
-        _sensor(found.shots, found.exposures[:count], white, bits),
-        _sensor(found.held, found.exposures[count:], white, bits),
+        _sensor(found.shots, train, white, bits),
+        _sensor(found.held, held if is_told else (), white, bits),
         merge_rows([*rows, *found.rows]),
     )
 
@@ -228,8 +269,10 @@ def _row(note: Note, count: int = 1) -> ImportRow:
     return ImportRow(note.what, count, note.said, note.warns)
 
 
-def _look_through(masks: Sequence[FoundPicture], chosen: MaskObject) -> tuple[bool, list[ImportRow]]:
-    shapes = [shape_of_mask(read_mask(mask)[0]) for mask in masks]
+def _look_through(
+    masks: Sequence[FoundPicture], kind: MaskKind, chosen: MaskObject
+) -> tuple[bool, list[ImportRow]]:
+    shapes = [shape_of_mask(read_mask(mask, kind)[0]) for mask in masks]
     white, note = judge_masks(shapes, [mask.path for mask in masks], chosen)
     return white, [_row(note, len(masks))]
 

@@ -23,6 +23,15 @@ _WRITERS: dict[ExchangeFormat, Callable[[Capture, Path], None]] = {
 }
 
 
+def left_out_of(capture: Capture, kind: ExchangeFormat) -> list[str]:
+    """Return parts of a capture that a format has no place for, in words."""
+    if kind not in ("blender", "tensoir"):
+        return []
+    masks = [f"{len(capture.train)} masks of the target"] if capture.target is not None else []
+    count = len(capture.points())
+    return masks + ([f"{count} sparse points"] if count else [])
+
+
 def export_capture(scene: Path, kind: ExchangeFormat, out: Path) -> Capture:
     """Write a capture as another program reads it, as 8-bit sRGB at the scene's exposure.
 

@@ -33,8 +33,8 @@ def hold_out(
     if wanted is None and listed:
         split, said, record = list(shots), "as the folder lists them", {"split": "as listed"}
     elif wanted is None or _is_count(wanted):
-        every = USUAL if wanted is None else int(wanted)
-        split, said = _each(shots, every), f"each {every}th by name, from the first"
+        every = USUAL if wanted is None else _count(wanted)
+        split, said = _each(shots, every), f"{_each_of(every)} by name, from the first"
         said = said if every else "none, as asked"
         record = {"hold_out_every": every}
     else:
@@ -49,25 +49,53 @@ def hold_out(
     return split, ImportRow("held out", len(out), shown), record
 
 
+def check_hold_out(wanted: str | None) -> None:
+    """Refuse a choice that is none, before anything is read.
+
+    Raises:
+        DatasetError: The count is 1 or negative, the file cannot be read, or there is no name.
+    """
+    if wanted is not None and not (_is_count(wanted) and _count(wanted) >= 0):
+        _names(wanted)
+
+
+def _each_of(every: int) -> str:
+    ending = {2: "nd", 3: "rd"}.get(every % 10, "th") if every // 10 % 10 != 1 else "th"
+    return f"each {every}{'st' if every % 10 == 1 and every % 100 != 11 else ending}"
+
+
+def _count(text: str) -> int:
+    count = int(text)
+    if count < 0 or count == 1:
+        raise DatasetError(f"expected to hold out every 2nd photograph or fewer, or 0 for none, got {count}")
+    return count
+
+
 def _is_count(text: str) -> bool:
     return text.strip().removeprefix("-").isdecimal()
 
 
 def _each(shots: Sequence[PosedPhotograph], every: int) -> list[PosedPhotograph]:
-    if every < 0 or every == 1:
-        raise DatasetError(f"expected to hold out every 2nd photograph or fewer, or 0 for none, got {every}")
     return [replace(s, held_out=bool(every) and i % every == 0) for i, s in enumerate(shots)]
 
 
 def _names(wanted: str) -> list[str]:
     """Return names from a file, one a line, or from a text with commas."""
-    if not Path(wanted).is_file():
-        return [name for name in (part.strip() for part in wanted.split(",")) if name]
-    try:
-        lines = read_bytes(Path(wanted)).decode("utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as cause:
-        raise DatasetError(f"expected names of photographs in {wanted}, one a line, got {cause}") from cause
-    return [name for name in (line.strip() for line in lines) if name and not name.startswith("#")]
+    parts = wanted.split(",")
+    if Path(wanted).is_file():
+        try:
+            parts = read_bytes(Path(wanted)).decode("utf-8-sig").splitlines()
+        except (OSError, UnicodeDecodeError) as cause:
+            raise DatasetError(
+                f"expected names of photographs in {wanted}, one a line, got {cause}"
+            ) from cause
+        parts = [line for line in parts if not line.strip().startswith("#")]
+    names = [name for name in map(str.strip, parts) if name]
+    if not names:
+        raise DatasetError(
+            f"expected names of photographs to hold out, got none in {wanted!r}. Give 0 to hold out none"
+        )
+    return names
 
 
 def _named(shots: Sequence[PosedPhotograph], names: Sequence[str]) -> list[PosedPhotograph]:

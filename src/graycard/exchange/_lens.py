@@ -80,7 +80,7 @@ class BrownLens:
             return np.zeros((0, 2))
         points = np.asarray(pixels, np.float64).reshape(-1, 1, 2)
         found = cv2.undistortPoints(points, _matrix(self), self._bends, None, None, None, _UNTIL)
-        return found.reshape(-1, 2)
+        return _where_it_holds(self, found.reshape(-1, 2), pixels)
 
     def maps(self, K: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Lens.maps`."""
@@ -112,10 +112,33 @@ class FisheyeLens:
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """See :meth:`Lens.directions`."""
-        if not len(pixels):
-            return np.zeros((0, 2))
-        points = np.asarray(pixels, np.float64)[None]
-        return cv2.fisheye.undistortPoints(points, _matrix(self), np.array(self.coefficients)).reshape(-1, 2)
+        bent = (np.asarray(pixels, np.float64) - self.centre) / self.focal
+        radius = np.linalg.norm(bent, axis=-1)
+        scale = np.tan(self._angles(radius)) / np.where(radius > 0, radius, 1)
+        return _where_it_holds(self, bent * np.where(radius > 0, scale, 1)[:, None], pixels)
+
+    def _angles(self, radii: np.ndarray) -> np.ndarray:
+        """Return the angles from the axis that radii show, radians; NaN from a right angle or a fold on.
+
+        OpenCV takes radii beyond π/2 for π/2, whatever the coefficients.
+        """
+        angles = np.linspace(0, np.pi / 2, _ANGLES)[:-1]
+        rising = np.flatnonzero(self._slope(angles) <= 0)
+        angles = angles[: rising[0]] if len(rising) else angles
+        found = np.interp(radii, self._radius(angles), angles, right=np.nan)
+        for _ in range(3):  # Newton's, from less than a step away
+            found = found - (self._radius(found) - radii) / self._slope(found)
+        return found
+
+    def _radius(self, angle: np.ndarray) -> np.ndarray:
+        k1, k2, k3, k4 = self.coefficients
+        a = angle**2
+        return angle * (1 + a * (k1 + a * (k2 + a * (k3 + a * k4))))
+
+    def _slope(self, angle: np.ndarray) -> np.ndarray:
+        k1, k2, k3, k4 = self.coefficients
+        a = angle**2
+        return 1 + a * (3 * k1 + a * (5 * k2 + a * (7 * k3 + a * 9 * k4)))
 
     def maps(self, K: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Lens.maps`."""
@@ -144,14 +167,20 @@ class ColmapLens:
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """See :meth:`Lens.directions`."""
-        return np.asarray(self._camera.cam_from_img(np.asarray(pixels, np.float64))).reshape(-1, 2)
+        found = np.asarray(self._camera.cam_from_img(np.asarray(pixels, np.float64)), np.float64)
+        return _where_it_holds(self, found.reshape(-1, 2), pixels)
 
     def maps(self, K: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
         """See :meth:`Lens.maps`."""
-        x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-        flat = np.column_stack([(x.ravel() - K[0, 2]) / K[0, 0], (y.ravel() - K[1, 2]) / K[1, 1]])
-        found = (self.pixels(flat) - 0.5).astype(np.float32).reshape(height, width, 2)
-        return np.ascontiguousarray(found[..., 0]), np.ascontiguousarray(found[..., 1])
+        columns, rows = (np.empty((height, width), np.float32) for _ in range(2))
+        x = (np.arange(width) + 0.5 - K[0, 2]) / K[0, 0]
+        band = max(1, _BAND // width)
+        for top in range(0, height, band):  # the whole in float64 would take a GiB for 12 MP
+            y = (np.arange(top, min(top + band, height)) + 0.5 - K[1, 2]) / K[1, 1]
+            flat = np.column_stack([np.tile(x, len(y)), np.repeat(y, width)])
+            found = (self.pixels(flat) - 0.5).reshape(len(y), width, 2)
+            columns[top : top + band], rows[top : top + band] = found[..., 0], found[..., 1]
+        return columns, rows
 
     @cached_property
     def _camera(self) -> Any:
@@ -161,6 +190,12 @@ class ColmapLens:
         )
 
 
+_ANGLES = 4097
+"""Steps of a quarter turn from which angles are found."""
+_MISS = 0.01
+"""Pixels by which a direction may miss its pixel, beyond which it is none."""
+_BAND = 2**18
+"""Pixels of a map that are found at a time."""
 _UNTIL = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 100, 1e-12)
 PINHOLES = {"SIMPLE_PINHOLE": 1, "PINHOLE": 2}
 """Models without distortion, with the number of their focal lengths."""
@@ -245,6 +280,15 @@ def _lens(
         return BrownLens(model, focal, centre, (*bends, 0.0, 0.0, 0.0)[: max(4, len(bends))])
     import_pycolmap(f"a lens of model {model}")  # says so before any photograph is read
     return ColmapLens(model, focal, centre, parameters, size)
+
+
+def _where_it_holds(lens: Lens, directions: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+    """Return directions, NaN where they do not show their pixels: what iterations gave up on."""
+    if not len(pixels):
+        return directions
+    with np.errstate(all="ignore"):  # what overflows is not seen
+        miss = np.abs(lens.pixels(directions) - pixels).max(axis=-1)
+    return np.where((miss < _MISS)[:, None], directions, np.nan)
 
 
 def _matrix(lens: Lens) -> np.ndarray:

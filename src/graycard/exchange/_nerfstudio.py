@@ -20,6 +20,7 @@ from graycard.exchange._cameras import (
     view_name,
     write_photographs,
 )
+from graycard.exchange._doctor import ImportRow, some
 from graycard.exchange._lens import Intrinsics, make_intrinsics
 from graycard.exchange.pictures import find_picture, read_header
 from graycard.io import read_json, write_json
@@ -65,8 +66,10 @@ def write_nerfstudio(capture: Capture, folder: Path) -> None:
     write_json(folder / INDEX, index)
 
 
-def read_nerfstudio(folder: Path) -> list[PosedPhotograph]:
+def read_nerfstudio(folder: Path) -> tuple[list[PosedPhotograph], list[ImportRow]]:
     """Return the shots of a folder with ``transforms.json``; of the images at most the size is looked at.
+
+    Where the file lists training frames, frames of no list are left out, and a row says so.
 
     Raises:
         DatasetError: The file is missing or malformed, a camera is of an unknown model, or a pose is none.
@@ -79,8 +82,17 @@ def read_nerfstudio(folder: Path) -> list[PosedPhotograph]:
     )
     held_out = (val | test) - train
     shots = [shot_of(frame, index, folder, f"{path}, frame {i}") for i, frame in enumerate(frames)]
-    listed = (frame["file_path"] in held_out for frame in frames)
-    return [replace(shot, held_out=out) for shot, out in zip(shots, listed, strict=True)]
+    names = [frame["file_path"] for frame in frames]
+    shots = [replace(shot, held_out=name in held_out) for shot, name in zip(shots, names, strict=True)]
+    deep = sum("depth_file_path" in frame for frame in frames)
+    rows = [ImportRow("depths", deep, "of depth_file_path are not read")] if deep else []
+    if not train:
+        return shots, rows
+    named = train | held_out
+    kept = [shot for shot, name in zip(shots, names, strict=True) if name in named]
+    others = [shot.name for shot, name in zip(shots, names, strict=True) if name not in named]
+    said = f"left out, as no list of {INDEX} names them: {some(others)}"
+    return kept, [*rows, *([ImportRow("cameras", len(others), said, warns=True)] if others else [])]
 
 
 def frames_of(index: Any, path: Path) -> list[dict[str, Any]]:

@@ -10,13 +10,19 @@ from graycard.colour import srgb_encode
 from graycard.io import atomic_path
 
 
-def write_photograph(path: Path, linear: np.ndarray) -> None:
+def write_photograph(path: Path, linear: np.ndarray, *, opaque: bool = False) -> None:
     """Write linear light, where 1 is display white, as an 8-bit sRGB PNG, shape ``(H, W, 3)``.
+
+    Args:
+        path: The file.
+        linear: The light.
+        opaque: Add a channel of alpha that covers all.
 
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.
     """
-    write_png(path, np.rint(255 * srgb_encode(linear)).astype(np.uint8))
+    pixels = np.rint(255 * srgb_encode(linear)).astype(np.uint8)
+    write_png(path, np.dstack([pixels, np.full_like(pixels[..., :1], 255)]) if opaque else pixels)
 
 
 def write_mask(path: Path, ignored: np.ndarray) -> None:
@@ -29,7 +35,7 @@ def write_mask(path: Path, ignored: np.ndarray) -> None:
 
 
 def write_png(path: Path, pixels: np.ndarray) -> None:
-    """Write 8-bit pixels as PNG, shape ``(H, W)`` or ``(H, W, 3)``, whole or not at all.
+    """Write 8-bit pixels as PNG, shape ``(H, W)``, ``(H, W, 3)`` or ``(H, W, 4)``, whole or not at all.
 
     Raises:
         OutputError: The folder cannot be written to, or the disk is full.

@@ -7,18 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from graycard._errors import DatasetError, UnknownNameError
+from graycard._point_colours import GREYED
 from graycard.dataset import TRACKS
 from graycard.exchange._blender import TRAIN, read_blender
 from graycard.exchange._cameras import PosedPhotograph, check_names
 from graycard.exchange._develop import undistorted, with_width
 from graycard.exchange._develop_pictures import FoundPictures, PictureOptions, find_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows, some
-from graycard.exchange._hold_out import hold_out
+from graycard.exchange._hold_out import check_hold_out, hold_out
 from graycard.exchange._nerfstudio import INDEX, read_nerfstudio, read_nerfstudio_points
-from graycard.exchange._tensoir import read_tensoir, view_folders
+from graycard.exchange._odd_cameras import odd_cameras
+from graycard.exchange._tensoir import has_true_layers, read_tensoir, view_folders
 from graycard.exchange.colmap._folder import ColmapFolder, has_model, read_colmap
 from graycard.exchange.colmap._model import points_of
-from graycard.exchange.pictures import SUFFIXES
+from graycard.exchange.pictures import SUFFIXES, Files
 from graycard.points import Points
 
 FEW = 0.5
@@ -49,7 +51,7 @@ class ImportPlan:
     """Record of how it was imported, for the manifest."""
     shots: tuple[PosedPhotograph, ...]
     pictures: FoundPictures
-    """Photographs, and masks of training views."""
+    """Photographs that are there, and masks of training views."""
     points: Points | None
     rows: tuple[ImportRow, ...]
 
@@ -60,8 +62,8 @@ class ImportPlan:
 
     @property
     def has_truth(self) -> bool:
-        """Tell whether each view has true layers, and some are held out."""
-        return all(shot.layers for shot in self.shots) and len(self.train) < len(self.shots)
+        """Tell whether some held-out view has the true layers that scores need."""
+        return any(shot.held_out and has_true_layers(shot) for shot in self.shots)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,23 +90,26 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
         DatasetError: The source is missing, malformed or incomplete.
         GraycardError: A lens needs pycolmap, which is not installed.
     """
-    if track not in TRACKS:
-        raise UnknownNameError("track", track, TRACKS)
     options = options or ImportOptions()
-    if options.width is not None and options.width < 1:
-        raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
+    check_options(track, options)
     found = _read(Path(source), options.model)
     check_names((shot.name for shot in found.shots), Path(source))
-    shots, held, record = hold_out(sorted(found.shots, key=lambda s: s.name), options.hold_out)
-    shots = [shot if track == "tabletop" else replace(shot, mask=None) for shot in shots]
-    made = [with_width(shot, options.width) for shot in shots]
+    named, renamed = _on_disk(sorted(found.shots, key=lambda s: s.name))
+    shots, held, record = hold_out(named, options.hold_out)
+    made = [
+        with_width(shot if track == "tabletop" else replace(shot, mask=None), options.width) for shot in shots
+    ]
     pictures = _pictures(made, options.pictures)
     points, said = _points(Path(source), found, made)
     rows = (
         ImportRow("cameras", len(shots), f"read as {found.kind}"),
         *found.rows,
+        *renamed,
         *_of_cameras(shots, made),
         *_of_files(Path(source), found, shots),
+        *_of_masks(shots, made),
+        *_of_width(made, options.width),
+        *odd_cameras(shots, points),
         held,
         *said,
     )
@@ -113,14 +118,42 @@ def plan_import(source: Path, track: str, options: ImportOptions | None = None) 
     return ImportPlan(Path(source), track, settings, tuple(made), pictures, points, merge_rows(rows))
 
 
+def check_options(track: str, options: ImportOptions) -> None:
+    """Refuse a track or options that are none, before anything is read.
+
+    Raises:
+        UnknownNameError: There is no such track.
+        DatasetError: The width or the choice of held-out views is none.
+    """
+    if track not in TRACKS:
+        raise UnknownNameError("track", track, TRACKS)
+    if options.width is not None and options.width < 1:
+        raise DatasetError(f"expected a width of 1 or more pixels, got {options.width}. Mend --width")
+    check_hold_out(options.hold_out)
+
+
 def _read(source: Path, model: str | None) -> _Source:
     """Read the cameras of a folder, by the layout that it has."""
     if (source / INDEX).is_file():
-        return _Source("nerfstudio", read_nerfstudio(source))
+        _refuse_model(model, "nerfstudio")
+        shots, rows = read_nerfstudio(source)
+        said = (
+            f"read from {INDEX} alone: cameras of {TRAIN} are passed over. Move {INDEX} away to import them"
+        )
+        both = (source / TRAIN).is_file()
+        if both and len(shots) < 2:
+            raise DatasetError(
+                f"expected two or more frames in {source / INDEX}, got {len(shots)}, and {TRAIN} beside it, "
+                f"which is passed over. Move {INDEX} away to import that"
+            )
+        return _Source(
+            "nerfstudio", shots, [*rows, ImportRow("cameras", len(shots), said, warns=True)] if both else rows
+        )
     if view_folders(source):
         found = read_tensoir(source, model)
         return _Source("tensoir", found.shots, found.rows)
     if (source / TRAIN).is_file():
+        _refuse_model(model, "NeRF-synthetic")
         return _Source("blender", *read_blender(source))
     if has_model(source):
         colmap = read_colmap(source, model)
@@ -130,6 +163,25 @@ def _read(source: Path, model: str | None) -> _Source:
         f"{source}, got {'none of them' if source.is_dir() else 'nothing'}. See docs/formats.md, or let "
         "--find-cameras find the cameras of bare photographs"
     )
+
+
+def _refuse_model(model: str | None, layout: str) -> None:
+    if model is not None:
+        raise DatasetError(
+            f"expected --model for a folder of COLMAP or TensoIR, which may have several models or lights, "
+            f"got {model!r} for one of {layout}, which has one. Leave --model out"
+        )
+
+
+def _on_disk(shots: Sequence[PosedPhotograph]) -> tuple[list[PosedPhotograph], list[ImportRow]]:
+    """Return shots with their files by the very names that they have on disk; others are as they were."""
+    files, found = Files(), []
+    for shot in shots:
+        image = files.find(shot.image) or shot.image
+        mask = shot.mask and (files.find(shot.mask) or shot.mask)
+        found.append(replace(shot, image=image, mask=mask))
+    count = sum((a.image, a.mask) != (b.image, b.mask) for a, b in zip(shots, found, strict=True))
+    return found, [ImportRow("names", count, "found under a name in other case")] if count else []
 
 
 def _pictures(shots: Sequence[PosedPhotograph], options: PictureOptions) -> FoundPictures:
@@ -151,7 +203,8 @@ def _points(
     else:
         points = read_nerfstudio_points(source) if found.kind == "nerfstudio" else None
         said = f"kept, without tracks{points.said and '; '}{points.said}" if points is not None else ""
-        rows = [ImportRow("points", len(points), said)] if points is not None else []
+        grey = points is not None and points.said.startswith(f"{GREYED},")
+        rows = [ImportRow("points", len(points), said, warns=grey)] if points is not None else []
     if points is None or not len(points):
         rows.append(ImportRow("points", 0, "none: methods begin with points of their own"))
     return points, rows
@@ -182,7 +235,7 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
         return
     home = {found.colmap.photographs} if found.colmap else {shot.image.parent for shot in shots}
     known = {shot.image for shot in shots} | {shot.mask for shot in shots}
-    bare = sorted(path for place in home for path in _files(place, source) if path not in known)
+    bare = sorted({path for place in home for path in _files(place, source) if path not in known})
     if not bare:
         return
     there = len(shots) - len(missing)
@@ -192,6 +245,20 @@ def _of_files(source: Path, found: _Source, shots: Sequence[PosedPhotograph]) ->
     if few:
         said += f"; cameras hold {there} of {there + len(bare)}: is this a part of a split model?"
     yield ImportRow("photographs", len(bare), said, warns=few)
+
+
+def _of_width(made: Sequence[PosedPhotograph], width: int | None) -> Iterator[ImportRow]:
+    """Yield a row about pictures that are smaller than the width that was asked for."""
+    if width is not None and (small := sum(shot.camera.width < width for shot in made)):
+        yield ImportRow("width", small, f"less than {width} pixels: nothing is made larger")
+
+
+def _of_masks(shots: Sequence[PosedPhotograph], made: Sequence[PosedPhotograph]) -> Iterator[ImportRow]:
+    """Yield a row about masks that another track than tabletop does not take."""
+    if lost := sum(
+        shot.mask is not None and after.mask is None for shot, after in zip(shots, made, strict=True)
+    ):
+        yield ImportRow("masks", lost, "left out: tabletop alone has an object to be removed")
 
 
 def _files(place: Path, source: Path) -> Iterator[Path]:

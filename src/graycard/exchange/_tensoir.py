@@ -102,6 +102,11 @@ def read_truth_layers(shot: PosedPhotograph, background: Background) -> dict[str
     return layers
 
 
+def has_true_layers(shot: PosedPhotograph) -> bool:
+    """Tell whether a view has the true layers that scores need: colours, and normals where it is held out."""
+    return {"base_color", *(["normal"] if shot.held_out else [])} <= shot.layers.keys()
+
+
 def _seen(pixels: Pixels, size: tuple[int, int]) -> np.ndarray:
     """Return where a picture is rather opaque than not, shape ``(H, W)``, bool."""
     if pixels.alpha is None:

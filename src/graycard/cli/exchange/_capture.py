@@ -53,14 +53,16 @@ class ExportCommand:
             from graycard.cli.splats import export_surfels
 
             return export_surfels(self.scene, self.format, self.out, terminal)
-        from graycard.exchange import export_capture
+        from graycard.exchange import export_capture, left_out_of
 
         capture = export_capture(self.scene, self.format, self.out)
-        held = "with truth," if self.format == "tensoir" else "without one,"
+        held = "with truth" if self.format == "tensoir" else "without a photograph"
         terminal.out.print(
-            f"export: {self.out} as {self.format}, {len(capture.train)} photographs and, {held} "
-            f"{len(capture.test)} held-out cameras"
+            f"export: {self.out} as {self.format}, {len(capture.train)} photographs, "
+            f"{len(capture.test)} held-out cameras {held}"
         )
+        if lost := left_out_of(capture, self.format):
+            terminal.err.print(f"warning: {self.format} has no place for {' and '.join(lost)}: left out")
         return OK
 
 
@@ -101,10 +103,11 @@ class ImportCommand:
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Read, check, write, and show what was done."""
-        from graycard.exchange import plan_import, survey_import
+        from graycard.exchange import check_import, plan_import, survey_import
 
         pictures = PictureOptions(self.orientation, self.background, self.exposures, self.mask_object)
         options = ImportOptions(self.hold_out, self.width, self.model, pictures)
+        check_import(None if self.dry_run else self.out, self.track, self.scene, options)
         with terminal.progress() as progress, self._source(share(progress, 0, 2)) as source:
             plan = plan_import(source, self.track, options)
             if self.dry_run:
@@ -114,7 +117,7 @@ class ImportCommand:
         self._show(terminal, rows)
         held = len(plan.shots) - len(plan.train)
         done = "dry run, nothing written" if self.dry_run else str(self.out / self.track / self.scene)
-        truth = "true layers of each view" if plan.has_truth else "no truth"
+        truth = "true layers of held-out views" if plan.has_truth else "no truth"
         seen = len(plan.pictures.held)
         scored = f", {seen} of them with a photograph to be scored by" if seen else ""
         counts = f"{len(plan.train)} photographs, {held} views held out{scored}"

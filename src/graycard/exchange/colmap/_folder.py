@@ -15,12 +15,14 @@ from graycard.exchange._doctor import ImportRow
 from graycard.exchange.colmap import _binary, _text
 from graycard.exchange.colmap._model import Model
 from graycard.exchange.colmap._tracks import model_tables
+from graycard.exchange.pictures import Files
 
 MODEL_FOLDERS = ("sparse", "", "colmap/sparse", "dense/sparse")
 """Folders of models, or of folders of them with numbers for names."""
 HELD_OUT = "held_out"
 PHOTOGRAPHS = ("images", "photographs", "photos", "input", "image", "rgb")
 """Names of folders with photographs, in the order in which they are looked at."""
+MASKS = "masks"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +67,20 @@ def read_colmap(folder: Path, wanted: str | None) -> ColmapFolder:
         DatasetError: A file is missing or malformed, or a name leads out of the folder.
     """
     place, rows = _choose(folder, wanted)
-    model = _read(place)
-    home, said = _photographs(folder, model)
-    shots = _shots(folder, home, model, held_out=False)
+    model, own = _read(place), _place_of(folder, place)
+    if _is_model(place) and not _is_text(place) and (place / _text.CAMERAS).is_file():
+        told = "in both forms; binary files are read, as COLMAP does, and text files are passed over"
+        rows = [*rows, ImportRow("models", 1, told, warns=True)]
+    home, said = _photographs(folder, own, model)
+    masks = (own if home.is_relative_to(own) else folder) / MASKS
+    if own != folder and masks != folder / MASKS and (folder / MASKS).is_dir():
+        told = f"of {MASKS}/ left out: they are of other photographs than those in {_shown(folder, home)}"
+        said.append(
+            ImportRow("masks", sum(1 for p in (folder / MASKS).rglob("*") if p.is_file()), told, True)
+        )
+    shots = _shots(masks, home, model, held_out=False)
     if _is_model(folder / HELD_OUT):
-        shots += _shots(folder, home, _read(folder / HELD_OUT), held_out=True)
+        shots += _shots(masks, home, _read(folder / HELD_OUT), held_out=True)
     names = {number: view_name(image.name) for number, image in model.images.items()}
     return ColmapFolder(tuple(shots), model, names, home, (*rows, *said))
 
@@ -137,28 +148,42 @@ def _count(model: Path) -> int:
     return _text.count_images(model) if _is_text(model) else _binary.count_images(model)
 
 
-def _photographs(folder: Path, model: Model) -> tuple[Path, list[ImportRow]]:
-    """Return the folder that names of images are relative to: the one in which the most of them lie."""
-    names = [image.name for image in model.images.values()]
-    known = [folder / name for name in PHOTOGRAPHS]
-    others = sorted(p for p in folder.iterdir() if p.is_dir() and p not in known and p.name[0] != ".")
-    best, most = known[0], 0
-    for place in (*known, *others, folder):
-        there = (
-            sum((source_file(place, name, str(place))).is_file() for name in names) if place.is_dir() else 0
-        )
-        if there > most:
-            best, most = place, there
-        if most == len(names):
+def _place_of(folder: Path, model: Path) -> Path:
+    """Return the folder that a model is of: that which holds ``sparse``, as COLMAP's ``dense`` does."""
+    parts = model.relative_to(folder).parts
+    return folder.joinpath(*parts[: parts.index("sparse")]) if "sparse" in parts else folder
+
+
+def _shown(folder: Path, place: Path) -> str:
+    return f"{place.relative_to(folder).as_posix()}/"
+
+
+def _photographs(folder: Path, own: Path, model: Model) -> tuple[Path, list[ImportRow]]:
+    """Return the folder that names of images are relative to: the one in which the most of them lie.
+
+    Those beside the model come first: COLMAP's undistorter gives its photographs the names of the originals.
+    """
+    names, files = [image.name for image in model.images.values()], Files()
+    best, most = folder / PHOTOGRAPHS[0], 0
+    for base in dict.fromkeys((own, folder)):
+        known = [base / name for name in PHOTOGRAPHS]
+        others = sorted(p for p in base.iterdir() if p.is_dir() and p not in known and p.name[0] != ".")
+        for place in (*known, *others, base):
+            there = sum(files.find(source_file(place, name, str(place))) is not None for name in names)
+            if there > most:
+                best, most = place, there
+            if most == len(names):
+                break
+        if most:
             break
-    if best == known[0]:
+    if best == folder / PHOTOGRAPHS[0]:
         return best, []
-    said = f"found in {best.relative_to(folder).as_posix() or '.'}/, by the names of the model's images"
+    said = f"found in {_shown(folder, best)}, by the names of the model's images"
     return best, [ImportRow("photographs", most, said)]
 
 
-def _shots(folder: Path, home: Path, model: Model, held_out: bool) -> list[PosedPhotograph]:
-    shots = []
+def _shots(masks: Path, home: Path, model: Model, held_out: bool) -> list[PosedPhotograph]:
+    shots, files = [], Files()
     for image in model.images.values():
         if image.camera not in model.cameras:
             known = ", ".join(map(str, model.cameras)) or "none"
@@ -166,8 +191,8 @@ def _shots(folder: Path, home: Path, model: Model, held_out: bool) -> list[Posed
                 f"expected a camera of {_text.CAMERAS} in {image.where}, got {image.camera}. Known: {known}"
             )
         file = source_file(home, image.name, image.where)
-        mask = source_file(folder / "masks", f"{image.name}.png", image.where)
+        mask = files.find(source_file(masks, f"{image.name}.png", image.where))
         name = view_name(image.name)
         shot = make_shot(file, name, model.cameras[image.camera], image.pose, image.where)
-        shots.append(replace(shot, mask=mask if mask.is_file() else None, held_out=held_out))
+        shots.append(replace(shot, mask=mask, held_out=held_out))
     return shots

@@ -2,13 +2,13 @@
 """A sparse model of COLMAP in memory, as both its forms hold it, and what a capture takes of it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from graycard._errors import DatasetError
-from graycard.exchange._cameras import PosedPhotograph
+from graycard.exchange._cameras import LOOSE, PosedPhotograph
 from graycard.exchange._develop import develop_pixels
 from graycard.exchange._doctor import ImportRow, plural
 from graycard.exchange._lens import Intrinsics
@@ -16,6 +16,8 @@ from graycard.points import Points, no_points
 
 FARTHEST = 1e30
 """Number in a pose from which it is no place: its square would overflow."""
+ROUNDING = 1e-6
+"""Pixels by which a keypoint on the border of a picture may lie outside of it."""
 HELD_OUT = -1
 MISSING = -2
 
@@ -77,10 +79,11 @@ def pose_of(quaternion: Sequence[float], translation: Sequence[float], where: st
 
     numbers = [*quaternion, *translation]
     near = all(abs(x) < FARTHEST for x in translation)
-    if not (np.isfinite(numbers).all() and near and abs(math.hypot(*quaternion) - 1) < 0.1):
+    if not (np.isfinite(numbers).all() and near and abs(math.hypot(*quaternion) - 1) < LOOSE):
         raise DatasetError(
-            f"expected a unit quaternion and a finite translation in {where}, got {numbers}. "
-            "Leave this image out"
+            f"expected a unit quaternion and a finite translation in {where}, got {numbers}, of length "
+            f"{math.hypot(*quaternion):.4g}, {LOOSE:g} or more from 1. Export the model again, or leave this "
+            "image out"
         )
     w, x, y, z = quaternion
     rotation = Rotation.from_quat([x, y, z, w]).as_matrix()  # normalises
@@ -113,12 +116,17 @@ def points_of(
     if not kept.any():
         return no_points(), rows
     pixel = np.zeros((len(view), 2))
-    for image, name in names.items():
-        here = np.flatnonzero((found.image == image) & seen)
-        if len(here):
-            keypoints = model.images[image].keypoints[found.keypoint[here]]
-            pixel[here] = develop_pixels(keypoints, shots[numbers[name]])
-    seen &= np.isfinite(pixel).all(axis=-1)
+    inside = seen.copy()
+    for image, here in _by_image(found.image, seen):
+        shot = shots[numbers[names[image]]]
+        pixel[here] = develop_pixels(model.images[image].keypoints[found.keypoint[here]], shot)
+        size = shot.camera.width, shot.camera.height
+        miss = np.maximum(-pixel[here], pixel[here] - size).max(axis=-1)
+        inside[here] = miss < ROUNDING  # not so where it is NaN
+    if outside := int((seen & ~inside).sum()):
+        said = "left out of the tracks: outside of the pictures once lenses are undone"
+        rows.append(ImportRow("observations", outside, said))
+    seen = inside
     whole = Points(found.positions, found.colors, found.point[seen], view[seen], pixel[seen])
     rows.insert(
         0, ImportRow("points", int(kept.sum()), f"kept, with {plural(int(seen.sum()), 'observation')}")
@@ -145,6 +153,16 @@ def check_tracks(points: ModelPoints, counts: Mapping[int, int], where: str) -> 
             f"expected tracks in {where} of keypoints that are there, got keypoint {keypoint} of image "
             f"{image}, which has {counts[image]}. Export the model again"
         )
+
+
+def _by_image(images: np.ndarray, wanted: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield each image with the indices of its observations that are wanted."""
+    here = np.flatnonzero(wanted)
+    here = here[np.argsort(images[here], kind="stable")]
+    if len(here):
+        starts = np.flatnonzero(np.diff(images[here])) + 1
+        for part in np.split(here, starts):
+            yield int(images[part[0]]), part
 
 
 def _left_out(found: ModelPoints, view: np.ndarray) -> list[ImportRow]:

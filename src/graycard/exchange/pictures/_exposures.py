@@ -24,25 +24,60 @@ def relative_exposures(exposures: Sequence[Exposure | None]) -> tuple[list[float
     if len(told) < len(exposures):
         missing = len(exposures) - len(told)
         said = f"EXIF tells no exposure time in {missing} of {len(exposures)}: all are taken as exposed alike"
-        return None, Note("exposure", said, warns=_ratio(_values(told)) > _ALIKE)
-    values = _values(told)
+        return None, Note("exposure", said, warns=_ratio([_value(e, _terms(told)) for e in told]) > _ALIKE)
+    terms = _terms(told)
+    values = [_value(e, terms) for e in told]
     if (ratio := _ratio(values)) <= _ALIKE:
         return None, Note("exposure", "EXIF tells the same exposure for all")
-    centre = math.exp(sum(math.log(v) for v in values) / len(values))
-    terms = ["time", *["ISO"] * _all_tell(told, "iso"), *["f-number"] * _all_tell(told, "f_number")]
-    said = f"EXIF exposures ({', '.join(terms)}) differ up to {ratio:.3g} times: light is divided by them"
+    centre = _mean(values)
+    named = ", ".join(["time", *(_NAMES[term] for term in terms)])
+    said = f"EXIF exposures ({named}) differ up to {ratio:.3g} times: light is divided by them"
     return [v / centre for v in values], Note("exposure", said)
 
 
-def _values(told: Sequence[Exposure]) -> list[float]:
-    iso, aperture = _all_tell(told, "iso"), _all_tell(told, "f_number")
-    return [
-        e.seconds * (e.iso or 1 if iso else 1) / ((e.f_number or 1) ** 2 if aperture else 1) for e in told
+def exposures_beside(
+    exposures: Sequence[Exposure | None], others: Sequence[Exposure | None]
+) -> tuple[list[float], int]:
+    """Return the exposures of photographs relative to the geometric mean of others.
+
+    Args:
+        exposures: Of the photographs, which have no say in what counts.
+        others: Where some of these tell no time, exposures are all 1.
+
+    Returns:
+        Exposures, 1 where one is not told or nearly 1; and the number of those that are not told.
+    """
+    told = [e for e in others if e is not None]
+    if not told or len(told) < len(others):
+        return [1.0] * len(exposures), 0
+    terms = _terms(told)
+    centre = _mean([_value(e, terms) for e in told])
+    known = [e is not None and all(getattr(e, term) is not None for term in terms) for e in exposures]
+    found = [
+        _value(e, terms) / centre if e and told else 1.0 for e, told in zip(exposures, known, strict=True)
     ]
+    alike = relative_exposures(others)[0] is None
+    found = [1.0 if alike and 1 / _ALIKE <= f <= _ALIKE else f for f in found]
+    return found, len(known) - sum(known)
 
 
-def _all_tell(told: Sequence[Exposure], name: str) -> bool:
-    return all(getattr(e, name) is not None for e in told)
+_NAMES = {"iso": "ISO", "f_number": "f-number"}
+
+
+def _terms(told: Sequence[Exposure]) -> list[str]:
+    """Return what counts beside time: what all tell."""
+    return [name for name in _NAMES if all(getattr(e, name) is not None for e in told)]
+
+
+def _value(exposure: Exposure, terms: Sequence[str]) -> float:
+    iso = exposure.iso if "iso" in terms else None
+    aperture = exposure.f_number if "f_number" in terms else None
+    return exposure.seconds * (iso or 1) / (aperture or 1) ** 2
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Return the geometric mean."""
+    return math.exp(sum(math.log(v) for v in values) / len(values))
 
 
 def _ratio(values: Sequence[float]) -> float:

@@ -4,6 +4,7 @@
 import struct
 import warnings
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
@@ -45,21 +46,53 @@ def hush_pillow() -> None:
     warnings.filterwarnings("ignore", module=r"PIL\.")
 
 
-def find_picture(path: Path, what: str = "photograph") -> Path:
-    """Return where a picture is: at a path, or beside it under the same name in other case.
+class Files:
+    """Files by their names in any case; each folder is listed once."""
 
-    Links are followed.
+    def __init__(self) -> None:
+        self.listed: dict[Path, dict[str, list[Path]]] = {}
+
+    def find(self, path: Path) -> Path | None:
+        """Return where a file is: at a path, or where names of files and folders differ in case alone.
+
+        Links are followed.
+
+        Returns:
+            None where there is none.
+
+        Raises:
+            DatasetError: There are several, and none has the very name.
+        """
+        found = self._find(path, Path.is_file)
+        return found if found is not None and found.is_file() else None
+
+    def _find(self, path: Path, fits: Callable[[Path], bool]) -> Path | None:
+        if fits(path) or path.parent == path:
+            return path
+        parent = self._find(path.parent, Path.is_dir)
+        alike = [p for p in self._list(parent).get(path.name.lower(), ()) if fits(p)] if parent else []
+        if len(alike) > 1:
+            names = ", ".join(p.name for p in alike)
+            raise DatasetError(f"expected one file for {path}, got {names}. Rename the others")
+        return alike[0] if alike else None
+
+    def _list(self, folder: Path) -> dict[str, list[Path]]:
+        if folder not in self.listed:
+            names: dict[str, list[Path]] = {}
+            for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+                names.setdefault(path.name.lower(), []).append(path)
+            self.listed[folder] = names
+        return self.listed[folder]
+
+
+def find_picture(path: Path, what: str = "photograph", files: Files | None = None) -> Path:
+    """Return where a picture is, as :meth:`Files.find` does.
 
     Raises:
         DatasetError: There is none, or there are several and none has the very name.
     """
-    if path.is_file():
-        return path
-    alike = []
-    if path.parent.is_dir():
-        alike = [p for p in path.parent.iterdir() if p.name.lower() == path.name.lower() and p.is_file()]
-    if len(alike) == 1:
-        return alike[0]
+    if found := (files or Files()).find(path):
+        return found
     if path.is_symlink():
         raise DatasetError(f"expected a {what} at {path}, got a link to nothing. Mend the link")
     raise DatasetError(f"expected a {what} at {path}, got none. Add it, or leave its camera out")
@@ -87,5 +120,7 @@ def kind_of(path: Path, what: str = "photograph") -> Kind:
 
 
 def broken(path: Path, cause: object) -> DatasetError:
-    """Return the error for a file that its library cannot read."""
+    """Return the error for a file that its library cannot read, or does not as it is too large."""
+    if isinstance(cause, Image.DecompressionBombError):
+        return DatasetError(f"expected an image of fewer pixels at {path}: {cause}. Scale it")
     return DatasetError(f"expected a whole image at {path}, got one that breaks off or is none: {cause}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from graycard._errors import DatasetError
 from graycard.colour import srgb_decode
-from graycard.exchange.pictures._pixels import Curve, Note, Pixels
+from graycard.exchange.pictures._pixels import LINEAR, Curve, Note, Pixels
 from graycard.exchange.pictures._profiles import to_rec709
 from graycard.io import REC709
 
@@ -33,7 +33,8 @@ def to_light(pixels: Pixels, path: Path, background: Background) -> tuple[np.nda
     if alpha is None:
         light = _decoded(pixels.values, pixels.encoding.curve)
     else:
-        light = _on(background, alpha, _straight(pixels, alpha))
+        light, lost = _on(background, alpha, pixels)
+        notes += lost
     if pixels.bits == 0:
         light = _finite(light, path)
     if light.ndim == 2:
@@ -85,19 +86,23 @@ def _transparency(
     return alpha, (Note("alpha", f"transparent pixels are laid on {background}"),)
 
 
-def _straight(pixels: Pixels, alpha: np.ndarray) -> np.ndarray:
-    """Return linear light that is not multiplied by alpha; black where nothing is."""
-    if not pixels.premultiplied:
-        return _decoded(pixels.values, pixels.encoding.curve)
+def _on(background: Background, alpha: np.ndarray, pixels: Pixels) -> tuple[np.ndarray, tuple[Note, ...]]:
+    """Return linear light before a background, of which alpha hides a share.
+
+    Light that is multiplied by alpha is what there is, also where alpha is 0, as of a glow: it is added.
+    """
     cover = alpha if pixels.values.ndim == 2 else alpha[..., None]
+    behind = (1 - cover) * np.float32(background == "white")
+    if not pixels.premultiplied:
+        light = _decoded(pixels.values, pixels.encoding.curve) * cover
+        return (light + behind).astype(np.float32), ()
     stored = pixels.values / np.float32(pixels.top)
+    if pixels.encoding.curve == LINEAR:
+        return (stored + behind).astype(np.float32), ()
     values = np.divide(stored, cover, out=np.zeros(stored.shape, np.float32), where=cover > 0)
-    return _decoded(values, pixels.encoding.curve)
-
-
-def _on(background: Background, alpha: np.ndarray, light: np.ndarray) -> np.ndarray:
-    cover = alpha if light.ndim == 2 else alpha[..., None]
-    return (light * cover + (1 - cover) * (background == "white")).astype(np.float32)
+    light = _decoded(values, pixels.encoding.curve) * cover
+    lost = (Note("alpha", "light where alpha is 0 was left out", warns=True),)
+    return (light + behind).astype(np.float32), lost if (stored * (cover == 0)).any() else ()
 
 
 def _finite(light: np.ndarray, path: Path) -> np.ndarray:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """OpenEXR: which part and channels are the picture, its primaries, its windows."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,11 @@ from graycard.io import REC709, ExrPart, are_rec709, read_exr, read_exr_headers
 
 _MAIN = ("", "rgb", "rgba", "beauty", "combined", "c", "color", "colour", "image", "main", "radiance")
 """Names that programs give to the picture among other layers, in lower case."""
+
+
+_OF_EXPOSURE = ("expTime", "aperture", "isoSpeed", "whiteLuminance")
+_SQUARE = 1e-3
+"""Share by which pixels may be wider than high and still be square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,7 @@ def read_pixels(path: Path) -> Pixels:
         None if alpha is None else alpha.astype(np.float32, copy=False),
         encoding,
         premultiplied=True,
-        notes=(said, *told, *notes, *_about_windows(chosen.part)),
+        notes=(said, *told, *notes, *_about_windows(chosen.part), *_about_header(chosen.part.header)),
     )
 
 
@@ -121,6 +126,15 @@ def _encoding(header: Mapping[str, Any], path: Path) -> Encoding:
         return Encoding(LINEAR)
     primaries = tuple(float(x) for x in given)
     return Encoding(LINEAR, REC709 if are_rec709(primaries) else primaries)
+
+
+def _about_header(header: Mapping[str, Any]) -> Iterator[Note]:
+    """Yield notes on attributes that say something about light or pixels and are passed over."""
+    if asked := [name for name in _OF_EXPOSURE if name in header]:
+        yield Note("exposure", f"{', '.join(asked)} of EXR not asked: light is taken as it is stored")
+    ratio = header.get("pixelAspectRatio", 1.0)
+    if isinstance(ratio, int | float) and abs(ratio - 1) > _SQUARE:
+        yield Note("pixels", f"{ratio:g} times as wide as high, as EXR says: taken as square", warns=True)
 
 
 def _about_windows(part: ExrPart) -> tuple[Note, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 
 from graycard._errors import DatasetError
 from graycard.exchange.pictures import _openexr, _png, _tiff
-from graycard.exchange.pictures._files import find_picture, hush_pillow, kind_of
+from graycard.exchange.pictures._files import Files, find_picture, hush_pillow, kind_of
 from graycard.exchange.pictures._light import Background, to_light
-from graycard.exchange.pictures._masks import white_of
+from graycard.exchange.pictures._masks import ANY_KIND, MaskKind, kind_of_masks, white_of
 from graycard.exchange.pictures._pixels import Exposure, Header, Note, Pixels
 from graycard.exchange.pictures._turn import UPRIGHT, WORDS, swaps_sides, turn
 
@@ -97,9 +97,9 @@ def find_photographs(
     Raises:
         DatasetError: One is missing, damaged, of another size, or of a kind that is not read.
     """
-    found = []
+    found, files = [], Files()
     for path, size in wanted:
-        place = find_picture(path, what)
+        place = find_picture(path, what, files)
         notes = (Note("names", "found under a name in other case"),) if place.name != path.name else ()
         found.append((FoundPicture(place, read_header(place, what), notes=notes), size))
     told = {t for picture, size in found for t in [_told(picture.header, size)] if t is not None}
@@ -124,13 +124,26 @@ def read_photograph(found: FoundPicture, background: Background = "none") -> Pic
     return Picture(light, pixels.bits, (*pixels.notes, *notes, *found.notes))
 
 
-def read_mask(found: FoundPicture) -> tuple[np.ndarray, tuple[Note, ...]]:
+def look_at_masks(masks: Sequence[FoundPicture]) -> MaskKind:
+    """Return the kind that masks of one set have, from those that show an object.
+
+    Raises:
+        DatasetError: One is damaged, or no mask.
+    """
+    return kind_of_masks((read_pixels(mask.path, "mask"), mask.path) for mask in masks)
+
+
+def read_mask(found: FoundPicture, kind: MaskKind = ANY_KIND) -> tuple[np.ndarray, tuple[Note, ...]]:
     """Return where a mask is black, shape ``(H, W)``, bool, and notes on how it was read.
+
+    Args:
+        found: As of :func:`find_photographs`.
+        kind: As of :func:`look_at_masks`.
 
     Raises:
         DatasetError: It is damaged, or no mask.
     """
-    white, notes = white_of(read_pixels(found.path, "mask"), found.path)
+    white, notes = white_of(read_pixels(found.path, "mask"), found.path, kind)
     if found.turned:
         white = turn(white, found.header.orientation)
     _check_size(found, white)
@@ -206,7 +219,7 @@ def _about_turn(header: Header, turned: bool, orientation: Orientation, told: bo
         if told is not None
         else "as others are"
         if turned
-        else "as COLMAP before 4 does; viewers turn it (--orientation upright)",
+        else "as COLMAP does; viewers turn it (--orientation upright)",
     }[orientation]
     unsure = orientation == "auto" and told is None
     return Note("orientation", f"EXIF says {WORDS[header.orientation]}: {done}, {why}", unsure)

@@ -63,11 +63,11 @@ def read_pixels(path: Path) -> Pixels:
         elif profile:
             encoding, note = by_profile(bytes(profile), path)
             notes = (note,)
-        if page.dtype in (np.uint16, np.float16, np.float32):
+        if page.dtype in (np.uint16, np.float16, np.float32) or (_is_plain(page) and len(_extra(page)) > 1):
             pixels = _deep(page, path)
         else:
             values, alpha = _shallow(path, _orientation(page))
-            pixels = Pixels(values, alpha)
+            pixels = Pixels(values, alpha, notes=_left_out(page))
     kind = f"{pixels.bits}-bit" if pixels.bits else f"float{8 * np.dtype(page.dtype).itemsize}"
     said = f"{kind} TIFF{', grey' * (pixels.values.ndim == 2)}{', palette' * (page.photometric == _PALETTE)}"
     found = Pixels(pixels.values, pixels.alpha, encoding, pixels.premultiplied, pixels.notes)
@@ -160,16 +160,39 @@ def _deep(page: Any, path: Path) -> Pixels:
     values = values.reshape(page.imagelength, page.imagewidth, -1)
     if photometric == _WHITE_IS_0:
         values = (np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1) - values
-    extra = [int(e) for e in page.extrasamples][: values.shape[-1] - colours]
-    alpha, notes = None, ()
-    if extra and extra[0] in (_PREMULTIPLIED, _STRAIGHT):
-        alpha = values[..., colours]
-    elif values.shape[-1] > colours:
-        notes = (Note("alpha", "a channel that is not said to be alpha was left out", warns=True),)
+    extra, alpha = _extra(page), None
+    which = next((i for i, kind in enumerate(extra) if kind in (_PREMULTIPLIED, _STRAIGHT)), None)
+    if which is not None:
+        alpha = values[..., colours + which]
     picture = values[..., :colours] if colours == 3 else values[..., 0]
     if values.dtype.kind == "f":
         picture, alpha = picture.astype(np.float32), None if alpha is None else alpha.astype(np.float32)
-    return Pixels(picture, alpha, Encoding(), bool(extra) and extra[0] == _PREMULTIPLIED, notes)
+    premultiplied = which is not None and extra[which] == _PREMULTIPLIED
+    return Pixels(picture, alpha, Encoding(), premultiplied, _left_out(page))
+
+
+def _is_plain(page: Any) -> bool:
+    """Tell whether samples of a page are grey or red, green and blue themselves."""
+    return int(page.photometric) in (_WHITE_IS_0, _BLACK_IS_0, _RGB)
+
+
+def _extra(page: Any) -> list[int]:
+    """Return the kinds of the channels beyond colours, 0 where the file does not say."""
+    count = int(page.samplesperpixel) - (3 if int(page.photometric) in (_RGB, _YCBCR) else 1)
+    told = [int(kind) for kind in page.extrasamples][:count]
+    return told + [0] * (count - len(told))
+
+
+def _left_out(page: Any) -> tuple[Note, ...]:
+    """Return a note on channels that are neither colours nor the first alpha."""
+    extra = _extra(page)
+    count = len(extra) - any(kind in (_PREMULTIPLIED, _STRAIGHT) for kind in extra)
+    if count < 1:
+        return ()
+    named = "a channel that is" if count == 1 else f"{count} channels that are"
+    return (
+        Note("alpha", f"{named} not said to be alpha {'was' if count == 1 else 'were'} left out", warns=True),
+    )
 
 
 def _whole(page: Any, path: Path) -> np.ndarray:
