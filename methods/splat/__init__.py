@@ -62,6 +62,7 @@ from graycard.methods.splat.fit._optimise import LearningRateSchedule as Learnin
 from graycard.methods.splat.fit._optimise import ScreenStatistics as ScreenStatistics
 from graycard.methods.splat.fit._optimise import adam_step as adam_step
 from graycard.methods.splat.fit._optimise import initial_state as initial_state
+from graycard.methods.splat.fit._optimise import state_on as state_on
 from graycard.methods.splat.fit._optimise import watch_screen as watch_screen
 from graycard.methods.splat.fit._parameters import CENTRES as CENTRES
 from graycard.methods.splat.fit._parameters import GEOMETRY as GEOMETRY

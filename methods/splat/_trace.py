@@ -56,8 +56,8 @@ def trace_rays(
     features = checked_features(surfels, features)
     _check(surfels, rays, near)
     if not is_on_cpu(features):
-        here = (on_device(part, CPU) for part in (surfels, rays, features))
-        return on_device(trace_rays(*here, backend=backend, bvh=bvh, near=near), features.device)
+        here, along = on_device(surfels, CPU), on_device(rays, CPU)
+        return on_device(trace_rays(here, along, features.cpu(), backend, bvh, near), features.device)
     if backend == "reference":
         return trace_reference(surfels, rays, features, near)
     if backend == "cpu":

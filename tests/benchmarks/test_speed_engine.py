@@ -102,6 +102,8 @@ def test_a_run_holds_every_part(record: speed.EngineSpeed):
         ("tiny", "photometric"),
         ("tiny", "and geometry"),
     ]
+    assert {step.device for step in record.steps} == {"cpu"}
+    assert any(reason.startswith("steps of 2dgs on a GPU: expected") for reason in record.left_out)
     for step in record.steps:
         assert list(step.stages) == ["colours", "loss", "gradients", "Adam"]
         assert all(timing.ms > 0 for timing in (step.whole, *step.stages.values()))

@@ -23,7 +23,7 @@ _TOGETHER = (torch.ops.aten.cat.default, torch.ops.aten.stack.default)
 class OnGpu(torch.Tensor):
     """A tensor of the CPU that says that it lies on the GPU."""
 
-    inner: torch.Tensor
+    held: torch.Tensor
 
     @staticmethod
     def __new__(cls, inner: torch.Tensor) -> "OnGpu":
@@ -31,7 +31,7 @@ class OnGpu(torch.Tensor):
             cls, inner.shape, strides=inner.stride(), storage_offset=inner.storage_offset(),
             dtype=inner.dtype, device=inner.device,
         )  # fmt: skip
-        made.inner = inner.detach()
+        made.held = inner.detach()
         return made
 
     @property
@@ -40,7 +40,7 @@ class OnGpu(torch.Tensor):
         return GPU
 
     def __repr__(self, *, tensor_contents: Any = None) -> str:
-        return f"OnGpu({self.inner!r})"
+        return f"OnGpu({self.held!r})"
 
     @classmethod
     def __torch_dispatch__(cls, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
@@ -61,7 +61,7 @@ class OnGpu(torch.Tensor):
 
     def tolist(self) -> Any:
         """Give the numbers."""
-        return self.inner.tolist()
+        return self.held.tolist()
 
     def __array__(self, *args: Any, **kwargs: Any) -> Any:
         raise TypeError("can't convert cuda:0 device type tensor to numpy")
@@ -81,7 +81,7 @@ def _check_places(func: Any, args: Any, kwargs: Any) -> None:
 
 
 def _inner(value: Any) -> Any:
-    return value.inner if isinstance(value, OnGpu) else value
+    return value.held if isinstance(value, OnGpu) else value
 
 
 def _tensors(values: Any) -> Iterator[torch.Tensor]:
@@ -143,7 +143,7 @@ class _ToGpu(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Any) -> Any:
         """The gradient on the CPU."""
-        return grad_outputs[0].inner.clone() if isinstance(grad_outputs[0], OnGpu) else grad_outputs[0]
+        return grad_outputs[0].held.clone() if isinstance(grad_outputs[0], OnGpu) else grad_outputs[0]
 
 
 class _FromGpu(torch.autograd.Function):
@@ -152,7 +152,7 @@ class _FromGpu(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, value: Any) -> torch.Tensor:
         """The tensor on the CPU: a copy."""
-        return value.inner.detach().clone()
+        return value.held.detach().clone()
 
     @staticmethod
     def backward(ctx: Any, *grad_outputs: Any) -> Any:

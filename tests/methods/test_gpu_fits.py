@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from graycard import Capture, GraycardError, methods, open_truth, srgb_encode
+from graycard.benchmarks import FitSpec, fit_scene
 from graycard.io import silent
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat.cuda import _rasterize as _cuda
@@ -119,13 +120,28 @@ def test_an_unknown_back_end_is_refused(make_scene: Callable[..., Path]):
         fitted("2dgs", make_scene(), "tpu")
 
 
+def held_memory() -> int:
+    """Bytes of the GPU that tensors hold; cuBLAS keeps room to work in, which is not counted."""
+    gc.collect()
+    torch._C._cuda_clearCublasWorkspaces()
+    return torch.cuda.memory_allocated()
+
+
+@pytest.mark.gpu
+def test_a_confined_fit_finds_the_gpu(make_scene: Callable[..., Path], tmp_path: Path):
+    scene = make_scene(train=4, test=1)
+    with_points(scene)
+    settings = {"iterations": 10, "surfels": 150, "fill": 0.0, "backend": "cuda"}
+    fit_scene(FitSpec("2dgs", settings, 0, scene), tmp_path / "predictions", silent)
+    assert (tmp_path / "predictions").is_dir()
+
+
 @pytest.mark.gpu
 @pytest.mark.parametrize("name", TRACKS)
 def test_a_fit_on_a_real_gpu(name: str, make_scene: Callable[..., Path], record_property: Any):
     """Its pictures are as good as the CPU's, and the GPU's memory is free again."""
     scene = make_scene(track=TRACKS[name], train=5, test=2)
-    gc.collect()
-    before, expected = torch.cuda.memory_allocated(), truth_of(scene)
+    before, expected = held_memory(), truth_of(scene)
     changes = {"iterations": 200, "surfels": 400, "fill": 0.0}
     scores = {}
     for backend in ("cpu", "cuda"):
@@ -134,5 +150,4 @@ def test_a_fit_on_a_real_gpu(name: str, make_scene: Callable[..., Path], record_
     first = psnr(pictures(fitted(name, scene, "cuda", **changes | {"iterations": 2}), scene), expected)
     assert scores["cuda"] > first
     assert abs(scores["cuda"] - scores["cpu"]) < 0.3
-    gc.collect()
-    assert torch.cuda.memory_allocated() - before < 2**20
+    assert held_memory() - before < 2**16

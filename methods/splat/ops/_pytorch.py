@@ -4,7 +4,7 @@
 They are held to the kernels by tests; the kernels' modules have the sources of the formulas.
 """
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import torch
@@ -12,8 +12,16 @@ from torch.nn.functional import conv2d
 
 from graycard.methods.splat.ops._harmonics_basis import harmonics
 
-if TYPE_CHECKING:
-    from graycard.methods.splat.ops._depth_normal import Frame
+
+class PixelFrame(Protocol):
+    """How pixels lie in the world: fields of ``_depth_normal.Frame``."""
+
+    @property
+    def rays(self) -> np.ndarray: ...
+    @property
+    def lens(self) -> np.ndarray: ...
+    @property
+    def to_camera(self) -> np.ndarray: ...
 
 
 def compare_images(
@@ -56,7 +64,7 @@ def _windowed(layers: torch.Tensor) -> torch.Tensor:
     return lines.reshape(count, channels, height, width).permute(0, 2, 3, 1)
 
 
-def normals_of_depth(depth: torch.Tensor, frame: "Frame") -> torch.Tensor:
+def normals_of_depth(depth: torch.Tensor, frame: PixelFrame) -> torch.Tensor:
     """Return the normals of ``depth_to_normals``, shape ``(H, W, 3)``; zero on the border.
 
     Args:
@@ -82,7 +90,7 @@ def normals_of_depth(depth: torch.Tensor, frame: "Frame") -> torch.Tensor:
 
 
 def normal_mismatch(
-    depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: "Frame"
+    depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: PixelFrame
 ) -> torch.Tensor:
     """Return ``1 - alpha N . N_d`` as ``depth_normal_map`` does, shape ``(H, W)``.
 
