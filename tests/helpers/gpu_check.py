@@ -168,11 +168,12 @@ BUDGET = {"2dgs": 600, "sunfaded": 600, "gsid": 400, "goris": 400}
 def scenes(folder: Path) -> None:
     """Fit rendered scenes on both: PSNR of training and held-out views, and time."""
     say("method | scene | back end | s | PSNR of training views | of held-out views")
-    for track, names in METHODS.items():
-        for scene in sorted((folder / track).iterdir()) if (folder / track).is_dir() else ():
-            for name in names:
-                for backend in ("cuda", "cpu"):
-                    tried(f"{name}, {scene.name}, {backend}", lambda a=(name, scene, backend): _fitted(*a))
+    for backend in ("cuda", "cpu"):
+        for track, names in METHODS.items():
+            for scene in sorted((folder / track).iterdir()) if (folder / track).is_dir() else ():
+                for name in names:
+                    case = f"{name}, {scene.name}, {backend}"
+                    tried(case, lambda a=(name, scene, backend): _fitted(*a))
 
 
 def _fitted(name: str, scene: Path, backend: str) -> Row:
