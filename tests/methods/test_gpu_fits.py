@@ -12,7 +12,8 @@ import torch
 
 from graycard import Capture, GraycardError, methods, open_truth, srgb_encode
 from graycard.benchmarks import FitSpec, fit_scene
-from graycard.io import silent
+from graycard.dataset import manifest_of
+from graycard.io import silent, write_manifest
 from graycard.methods.priors import PriorSpec, make_priors
 from graycard.methods.splat.cuda import _rasterize as _cuda
 from graycard.methods.splat.cuda._footprints import Kernels
@@ -120,6 +121,22 @@ def test_an_unknown_back_end_is_refused(make_scene: Callable[..., Path]):
         fitted("2dgs", make_scene(), "tpu")
 
 
+def confined_fit(make_scene: Callable[..., Path]) -> FitSpec:
+    """A short fit on a GPU, of a scene whose manifest knows its points."""
+    scene = make_scene(train=4, test=1)
+    capture = with_points(scene)
+    write_manifest(scene / "capture", manifest_of(capture))
+    settings = {"iterations": 10, "surfels": 150, "fill": 0.0, "backend": "cuda"}
+    return FitSpec("2dgs", settings, 0, scene)
+
+
+def test_a_confined_fit_without_a_gpu_says_so(make_scene: Callable[..., Path], tmp_path: Path):
+    if torch.cuda.is_available():
+        pytest.skip("there is a GPU")
+    with pytest.raises(GraycardError, match="for the back end 'cuda'"):
+        fit_scene(confined_fit(make_scene), tmp_path / "predictions", silent)
+
+
 def held_memory() -> int:
     """Bytes of the GPU that tensors hold; cuBLAS keeps room to work in, which is not counted."""
     gc.collect()
@@ -129,10 +146,7 @@ def held_memory() -> int:
 
 @pytest.mark.gpu
 def test_a_confined_fit_finds_the_gpu(make_scene: Callable[..., Path], tmp_path: Path):
-    scene = make_scene(train=4, test=1)
-    with_points(scene)
-    settings = {"iterations": 10, "surfels": 150, "fill": 0.0, "backend": "cuda"}
-    fit_scene(FitSpec("2dgs", settings, 0, scene), tmp_path / "predictions", silent)
+    fit_scene(confined_fit(make_scene), tmp_path / "predictions", silent)
     assert (tmp_path / "predictions").is_dir()
 
 

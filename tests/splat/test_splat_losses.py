@@ -437,7 +437,7 @@ def test_gradients_of_normals_are_those_of_finite_differences():
         (lambda d, n, a: (d, n, a[..., None]), r"alpha of shape \(27, 33\), got"),
         (
             lambda d, n, a: (d, n.float(), a),
-            "normal in the dtype of the depth, torch.float64, got torch.float32",
+            "normal in the dtype of the depth, torch.float64, on its device, cpu, got torch.float32",
         ),
         (
             lambda d, n, a: (d.half(), n, a),
