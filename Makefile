@@ -35,11 +35,12 @@ test: kernels
 test-all: kernels
 	$(PYTEST)
 
-# With `PYTEST_GPU="python3 -m pytest"` in an environment that has PyTorch for the GPU and gsplat already.
+# Only files with such tests are read: others want a renderer. `PYTHONPATH=src make test-gpu PYTEST_GPU="python3 -m pytest"`
+# takes an environment that has PyTorch for the GPU and gsplat already.
 PYTEST_GPU ?= $(BIN)/python -m pytest
 
 test-gpu: $(if $(filter $(BIN)/%,$(PYTEST_GPU)),.venv/installed-test)
-	$(PYTEST_GPU) -m gpu --durations=10 tests
+	$(PYTEST_GPU) -m gpu --durations=10 $$(grep -rl --include='test_*.py' 'pytest.mark.gpu' tests)
 
 coverage: kernels
 	$(PYTEST) --cov --cov-report=term-missing:skip-covered

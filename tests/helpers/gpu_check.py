@@ -113,7 +113,7 @@ def _profiled(cloud: Workload, steps: int = 5) -> Row:
     averages = found.key_averages()
     for order in ("self_device_time_total", "self_cpu_time_total"):
         say(averages.table(sort_by=order, row_limit=22, max_name_column_width=60))
-    on_gpu = [event for event in averages if event.device_type == torch.autograd.DeviceType.CUDA]
+    on_gpu = [event for event in averages if event.device_type.name == "CUDA"]
     device_ms = sum(event.self_device_time_total for event in on_gpu) / 1e3 / steps
     calls = sum(event.count for event in averages if event.key == "cudaLaunchKernel") / steps
     peak = torch.cuda.max_memory_allocated() / 2**20
