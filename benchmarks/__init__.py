@@ -20,6 +20,7 @@ from graycard.benchmarks._plotting import check_plotting as check_plotting
 from graycard.benchmarks._run_record import RunError as RunError
 from graycard.benchmarks._runner import Terms as Terms
 from graycard.benchmarks._runner import run_bench as run_bench
+from graycard.benchmarks._runner import run_part as run_part
 from graycard.benchmarks._sources import environment as environment
 from graycard.benchmarks._sources import usable_cores as usable_cores
 from graycard.benchmarks._suites import Suite as Suite
@@ -32,6 +33,8 @@ from graycard.benchmarks._suites import with_predictions as with_predictions
 from graycard.benchmarks._suites import with_secret as with_secret
 from graycard.benchmarks._until_decided import Plan as Plan
 from graycard.benchmarks._until_decided import run_until_decided as run_until_decided
+from graycard.benchmarks.planning._parts import Part as Part
+from graycard.benchmarks.planning._parts import parse_part as parse_part
 from graycard.benchmarks.secret._salt import Salt as Salt
 from graycard.benchmarks.secret._salt import is_exposed as is_exposed
 from graycard.benchmarks.secret._salt import read_salt as read_salt

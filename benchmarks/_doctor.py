@@ -8,7 +8,7 @@ from pathlib import Path
 import psutil
 
 from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
-from graycard.io import free_mib
+from graycard.io import free_mib, lock_words
 from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
 from graycard.processes import landlock_version
 from graycard.synth import find_llvm
@@ -51,6 +51,7 @@ def findings(folder: Path) -> list[Finding]:
         _sandbox(),
         Finding("trust", TRUST),
         _disk(folder),
+        _locks(folder),
     ]
 
 
@@ -89,3 +90,8 @@ def _disk(folder: Path) -> Finding:
     free = free_mib(folder)
     advice = "" if free > ROOM_MIB else f"free some space: a large suite takes up to {ROOM_MIB} MiB"
     return Finding("disk", f"{free / 1024:.1f} GiB free at {folder}", advice)
+
+
+def _locks(folder: Path) -> Finding:
+    """Return what keeps two machines from the same work in a folder."""
+    return Finding("locks", lock_words(folder) or f"those of the kernel at {folder}")

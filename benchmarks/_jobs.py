@@ -21,6 +21,7 @@ from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
 from graycard.eval import score_predictions
 from graycard.io import (
+    await_file,
     file_lock,
     from_builtins,
     printable,
@@ -115,6 +116,8 @@ def run_fit(job: FitJob) -> Outcome:
     """Fit a method and write its predictions; two processes at one job do it once."""
 
     def work() -> Outcome:
+        for part in ("capture", "truth"):
+            await_file(job.scene / part / "manifest.json")
         with _lock(job):
             found = find_fit(job)
             if found is not None:
@@ -145,6 +148,7 @@ def run_score(job: FitJob) -> Outcome:
     """Score the predictions of a job and keep the scores."""
 
     def work() -> Outcome:
+        await_file(job.folder / DONE)
         with _lock(job), _threads(job.threads):
             key = _score_key(job)
             sheet = score_predictions(job.folder / "predictions", job.scene, PROTOCOLS)

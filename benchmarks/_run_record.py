@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What ``run.json`` says of a bench, and what an earlier bench has said there."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +10,11 @@ from typing import Any
 from graycard import GraycardError, RecordError, open_truth
 from graycard.benchmarks._introduction import Introduction
 from graycard.benchmarks._jobs import FitJob, Outcome
+from graycard.benchmarks._sources import hardware
 from graycard.benchmarks._suites import Suite, SuiteMethod
 from graycard.dataset import manifest_of
-from graycard.io import remove_leftovers, sha256, writable_folder
+from graycard.io import await_file, remove_leftovers, sha256, writable_folder
+from graycard.machines import Machines
 from graycard.records import Edition, Job, JobResult, MethodRecord, RunRecord, SceneRecord, read_run
 from graycard.synth import SceneSpec, SecretSpec, clear_leftovers, describe
 
@@ -90,6 +92,30 @@ def renderers(scenes: list[tuple[SceneSpec, Path]]) -> list[Any]:
     """The renderers that made the scenes, each once."""
     found = [manifest_of(open_truth(folder / "truth", check=False)).generator for _, folder in scenes]
     return [g for i, g in enumerate(found) if g not in found[:i]]
+
+
+def check_seen(paths: Iterable[Path]) -> None:
+    """Refuse to go on without what a job has written, maybe on another machine.
+
+    Raises:
+        RunError: It is not there, after a while.
+    """
+    for path in paths:
+        await_file(path)
+        if not path.exists():
+            raise RunError(
+                f"expected {path}, which a job has written, got none. Put run and dataset where all machines "
+                "see them"
+            )
+
+
+def of_machines(machines: Machines | None) -> dict[str, Any]:
+    """Return what is recorded of other machines: each kind of those that are there now, with its workers."""
+    if machines is None:
+        return {}
+    found = machines.ask(hardware)
+    kinds = [kind for number, kind in enumerate(found) if kind not in found[:number]]
+    return {"machines": [{**kind, "workers": found.count(kind)} for kind in kinds]}
 
 
 def record_before(

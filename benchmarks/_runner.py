@@ -10,12 +10,10 @@ What is there and whole is reused, so a run that was cut off goes on where it st
 same scores as one that was not.
 """
 
-import hashlib
 import math
-import re
 import shutil
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,6 +23,7 @@ from graycard import Progress, open_truth
 from graycard.benchmarks._edition import refuse_sealed
 from graycard.benchmarks._introduction import introduce
 from graycard.benchmarks._jobs import (
+    DONE,
     JOBS_EACH,
     FitJob,
     RenderJob,
@@ -37,10 +36,12 @@ from graycard.benchmarks._jobs import (
 )
 from graycard.benchmarks._run_record import (
     RunError,
+    check_seen,
     commitment_of,
     joined,
     measures_nothing_new,
     method_record,
+    of_machines,
     record_before,
     renderers,
     result_of,
@@ -48,24 +49,24 @@ from graycard.benchmarks._run_record import (
     tidied,
 )
 from graycard.benchmarks._sources import environment, usable_cores
-from graycard.benchmarks._submitted import check_folder, given_for
-from graycard.benchmarks._suites import KEPT, Suite, SuiteMethod, public, scaled_iterations
+from graycard.benchmarks._submitted import check_folder
+from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
+from graycard.benchmarks.planning._parts import Part
+from graycard.benchmarks.planning._plan import STAGES, plan_fits
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
-from graycard.io import dumps, sha256, to_builtins, write_json
+from graycard.io import sha256, write_json
+from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
-from graycard.methods.priors import truth_of, weights_of
 from graycard.processes import USUAL, Limits, Outcome, run_all
-from graycard.records import CLAIMS, COMPARISON, Edition, Job, JobResult, RunRecord
+from graycard.records import CLAIMS, COMPARISON, Edition, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
-
-STAGES = "stages"
 
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """Differences of a run from its suite."""
+    """Differences of a run from its suite, and where its jobs are done."""
 
     budget: float = 1.0
     """Factor on the iterations of all fits."""
@@ -73,6 +74,8 @@ class Terms:
     """The tag that vouches for code and claims where scenes are sealed; None: those are refused."""
     allowed: tuple[Path, ...] = ()
     """Files and folders that methods may read and change besides their code and the capture."""
+    machines: Machines | None = None
+    """Other machines that do the jobs; None: worker processes of this one do."""
 
     def __post_init__(self) -> None:
         if not 0 < self.budget < math.inf:
@@ -108,6 +111,17 @@ class Bench:
     terms: Terms
     started: str = field(default_factory=lambda: datetime.now(UTC).isoformat(timespec="seconds"))
     clock: float = field(default_factory=time.perf_counter)
+
+    @property
+    def threads(self) -> int:
+        """Threads of each fit."""
+        machines = self.terms.machines
+        return machines.threads if machines else max(1, usable_cores() // self.jobs)
+
+    @property
+    def run_all(self) -> Callable[..., list[Outcome]]:
+        """What does jobs: :func:`graycard.processes.run_all`, or that of the machines."""
+        return self.terms.machines.run_all if self.terms.machines else run_all
 
     def elapsed_s(self) -> float:
         """Return the seconds since the start, to 0.01 s."""
@@ -170,22 +184,73 @@ def measure(bench: Bench) -> Measured:
     Raises:
         GraycardError: As of :func:`run_bench`.
     """
+    bench, known = _begun(bench)  # fails before any work
+    with tidied(bench.run, bench.dataset):
+        return _measured(bench, known)
+
+
+def run_part(
+    suite: Suite,
+    run: Path,
+    jobs: int,
+    progress: Progress,
+    part: Part,
+    dataset: Path | None = None,
+    *,
+    limits: Limits = USUAL,
+    terms: Terms = Terms(),
+) -> tuple[JobResult, ...]:
+    """Do one part of a bench, as a task of a job array does; a bench of the whole then finds it done.
+
+    Args:
+        suite: What all parts together run.
+        run: The run folder, the same for all parts; no ``run.json`` is written there.
+        jobs: As of :func:`run_bench`.
+        progress: As of :func:`run_bench`.
+        part: Which; scenes that several need are rendered once.
+        dataset: As of :func:`run_bench`.
+        limits: As of :func:`run_bench`.
+        terms: As of :func:`run_bench`.
+
+    Raises:
+        GraycardError: As of :func:`run_bench`.
+    """
+    bench, known = _begun(Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, None, terms))
+    each = len(suite.methods) * len(suite.seeds)
+    own = part.share(len(suite.scenes) * each)
+    if not own:
+        return ()
+    first = own.start // each
+    with tidied(bench.run, bench.dataset):
+        scenes = _render(bench, bench.suite.scenes[first : (own.stop - 1) // each + 1])
+        plan = _planned(bench, known, scenes)[own.start - first * each : own.stop - first * each]
+        fitted = _fit(bench, plan)
+        return _results(fitted, _score(bench, fitted), run)
+
+
+def _begun(bench: Bench) -> tuple[Bench, list[Introduction]]:
+    """Refuse what cannot be run, and return what each method says of itself."""
     if bench.jobs < 1:
         raise RunError(f"expected 1 or more jobs at a time, got {bench.jobs}. Mend --jobs")
     if bench.terms.edition is None:
         refuse_sealed(bench.suite.scenes, bench.whole or bench.suite)
-    bench, known = _introduced(bench)  # fails before any work
-    with tidied(bench.run, bench.dataset):
-        return _measured(bench, known)
+    return _introduced(bench)
+
+
+def _planned(
+    bench: Bench, known: Sequence[Introduction], scenes: list[tuple[SceneSpec, Path]]
+) -> list[FitJob]:
+    """Return the fits on some scenes."""
+    plan = plan_fits(bench.suite, known, scenes, _donors(bench, scenes), bench.run, bench.threads)
+    return [replace(job, allowed=bench.terms.allowed) for job in plan]
 
 
 def _measured(bench: Bench, known: Sequence[Introduction]) -> Measured:
     origins = environment()
     scenes = _render(bench, bench.suite.scenes)
-    threads = max(1, usable_cores() // bench.jobs)
-    plan = _plan(bench.suite, known, scenes, _donors(bench, scenes), bench.run, threads)
-    plan = [replace(job, allowed=bench.terms.allowed) for job in plan]
-    fitted = _fit(bench, plan)
+    fitted = _fit(bench, _planned(bench, known, scenes))
+    if not any(outcome.reason for outcome in _of_fits(fitted)):
+        shutil.rmtree(bench.run / STAGES, ignore_errors=True)  # nothing can go on from them any more
     scored = _score(bench, fitted)
     record = _record(bench, known, scenes, fitted, scored, origins)
     return Measured(record, _all_reused(fitted, scored))
@@ -219,21 +284,19 @@ def _iterations(known: Introduction, budget: float) -> dict[str, int]:
 
 
 def _fit(bench: Bench, plan: Sequence[FitJob]) -> Ended:
-    """Make all predictions; stages go once all is done that could go on from them."""
-    progress = bench.part(1, "fitting")
-    more = {"tasks_each": JOBS_EACH, "confines": SERVE}
-    outcomes = run_all(run_fit, plan, bench.jobs, progress, find_fit, bench.limits, **more)
+    """Make all predictions."""
+    given = run_fit, plan, bench.jobs, bench.part(1, "fitting"), find_fit, bench.limits
+    outcomes = bench.run_all(*given, tasks_each=JOBS_EACH, confines=SERVE)
     fitted = list(zip(plan, outcomes, strict=True))
-    if not any(outcome.reason for outcome in _of_fits(fitted)):
-        shutil.rmtree(bench.run / STAGES, ignore_errors=True)
+    check_seen(job.folder / DONE for job, outcome in fitted if not outcome.reason)
     return fitted
 
 
 def _score(bench: Bench, fitted: Ended) -> Ended:
     """Score all predictions that were made."""
     made = [job for job, outcome in fitted if not outcome.reason]
-    progress = bench.part(2, "scoring")
-    outcomes = run_all(run_score, made, bench.jobs, progress, find_scores, bench.limits, tasks_each=JOBS_EACH)
+    given = run_score, made, bench.jobs, bench.part(2, "scoring"), find_scores, bench.limits
+    outcomes = bench.run_all(*given, tasks_each=JOBS_EACH)
     return list(zip(made, outcomes, strict=True))
 
 
@@ -254,7 +317,7 @@ def _record(
         methods=tuple(map(method_record, suite.methods, known)),
         metrics=all_metrics(),
         results=_results(fitted, scored, run),
-        environment={**origins, "renderer": renderers(scenes)},
+        environment={**origins, **of_machines(bench.terms.machines), "renderer": renderers(scenes)},
         started=bench.started,
         wall_s=bench.elapsed_s(),
         suite_sha256=_keep(bench.whole or suite, run),
@@ -307,12 +370,6 @@ def write_run(record: RunRecord, run: Path, claims: Sequence[str] = ()) -> None:
         write_json(run / CLAIMS, judge_run(record, run, names))
 
 
-def job_hash(job: Job, sees: Sequence[str], origin: str) -> str:
-    """Return the address of a job: the hash of its spec, of what the method is handed, and of its code."""
-    text = dumps({"job": job, "sees": list(sees), "origin": origin})
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
-
-
 def _keep(suite: Suite, run: Path) -> str:
     """Write the suite beside its run, without what a salt has opened in it, and give its hash."""
     write_json(run / KEPT, public(suite))
@@ -320,12 +377,14 @@ def _keep(suite: Suite, run: Path) -> str:
 
 
 def _render(bench: Bench, specs: Sequence[SceneSpec]) -> list[tuple[SceneSpec, Path]]:
-    """Render scenes one after the other: Mitsuba itself takes all cores."""
-    jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, usable_cores()) for spec in specs]
-    outcomes = run_all(run_render, jobs, 1, bench.part(0, "rendering"), find_rendered)
+    """Render scenes, on this machine one after the other: Mitsuba itself takes all cores."""
+    threads = bench.terms.machines.threads if bench.terms.machines else usable_cores()
+    jobs = [RenderJob(spec, bench.suite.render_of(spec), bench.dataset, threads) for spec in specs]
+    outcomes = bench.run_all(run_render, jobs, 1, bench.part(0, "rendering"), find_rendered)
     for job, outcome in zip(jobs, outcomes, strict=True):
         if outcome.reason:
             raise RunError(f"scene {job.spec.track}/{scene_name(job.spec)}: {outcome.reason}")
+    check_seen(outcome.value / "truth" / "manifest.json" for outcome in outcomes)
     return [(job.spec, outcome.value) for job, outcome in zip(jobs, outcomes, strict=True)]
 
 
@@ -338,61 +397,3 @@ def _donors(bench: Bench, scenes: list[tuple[SceneSpec, Path]]) -> dict[Path, Pa
     once = {scene_name(spec): spec for spec in specs.values()}  # a donor may give to several scenes
     rendered = dict(zip(once, _render(bench, list(once.values())), strict=True))
     return {folder: rendered[scene_name(spec)][1] for folder, spec in specs.items()}
-
-
-def _plan(
-    suite: Suite,
-    introductions: Sequence[Introduction],
-    scenes: list[tuple[SceneSpec, Path]],
-    donors: Mapping[Path, Path],
-    run: Path,
-    threads: int,
-) -> list[FitJob]:
-    plan = []
-    for spec, folder in scenes:
-        for method, known in zip(suite.methods, introductions, strict=True):
-            donor = donors.get(folder) if method.composes else None
-            given = given_for(method.predictions, spec.track, folder.name) if method.predictions else None
-            sees = [
-                *_seen(method, known, folder),
-                *_of_guest(folder, donor),
-                *([given.sha256] if given else []),
-            ]
-            priors = to_builtins(method.priors) if known.asks else {}
-            for seed in suite.seeds:
-                job = Job(spec.track, folder.name, method.row, seed, known.settings, method.entry, priors)
-                name = job_hash(job, sees, known.fingerprint)
-                where = run / "jobs" / spec.track / folder.name / f"{_slug(method.row)}-{seed}-{name}"
-                stages = _stages(run, known, folder, threads)
-                plan.append(FitJob(job, name, folder, where, threads, run / "jobs", donor, stages, given))
-    return plan
-
-
-def _stages(run: Path, known: Introduction, scene: Path, threads: int) -> Path:
-    """Return the folder in which fits leave stages for others.
-
-    Those are of the same code, on the same capture, with as many threads.
-    """
-    code = hashlib.sha256(known.fingerprint.encode()).hexdigest()[:12]
-    capture = sha256(scene / "capture" / "manifest.json")[:12]
-    return run / STAGES / code / f"{capture}-{threads}"
-
-
-def _seen(method: SuiteMethod, known: Introduction, scene: Path) -> list[str]:
-    """Hashes of all that a method is handed: the capture, the truth if it is handed any, weights."""
-    asks = known.asks
-    told = bool(known.needs) or bool(truth_of(method.priors, asks))
-    parts = ("capture", "truth")[: 1 + told]
-    return [*(sha256(scene / part / "manifest.json") for part in parts), *weights_of(method.priors, asks)]
-
-
-def _of_guest(scene: Path, donor: Path | None) -> list[str]:
-    """Hashes of where an object comes from, which it is, and where it is put; none without a donor."""
-    if donor is None:
-        return []
-    of_donor = [sha256(donor / part / "manifest.json") for part in ("capture", "truth")]
-    return [*of_donor, sha256(scene / "truth" / "composition" / "composition.json")]
-
-
-def _slug(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)

@@ -49,12 +49,15 @@ def environment() -> dict[str, Any]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "git_commit": git_commit(),
-        "cpu": cpu_model(),
-        "cores": usable_cores(),
-        "memory_gib": round(psutil.virtual_memory().total / 2**30, 1),
-        "gpu": gpu_name(),
+        **hardware(),
         "llvm": _llvm(),
     }
+
+
+def hardware() -> dict[str, Any]:
+    """Return what this machine is, without its name."""
+    memory = round(psutil.virtual_memory().total / 2**30, 1)
+    return {"cpu": cpu_model(), "cores": usable_cores(), "memory_gib": memory, "gpu": gpu_name()}
 
 
 def _llvm() -> str | None:

@@ -28,6 +28,8 @@ from graycard.processes import USUAL, Limits
 from graycard.records import Look, Looks, RunRecord
 from graycard.synth import SceneSpec
 
+_AS_IT_IS = Terms()
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
@@ -48,7 +50,7 @@ def run_until_decided(
     dataset: Path | None = None,
     *,
     limits: Limits = USUAL,
-    allowed: tuple[Path, ...] = (),
+    terms: Terms = _AS_IT_IS,
 ) -> RunRecord:
     """Run a suite, add scenes until all claims that can be tested are decided, and write ``RUN/run.json``.
 
@@ -60,7 +62,7 @@ def run_until_decided(
         plan: How far it may go; the same at every call on a folder.
         dataset: Where the scenes are or go; ``RUN/dataset`` by default.
         limits: As of :func:`run_bench`.
-        allowed: Files and folders that methods may read and change besides.
+        terms: As of :func:`run_bench`, at the budget of the suite, on scenes that are not sealed.
 
     Raises:
         RunError: The plan cannot be kept, or is not that which the run began with.
@@ -72,9 +74,7 @@ def run_until_decided(
     _check_reserve(suite, plan.most)
     files = {paper.name: claims_path(name) for paper, name in zip(pursued.papers, names, strict=True)}
     looks = Looks(plan.most, level_up_to(plan.most), {paper: sha256(file) for paper, file in files.items()})
-    bench = Bench(
-        suite, run, dataset or run / "dataset", jobs, progress, limits, suite, Terms(allowed=allowed)
-    )
+    bench = Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, suite, terms)
     before = _before(bench, looks, files)
     return _Course(bench, names, before, _batches(suite), pursued, looks).to_the_end()
 

@@ -16,7 +16,7 @@ import pytest
 
 from graycard.benchmarks import check_result
 from graycard.benchmarks._jobs import FitJob, run_fit
-from graycard.benchmarks._runner import job_hash
+from graycard.benchmarks.planning._plan import job_hash
 from graycard.cli import main
 from graycard.io import read_json, sha256, write_json
 from graycard.records import Job, ScoreSheet, read_comparison, read_run

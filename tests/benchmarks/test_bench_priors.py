@@ -14,7 +14,7 @@ from graycard.benchmarks import FitSpec, Suite, SuiteMethod, fit_scene, load_sui
 from graycard.benchmarks._introduction import introduction_of
 from graycard.benchmarks._jobs import run_fit
 from graycard.benchmarks._run_record import method_record
-from graycard.benchmarks._runner import _plan
+from graycard.benchmarks.planning._plan import plan_fits
 from graycard.cli import main
 from graycard.io import from_builtins, read_layers, silent, to_builtins
 from graycard.methods.priors import Override, PriorSpec
@@ -85,7 +85,7 @@ def test_truth_that_a_scene_has_not_is_met_before_the_fit(
 def planned(scene: Path, *rows: SuiteMethod) -> list:
     spec = SceneSpec("dark", "corridor", 1000)
     suite = Suite("s", 1, "S", RenderSettings(), (spec,), tuple(rows))
-    return _plan(suite, [introduction_of(row) for row in rows], [(spec, scene)], {}, scene / "run", 1)
+    return plan_fits(suite, [introduction_of(row) for row in rows], [(spec, scene)], {}, scene / "run", 1)
 
 
 def test_a_job_is_addressed_by_its_priors_too(asker: str, tiny_scenes: dict[str, Path], tmp_path: Path):

@@ -12,7 +12,7 @@ from changed_scene import DONOR, enrich
 from graycard import DatasetError, MethodError, open_truth
 from graycard.benchmarks import FitSpec, check_result, fit_scene, load_suite
 from graycard.benchmarks._introduction import introduce
-from graycard.benchmarks._runner import _plan
+from graycard.benchmarks.planning._plan import plan_fits
 from graycard.cli import main
 from graycard.dataset import manifest_of
 from graycard.io import read_layers, sha256, silent, write_layers, write_manifest
@@ -133,7 +133,7 @@ def test_a_bench_renders_the_donors_of_rows_that_compose(
     plan, scene = load_suite(str(suite)), place.parents[2]
     known = introduce(plan.methods, run / "dataset", run / "jobs", 1)
     donors = {scene: run / "dataset/multilight/objects-1000"}
-    fits = _plan(plan, known, [(plan.scenes[0], scene)], donors, run, 1)
+    fits = plan_fits(plan, known, [(plan.scenes[0], scene)], donors, run, 1)
     again = {fit.job.method: fit.job_hash for fit in fits}
     assert again["alone"] == hashes[0]["alone"]
     assert again["hosts"] != hashes[0]["hosts"], "it is put elsewhere"

@@ -7,7 +7,7 @@ import pytest
 
 from graycard import MethodError
 from graycard.benchmarks import FitSpec, fit_scene
-from graycard.benchmarks._runner import _stages
+from graycard.benchmarks.planning._plan import stages_folder
 from graycard.io import silent
 from graycard.methods import add_resumed, load_method, resumed_time, settings_of
 from graycard.methods.confined import Introduction
@@ -67,7 +67,7 @@ def test_stages_of_others_are_closed(make_scene, tmp_path: Path) -> None:
 
 def test_stages_are_found_by_the_same_code_on_the_same_capture_alone(make_scene, tmp_path: Path) -> None:
     def place(code: str, scene: Path, threads: int = 1) -> Path:
-        return _stages(tmp_path, Introduction("", (), {}, (), f"graycard 0.1.0 {code}"), scene, threads)
+        return stages_folder(tmp_path, Introduction("", (), {}, (), f"graycard 0.1.0 {code}"), scene, threads)
 
     scene, other = make_scene(), make_scene(scene="tiny-0001")
     assert place("a1", scene) == place("a1", scene)

@@ -67,6 +67,9 @@ class Trial:
     root: Path
     rng: random.Random
     jobs: int
+    suite: str = SUITE
+    options: tuple[str, ...] = ()
+    """Further options of the bench."""
     undisturbed_s: float = 0.0
     reference: dict[str, str] = field(default_factory=dict)
     kills: Counter[str] = field(default_factory=Counter)
@@ -86,17 +89,21 @@ class Trial:
     def start(self) -> subprocess.Popen[str]:
         """Start a bench."""
         suite = self.root / "killed.toml"
-        suite.write_text(SUITE)
-        self.temporary.mkdir(exist_ok=True)
-        mark = {MARK: str(self.root), "TMPDIR": str(self.temporary), "OMP_WAIT_POLICY": "passive"}
+        suite.write_text(self.suite)
         command = [sys.executable, "-m", "graycard", "bench", str(suite), "--out", str(self.run)]
         return subprocess.Popen(
-            [*command, "--jobs", str(self.jobs)],
+            [*command, "--jobs", str(self.jobs), *self.options],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            env={**os.environ, **mark},
+            env=self.environment(),
         )
+
+    def environment(self) -> dict[str, str]:
+        """Return the environment of processes that are found again by their mark."""
+        self.temporary.mkdir(exist_ok=True)
+        mark = {MARK: str(self.root), "TMPDIR": str(self.temporary), "OMP_WAIT_POLICY": "passive"}
+        return {**os.environ, **mark}
 
     def to_the_end(self) -> str:
         """Let a bench end by itself; return what it printed."""
@@ -129,7 +136,6 @@ class Trial:
             The time after which it was killed; None for one that ended by itself.
         """
         kind, time_s, killed = self.rng.choice(KINDS), self.rng.uniform(0, most_s), False
-        before = self.files_left()  # of one that was killed without warning
         with self.start() as bench:
             try:
                 bench.wait(time_s)
@@ -140,8 +146,7 @@ class Trial:
         if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:  # else it had not begun, or ended
             if "Traceback" in printed:
                 self.failures.append(f"{kind}: {printed[-800:]}")
-            left = [what for what in self.left() if what not in before]
-            self.failures += [f"{kind} after {time_s:.2f} s, process {bench.pid}: {what}" for what in left]
+            self.failures += [f"right after {kind}: {left}" for left in self.left()]
         return time_s if killed else None
 
     def left(self) -> list[str]:
@@ -149,13 +154,10 @@ class Trial:
         until = time.monotonic() + 5
         while processes(self) and time.monotonic() < until:
             time.sleep(0.05)
-        return [*(f"process {name}" for name in processes(self).values()), *self.files_left()]
-
-    def files_left(self) -> list[str]:
-        """Return the temporary files, locks and half-written files that are there."""
+        found = [f"process {name}" for name in processes(self).values()]
+        found += [f"temporary {path.name}" for path in self.temporary.iterdir()]
         names = (p for p in self.run.rglob(".*") if p.suffix == ".lock" or _is_partial_file(p))
-        temporary = [f"temporary {path.name}" for path in self.temporary.iterdir()]
-        return temporary + [str(path.relative_to(self.run)) for path in names]
+        return found + [str(path.relative_to(self.run)) for path in names]
 
     def compare(self) -> None:
         """Let the bench end, and hold it against the undisturbed one."""

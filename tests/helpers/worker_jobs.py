@@ -3,6 +3,7 @@
 
 import multiprocessing
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -53,6 +54,31 @@ def end(how: str) -> Outcome:
         case "unpicklable":
             return Outcome(value=threading.Lock())
     return Outcome(value=how)
+
+
+def tell_memory(number: int) -> Outcome:
+    """Tell how much memory may be written to."""
+    return Outcome(value=resource.getrlimit(resource.RLIMIT_DATA)[0])
+
+
+def tell_folder(number: int) -> Outcome:
+    return Outcome(value=str(Path.cwd()))
+
+
+def refuse_to_write(number: int) -> Outcome:
+    return Outcome(reason="no space left", fatal=True)
+
+
+def leave_mark(job: tuple[str, int]) -> Outcome:
+    """Note the process above this one, and wait to die with it, unless another job or call has done so."""
+    folder, number = job
+    try:
+        with (Path(folder) / "begun-once").open("x") as file:
+            file.write(str(os.getppid()))
+    except FileExistsError:
+        return Outcome(value=number)
+    time.sleep(LONG_S)
+    return Outcome(value=-1)
 
 
 def leave_children(how: str, folder: str) -> Outcome:

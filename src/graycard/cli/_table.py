@@ -100,7 +100,7 @@ VERBS = (
     Verb(
         name="bench",
         group="runs",
-        module="_runs",
+        module="benches._bench",
         command="BenchCommand",
         help="Run a suite from scenes to report; continue a run cut off",
         example="graycard bench demo --out runs/demo",

@@ -37,6 +37,7 @@ from graycard.io._json import write_json as write_json
 from graycard.io._leftovers import remove_leftovers as remove_leftovers
 from graycard.io._leftovers import temporary_folder as temporary_folder
 from graycard.io._lock import file_lock as file_lock
+from graycard.io._lock import lock_words as lock_words
 from graycard.io._manifest import FORMAT_VERSION as FORMAT_VERSION
 from graycard.io._manifest import MANIFEST as MANIFEST
 from graycard.io._manifest import Manifest as Manifest
@@ -69,3 +70,4 @@ from graycard.io._primaries import name_primaries as name_primaries
 from graycard.io._progress import Progress as Progress
 from graycard.io._progress import silent as silent
 from graycard.io._strict import parse_json as parse_json
+from graycard.io.sharing._systems import await_file as await_file

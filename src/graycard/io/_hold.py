@@ -5,10 +5,15 @@ import contextlib
 import os
 import stat
 import sys
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+from graycard.io.sharing._systems import is_shared
+
+_QUIET_S = 3600.0
+"""Time after which what nobody changes is left over, where no kernel tells what other machines hold."""
 _held: set[int] = set()
 """Descriptors that this process holds something by."""
 
@@ -57,6 +62,8 @@ def is_at(descriptor: int, path: Path) -> bool:
 def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
     """Remove a file or folder of this user that no process holds; it is held meanwhile.
 
+    On file systems that other machines may share: that nobody has changed for an hour.
+
     Args:
         path: Where it lies.
         remove: How it is removed.
@@ -70,7 +77,7 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return False
-    held = hold(descriptor, wait=False)
+    held = _is_quiet(descriptor) if is_shared(path.parent) else hold(descriptor, wait=False)
     try:
         if not held or not is_at(descriptor, path) or not _is_own(descriptor):
             return False
@@ -78,7 +85,15 @@ def remove_unheld(path: Path, remove: Callable[[Path], None]) -> bool:
             remove(path)
         return not path.exists()
     finally:
-        let_go(descriptor)
+        if descriptor in _held:
+            let_go(descriptor)
+        else:
+            os.close(descriptor)
+
+
+def _is_quiet(descriptor: int) -> bool:
+    """Tell whether a file or folder has not been changed for long."""
+    return time.time() - os.fstat(descriptor).st_mtime > _QUIET_S
 
 
 def _is_own(descriptor: int) -> bool:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from graycard.io._files import PARTIAL_NAME, output_error
 from graycard.io._hold import hold, is_at, let_go, remove_unheld
+from graycard.io.sharing._marks import read_sign
 
 _LOCK = re.compile(r"(\..+)?\.lock")
 _HOLDER = re.compile(rb"(process \d+ on \S*)?")
@@ -42,9 +43,7 @@ def remove_leftovers(root: Path) -> list[Path]:
         partial = [name for name in folders if PARTIAL_NAME.fullmatch(name)]
         folders[:] = [name for name in folders if name not in partial]
         found += [here / name for name in partial if remove_unheld(here / name, shutil.rmtree)]
-        found += [
-            here / name for name in files if _is_left(here / name) and remove_unheld(here / name, os.unlink)
-        ]
+        found += [here / name for name in files if _is_left(here / name) and _remove(here / name)]
     return found
 
 
@@ -86,6 +85,14 @@ def _held_folder() -> tuple[Path, int | None]:
         let_go(held)
 
 
+def _remove(path: Path) -> bool:
+    """Remove a file that may be left over; return whether it is gone."""
+    if _LOCK.fullmatch(path.name) and _is_mark(path):
+        path.unlink(missing_ok=True)
+        return True
+    return remove_unheld(path, os.unlink)
+
+
 def _is_left(path: Path) -> bool:
     """Tell whether a file may be one of graycard's that was left behind, by its name and content."""
     if path.name == _OLD_TEST or PARTIAL_NAME.fullmatch(path.name):
@@ -93,6 +100,13 @@ def _is_left(path: Path) -> bool:
     if not _LOCK.fullmatch(path.name):
         return False
     try:
-        return path.is_file() and _HOLDER.fullmatch(path.read_bytes()[:400]) is not None
+        content = path.read_bytes()[:400] if path.is_file() else b"no lock"
     except OSError:
         return False
+    return _HOLDER.fullmatch(content) is not None or _is_mark(path)
+
+
+def _is_mark(path: Path) -> bool:
+    """Tell whether a file is the lock of a process that is gone, and needs no lock of the kernel."""
+    sign = read_sign(path)
+    return sign is not None and sign.is_gone

@@ -2,6 +2,7 @@
 """One process at a time makes a scene or a fit; the others wait and then find it made."""
 
 import contextlib
+import errno
 import os
 import socket
 import sys
@@ -11,13 +12,19 @@ from pathlib import Path
 
 from graycard.io._hold import hold, is_at, let_go
 from graycard.io._names import printable
+from graycard.io.sharing._marks import marked_lock
+from graycard.io.sharing._systems import is_shared, kind_of
+
+_NO_LOCKS = {errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS}
+"""Errors of ``flock`` where a file system has none."""
 
 
 @contextmanager
 def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     """Hold the lock file ``path`` for the time of the block; the kernel frees it if this process dies.
 
-    A process that is forked meanwhile does not hold it.
+    A process that is forked meanwhile does not hold it. On file systems that several machines may share, and
+    on those without locks, the file itself is the lock: one whose holder died is free two minutes later.
 
     Args:
         path: The lock file; it is gone afterwards.
@@ -25,7 +32,45 @@ def file_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
     """
     if sys.platform == "win32":  # has no flock; two processes then race, and one of them says so
         yield
-        return
+    elif is_shared(path.parent) or not _has_locks(path.parent):
+        with marked_lock(path, on_wait):
+            yield
+    else:
+        with _kernel_lock(path, on_wait):
+            yield
+
+
+def lock_words(folder: Path) -> str:
+    """Say how work in a folder is kept apart, where the kernel does not do it; empty where it does."""
+    if sys.platform == "win32" or (not is_shared(folder) and _has_locks(folder)):
+        return ""
+    return (
+        f"locks of the kernel do not hold on {kind_of(folder) or 'this file system'} at {folder} between "
+        "machines; files with signs of life are used, and the work of a machine that died is taken over "
+        "after two minutes"
+    )
+
+
+def _has_locks(folder: Path) -> bool:
+    """Tell whether a folder's file system has ``flock``; one that cannot be asked is taken to have it."""
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return True
+    import fcntl
+
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError as error:
+        return error.errno not in _NO_LOCKS
+    finally:
+        os.close(descriptor)
+    return True
+
+
+@contextmanager
+def _kernel_lock(path: Path, on_wait: Callable[[str], None]) -> Iterator[None]:
+    """Hold a lock file for the kernel as well."""
     descriptor = _acquire(path, on_wait)
     try:
         with contextlib.suppress(OSError):  # a full disk is met by what is written next

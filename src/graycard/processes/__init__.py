@@ -20,5 +20,6 @@ from graycard.processes._outcome import Outcome as Outcome
 from graycard.processes._places import Places as Places
 from graycard.processes._pool import USUAL as USUAL
 from graycard.processes._pool import Limits as Limits
+from graycard.processes._pool import StandingWorker as StandingWorker
 from graycard.processes._pool import run_all as run_all
 from graycard.processes._worker import worker_progress as worker_progress

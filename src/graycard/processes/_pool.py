@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 import tempfile
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -45,6 +46,8 @@ class Limits:
     """Memory that its process may write to; None: that of the machine."""
 
 
+_STARTING = threading.Lock()
+"""Held while a worker starts: the mark that it inherits is in the environment of the whole process."""
 USUAL = Limits()
 """Limits of a job where nobody asks for others."""
 
@@ -135,15 +138,24 @@ class _Pool:
     workers: list[_Worker] = field(default_factory=list)
 
     def run(self, at_a_time: int) -> None:
-        """Do all jobs."""
+        """Do all jobs, and end the workers."""
         try:
-            while self.todo or any(worker.job is not None for worker in self.workers):
-                self._hand_out(at_a_time)
-                self._await()
+            self.do(at_a_time)
         finally:
-            with uninterrupted():
-                for worker in self.workers:
-                    worker.end(idle=worker.job is None)
+            self.end()
+
+    def do(self, at_a_time: int) -> None:
+        """Do all jobs; workers stay."""
+        while self.todo or any(worker.job is not None for worker in self.workers):
+            self._hand_out(at_a_time)
+            self._await()
+
+    def end(self) -> None:
+        """End the workers."""
+        with uninterrupted():
+            while self.workers:
+                worker = self.workers.pop()
+                worker.end(idle=worker.job is None)
 
     def _hand_out(self, at_a_time: int) -> None:
         """Give each free worker a job, and start workers as long as there are jobs and room for them."""
@@ -152,8 +164,7 @@ class _Pool:
             if free is None and len(self.workers) >= at_a_time:
                 return
             if free is None:
-                with uninterrupted():  # else one that was just started would be nobody's
-                    self.workers.append(free := _start(self.work, self.limits, self.confines))
+                self.workers.append(free := _start(self.work, self.limits, self.confines))
             number = self.todo.popleft()
             free.give(number, self.jobs[number], self.limits.time_s)
 
@@ -243,6 +254,50 @@ def run_all(
     return [outcomes[number] for number in range(len(jobs))]
 
 
+class StandingWorker:
+    """A worker process that stays from call to call, as one of :func:`run_all` does from job to job."""
+
+    def __init__(
+        self, work: Callable[[Any], Outcome], limits: Limits = USUAL, *, tasks_each: int, confines: str
+    ) -> None:
+        """Describe it; it starts with the first job.
+
+        Args:
+            work: Does a job; must be importable by a fresh process.
+            limits: Time and memory of each job.
+            tasks_each: Number of jobs after which a fresh process takes over, as in :func:`run_all`.
+            confines: As in :func:`run_all`.
+        """
+        end_orphans()
+        given = limits, tasks_each, confines
+        self._pool = _Pool(work, [], deque(), {}, lambda done, doing: None, *given)
+
+    def do(self, job: Any) -> Outcome:
+        """Do a job; one thread may ask at a time.
+
+        Raises:
+            OutputError: The job could not write its result.
+            MethodError: No process can be started.
+        """
+        pool = self._pool
+        for worker in [one for one in pool.workers if one.process.exitcode is not None]:
+            pool.workers.remove(worker)  # it was killed while it had nothing to do
+            worker.end(idle=False)
+        pool.jobs, pool.outcomes = [job], {}
+        pool.todo.append(0)
+        try:
+            pool.do(1)
+        except BaseException:
+            pool.todo.clear()
+            pool.end()
+            raise
+        return pool.outcomes[0]
+
+    def end(self) -> None:
+        """End its process, with a job that it is at."""
+        self._pool.end()
+
+
 def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Worker:
     """Start a worker, and tell it what its work is.
 
@@ -252,7 +307,7 @@ def _start(work: Callable[[Any], Outcome], limits: Limits, confines: str) -> _Wo
     """
     context = multiprocessing.get_context("spawn")
     resource_tracker.ensure_running()  # within the block it would bear the mark, and end with the worker
-    with contextlib.ExitStack() as undo, marked() as mark:
+    with _STARTING, contextlib.ExitStack() as undo, marked() as mark:
         folder = _temporary(mark)
         undo.callback(shutil.rmtree, folder, ignore_errors=True)
         try:

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hand jobs to Dask workers, and go on when workers or the scheduler are lost."""
+
+import contextlib
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+from uuid import uuid4
+
+from graycard import Progress
+from graycard.machines._hand import Errand, Placed, do_errand
+from graycard.machines._origin import origin
+from graycard.machines._spec import ClusterSpec, MachineError
+from graycard.processes import USUAL, Limits, Outcome
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+J = TypeVar("J")
+A = TypeVar("A")
+_LOOK_S = 0.05
+"""Time between two looks at what is done."""
+_COUNT_S = 1.0
+"""Time between two counts of workers."""
+_QUIET_S = 30.0
+"""Time without an end of a job after which the user is told what is waited for, if it is no job."""
+_PATIENCE_S = 600.0
+"""Time that a scheduler has to come back."""
+_MOST_LOSSES = 5
+"""Times that Dask may give a job up before it has failed; it does so when four workers died with it."""
+
+
+@dataclass(eq=False)
+class Machines:
+    """A Dask cluster that does jobs as :func:`graycard.processes.run_all` does."""
+
+    spec: ClusterSpec
+    new_client: "Callable[[], Client]"
+    say: Callable[[str], None]
+    patience_s: float = _PATIENCE_S
+    _client: "Client | None" = None
+
+    @property
+    def threads(self) -> int:
+        """Return the threads of each job."""
+        return self.spec.threads
+
+    @property
+    def dashboard(self) -> str:
+        """Return the link of the dashboard; empty where there is none."""
+        return str(self.client.dashboard_link or "")
+
+    @property
+    def client(self) -> "Client":
+        """Return the connection."""
+        assert self._client is not None, "connect() comes first"
+        return self._client
+
+    def connect(self) -> None:
+        """Connect to the scheduler.
+
+        Raises:
+            MachineError: It does not answer.
+        """
+        try:
+            self._client = self.new_client()
+        except (OSError, ValueError) as cause:
+            where = self.spec.address or f"the {self.spec.kind} cluster"
+            raise MachineError(
+                f"expected a scheduler at {where}, got no answer. Start one with `dask scheduler`, or mend "
+                "--scheduler"
+            ) from cause
+
+    def is_connected(self) -> bool:
+        """Tell whether the scheduler is there."""
+        return self.client.status == "running"
+
+    def threads_of_workers(self) -> dict[str, int]:
+        """Return the threads of each worker, by its address."""
+        return cast("dict[str, int]", self.client.nthreads())  # a coroutine for asynchronous clients alone
+
+    def ask(self, question: Callable[[], A]) -> list[A]:
+        """Return what each worker answers that is there; none where the scheduler cannot be asked.
+
+        Args:
+            question: Importable there.
+        """
+        with contextlib.suppress(OSError, TimeoutError):
+            answers = cast("dict[str, A]", self.client.run(question, on_error="ignore"))
+            return [*answers.values()]
+        return []
+
+    def reconnect(self) -> None:
+        """Wait for a scheduler that was lost.
+
+        Raises:
+            MachineError: It does not come back.
+        """
+        until = time.monotonic() + self.patience_s
+        self.say(f"the scheduler at {self.spec.address} is gone; waiting for it to come back")
+        self.close()
+        while True:
+            try:
+                self.connect()
+                return
+            except MachineError as cause:
+                if time.monotonic() > until:
+                    raise MachineError(
+                        f"expected the scheduler at {self.spec.address} to come back, got no answer in "
+                        f"{self.patience_s:.0f} s. Start it again; the same command then goes on"
+                    ) from cause
+                time.sleep(1.0)
+
+    def close(self) -> None:
+        """Close the connection; jobs that run go on to their end, and leave their results."""
+        if self._client is not None:
+            with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
+                self._client.close(timeout=5)
+
+    def run_all(
+        self,
+        work: Callable[[J], Outcome],
+        jobs: Sequence[J],
+        at_a_time: int,
+        progress: Progress,
+        find_cached: Callable[[J], Outcome | None] = lambda job: None,
+        limits: Limits = USUAL,
+        *,
+        tasks_each: int = 1,
+        confines: str = "",
+    ) -> list[Outcome]:
+        """Do jobs on the machines; outcomes in the order of the jobs.
+
+        Args:
+            work: As in :func:`graycard.processes.run_all`, as all others.
+            jobs: As there.
+            at_a_time: Without meaning: each thread of a Dask worker does one at a time.
+            progress: Called after each job.
+            find_cached: As there; asked again before a job is given to a second machine.
+            limits: Of each job; memory is that of the spec where none is given.
+            tasks_each: As there.
+            confines: As there.
+
+        Raises:
+            MachineError: A job could not write its result, a machine cannot run graycard or has other code of
+                it, or the scheduler is lost.
+        """
+        limits = replace(limits, memory_mib=limits.memory_mib or self.spec.memory_mib)
+        errand = Errand(Placed(work, Path.cwd()), limits, tasks_each, confines)
+        course = _Course(self, errand, jobs, find_cached, progress)
+        course.skip_done(range(len(jobs)))
+        course.to_the_end()
+        return [course.outcomes[number] for number in range(len(jobs))]
+
+
+@dataclass(eq=False)
+class _Course:
+    """Jobs of one stage: those that wait, those that are out, and outcomes."""
+
+    machines: Machines
+    errand: Errand
+    jobs: Sequence[Any]
+    find_cached: Callable[[Any], Outcome | None]
+    progress: Progress
+    todo: deque[int] = field(default_factory=deque)
+    out: "dict[int, Future]" = field(default_factory=dict)
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    losses: Counter[int] = field(default_factory=Counter)
+    room: int = 1
+    counted: float = float("-inf")
+    heard: float = field(default_factory=time.monotonic)
+
+    def skip_done(self, numbers: Iterable[int]) -> None:
+        """Let those jobs wait that are not done yet."""
+        for number in numbers:
+            found = self.find_cached(self.jobs[number])
+            if found is None:
+                self.todo.append(number)
+            else:
+                self.outcomes[number] = found
+
+    def to_the_end(self) -> None:
+        """Do all jobs."""
+        try:
+            while self.todo or self.out:
+                if not self.machines.is_connected():
+                    self._begin_again()
+                self._hand_out()
+                time.sleep(_LOOK_S)
+                self._take_in()
+        finally:
+            for future in self.out.values():
+                with contextlib.suppress(Exception):  # the connection may be gone
+                    future.cancel()
+
+    def _begin_again(self) -> None:
+        """Wait for a lost scheduler, and hand out anew what was not done meanwhile."""
+        lost = sorted(self.out)
+        self.out.clear()
+        self.machines.reconnect()
+        self.skip_done(lost)
+        self.counted = float("-inf")
+
+    def _hand_out(self) -> None:
+        """Give Dask as many jobs as workers have threads: so each that is free takes the next."""
+        self._count()
+        while self.todo and len(self.out) < self.room:
+            number = self.todo.popleft()
+            name = f"{self.errand.work.work.__name__}-{uuid4().hex}"
+            given = self.errand, self.jobs[number], origin()
+            self.out[number] = self.machines.client.submit(
+                do_errand, *given, key=name, resources=self.machines.spec.resources or None, pure=False
+            )
+
+    def _count(self) -> None:
+        """Count the threads of workers, now and then; tell the user if nothing can be done."""
+        if time.monotonic() < self.counted + _COUNT_S:
+            return
+        self.counted = time.monotonic()
+        with contextlib.suppress(OSError, TimeoutError):  # a scheduler that was just lost
+            self.room = max(1, sum(self.machines.threads_of_workers().values()))
+            if self.counted > self.heard + _QUIET_S:
+                self.heard = self.counted
+                if words := _awaited(self.machines):
+                    self.machines.say(words)
+
+    def _take_in(self) -> None:
+        """Take note of what has ended."""
+        for number, future in [*self.out.items()]:
+            if future.status == "pending":
+                continue
+            del self.out[number]
+            self.heard = time.monotonic()
+            if future.status == "finished":
+                self._note(number, future)
+            elif future.status == "error":
+                self._note_error(number, future)
+            else:  # cancelled as the scheduler was lost, or forgotten by one that is new
+                self.skip_done([number])
+
+    def _note(self, number: int, future: "Future") -> None:
+        try:
+            outcome = future.result(timeout=60)
+        except Exception:  # lost with the worker or the scheduler after its end: what it left is found
+            self.skip_done([number])
+            return
+        if outcome.fatal:
+            raise MachineError(outcome.reason)
+        self.outcomes[number] = outcome
+        self.progress(len(self.outcomes) / len(self.jobs), f"{len(self.outcomes)} of {len(self.jobs)}")
+
+    def _note_error(self, number: int, future: "Future") -> None:
+        from distributed import KilledWorker
+
+        error = cast("BaseException", future.exception())  # a coroutine for asynchronous clients alone
+        if not isinstance(error, KilledWorker):
+            raise MachineError(
+                f"expected workers that can run graycard, got {type(error).__name__}: {error}. Install "
+                "graycard there as it is here"
+            ) from error
+        self.losses[number] += 1
+        if self.losses[number] < _MOST_LOSSES:
+            self.skip_done([number])
+            return
+        times = 4 * _MOST_LOSSES
+        reason = f"Its workers died {times} times (out of memory, or machines that end). Ask for more memory"
+        self.outcomes[number] = Outcome(reason=reason)
+
+
+def _awaited(machines: Machines) -> str:
+    """Say what is waited for besides jobs; empty if nothing is."""
+    workers = machines.client.scheduler_info()["workers"].values()
+    if not workers:
+        return "no worker is there yet; jobs begin with the first"
+    asked = machines.spec.resources
+    if any(_offers(worker.get("resources", {}), asked) for worker in workers):
+        return ""
+    words = " ".join(f"{name}={count:.0f}" for name, count in asked.items())
+    return f'no worker offers what a job asks for; start one with `dask worker … --resources "{words}"`'
+
+
+def _offers(offered: dict[str, float], asked: dict[str, float]) -> bool:
+    return all(offered.get(name, 0) >= count for name, count in asked.items())

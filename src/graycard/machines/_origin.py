@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The code of a machine: where it is another than that of the bench, scores are not the same."""
+
+import hashlib
+import os
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+_HOME = Path(__file__).parents[1]
+_PACKAGES = ("mitsuba", "drjit", "torch", "numpy", "scipy", "numba", "llvmlite", "scikit-image", "OpenEXR")
+"""Packages that numbers come from."""
+_READ = (".py", ".toml", ".safetensors")
+
+
+@cache
+def origin() -> dict[str, str]:
+    """Return what numbers depend on here: the code of graycard, and versions of packages, by name."""
+    return {"graycard's code": _code()[:12], "Python": platform.python_version(), **_versions()}
+
+
+def differences(wanted: dict[str, str]) -> list[str]:
+    """Return in words what this machine has otherwise than another."""
+    own = origin()
+    return [
+        f"{name} {own.get(name)} and not {value}" for name, value in wanted.items() if own.get(name) != value
+    ]
+
+
+def _code() -> str:
+    """Return SHA-256 over the files of the package, by their names in it."""
+    digest = hashlib.sha256()
+    for folder, folders, names in os.walk(_HOME, followlinks=True):
+        folders[:] = sorted(name for name in folders if name != "__pycache__")
+        for name in sorted(name for name in names if name.endswith(_READ)):
+            path = Path(folder) / name
+            digest.update(path.relative_to(_HOME).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in _PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "none"
+    return found

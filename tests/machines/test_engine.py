@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Jobs on Dask workers end as they do in worker processes, also where workers and schedulers do not last."""
+
+import dataclasses
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import cast
+
+import pytest
+
+from graycard.benchmarks._run_record import of_machines
+from graycard.benchmarks._sources import hardware
+from graycard.io import silent
+from graycard.machines import ClusterSpec, MachineError, Machines, connected
+from graycard.machines import _engine as engine
+from graycard.machines._hand import Placed
+from graycard.processes import Limits, Outcome, StandingWorker
+from worker_jobs import die_at_one, end, leave_mark, refuse_to_write, tell_folder, tell_memory, tell_process
+
+pytest.importorskip("distributed", reason="needs distributed (`pip install graycard[cluster]`)")
+
+
+@pytest.fixture(scope="module")
+def machines() -> Iterator[Machines]:
+    """Two workers of this machine, that offer what two kinds of job ask for."""
+    heard: list[str] = []
+    with connected(ClusterSpec("local", workers=2, memory_gib=2.0), heard.append) as found:
+        assert heard[0].startswith("dashboard: http://127.0.0.1:")
+        yield found
+
+
+def test_outcomes_come_in_the_order_of_the_jobs(machines: Machines) -> None:
+    heard: list[str] = []
+    outcomes = machines.run_all(end, ["a", "b", "c", "d"], 1, lambda done, what: heard.append(what))
+    assert [outcome.value for outcome in outcomes] == ["a", "b", "c", "d"]
+    assert heard == ["1 of 4", "2 of 4", "3 of 4", "4 of 4"]
+
+
+def test_a_worker_process_does_as_many_jobs_as_are_said_and_is_no_dask_worker(machines: Machines) -> None:
+    found = machines.run_all(tell_process, range(6), 1, silent, tasks_each=3)
+    ids = {outcome.value for outcome in found}
+    assert 2 <= len(ids) <= 4
+    hands = cast("dict[str, int]", machines.client.run(os.getpid))
+    assert not ids & {*hands.values()}
+    alone = machines.run_all(tell_process, range(3), 1, silent)
+    assert len({outcome.value for outcome in alone}) == 3
+
+
+ENDS = {"exit 7": "exit code 7", "killed": "exit code -9", "hang": "expected an end within 5 s"}
+
+
+def test_each_way_to_end_fails_its_own_job_as_in_a_process(machines: Machines) -> None:
+    outcomes = machines.run_all(end, [*ENDS, "well"], 1, silent, limits=Limits(5.0))
+    found = dict(zip([*ENDS, "well"], outcomes, strict=True))
+    assert found["well"] == Outcome(value="well")
+    assert {how: words in found[how].reason for how, words in ENDS.items()} == dict.fromkeys(ENDS, True)
+
+
+def test_what_is_found_is_not_handed_out(machines: Machines) -> None:
+    found = machines.run_all(
+        die_at_one, range(2), 1, silent, lambda n: Outcome(reused=True, value="found") if n == 1 else None
+    )
+    assert [outcome.value for outcome in found] == [0, "found"]
+
+
+def test_memory_of_a_job_is_that_of_the_spec(machines: Machines) -> None:
+    (outcome,) = machines.run_all(tell_memory, [0], 1, silent)
+    assert outcome.value == 2 * 2**30
+    (outcome,) = machines.run_all(tell_memory, [0], 1, silent, limits=Limits(None, 1024))
+    assert outcome.value == 2**30
+
+
+def test_each_worker_is_asked(machines: Machines) -> None:
+    found = machines.ask(os.getpid)
+    assert len({*found}) == 2
+    assert os.getpid() not in found
+    told = of_machines(machines)["machines"]
+    assert [(kind["workers"], kind["cpu"]) for kind in told] == [(2, hardware()["cpu"])]
+    assert of_machines(None) == {}
+
+
+def test_jobs_work_in_the_folder_of_the_bench(
+    machines: Machines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (outcome,) = machines.run_all(tell_folder, [0], 1, silent)
+    assert outcome.value == str(tmp_path)
+
+
+def test_a_machine_without_that_folder_ends_the_run() -> None:
+    outcome = Placed(tell_folder, Path("/not/there"))(0)
+    assert outcome.fatal
+    assert outcome.reason.startswith("expected /not/there, where the bench runs, got No such file")
+
+
+def test_a_disk_that_is_full_ends_the_run_and_names_the_machine(machines: Machines) -> None:
+    with pytest.raises(MachineError, match=r"^machine \S+: no space"):
+        machines.run_all(refuse_to_write, range(3), 1, silent)
+
+
+def test_a_machine_with_other_code_does_nothing(machines: Machines, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "origin", lambda: {"graycard's code": "abc", "Python": "2.7.18"})
+    with pytest.raises(MachineError, match=r"got graycard's code \w+ and not abc, Python 3\.\S+ and not 2"):
+        machines.run_all(end, ["a"], 1, silent)
+
+
+def test_resources_that_no_worker_offers_are_told_of(
+    machines: Machines, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[str] = []
+    spec = dataclasses.replace(machines.spec, gpus=1)
+    wanting = Machines(spec, machines.new_client, heard.append, _client=machines.client)
+    words = engine._awaited(wanting)
+    assert words.startswith("no worker offers what a job asks for; start one with `dask worker")
+    assert f'"MEMORY={2**31} GPU=1"' in words
+    assert engine._awaited(machines) == ""
+
+
+def test_a_worker_that_dies_is_replaced_and_its_job_done_again(machines: Machines, tmp_path: Path) -> None:
+    """The first job waits for its Dask worker to be killed; done again, it finds that it was begun."""
+    killed: list[int] = []
+
+    def kill() -> None:
+        until = time.monotonic() + 120
+        while time.monotonic() < until and not killed:
+            time.sleep(0.2)
+            for path in tmp_path.glob("begun-*"):
+                killed.append(int(path.read_text()))
+                os.kill(killed[0], signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    outcomes = machines.run_all(leave_mark, [(str(tmp_path), n) for n in range(4)], 1, silent)
+    killer.join()
+    assert len(killed) == 1
+    assert [outcome.value for outcome in outcomes] == [0, 1, 2, 3]
+    assert len([*tmp_path.glob("begun-*")]) == 1
+
+
+def test_a_worker_process_that_dies_between_jobs_costs_none() -> None:
+    worker = StandingWorker(tell_process, tasks_each=20, confines="")
+    try:
+        first = worker.do(0).value
+        assert worker.do(1).value == first
+        os.kill(first, signal.SIGKILL)
+        time.sleep(0.5)
+        assert worker.do(2).value != first
+    finally:
+        worker.end()
+
+
+def test_a_worker_whose_job_cannot_write_begins_anew() -> None:
+    from graycard import OutputError
+
+    worker = StandingWorker(refuse_to_write, tasks_each=20, confines="")
+    for _ in range(2):
+        with pytest.raises(OutputError, match="no space"):
+            worker.do(0)
+
+
+def test_nothing_that_answers_is_said(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL)
+    with (
+        pytest.raises(MachineError, match=r"expected a scheduler at tcp://127.0.0.1:9, got no answer"),
+        connected(ClusterSpec(address="tcp://127.0.0.1:9"), print),
+    ):
+        pass
+
+
+class Gone:
+    """A client whose scheduler is lost."""
+
+    status = "closed"
+
+    def close(self, timeout: float) -> None:
+        raise OSError("no scheduler")
+
+
+def test_a_scheduler_that_does_not_come_back_ends_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> Gone:
+        raise OSError("refused")
+
+    heard: list[str] = []
+    gone = Machines(ClusterSpec(address="tcp://h:1"), refuse, heard.append, 0.0, Gone())  # pyright: ignore
+    with pytest.raises(MachineError, match=r"to come back, got no answer in 0 s. Start it again"):
+        gone.run_all(end, ["a"], 1, silent)
+    assert heard == ["the scheduler at tcp://h:1 is gone; waiting for it to come back"]
