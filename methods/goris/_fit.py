@@ -66,6 +66,9 @@ CENTRES_RATE = LearningRateSchedule(8e-5, 5e-6)
 """Learning rate of positions in the steps with light transport, in extents of the scene.
 
 It starts above where the radiance-only steps ended (1 % of their start), as most steps are still to come."""
+RESERVED = 1 / 8
+"""Share of the surfels that are left to densification with light transport, where settings ask for it: after
+the radiance-only steps a short fit has as many as it may have."""
 RESIDUAL_RATE = LearningRateSchedule(1e-3)
 RESIDUAL_SINCE = 0.5
 """Share of the first stage's steps with light transport after which the residual of reflections is fitted:
@@ -110,7 +113,7 @@ def fit_colours(
         settings.radiance_steps,
         learning_rates(extent, settings),
         extent,
-        density_rules(settings.surfels),
+        density_rules(settings.surfels - reserved(settings)),
         saved,
     )
     known = None if flat is None else flat.depths
@@ -164,6 +167,11 @@ def fit_light(
         rates.pop(DIFFUSE)
     objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)
     return FittedLight(train(initial_state(start, seed), config, objective, progress).parameters, metal)
+
+
+def reserved(settings: GorisSettings) -> int:
+    """Number of surfels that the radiance-only steps leave to densification with light transport."""
+    return round(RESERVED * settings.surfels) if settings.light_density else 0
 
 
 def light_density_rules(settings: GorisSettings) -> DensityRules:

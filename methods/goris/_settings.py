@@ -50,7 +50,8 @@ class GorisSettings(RemovalSettings):
     are divided there as anywhere."""
     light_density: float = 0.0
     """Share of the steps with light transport over which surfels are densified and pruned, as in the
-    radiance-only ones; 0: none (paper: 8 of 26 thousand)."""
+    radiance-only ones, which then leave an eighth of the surfels to them; 0: none (paper: 8 of 26 thousand,
+    and no bound on surfels)."""
     removal_density: float = 0.0
     """The same of the removal's steps, from an eighth of them on and without pruning; 0: none (paper: from
     500 to 2,000 of 4,000)."""

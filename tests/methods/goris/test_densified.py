@@ -13,9 +13,10 @@ from glossy_sheets import EXTENT, GlossyWorld, glossy_world, shots_of_world, wit
 from graycard import open_capture
 from graycard.io import silent
 from graycard.methods.goris import GorisMethod, GorisSettings
-from graycard.methods.goris._fit import fit_light, light_density_rules, light_rates
+from graycard.methods.goris._fit import fit_colours, fit_light, light_density_rules, light_rates
 from graycard.methods.goris._objective import LightObjective
 from graycard.methods.goris._remove import RemovalObjective, RemovalTarget, removal_density_rules
+from graycard.methods.goris._training_views import training_views
 from graycard.methods.priors import PriorSpec
 from graycard.methods.splat import LOGITS, Parameters, TrainConfig, initial_state, train
 
@@ -84,6 +85,21 @@ def test_surfels_come_while_light_is_fitted(world: GlossyWorld):
     assert counts[0] == len(world.part)
     assert counts[1] > counts[0]
     assert counts[2] <= len(world.part) + 9
+
+
+def test_the_first_steps_leave_room(scene: Path):
+    """As many surfels as settings allow in the end, but not before light is fitted."""
+    capture = open_capture(scene / "capture", check=False)
+    priors = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD))
+    counts = []
+    for share in (0.0, 0.9):
+        settings = replace(QUICK, light_density=share, iterations=24)
+        masks = [np.asarray(capture.target_mask(view), bool) for view in capture.train]
+        shots = training_views(capture, priors, masks, settings)
+        coloured = fit_colours(capture, shots, settings, 0, silent)
+        counts += [len(coloured), len(fit_light(coloured, shots, settings, 0, silent).parameters)]
+    assert counts[:3] == [400, 400, 350]
+    assert 350 < counts[3] <= 400
 
 
 def upside_down(world: GlossyWorld) -> list[RemovalTarget]:
