@@ -53,6 +53,8 @@ radiance is least reliable at edges. The environment is fitted to all, as parts 
 rays alone."""
 _AROUND = 3
 """Side in pixels of the box in which all reflected rays have to meet surfels for F0 of a metal to be told."""
+_AWAY = 3.0
+"""Times the offset of reflected rays that they have to go for F0 of a metal to be told."""
 _SIZE = 6
 """Texels along the side of a face of the environment map that is fitted first, by least squares."""
 _DOUBT = 1e-3
@@ -329,7 +331,7 @@ def mirrored_pixels(
     """Observations of all pixels whose reflected ray meets surfels, as do those of the pixels around it.
 
     There are none at edges of what is mirrored, where a ray that meets a surfel stands for light that does
-    not.
+    not, nor where something stands on the surface: surfels there have the surface's own colours.
 
     Returns:
         Each as one of its own surfel.
@@ -342,7 +344,8 @@ def mirrored_pixels(
         passed = np.ones(buffers.roughness.shape, np.float32)
         passed.flat[reflection.rows.numpy()] = reflection.passed[:, 0]
         inside = maximum_filter(passed, size=_AROUND).flat[reflection.rows.numpy()] < _CLEAR
-        rays = torch.from_numpy(inside.nonzero()[0])
+        far = reflection.depth[:, 0].numpy() > _AWAY * settings.near * extent
+        rays = torch.from_numpy((inside & far).nonzero()[0])
         rows = reflection.rows[rays]
         normal, linear = buffers.normal.reshape(-1, 3), srgb_decode_tensor(view.encoded).reshape(-1, 3)
         parts.append(_sighted(rows.numpy(), linear[rows], normal[rows], _at(reflection, rays)))
