@@ -117,6 +117,17 @@ def test_pixels_tell_a_metal_apart_from_edges_of_what_it_mirrors(world: GlossyWo
     np.testing.assert_allclose(metal_f0(found, np.zeros(3)), (0.9, 0.6, 0.4), rtol=0.03)
 
 
+def test_short_rays_tell_nothing(world: GlossyWorld, monkeypatch: pytest.MonkeyPatch):
+    """Boards begin 0.07 above the floor; rays have to go a multiple of their offset of 0.03."""
+    known = reflecting(world, (0.9, 0.6, 0.4), metal=True)
+    values, shots = known.parameters.all, shots_of_world(known)
+    counts = []
+    for times in (3.0, 7.0, 12.0):
+        monkeypatch.setattr(_initial_light, "_AWAY", times)
+        counts.append(len(mirrored_pixels(values, shots, SETTINGS, EXTENT).surfel))
+    assert counts[0] > counts[1] > counts[2] > 0
+
+
 def test_no_pixel_tells_of_what_is_not_mirrored_in_its_neighbours(world: GlossyWorld):
     """Rays of stripes a pixel wide meet nothing: those between them, which do, are at edges."""
     known = reflecting(world, 0.7, metal=True)
