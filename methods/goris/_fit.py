@@ -19,6 +19,7 @@ from graycard.methods.goris._model import (
     FRESNEL,
     LABEL,
     REGION,
+    RESIDUAL,
     ROUGHNESS,
     SURROUNDINGS,
 )
@@ -30,9 +31,11 @@ from graycard.methods.splat import (
     LOGITS,
     SH_DC,
     Checkpoint,
+    DensityRules,
     LearningRateSchedule,
     Parameters,
     TrainConfig,
+    coefficient_count,
     initial_state,
     scene_extent,
     share_inside,
@@ -63,6 +66,13 @@ CENTRES_RATE = LearningRateSchedule(8e-5, 5e-6)
 """Learning rate of positions in the steps with light transport, in extents of the scene.
 
 It starts above where the radiance-only steps ended (1 % of their start), as most steps are still to come."""
+RESERVED = 1 / 8
+"""Share of the surfels that are left to densification with light transport, where settings ask for it: after
+the radiance-only steps a short fit has as many as it may have."""
+RESIDUAL_RATE = LearningRateSchedule(1e-3)
+RESIDUAL_SINCE = 0.5
+"""Share of the first stage's steps with light transport after which the residual of reflections is fitted:
+light transport is to explain what it can."""
 _SURE_OF_OBJECT = 0.01
 """The same of labels: less than ``least_effect``, or whatever reflects a surfel that no view sees would be
 masked as reflecting the object."""
@@ -103,7 +113,7 @@ def fit_colours(
         settings.radiance_steps,
         learning_rates(extent, settings),
         extent,
-        density_rules(settings.surfels),
+        density_rules(settings.surfels - reserved(settings)),
         saved,
         backend=settings.backend,
     )
@@ -150,12 +160,26 @@ def fit_light(
     if settings.light_steps == 0:
         return FittedLight(start, metal)
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
+    if RESIDUAL in rates:
+        rates[RESIDUAL] = replace(rates[RESIDUAL], windows=((RESIDUAL_SINCE, 1.0),))
+    rules = light_density_rules(settings) if settings.light_density else None
     beside = saved and saved.beside("light")
-    config = TrainConfig(settings.light_steps, rates, extent, checkpoint=beside, backend=settings.backend)
+    steps = settings.light_steps
+    config = TrainConfig(steps, rates, extent, rules, beside, backend=settings.backend)
     if metal:
         rates.pop(DIFFUSE)
     objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)
     return FittedLight(train(initial_state(start, seed), config, objective, progress).parameters, metal)
+
+
+def reserved(settings: GorisSettings) -> int:
+    """Number of surfels that the radiance-only steps leave to densification with light transport."""
+    return round(RESERVED * settings.surfels) if settings.light_density else 0
+
+
+def light_density_rules(settings: GorisSettings) -> DensityRules:
+    """When surfels come and go in the steps with light transport: as before, and from the first on."""
+    return replace(density_rules(settings.surfels), start=0.0, until=settings.light_density)
 
 
 def own_stage(
@@ -199,6 +223,8 @@ def with_light(
         REGION: torch.logit(rough, eps=_SURE),
         LABEL: torch.logit(inside([shot.target for shot in shots]), eps=_SURE_OF_OBJECT),
     }
+    if settings.residual_degree and settings.transport:
+        own[RESIDUAL] = torch.zeros(len(coloured), coefficient_count(settings.residual_degree) - 1, 3)
     size = settings.sky_size
     sky = srgb_decode_tensor(coloured.shared[SKY][0] * SH_DC + 0.5).clamp(min=_SURE)
     shared = {SURROUNDINGS: sky.log().expand(6, size, size, 3).contiguous()}
@@ -246,6 +272,8 @@ def light_rates(extent: float, settings: GorisSettings, found: bool) -> dict[str
         LABEL: LearningRateSchedule(2e-2),
         SURROUNDINGS: LearningRateSchedule(2e-2, 5e-3),
     }
+    if settings.residual_degree and settings.transport:
+        rates[RESIDUAL] = RESIDUAL_RATE
     if settings.filter != "none":
         names = translation_parameters(settings.filter, 0)
         rates |= {name: LearningRateSchedule(1e-3) for name in names}

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
+from scipy.ndimage import maximum_filter
 from scipy.optimize import nnls
 
 from graycard.methods._tensors import float_tensor
@@ -50,6 +51,10 @@ _CLEAR = 0.05
 """F0 is estimated from clear sightings, whose reflected ray has a transmittance within this of 0 or 1: traced
 radiance is least reliable at edges. The environment is fitted to all, as parts of it are seen by half-open
 rays alone."""
+_AROUND = 3
+"""Side in pixels of the box in which all reflected rays have to meet surfels for F0 of a metal to be told."""
+_AWAY = 3.0
+"""Times the offset of reflected rays that they have to go for F0 of a metal to be told."""
 _SIZE = 6
 """Texels along the side of a face of the environment map that is fitted first, by least squares."""
 _DOUBT = 1e-3
@@ -124,7 +129,11 @@ def initial_light(
     """
     found = observations(values, shots, settings, extent)
     told = found_reflectance(found)
-    return None if told is None else _light_of(found, told, settings.sky_size)
+    if told is None:
+        return None
+    if told.metal:
+        told = replace(told, f0=metal_f0(mirrored_pixels(values, shots, settings, extent), told.f0))
+    return _light_of(found, told, settings.sky_size)
 
 
 def found_reflectance(found: Observations) -> Reflectance | None:
@@ -145,18 +154,22 @@ def found_reflectance(found: Observations) -> Reflectance | None:
         return None
     least = _fitted(clear, basis, METAL)[0] * np.sqrt(len(clear.surfel) / freedom)
     if _fitted(clear, basis, METAL, scatters=False)[0] <= MOST_SCATTERED * least:
-        return Reflectance(_metal_f0(clear), metal=True)
+        return Reflectance(metal_f0(clear, np.full(3, METAL)), metal=True)
     return Reflectance(np.full(3, _likeliest(errors, _dielectric_f0(clear))), metal=False)
 
 
-def _metal_f0(clear: Observations) -> np.ndarray:
+def metal_f0(clear: Observations, otherwise: np.ndarray) -> np.ndarray:
     """F0 of each channel, shape ``(3,)``: what is seen over what was traced, where nothing is scattered.
 
     A median, as traced surfels are not all where they should be.
+
+    Args:
+        clear: Sightings.
+        otherwise: Shape ``(3,)``: what it is taken to be where too few rays meet surfels.
     """
     light, seen, _ = _mirrored(clear)
     if len(light) < LEAST_HITS:
-        return np.full(3, METAL)
+        return otherwise
     return np.median(seen / np.maximum(light, _DARK), axis=0).clip(_LEAST_METAL, _MOST_METAL)
 
 
@@ -309,6 +322,35 @@ def observations(
         rays, rows = torch.from_numpy(place[rows[kept]]), torch.from_numpy(rows[kept])
         parts.append(_sighted(glossy.numpy()[which[kept]], linear[rows], normal[rows], _at(reflection, rays)))
     return Observations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+
+@torch.no_grad()
+def mirrored_pixels(
+    values: Mapping[str, torch.Tensor], shots: Sequence[TrainingView], settings: GorisSettings, extent: float
+) -> Observations:
+    """Observations of all pixels whose reflected ray meets surfels, as do those of the pixels around it.
+
+    There are none at edges of what is mirrored, where a ray that meets a surfel stands for light that does
+    not, nor where something stands on the surface: surfels there have the surface's own colours.
+
+    Returns:
+        Each as one of its own surfel.
+    """
+    parts = []
+    for shot in shots:
+        view = shot.photograph
+        buffers = replace(drawn_buffers(values, view.camera, view.sky, settings), glossy=shot.glossy)
+        reflection = reflected_radiance(values, buffers, settings, extent)
+        passed = np.ones(buffers.roughness.shape, np.float32)
+        passed.flat[reflection.rows.numpy()] = reflection.passed[:, 0]
+        inside = maximum_filter(passed, size=_AROUND).flat[reflection.rows.numpy()] < _CLEAR
+        far = reflection.depth[:, 0].numpy() > _AWAY * settings.near * extent
+        rays = torch.from_numpy((inside & far).nonzero()[0])
+        rows = reflection.rows[rays]
+        normal, linear = buffers.normal.reshape(-1, 3), srgb_decode_tensor(view.encoded).reshape(-1, 3)
+        parts.append(_sighted(rows.numpy(), linear[rows], normal[rows], _at(reflection, rays)))
+    found = Observations(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    return replace(found, surfel=np.arange(len(found.surfel)))
 
 
 def _at(reflection: Reflection, rays: torch.Tensor) -> Reflection:

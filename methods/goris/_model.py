@@ -13,6 +13,7 @@ from graycard.methods.goris._filter import filtered, pyramid, translated
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.shading import prefiltered_skies, reflected_sky
 from graycard.methods.splat import (
+    CENTRES,
     GEOMETRY,
     FeatureMaps,
     Maps,
@@ -37,6 +38,9 @@ DIFFUSE, FRESNEL, ROUGHNESS, REGION, LABEL = "diffuse", "f0", "roughness", "regi
 """Names of the parameters of surfels, all logits: of diffuse radiance over :data:`BRIGHTEST`, encoded,
 ``(N, 3)``; of reflectance at normal incidence ``(N, 3)``; of roughness ``(N, 1)``; of the region ``(N, 1)``,
 1 where a surface is rough and 0 where it is glossy; and of the object's label ``(N, 1)``."""
+RESIDUAL = "residual"
+"""Name of the harmonics of degree 1 and more of radiance that is added to what glossy surfels reflect, linear
+and exposed, ``(N, K - 1, 3)``; only where settings ask for it."""
 SURROUNDINGS = "surroundings"
 """Name of the environment map: logarithm of exposed radiance, cubemap ``(6, N, N, 3)``."""
 BRIGHTEST = 1.5
@@ -75,6 +79,9 @@ class Buffers:
     """Shape ``(H, W, 3)``, world, unit."""
     points: torch.Tensor
     """Shape ``(H, W, 3)``, world, metres."""
+    residual: torch.Tensor | None = None
+    """Shape ``(H, W, 3)``, linear, exposed, of either sign: what is added to the reflected light; None:
+    nothing."""
 
 
 def drawn_buffers(
@@ -104,9 +111,10 @@ def drawn_buffers(
     still = {name: values[name].detach() for name in GEOMETRY}
     gloss = 1 - values[REGION].sigmoid()
     others = [values[FRESNEL].sigmoid(), values[ROUGHNESS].sigmoid(), gloss, values[LABEL].sigmoid()]
+    others += [residual_radiance(values, camera.position)] if RESIDUAL in values else []
     soft = rasterize_features(surfels_of(still, torch.cat(others, dim=1)), camera)
     cover = soft.alpha[..., None].clamp(min=LEAST_COVER)
-    f0, roughness, glossy, label = soft.features.split([3, 1, 1, 1], dim=-1)
+    f0, roughness, glossy, label, *added = soft.features.split([part.shape[1] for part in others], dim=-1)
     encoded = drawn.features[..., 3:] / drawn.alpha[..., None].clamp(min=LEAST_COVER)
     rays = torch.from_numpy(camera.rays()).to(drawn.alpha.device)
     return Buffers(
@@ -121,7 +129,20 @@ def drawn_buffers(
         label[..., 0],
         _unit_normals(drawn, rays),
         _points(drawn, camera, rays),
+        added[0] / cover if added else None,
     )
+
+
+def residual_radiance(values: Mapping[str, torch.Tensor], eye: np.ndarray) -> torch.Tensor:
+    """Radiance that glossy surfels add to what they reflect, as an eye sees it, shape ``(N, 3)``.
+
+    Linear, exposed, of either sign. It is 0 in the mean over directions: what is the same in all is diffuse.
+    Positions get no gradient, or surfaces would move to where a wrong reflection is explained best.
+    """
+    harmonics = values[RESIDUAL]
+    degree = round((1 + harmonics.shape[1]) ** 0.5) - 1
+    coefficients = torch.cat([torch.zeros_like(harmonics[:, :1]), harmonics], dim=1)
+    return spherical_harmonics_colours(coefficients, values[CENTRES].detach(), eye, degree)
 
 
 def _unit_normals(drawn: Maps, rays: torch.Tensor) -> torch.Tensor:
@@ -264,7 +285,8 @@ class GlossyPicture:
     encoded: torch.Tensor
     """Shape ``(H, W, 3)``."""
     reflected: torch.Tensor
-    """Shape ``(H, W, 3)``, linear, exposed: the specular term; 0 where nothing is glossy."""
+    """Shape ``(H, W, 3)``, linear, exposed: the specular term and its residual; where nothing is glossy the
+    former is 0."""
 
 
 def picture_of(
@@ -279,6 +301,7 @@ def picture_of(
         extent: Of the scene, metres.
     """
     reflected = _reflected(values, buffers, settings, extent)
+    reflected = reflected if buffers.residual is None else reflected + buffers.residual
     share = buffers.glossy[..., None]
     rough = srgb_decode_tensor(buffers.rough)
     if settings.composite == "paper":

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 import torch
 from torch.nn.functional import binary_cross_entropy, normalize
 
+from graycard import Camera
 from graycard.methods.goris._model import SURROUNDINGS, Buffers, drawn_buffers, picture_of
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._training_views import TrainingView
 from graycard.methods.shading import unevenness
 from graycard.methods.splat import (
+    CENTRES,
     LossResult,
     Maps,
     depth_to_normals,
@@ -80,13 +82,28 @@ class LightObjective:
         settings = self.settings
         shot = self.shots[view_at(settings.radiance_steps + step, len(self.shots), self.seed)]
         view = shot.photograph
-        buffers = drawn_buffers(values, view.camera, view.sky, settings)
+        offsets = screen_offsets(values, step < settings.light_density * settings.light_steps)
+        buffers = drawn_buffers(values, view.camera, view.sky, settings, offsets)
         picture = picture_of(values, buffers, settings, self.extent)
         loss = photometric_map(picture.encoded, view.encoded, settings.ssim_share).mean()
         loss = loss + surface_loss(buffers, shot, settings, step)
         loss = loss + settings.weights * settings.smooth_weight * surface_unevenness(buffers, shot)
         loss = loss + settings.sky_weight * unevenness(values[SURROUNDINGS])
-        return LossResult(loss + settings.label_weight * label_loss(buffers, shot))
+        return watched(loss + settings.label_weight * label_loss(buffers, shot), values, view.camera, offsets)
+
+
+def screen_offsets(values: Mapping[str, torch.Tensor], densifies: bool) -> torch.Tensor | None:
+    """Zeros of shape ``(N, 2)`` whose gradient tells densification of each surfel; None where it is over."""
+    return torch.zeros(len(values[CENTRES]), 2, requires_grad=True) if densifies else None
+
+
+def watched(
+    loss: torch.Tensor, values: Mapping[str, torch.Tensor], camera: Camera, offsets: torch.Tensor | None
+) -> LossResult:
+    """Return a loss with the statistics that densification needs; a tile counts as a picture of its own."""
+    if offsets is None:
+        return LossResult(loss)
+    return LossResult(loss, offsets, image_radius(values, camera), (camera.width, camera.height))
 
 
 def surface_loss(
@@ -106,6 +123,9 @@ def surface_loss(
     loss = cover_loss(drawn, settings) + disagreement(drawn, buffers.camera, weights)
     held = settings.weights * normal_prior_weight(settings, step)
     loss = loss + held * normal_difference(buffers.normal, shot, kept)
+    if buffers.residual is not None:
+        added = buffers.glossy[..., None] * buffers.residual
+        loss = loss + settings.residual_weight * added.abs().mean()
     if not shot.told:
         return loss
     lacking = drawn.alpha.detach() * shot.glossy - buffers.glossy

@@ -18,6 +18,7 @@ from graycard.methods.goris._model import (
     FRESNEL,
     LABEL,
     REGION,
+    RESIDUAL,
     ROUGHNESS,
     SURROUNDINGS,
     GlossyPicture,
@@ -25,7 +26,7 @@ from graycard.methods.goris._model import (
     effect_of,
     picture_of,
 )
-from graycard.methods.goris._objective import surface_loss
+from graycard.methods.goris._objective import screen_offsets, surface_loss, watched
 from graycard.methods.goris._settings import GorisSettings
 from graycard.methods.goris._shadow import without_shadow
 from graycard.methods.goris._training_views import LAYERS, TrainingView, tiles_of
@@ -45,6 +46,7 @@ from graycard.methods.removal import (
 from graycard.methods.splat import (
     CENTRES,
     Checkpoint,
+    DensityRules,
     LossResult,
     Parameters,
     TrainConfig,
@@ -60,6 +62,7 @@ from graycard.methods.splat import (
 )
 from graycard.methods.surfels import (
     SKY,
+    density_rules,
     depth_layer,
     sky_basis,
     srgb_decode_tensor,
@@ -70,6 +73,8 @@ from graycard.methods.surfels import (
 MOST_DOUBTFUL = 0.5
 """Share of a glossy surfel's blending weights in the photographs within the widened masks of the object,
 beyond which it is removed with the object."""
+_FIRST_DENSIFIED = 1 / 8
+"""Share of the removal's steps after which densification begins (GOR-IS: 500 of 4,000)."""
 _SURE = 1e-3
 """Inpainted shares keep this far from 0 and 1, whose logits are infinite."""
 _GLOSSY = 0.5
@@ -155,10 +160,18 @@ def without_object(
     aims = [_removal_target(target) for target in targets]
     objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
+    rules = removal_density_rules(settings) if settings.removal_density else None
     stage = own_stage(saved, "removal", looked_at, settings)
-    config = TrainConfig(settings.second_steps, rates, extent, checkpoint=stage, backend=settings.backend)
+    steps = settings.second_steps
+    config = TrainConfig(steps, rates, extent, rules, stage, backend=settings.backend)
     after = train(initial_state(start, seed), config, objective, progress).parameters
     return Removed(after, {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind})
+
+
+def removal_density_rules(settings: GorisSettings) -> DensityRules:
+    """When surfels come in the removal; none goes, as in the released code."""
+    rules = density_rules(settings.surfels)
+    return replace(rules, start=_FIRST_DENSIFIED, until=settings.removal_density, least_opacity=0.0)
 
 
 def next_to_object(fitted: Parameters, shots: Sequence[TrainingView], grow: float) -> torch.Tensor:
@@ -229,7 +242,7 @@ def with_painted_wall(
     if discs is None:
         return left
     colours, diffuse, f0, roughness, glossy = discs.features.split([3, 3, 3, 1, 1], dim=1)
-    coloured = with_colours(replace(discs, features=colours), settings).surfels
+    coloured = dict(with_colours(replace(discs, features=colours), settings).surfels)
     own = {
         DIFFUSE: diffuse / BRIGHTEST,
         FRESNEL: f0,
@@ -237,7 +250,10 @@ def with_painted_wall(
         REGION: 1 - glossy,
         LABEL: torch.zeros_like(glossy),
     }
-    return joined_surfels(left, {**coloured, **{k: torch.logit(v, eps=_SURE) for k, v in own.items()}})
+    materials = {k: torch.logit(v, eps=_SURE) for k, v in own.items()}
+    if RESIDUAL in left.surfels:
+        coloured[RESIDUAL] = torch.zeros(len(discs), *left.surfels[RESIDUAL].shape[1:])
+    return joined_surfels(left, {**coloured, **materials})
 
 
 def _painted(wall: BackgroundPoints) -> np.ndarray:
@@ -327,14 +343,16 @@ class RemovalObjective:
         number = view_at(step, len(self.shots), self.seed)
         shot, aim = self.shots[number], self.aims[number]
         view = shot.photograph
-        buffers = drawn_buffers(values, view.camera, view.sky, settings)
+        offsets = screen_offsets(values, step < settings.removal_density * settings.second_steps)
+        buffers = drawn_buffers(values, view.camera, view.sky, settings, offsets)
         picture = picture_of(values, buffers, settings, self.extent)
         # not the photograph itself: the object would be in windows of SSIM that reach out of the hole
         seen = photometric_map(picture.encoded, aim.encoded, settings.ssim_share)
         loss = (seen * aim.kept[..., None]).mean() + settings.hole_weight * painted_loss(
             picture, aim, settings
         )
-        return LossResult(loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept))
+        loss = loss + surface_loss(buffers, shot, settings, settings.iterations, aim.kept)
+        return watched(loss, values, view.camera, offsets)
 
 
 def painted_loss(picture: GlossyPicture, aim: RemovalTarget, settings: GorisSettings) -> torch.Tensor:

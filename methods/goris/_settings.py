@@ -17,9 +17,11 @@ LARGEST_SKY = 256
 _LATER = (
     "grow", "least_inside", "second_share", "references", "reference_choice", "holes", "hole_weight",
     "effect_mask", "least_effect", "doubtful_go", "shadow", "material_inpainting", "hole_loss", "distilled",
+    "removal_density",
 )  # fmt: skip
 _WEIGHTS = (
     "normal_prior_weight", "smooth_weight", "sky_weight", "region_weight", "label_weight", "weights",
+    "residual_weight",
 )  # fmt: skip
 
 
@@ -46,6 +48,13 @@ class GorisSettings(RemovalSettings):
     matte_in_colours: bool = True
     """Whether all steps are radiance only where a prior says that nothing is glossy; False, the paper: they
     are divided there as anywhere."""
+    light_density: float = 0.0
+    """Share of the steps with light transport over which surfels are densified and pruned, as in the
+    radiance-only ones, which then leave an eighth of the surfels to them; 0: none (paper: 8 of 26 thousand,
+    and no bound on surfels)."""
+    removal_density: float = 0.0
+    """The same of the removal's steps, from an eighth of them on and without pruning; 0: none (paper: from
+    500 to 2,000 of 4,000)."""
     transport: bool = True
     """Whether glossy surfaces reflect what traced rays meet; False: all surfaces are rough."""
     composite: Reading = "release"
@@ -74,6 +83,11 @@ class GorisSettings(RemovalSettings):
     sky_size: int = 32
     """Texels along the side of a face of the environment map, which reflected rays see where they meet no
     surfel (paper: 256; photographs here are small)."""
+    residual_degree: int = 0
+    """Degree of spherical harmonics of glossy surfels, from 1 on, that are added to what they reflect and so
+    take up what light transport gets wrong; 0: none, the paper. At most 3."""
+    residual_weight: float = 0.1
+    """Weight of the mean absolute radiance of that residual."""
     normal_prior_weight: float = 0.5
     """Weight of the difference from the prior's normals on glossy surfaces, before it decays."""
     least_normal_prior_weight: float = 1e-3
@@ -120,6 +134,7 @@ class GorisSettings(RemovalSettings):
     def __post_init__(self) -> None:
         """Check the ranges."""
         RemovalSettings.__post_init__(self)
+        self._check_additions()
         for name in ("decay_share", "least_effect"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"expected {name} in (0, 1), got {getattr(self, name)}")
@@ -148,6 +163,13 @@ class GorisSettings(RemovalSettings):
         weights = {name: getattr(self, name) for name in _WEIGHTS}
         if not all(0 <= weight < inf for weight in weights.values()):
             raise ValueError(f"expected finite weights of 0 or more, got {weights}")
+
+    def _check_additions(self) -> None:
+        if self.residual_degree not in range(4):
+            raise ValueError(f"expected residual_degree from 0 to 3, got {self.residual_degree}")
+        densities = self.light_density, self.removal_density
+        if not all(0 <= share <= 1 for share in densities):
+            raise ValueError(f"expected light_density and removal_density in [0, 1], got {densities}")
 
     @property
     def first(self) -> "GorisSettings":

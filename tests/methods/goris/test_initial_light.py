@@ -26,8 +26,11 @@ from graycard.methods.goris._initial_light import (
     Observations,
     Reflectance,
     _light_of,
+    _mirrored,
     found_reflectance,
     initial_light,
+    metal_f0,
+    mirrored_pixels,
     observations,
 )
 from graycard.methods.goris._model import BRIGHTEST, DIFFUSE, FRESNEL, REGION
@@ -99,6 +102,41 @@ def test_a_metal_is_told_by_what_it_does_not_scatter(world: GlossyWorld, f0: tup
     assert found.reflectance.metal
     np.testing.assert_allclose(found.reflectance.f0, f0, rtol=0.1)
     assert not found.diffuse.any()
+
+
+def test_pixels_tell_a_metal_apart_from_edges_of_what_it_mirrors(world: GlossyWorld):
+    """All of them are inside of the mirror images of boards, where what is seen follows what is traced."""
+    known = reflecting(world, (0.9, 0.6, 0.4), metal=True)
+    values, shots = known.parameters.all, shots_of_world(known)
+    found = mirrored_pixels(values, shots, SETTINGS, EXTENT)
+    assert len(found.surfel) > 200
+    assert float(found.passed.max()) < 0.05
+    light, seen, _ = _mirrored(found)
+    spread = np.median(np.abs(seen / light - (0.9, 0.6, 0.4)), axis=0)
+    assert (spread < 0.05).all()
+    np.testing.assert_allclose(metal_f0(found, np.zeros(3)), (0.9, 0.6, 0.4), rtol=0.03)
+
+
+def test_short_rays_tell_nothing(world: GlossyWorld, monkeypatch: pytest.MonkeyPatch):
+    """Boards begin 0.07 above the floor; rays have to go a multiple of their offset of 0.03."""
+    known = reflecting(world, (0.9, 0.6, 0.4), metal=True)
+    values, shots = known.parameters.all, shots_of_world(known)
+    counts = []
+    for times in (3.0, 7.0, 12.0):
+        monkeypatch.setattr(_initial_light, "_AWAY", times)
+        counts.append(len(mirrored_pixels(values, shots, SETTINGS, EXTENT).surfel))
+    assert counts[0] > counts[1] > counts[2] > 0
+
+
+def test_no_pixel_tells_of_what_is_not_mirrored_in_its_neighbours(world: GlossyWorld):
+    """Rays of stripes a pixel wide meet nothing: those between them, which do, are at edges."""
+    known = reflecting(world, 0.7, metal=True)
+    shots = shots_of_world(known)
+    striped = [replace(shot, glossy=shot.glossy * (torch.arange(44) % 2)) for shot in shots]
+    assert len(mirrored_pixels(known.parameters.all, striped, SETTINGS, EXTENT).surfel) == 0
+    otherwise = np.array([0.5, 0.6, 0.7])
+    few = mirrored_pixels(known.parameters.all, shots, SETTINGS, EXTENT).take(np.arange(49))
+    assert (metal_f0(few, otherwise) == otherwise).all()
 
 
 @pytest.mark.parametrize("metal", [True, False])
