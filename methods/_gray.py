@@ -89,5 +89,7 @@ class GrayMethod:
         """
         with whole_decomposition(folder):
             facts, arrays = restore(folder, "gray")
+            if arrays["radiance"].shape != (3,):
+                raise ValueError(f"expected a radiance of shape (3,), got {arrays['radiance'].shape}")
             red, green, blue = arrays["radiance"].tolist()
             return Gray(float(facts["reflectance"]), (red, green, blue))

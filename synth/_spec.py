@@ -3,8 +3,8 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 from graycard import Sensor
 from graycard.dataset import SECRET_SEEDS
@@ -50,6 +50,9 @@ class CaptureSettings:
             raise ValueError(f"expected outliers to be a share from 0 to below 1, got {self.outliers}")
 
 
+TrainingLayers = Literal["all", "needed"]
+
+
 @dataclass(frozen=True, slots=True)
 class RenderSettings:
     """How a scene is photographed.
@@ -66,6 +69,11 @@ class RenderSettings:
     test_views: int = 3
     samples: int = 64
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
+    training_samples: int = 0
+    """The same for training views, whose noise photographs then show; 0 for as many as the others have."""
+    training_layers: TrainingLayers = "all"
+    """What is known of training views: ``all``, or what methods, gauges and priors need. Those are the
+    radiance, what is seen at the pixel centres, and the scene without its target."""
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only, 1 shows the sources alone."""
     relighting: bool = True
@@ -85,12 +93,18 @@ class RenderSettings:
         ):
             if getattr(self, name) < low:
                 raise ValueError(f"expected {name} to be {low} or more, got {getattr(self, name)}")
-        share, rest = divmod(self.samples, SUB_BUFFERS)
-        if self.samples < SUB_BUFFERS or rest or math.isqrt(share) ** 2 != share:
-            raise ValueError(
-                f"expected samples to be {SUB_BUFFERS} times a square (16, 36, 64, 100, 144, 256 ...), "
-                f"got {self.samples}"
-            )
+        _check_samples("samples", self.samples)
+        if self.training_samples:
+            _check_samples("training_samples", self.training_samples)
+        if self.training_layers not in get_args(TrainingLayers):
+            names = " or ".join(get_args(TrainingLayers))
+            raise ValueError(f"expected training_layers to be {names}, got {self.training_layers!r}")
+
+    def for_split(self, split: str) -> "RenderSettings":
+        """Return the settings with the samples of the views of a split, ``train`` or ``test``."""
+        if split == "test" or not self.training_samples:
+            return self
+        return replace(self, samples=self.training_samples)
 
     @property
     def centre_samples(self) -> int:
@@ -104,6 +118,15 @@ class RenderSettings:
     def views(self) -> int:
         """Number of all views."""
         return self.train_views + self.test_views
+
+
+def _check_samples(name: str, samples: int) -> None:
+    share, rest = divmod(samples, SUB_BUFFERS)
+    if samples < SUB_BUFFERS or rest or math.isqrt(share) ** 2 != share:
+        raise ValueError(
+            f"expected {name} to be {SUB_BUFFERS} times a square (16, 36, 64, 100, 144, 256 ...), "
+            f"got {samples}"
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,8 @@ _RATIO = 0.4
 """The error after the inverse must be below this share of the error before."""
 _AGREE = 0.8
 """Share of the views in which the inverse must bring the prediction closer."""
+_SHORT, _LONG = 0.5, 1.75
+"""Median lengths of normals between which noise may have moved them."""
 _PIXELS = 20_000
 """Judged pixels of a view that are looked at, about."""
 
@@ -56,6 +58,8 @@ class Hints:
     errors: dict[Suspicion, list[tuple[float, float]]] = field(default_factory=dict)
     looks: list[Looks] = field(default_factory=list)
     scales: list[Scale] = field(default_factory=list)
+    lengths: list[float] = field(default_factory=list)
+    """Median length of the normals of each view."""
 
     def observe(self, predicted: PredictedView, true: TrueView, scene: SceneFacts) -> None:
         """Try every inverse on a view; what is not fit to be scored is passed over."""
@@ -68,6 +72,8 @@ class Hints:
     def _try(self, layer: str, predicted: Values, true: Values, sight: Sight) -> None:
         if layer == "depth":
             self.scales.append(scale_of(predicted, true))
+        if layer == "normal":
+            self.lengths.append(float(np.median(np.linalg.norm(predicted, axis=-1))))
         before: dict[object, float] = {}
         for suspicion in (s for s in SUSPICIONS if s.layer == layer):
             error = suspicion.error
@@ -87,7 +93,19 @@ class Hints:
         found = _convincing(self.errors)
         if not any(hint.layer == "depth" for hint in found):
             found += [Hint("depth", says, declare) for says, declare in scale_hints(self.scales)]
+        if not any(hint.layer == "normal" for hint in found):
+            found += _length_hints(self.lengths)
         return found + [Hint(layer, says, declare) for layer, says, declare in picture_hints(self.looks)]
+
+
+def _length_hints(lengths: list[float]) -> list[Hint]:
+    """Return a hint if normals have no unit length, which a wrong code or factor leaves behind."""
+    middle = float(np.median(lengths)) if lengths else 1.0
+    if _SHORT < middle < _LONG:
+        return []
+    longer = "longer" if middle > 1 else "shorter"
+    says = f"normal is not of unit length: half of the normals are {longer} than {middle:.3g}"
+    return [Hint("normal", says, "coded where values are (n + 1) / 2, and no codes or times=")]
 
 
 def with_hints(scores: Iterable[Score], found: Mapping[str, tuple[str, ...]]) -> tuple[Score, ...]:

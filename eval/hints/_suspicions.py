@@ -101,6 +101,16 @@ def _exchanged_camera_axes(p: Values, sight: Sight) -> Values:
     return (p @ sight.camera_to_world * (1, -1, -1)) @ sight.camera_to_world.T
 
 
+def _undecoded(*signs: float) -> Callable[[Values, Sight], Values]:
+    """Undo 2 n - 1 of normals that were turned from the camera, after signs, to the world."""
+
+    def undo(p: Values, sight: Sight) -> Values:
+        local = p @ sight.camera_to_world * signs
+        return (local + 1) / 2 * signs @ sight.camera_to_world.T
+
+    return undo
+
+
 _TWICE = "looks decoded twice: it was linear already"
 _SRGB, _LINEAR = "srgb", "linear"
 
@@ -122,6 +132,14 @@ SUSPICIONS: tuple[Suspicion, ...] = (
         _TWICE: (lambda p, sight: srgb_encode(p), _LINEAR),
         "looks decoded twice, before the exposure: it was linear already":
             (lambda p, sight: srgb_encode(p * sight.exposure) / sight.exposure, "linear:exposed"),
+        "looks sRGB-encoded, then divided by the exposure: write linear W/m²/sr":
+            (lambda p, sight: srgb_decode(p * sight.exposure) / sight.exposure, "srgb:exposed"),
+        "looks sRGB-encoded, then divided by an exposure that it never had: write linear W/m²/sr":
+            (lambda p, sight: srgb_decode(p * sight.exposure), _SRGB),
+        "looks decoded twice, and exposed: write linear W/m²/sr":
+            (lambda p, sight: srgb_encode(p) / sight.exposure, "linear:exposed"),
+        "looks decoded twice, then divided by an exposure that it never had: it was as it should be":
+            (lambda p, sight: srgb_encode(p * sight.exposure), _LINEAR),
         "looks multiplied by the exposure: write W/m²/sr": (lambda p, sight: p / sight.exposure, "exposed"),
         "looks divided by the exposure twice: write W/m²/sr":
             (lambda p, sight: p * sight.exposure, "the same without exposed"),
@@ -150,6 +168,10 @@ SUSPICIONS: tuple[Suspicion, ...] = (
         "looks encoded as (n + 1) / 2: write n": (lambda p, sight: 2 * p - 1, "coded"),
         "looks decoded by 2 n - 1, but was in -1 to 1: write n":
             (lambda p, sight: (p + 1) / 2, "the same without coded"),
+        "looks decoded by 2 n - 1 in camera axes (x right, y down), but was in -1 to 1: write n":
+            (_undecoded(1, 1, 1), "the same without coded"),
+        "looks decoded by 2 n - 1 in camera axes (x right, y up), but was in -1 to 1: write n":
+            (_undecoded(1, -1, -1), "the same without coded"),
         "looks like camera axes (x right, y down), encoded as (n + 1) / 2: write n of the world":
             (lambda p, sight: (2 * p - 1) @ sight.camera_to_world.T, "camera-opencv:coded"),
         "looks like camera axes (x right, y up), encoded as (n + 1) / 2: write n of the world":

@@ -2,12 +2,16 @@
 """Score predictions of an imported capture by the photographs that were held out of it.
 
 The measures are those of novel views, over all pixels, as there is no truth that says which belong to an
-object. No factor is fitted: a camera that chose its exposure anew for each photograph costs what it costs.
+object. Where EXIF tells the exposure of a photograph, both pictures are compared at that, and cut off at its
+white, as the camera cut off what it saw. No factor is fitted: where EXIF tells none, a camera that chose its
+exposure anew for each photograph costs what it costs.
 """
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from graycard import PredictionError, Predictions, Truth, UnknownNameError, open_predictions
 from graycard.dataset import HeldOut, open_held_out
@@ -15,11 +19,11 @@ from graycard.eval.hints._hints import Hints
 from graycard.eval.kinds._images import ImageMetric, ImageRule
 from graycard.eval.metrics._registry import registry
 from graycard.eval.scoring._findings import SceneFacts
-from graycard.eval.scoring._readings import photographed, read_prediction
+from graycard.eval.scoring._readings import PredictedView, photographed, read_prediction
 from graycard.eval.scoring._training import Training
 from graycard.records import MetricRecord, PhotographSheet, Score
 
-PROTOCOL = "photographs-1"
+PROTOCOL = "photographs-2"
 GROUP, _FROM = "photographs", "novel_view"
 _MEASURES = ("psnr", "ssim", "flip", "lpips", "lpips.vgg")
 AS_TAKEN = "as_taken"
@@ -82,13 +86,23 @@ def _scores(
     exposed, taken = (ImageRule.scorer(metrics, predictions, nothing, scene) for scene in facts)
     brightest = 0.0
     for view in held.views:
-        true, predicted = photographed(view, held.photograph(view)), read_prediction(predictions, view)
-        brightest = max(brightest, float(true.layers["radiance"].max()))
+        photograph, exposure = held.photograph(view), np.float32(held.exposure(view))
+        brightest = max(brightest, float(photograph.max()))
+        true = photographed(view, photograph * exposure)
+        predicted = _exposed(read_prediction(predictions, view), exposure)
         for observer, scene in ((exposed, facts[0]), (taken, facts[1]), (hints, facts[0])):
             observer.observe(predicted, true, scene)
-    plain = {s.metric: s.value for s in taken.scores()} if brightest <= 1 else {}
+    plain = {s.metric: s.value for s in taken.scores()} if brightest <= 1 and held.sensor is None else {}
     scores = [replace(s, breakdown={**s.breakdown, **_taken(plain.get(s.metric))}) for s in exposed.scores()]
     return scores, tuple(hint.says for hint in hints.of_layers() if hint.layer == "radiance")
+
+
+def _exposed(predicted: PredictedView, exposure: np.float32) -> PredictedView:
+    """Return a prediction whose light is brought to the exposure of a photograph."""
+    if "radiance" not in predicted.layers:
+        return predicted
+    light = {"radiance": predicted.layers["radiance"] * exposure}
+    return replace(predicted, layers={**predicted.layers, **light})
 
 
 def _taken(value: float | None) -> dict[str, float]:

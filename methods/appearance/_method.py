@@ -17,7 +17,9 @@ from graycard.methods.surfels import (
     check_photographs,
     check_places,
     density_rules,
+    enlarged,
     fit_surfels,
+    shrunk,
     sparse_start,
 )
 
@@ -37,16 +39,17 @@ class AppearanceMethod(SceneMethod[AppearanceSettings, AppearanceScene]):
     checks = (check_places, check_photographs)
 
     def _fitted(self, task: FitTask[AppearanceSettings]) -> AppearanceScene:
-        capture, settings = task.capture, task.settings
+        settings, eyes = task.settings, eyes_of([view.camera for view in task.capture.train])
         check_checkpoint(METHOD, settings, task.seed)
+        capture, factor = enlarged(task.capture)
         parameters = fit_surfels(
             METHOD,
-            task,
+            task.with_capture(capture),
             start=start(capture, settings, task.seed),
             rules=density_rules(settings.surfels),
             tones=Tones(toned, tone_rates(settings)),
         )
-        return AppearanceScene(parameters, eyes_of([v.camera for v in capture.train]), capture.exposure)
+        return AppearanceScene(shrunk(parameters, factor), eyes, capture.exposure)
 
 
 def start(capture: Capture, settings: AppearanceSettings, seed: int) -> Parameters:

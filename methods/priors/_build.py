@@ -23,7 +23,7 @@ from graycard.methods._priors import (
 from graycard.methods.priors._draws import seed_in
 from graycard.methods.priors._light import calibrated
 from graycard.methods.priors._oracle import OraclePrior, truth_for
-from graycard.methods.priors._spec import OWN_KINDS, KindSpec, PriorSpec, of_kind
+from graycard.methods.priors._spec import OWN_KINDS, KindSpec, PriorSpec, is_there, of_kind
 
 GIVES: Mapping[PriorSource, frozenset[PriorKind]] = {
     "none": frozenset(),
@@ -120,7 +120,7 @@ def weights_of(spec: PriorSpec, asks: Sequence[Ask]) -> list[str]:
 def weights_in(spec: PriorSpec) -> tuple[Path, ...]:
     """Return the files and folders of weights that a spec names, links in them followed."""
     named = {of_kind(spec, kind).weights for kind in KINDS}
-    places = [place for place in named if place is not None and place.exists()]
+    places = [place for place in named if place is not None and is_there(place)]
     return tuple(sorted({real.resolve() for place in places for real in (place, *_files(place))}))
 
 
@@ -179,7 +179,7 @@ def _model(kind: ImageKind, spec: KindSpec, capture: Capture, truth: Truth) -> P
 def _answers(spec: PriorSpec, ask: Ask) -> bool:
     """Whether there is an answer: a folder of weights need not hold those of kinds that are optional."""
     found = of_kind(spec, ask.kind)
-    missing = _has_weights(found) and (found.weights is None or not found.weights.exists())
+    missing = _has_weights(found) and not is_there(found.weights)
     return ask.kind in GIVES[found.source] and not missing
 
 
@@ -189,7 +189,7 @@ def _has_weights(spec: KindSpec) -> bool:
 
 def _weights(spec: KindSpec) -> Path:
     """Where the weights of a kind are."""
-    if spec.weights is None or not spec.weights.exists():
+    if spec.weights is None or not is_there(spec.weights):
         raise MethodError(
             f"expected weights for {spec.kind} priors at {spec.weights or 'a path'}, got none. Nothing is "
             f"downloaded: give priors a path to a folder that holds {spec.kind}/ (transformers) or "

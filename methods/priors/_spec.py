@@ -2,6 +2,7 @@
 """Which priors a fit is given: part of what addresses a job, of a suite, of a run record."""
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -175,7 +176,12 @@ def _weights(spec: PriorSpec, override: Override, kind: PriorKind) -> Path | Non
     if not spec.path:
         return None
     folder = Path(spec.path) / kind
-    return folder if folder.is_dir() else folder.with_suffix(".pt")
+    return folder if os.path.isdir(folder) else folder.with_suffix(".pt")
+
+
+def is_there(path: Path | None) -> bool:
+    """Tell whether a file or folder is there; a name that no file can have is none."""
+    return path is not None and os.path.exists(path)  # pathlib's raises for names that are too long
 
 
 def _sloped(spec: PriorSpec, override: Override) -> KindSpec:

@@ -52,8 +52,9 @@ def load_depth_network(path: Path) -> tuple[Any, Any]:
         library = import_module("transformers")
     except ImportError as cause:
         raise MethodError(
-            f"expected transformers, to run {path}, got none. Install it: pip install 'graycard[priors]'"
-        ) from cause
+            f"expected transformers, to run {path}, got none: {cause}. Install it: "
+            "pip install 'graycard[priors]'"
+        ) from None  # a traceback would tell no more
     try:
         processor = library.AutoImageProcessor.from_pretrained(str(path), local_files_only=True)
         model = library.AutoModelForDepthEstimation.from_pretrained(str(path), local_files_only=True)

@@ -47,3 +47,5 @@ from graycard.methods.surfels._start import sparse_discs as sparse_discs
 from graycard.methods.surfels._start import sparse_start as sparse_start
 from graycard.methods.surfels._start import with_colours as with_colours
 from graycard.methods.surfels._sweep import sweep_depth as sweep_depth
+from graycard.methods.surfels._units import enlarged as enlarged
+from graycard.methods.surfels._units import shrunk as shrunk

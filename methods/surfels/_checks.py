@@ -5,15 +5,22 @@ import numpy as np
 
 from graycard import Capture, MethodError
 from graycard.methods.splat import scene_extent
+from graycard.methods.splat.stages import NEAR
 
 
 def check_places(capture: Capture) -> None:
-    """Refuse a capture in which nothing moves.
+    """Refuse a capture in which nothing moves, or all is too near to be drawn.
 
     Raises:
-        MethodError: All training views are taken from one place.
+        MethodError: All training views are taken from one place, or within the nearest depth that is drawn.
     """
-    if scene_extent([view.camera for view in capture.train]) == 0:
+    extent = scene_extent([view.camera for view in capture.train])
+    if 0 < extent < NEAR:
+        raise MethodError(
+            f"expected training views {NEAR} units or more apart in {capture.scene}, got {extent:.2g}: what "
+            "is nearer than that is not drawn. Scale cameras and points before you import them"
+        )
+    if extent == 0:
         raise MethodError(
             f"expected training views from different places in {capture.scene}, got all from one. "
             "Depth is not to be seen from one place"

@@ -53,6 +53,10 @@ class FitTask(Generic[SettingsT]):
         """Extent of the training cameras, metres: the yardstick of learning rates."""
         return scene_extent([view.camera for view in self.capture.train])
 
+    def with_capture(self, capture: Capture) -> "FitTask[SettingsT]":
+        """Return the same task on another capture, as one in other units."""
+        return replace(self, capture=capture)
+
     def with_settings(self, settings: OtherSettingsT) -> "FitTask[OtherSettingsT]":
         """Return the same task with other settings, as one stage of a fit has them."""
         return FitTask(self.capture, self.priors, settings, self.seed, self.progress)

@@ -20,6 +20,7 @@ from graycard.methods.surfels._objective import SurfelObjective, Tones, photogra
 from graycard.methods.surfels._scene import SurfelScene
 from graycard.methods.surfels._settings import OracleSurfelSettings, SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL, SKY, oracle_start, sparse_start
+from graycard.methods.surfels._units import enlarged, shrunk
 
 SurfelSettingsT = TypeVar("SurfelSettingsT", bound=SurfelSettings)
 
@@ -37,9 +38,11 @@ class SurfelMethod(SceneMethod[SurfelSettings, SurfelScene]):
 
     def _fitted(self, task: FitTask[SurfelSettings]) -> SurfelScene:
         check_checkpoint(self.name, task.settings, task.seed)
-        start = sparse_start(task.capture, task.settings, task.seed)
+        capture, factor = enlarged(task.capture)
+        task = task.with_capture(capture)
+        start = sparse_start(capture, task.settings, task.seed)
         parameters = fit_surfels(self.name, task, start=start, rules=density_rules(task.settings.surfels))
-        return SurfelScene(parameters, self.name, task.capture.exposure)
+        return SurfelScene(shrunk(parameters, factor), self.name, capture.exposure)
 
 
 class OracleSurfelMethod(SceneMethod[OracleSurfelSettings, SurfelScene]):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from graycard import Camera, Capture, View
+from graycard import Camera, Capture, Sensor, View
 from graycard.methods.splat import (
     CENTRES,
     LearningRateSchedule,
@@ -29,6 +29,8 @@ from graycard.methods.surfels._compose import composed
 from graycard.methods.surfels._settings import SurfelSettings
 from graycard.methods.surfels._start import COEFFICIENTS, DETAIL
 
+FULL = 0.99
+"""Share of white from which a pixel is taken for full: about a level of 8 bits below it."""
 DEGREE_EVERY = 1 / 30
 """Share of the budget after which the next degree of the harmonics is fitted too (Kerbl et al. 2023)."""
 
@@ -58,26 +60,45 @@ class EncodedPhotograph:
     """Shape ``(H, W, K)``: harmonics of the direction of each pixel."""
     weight: torch.Tensor | None = None
     """Shape ``(H, W)``: how much each pixel counts; None: all alike."""
+    full: torch.Tensor | None = None
+    """Shape ``(H, W, 3)``, bool: where the sensor was full, so that there was this light or more; None:
+    nowhere, or nobody knows."""
 
     def at(self, window: Window) -> "EncodedPhotograph":
         """A part of the view."""
-        weight = None if self.weight is None else window.of(self.weight)
+        weight, full = (None if x is None else window.of(x) for x in (self.weight, self.full))
         return EncodedPhotograph(
-            window.camera(self.camera), window.of(self.encoded), window.of(self.sky), weight
+            window.camera(self.camera), window.of(self.encoded), window.of(self.sky), weight, full
         )
+
+    def taken(self, picture: torch.Tensor) -> torch.Tensor:
+        """Return an encoded picture, ``(H, W, 3)``, cut off where the sensor was full, as it cut off."""
+        if self.full is None:
+            return picture
+        return torch.where(self.full, torch.minimum(picture, self.encoded), picture)
 
 
 def photographs(capture: Capture, settings: SurfelSettings) -> list[EncodedPhotograph]:
-    """The training views, exposed and encoded."""
+    """The training views, exposed and encoded, and where they are full if exposures differ."""
     found = []
     for view in capture.train:
         linear = torch.from_numpy(np.asarray(capture.photograph(view), np.float32) * capture.exposure)
-        found.append(
-            EncodedPhotograph(
-                view.camera, srgb_encode_tensor(linear), sky_basis(view.camera, settings.sky_degree)
-            )
-        )
+        sky = sky_basis(view.camera, settings.sky_degree)
+        full = _full(linear, view, capture.sensor)
+        found.append(EncodedPhotograph(view.camera, srgb_encode_tensor(linear), sky, full=full))
     return found
+
+
+def _full(linear: torch.Tensor, view: View, sensor: Sensor | None) -> torch.Tensor | None:
+    """Return where a photograph is full; None where all photographs have one white.
+
+    Photographs of other exposures are full at other light: one and the same sky would be as many things as
+    there are exposures, none of them true.
+    """
+    if sensor is None or not sensor.exposures:
+        return None
+    full = linear >= FULL / sensor.exposure(view.name)
+    return full if bool(full.any()) else None
 
 
 def exposed_photograph(capture: Capture, view: View) -> np.ndarray:
@@ -122,7 +143,7 @@ class SurfelObjective:
         else:
             drawn = rasterize(surfels, view.camera, offsets=offsets)
             extra = disagreement(drawn, view.camera, weighs)
-        picture = composed(drawn, view.sky, values)
+        picture = view.taken(composed(drawn, view.sky, values))
         difference = photometric_map(picture, view.encoded, settings.ssim_share)
         if view.weight is not None:
             difference = difference * view.weight[..., None]

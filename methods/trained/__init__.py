@@ -6,6 +6,7 @@ from graycard.methods.trained._frame import SAME as SAME
 from graycard.methods.trained._frame import Frame as Frame
 from graycard.methods.trained._frame import FrameKind as FrameKind
 from graycard.methods.trained._frame import read_frame as read_frame
+from graycard.methods.trained._predict import DrawnSplat as DrawnSplat
 from graycard.methods.trained._predict import Encoding as Encoding
 from graycard.methods.trained._predict import Look as Look
 from graycard.methods.trained._predict import write_splat_predictions as write_splat_predictions

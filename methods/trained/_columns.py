@@ -15,7 +15,7 @@ logarithms, opacities logits, quaternions (w, x, y, z) of any length; ``f_rest``
 Properties are found by name, so that their order does not matter.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,8 @@ SMOOTHED = "filter_3D"
 NORMALS = ("nx", "ny", "nz")
 DEGREES = {0: 0, 9: 1, 24: 2, 45: 3}
 """Degree of the harmonics by the number of ``f_rest`` columns."""
+MANY = 20
+"""Gaussians from which on it is no chance that numbers are all of one kind."""
 SMALLEST, LARGEST = 1e-12, 1e12
 """Standard deviations in the unit of the file: a smaller one is drawn as this, a larger one is refused."""
 
@@ -60,15 +62,32 @@ def splat_of(
     centres, scales = _block(columns, POSITION, path), _sizes(columns, axes, path)
     numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
     tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
-    numbers = centres, _turns(columns, path), scales, _opacities(columns, path), np.empty((len(centres), 0))
-    tensors = [torch.from_numpy(values.astype(np.float32, copy=False)) for values in numbers]
     shapes = Surfels(*tensors) if kind == "2dgs" else Gaussians(*tensors)
     return TrainedSplat(
         shapes,
         torch.from_numpy(_coefficients(columns, path)),
         any(comment.lower().replace(" ", "") == "splatrendermode:mip" for comment in comments),
         tuple(name for name in columns if not _is_used(name)),
+        tuple(_doubts(columns, axes)),
     )
+
+
+def _doubts(columns: Mapping[str, np.ndarray], axes: Sequence[str]) -> Iterator[str]:
+    """Yield what looks as if activations had been applied before, or a rotation been lost."""
+    many = len(columns["opacity"]) >= MANY
+    if many and columns["opacity"].min() >= 0 and columns["opacity"].max() <= 1:
+        yield (
+            "opacities lie between 0 and 1, all of them: training writes logits, so these may have been "
+            "through the sigmoid before"
+        )
+    if many and all(columns[name].min() > 0 for name in axes):
+        yield (
+            "scales are above 0, all of them: training writes logarithms, so these may be sizes, which are "
+            "drawn far too large"
+        )
+    none = (np.stack([columns[name] for name in TURN]) == 0).all(axis=0)
+    if none.any():
+        yield f"{none.sum()} of {len(none)} rotations have length zero: these Gaussians are not turned"
 
 
 def _kind(columns: Mapping[str, np.ndarray], comments: Sequence[str]) -> Primitive:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from graycard import Capture, MethodError, Predictions, Progress
+from graycard.dataset import is_in_display_white
 from graycard.layers import find_fault
 from graycard.methods.splat import warm_kernels
 from graycard.methods.surfels import srgb_decode_tensor
@@ -26,13 +27,26 @@ class Look:
 
     encoding: Encoding = "srgb"
     """Encoding of its colours: ``srgb`` after training on photographs, ``linear`` after training on linear
-    images. Either is at the exposure of the capture, at which display white is 1."""
+    images."""
+    exposed: bool | None = None
+    """True if it was trained on light times the exposure of the capture, as `graycard export` writes it;
+    False if on light in the unit of the capture. None takes the latter for imported photographs,
+    whose unit is display white, and the former for any other."""
     background: float = 0.0
-    """That it was trained over, in its encoding."""
+    """Value of all channels that it was trained over, in its encoding."""
     antialiased: bool | None = None
     """True if it was trained with antialiasing; None lets the file say."""
     frame: Frame = SAME
     """Place of its world in that of the scene."""
+
+
+@dataclass(frozen=True)
+class DrawnSplat:
+    """Predictions that were drawn of a splat."""
+
+    predictions: Predictions
+    unseen: tuple[str, ...]
+    """Views in which nothing of it is seen."""
 
 
 def write_splat_predictions(
@@ -42,7 +56,7 @@ def write_splat_predictions(
     progress: Progress,
     look: Look | None = None,
     name: str = "splat",
-) -> Predictions:
+) -> DrawnSplat:
     """Render a splat for every view of a capture, training views too: gauges are fitted on these.
 
     Args:
@@ -54,7 +68,7 @@ def write_splat_predictions(
         name: What the predictions are called.
 
     Returns:
-        The index that was written: radiance and depth, and normals of discs.
+        The index that was written (radiance and depth, and normals of discs), and the views without anything.
 
     Raises:
         MethodError: There is not enough memory, or the pictures hold what no file of predictions should.
@@ -62,19 +76,35 @@ def write_splat_predictions(
     """
     look = look or Look()
     antialiased = splat.antialiased if look.antialiased is None else look.antialiased
+    exposure = _exposure_of(look, capture)
     clear_predictions(folder)
+    unseen: list[str] = []
     warm_kernels(KERNELS[splat.primitive], progress)
     for done, view in enumerate(capture.views):
         progress(done / len(capture.views), f"rendering {view.name}")
         picture = render_splat(splat, view.camera, look.frame, look.background, antialiased)
-        layers = _layers(picture, look.encoding, capture.exposure)
+        unseen += [] if _is_anything_seen(picture, look.background) else [view.name]
+        layers = _layers(picture, look.encoding, exposure)
         for layer, values in layers.items():
             if fault := find_fault(layer, values, view.camera.height, view.camera.width):
                 raise MethodError(f"view {view.name}: {fault}. The splat holds colours that are out of range")
         write_view(folder, view.name, layers)
     written = Predictions(name, capture.track, capture.scene)
     finish_predictions(folder, written)
-    return written
+    return DrawnSplat(written, tuple(unseen))
+
+
+def _is_anything_seen(picture: Picture, background: float) -> bool:
+    """Tell whether a pixel is covered by half, or is a code of 8 bits off the background."""
+    return bool(np.isfinite(picture.depth).any() or (np.abs(picture.colour - background) > 1 / 255).any())
+
+
+def _exposure_of(look: Look, capture: Capture) -> float:
+    """Return the factor between light of the capture and light that the splat was trained on."""
+    exposed = look.exposed
+    if exposed is None:
+        exposed = capture.root is None or not is_in_display_white(capture.root.parent)
+    return capture.exposure if exposed else 1.0
 
 
 def _layers(picture: Picture, encoding: Encoding, exposure: float) -> dict[str, np.ndarray]:

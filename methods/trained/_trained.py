@@ -23,6 +23,8 @@ class TrainedSplat:
     """True if the file says that it was trained with antialiasing: brush does, others say nothing."""
     unused: tuple[str, ...] = ()
     """Properties of the file that say nothing about shape or colour here, and were passed over."""
+    doubts: tuple[str, ...] = ()
+    """Signs that the numbers are not those that training writes, in words."""
 
     def __len__(self) -> int:
         return len(self.shapes)

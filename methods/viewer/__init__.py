@@ -4,6 +4,7 @@
 from graycard.methods.viewer._film import check_film as check_film
 from graycard.methods.viewer._film import write_film as write_film
 from graycard.methods.viewer._orbit import orbit as orbit
+from graycard.methods.viewer._orbit import up_of as up_of
 from graycard.methods.viewer._preview import brightest as brightest
 from graycard.methods.viewer._preview import preview as preview
 from graycard.methods.viewer._saved import Fitted as Fitted

@@ -2,7 +2,7 @@
 """The content of the page of an imported capture, before any HTML."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -104,7 +104,7 @@ def capture_page(scene: Path, rows: Sequence[CaptureRow]) -> CapturePage:
     """
     held = open_held_out(scene, check=False)
     shown = _spread(held.views, MAX_VIEWS)
-    methods = [handed_in(row.name, row.predictions, shown) for row in rows]
+    methods = [_exposed(handed_in(row.name, row.predictions, shown), held, shown) for row in rows]
     evidence = _evidence(held, shown)
     radiance = judged_layer("radiance", evidence, methods)
     capture = held.capture
@@ -131,8 +131,19 @@ def _evidence(held: HeldOut, shown: Sequence[View]) -> SceneEvidence:
     """Put photographs in the place of true light; there is nothing else."""
     capture = held.capture
     nothing = Truth(capture.track, capture.scene, held.views, capture.exposure, 0.0, ())
-    layers = {view.name: {"radiance": held.photograph(view)} for view in shown}
+    layers = {
+        view.name: {"radiance": held.photograph(view) * np.float32(held.exposure(view))} for view in shown
+    }
     return SceneEvidence(nothing, capture, tuple(shown), layers, (), {})
+
+
+def _exposed(method: MethodEvidence, held: HeldOut, shown: Sequence[View]) -> MethodEvidence:
+    """Return a method whose light is brought to the exposure of each photograph, as it is scored."""
+    layers = {name: dict(found) for name, found in method.layers.items()}
+    for view in shown:
+        if "radiance" in layers.get(view.name, {}):
+            layers[view.name]["radiance"] = layers[view.name]["radiance"] * np.float32(held.exposure(view))
+    return replace(method, layers=layers)
 
 
 def _layers(held: HeldOut, view: View, methods: Sequence[MethodEvidence]) -> tuple[LayerRow, ...]:

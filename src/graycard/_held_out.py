@@ -8,11 +8,14 @@ import numpy as np
 
 from graycard._capture import Capture, View, file_of, of_size
 from graycard._errors import DatasetError
+from graycard._sensor import Sensor
 from graycard.io import read_rgb
 
 HELD_OUT = "held_out"
 """Folder beside the capture, which no method sees."""
 PHOTOGRAPHS = "photographs"
+SENSOR = "sensor.json"
+"""Exposures of held-out photographs, beside them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,12 +29,18 @@ class HeldOut:
     root: Path
     sha256: str
     """Hash of the manifest, which holds the hash of each file."""
+    sensor: Sensor | None = None
+    """Exposures of the photographs, as EXIF tells them; None where all are taken as exposed alike."""
 
     @property
     def lacking(self) -> tuple[View, ...]:
         """Held-out views without a photograph, which are not judged."""
         known = {view.name for view in self.views}
         return tuple(view for view in self.capture.test if view.name not in known)
+
+    def exposure(self, view: View) -> float:
+        """Return the factor on the capture's exposure with which a photograph was taken: it ends at white."""
+        return 1.0 if self.sensor is None else self.sensor.exposure(view.name)
 
     def photograph(self, view: View) -> np.ndarray:
         """The linear photograph of a held-out view, shape ``(H, W, 3)``, float32, in the capture's unit.

@@ -39,6 +39,9 @@ class Truth:
     noise_ceiling: float | None = None
     """dB: PSNR, as displayed, of noise-free pictures of all views against those of the truth. No method can
     score more but by chance. None where it was not measured."""
+    photograph_ceiling: float | None = None
+    """dB: the same of training views alone, where these have light paths of their own number. Then
+    :attr:`noise_ceiling` is that of held-out views alone. None where all views have the same."""
     edits: tuple[LightEdit, ...] = ()
     """Changes of the lights under which the held-out views are known."""
     root: Path | None = field(default=None, metadata=IN_MEMORY)

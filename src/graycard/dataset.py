@@ -5,7 +5,8 @@ DATASET/<track>/<scene>/capture/  manifest.json capture.json points.ply photogra
 DATASET/<track>/<scene>/truth/    manifest.json truth.json lights.json [environment.exr] views/<view>.exr
                                   relighting/<edit>/{lights.json [environment.exr] views/<view>.exr}
                                   [composition/{composition.json views/<view>.exr}]
-DATASET/<track>/<scene>/held_out/ manifest.json photographs/<view>.exr   of an imported capture, without truth
+DATASET/<track>/<scene>/held_out/ manifest.json [sensor.json] photographs/<view>.exr
+                                  of an imported capture, without truth
 """
 
 from dataclasses import replace
@@ -15,8 +16,9 @@ from typing import Any
 from graycard._capture import Capture, file_of
 from graycard._errors import DatasetError
 from graycard._held_out import HELD_OUT as HELD_OUT
-from graycard._held_out import PHOTOGRAPHS
+from graycard._held_out import PHOTOGRAPHS, SENSOR
 from graycard._held_out import HeldOut as HeldOut
+from graycard._sensor import Sensor
 from graycard._truth import Truth
 from graycard.io import (
     MANIFEST,
@@ -93,7 +95,14 @@ def open_held_out(scene: Path, *, check: bool = True) -> HeldOut:
     if check:
         check_files(folder, manifest)
     views = tuple(v for v in capture.test if f"{PHOTOGRAPHS}/{v.name}.exr" in manifest.files)
-    return HeldOut(capture, views, folder, sha256(folder / MANIFEST))
+    return HeldOut(capture, views, folder, sha256(folder / MANIFEST), _sensor_of(folder, manifest))
+
+
+def _sensor_of(folder: Path, manifest: Manifest) -> Sensor | None:
+    if SENSOR not in manifest.files:
+        return None
+    path = folder / SENSOR
+    return from_builtins(Sensor, read_json(path, DatasetError), DatasetError, str(path))
 
 
 def write_index(folder: Path, content: Capture | Truth) -> None:
@@ -120,8 +129,16 @@ def is_scene(folder: Path) -> bool:
 
 def is_imported(scene: Path) -> bool:
     """Tell whether a scene is a user's own photographs, which have no truth beside them."""
+    return not has_truth(scene) and is_in_display_white(scene)
+
+
+def is_in_display_white(scene: Path) -> bool:
+    """Tell whether light of a scene is in units of display white, as that of imported photographs is.
+
+    It is so beside an imported truth, too. Light of a rendered scene is in W/m²/sr.
+    """
     capture = Path(scene) / "capture"
-    if has_truth(scene) or not (capture / MANIFEST).is_file():
+    if not (capture / MANIFEST).is_file():
         return False
     return read_manifest(capture, "graycard-capture").generator.get("name") == IMPORTER
 

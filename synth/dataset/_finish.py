@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows from the rendered views: the capture, the index files, and the seals."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +41,8 @@ def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
         stamp: What it was made from, with the renderer's variant.
     """
     root, scene = place.partial, content.scene
-    settings = from_builtins(RenderSettings, stamp["render"]).capture
-    exposure = _exposure(root, scene)
+    render = from_builtins(RenderSettings, stamp["render"])
+    settings, exposure = render.capture, _exposure(root, scene)
     sensor = sensor_of(settings, [v.name for v in _train(scene)], stamp["seed"])
     for view in _train(scene):
         _write_photograph(root, scene, view.name, exposure, sensor, stamp["seed"])
@@ -59,7 +59,8 @@ def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
         _diameter(root, scene),
         scene.objects(),
         scene.target_id,
-        _noise_ceiling(root, scene, exposure),
+        _noise_ceiling(root, _held_out(scene) if render.training_samples else scene.views, exposure),
+        _noise_ceiling(root, _train(scene), exposure) if render.training_samples else None,
         tuple(edit.record for edit in content.edits),
     )
     write_index(root / "capture", capture)
@@ -74,6 +75,10 @@ def finish(place: Place, content: Content, stamp: Mapping[str, Any]) -> None:
 
 def _train(scene: Scene) -> list[View]:
     return [view for view in scene.views if view.split == "train"]
+
+
+def _held_out(scene: Scene) -> list[View]:
+    return [view for view in scene.views if view.split == "test"]
 
 
 def _exposure(root: Path, scene: Scene) -> float:
@@ -103,10 +108,10 @@ def _write_photograph(
         write_layers(root / "capture" / "masks" / "target" / f"{name}.exr", {"object_id": mask})
 
 
-def _noise_ceiling(root: Path, scene: Scene, exposure: float) -> float:
-    """PSNR, as displayed, that a noise-free picture of every view would score against the truth, dB."""
-    views = [read_layers(root / "truth" / view_file(view.name)) for view in scene.views]
-    noise = [display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in views]
+def _noise_ceiling(root: Path, views: Sequence[View], exposure: float) -> float:
+    """Return the PSNR, as displayed, of noise-free pictures of some views against the truth, dB."""
+    found = [read_layers(root / "truth" / view_file(view.name)) for view in views]
+    noise = [display_variance(v["radiance"], v["radiance.var"], exposure).mean() for v in found]
     return float(-10 * np.log10(max(np.mean(noise), 1e-12)))
 
 

@@ -91,11 +91,15 @@ def _of_view(
     view = scene.views[number]
     edits = edits if view.split == "test" else ()
     files = view_file(view.name), *(edit.record.view_file(view.name) for edit in edits)
+    needed = view.split == "train" and settings.training_layers == "needed"
+    settings = settings.for_split(view.split)
 
     def make() -> Sequence[Layers]:
         from graycard.synth.edits import _relighting
         from graycard.synth.layers import _views  # Mitsuba: not before its variant is chosen
 
+        if needed:
+            return [_views.render_training_view(scene, number, seed, settings)]
         if not edits:
             return [_views.render_view(scene, number, seed, settings)]
         layers, relit = _relighting.view_with_edits(scene, number, seed, settings, edits)

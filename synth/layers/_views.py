@@ -31,6 +31,9 @@ _EMPTIED_SURFACE = ("normal", "f0", "roughness")
 _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 """Numbers of the seeds of what is estimated at the pixel centres."""
 
+_TRAINING_DIRECTIONS = 64
+"""Of the albedo of a training view: gauges are means over many pixels."""
+
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
 
@@ -72,6 +75,38 @@ def render_view(
         if mi.variant() != SCALAR:
             footprint = target_footprint(whole, scene, camera, seeds, settings)
             layers |= effect_layers(images, emptied, footprint)
+    return layers
+
+
+def render_training_view(
+    scene: Scene, number: int, seed: int, settings: RenderSettings
+) -> dict[str, np.ndarray]:
+    """What methods, gauges and priors need of a training view; a pure function of its arguments.
+
+    Its values are those of :func:`render_view`, but that fewer directions tell the albedo. Light is not split
+    by source, so that neither parts, nor irradiance, visibility or effects of the target are there.
+
+    Args:
+        scene: What is there.
+        number: Index of the view in ``scene.views``.
+        seed: Of the scene.
+        settings: Samples of training views, and depth of the light paths.
+
+    Returns:
+        Layers by name, each ``(H, W)`` or ``(H, W, 3)``, in the units of :func:`graycard.all_layers`.
+    """
+    camera = scene.views[number].camera
+    seeds = sub_buffer_seeds(seed, number)
+    whole = load_scene(scene, camera)
+    layers = estimate("radiance", picture_images(whole, camera, seeds, settings))
+    layers |= surface_layers(whole, scene, camera)
+    layers["pure"] = pure_pixels(whole, scene, camera)
+    if mi.variant() != SCALAR:
+        of_albedo = _seed_of(seed, number, _CENTRE_SEEDS[0])
+        layers |= directional_albedo(whole, camera, of_albedo, _TRAINING_DIRECTIONS)
+    if scene.target:
+        without = load_scene(scene, camera, scene.target)
+        layers |= _emptied_layers(light_images(without, camera, seeds, settings), without, scene, camera)
     return layers
 
 

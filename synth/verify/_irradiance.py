@@ -32,9 +32,9 @@ mirrored sky has 0.11 and more."""
 
 def check_irradiance(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Each light's direct irradiance is what its formula gives times its visibility; all of them add up."""
-    if not subject.is_separated:
+    if not picture.is_split:
         for name in ("irradiances add up", "direct light of the formula"):
-            yield picture.at.skip(name, "a scene of scalar_rgb holds no irradiance")
+            yield picture.at.skip(name, "its light is not told apart")
         return
     yield from _check_sums(subject, picture)
     for light in subject.lights:

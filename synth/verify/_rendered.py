@@ -70,8 +70,8 @@ def check_rendered(
         name = "counterfactual.radiance"
         emptied = [_pair(p, name, emptied_again(rebuilt, p.number, _EMPTIED)) for p in pictures]
         yield from compare("counterfactual again", emptied, subject.at)
-        yield from _check_effects(subject, rebuilt, pictures[len(pictures) // 2])
-    yield from _check_lights(subject, rebuilt, pictures[len(pictures) // 2])
+        yield from _check_effects(rebuilt, _middle_split(pictures))
+    yield from _check_lights(subject, rebuilt, _middle_split(pictures))
     yield from _check_albedo(subject, rebuilt, pictures)
     yield from _check_relit(subject, rebuilt)
     for picture in pictures:
@@ -85,10 +85,16 @@ def _pair(picture: TruePicture, name: str, again: dict[str, np.ndarray]) -> Pair
     return Pair(picture.at, picture.layers[name], again["radiance"], tuple(halves))
 
 
-def _check_effects(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
+def _middle_split(pictures: Sequence[TruePicture]) -> TruePicture:
+    """Return the picture in the middle of those whose light is told apart; of all where none is."""
+    found = [picture for picture in pictures if picture.is_split] or pictures
+    return found[len(found) // 2]
+
+
+def _check_effects(rebuilt: Rebuilt, picture: TruePicture) -> Iterator[Check]:
     """Masks of the target's effects against those from other light paths: alike but for their rims."""
-    if not subject.is_separated:
-        yield picture.at.skip("effects again", "a scene of scalar_rgb holds no effects")
+    if not picture.is_split:
+        yield picture.at.skip("effects again", "its light is not told apart")
         return
     for name, again in effects_again(rebuilt, picture.number, _EFFECTS).items():
         a, b = picture.layers[name] > 0, again > 0
@@ -107,8 +113,8 @@ def _check_lights(subject: Subject, rebuilt: Rebuilt, picture: TruePicture) -> I
     One picture serves for three lights: one is on in red, one in green, one in blue. The environment stays
     on in all channels, since its sampling would change with its colour.
     """
-    if not subject.is_separated:
-        yield picture.at.skip("lights again: tiles", "a scene of scalar_rgb holds no parts of the light")
+    if not picture.is_split:
+        yield picture.at.skip("lights again: tiles", "its light is not told apart")
         return
     local = [light.name for light in subject.lights if not isinstance(light, EnvironmentLight)]
     always = [light.name for light in subject.lights if isinstance(light, EnvironmentLight)]
@@ -146,7 +152,7 @@ def _check_relit(subject: Subject, rebuilt: Rebuilt) -> Iterator[Check]:
     view, pairs = subject.truth.views[number], []
     for k, edit in enumerate(edits, start=1):
         at = At(subject.at.scene, f"{view.name} {edit.record.name}")
-        relit = TruePicture(at, number, view, subject.truth.relit(edit.record.name, view))
+        relit = TruePicture(at, number, view, subject.truth.relit(edit.record.name, view), is_split=False)
         if relit.has(*ESTIMATES):  # else it failed for that before
             again = radiance_again(rebuilt, number, _RELIT + 10 * k, edit.scene)
             pairs.append(_pair(relit, "radiance", again))
@@ -191,7 +197,7 @@ def check_surfaces(
         told = f"rays cast again meet the same {name}, to {tolerance:g}; looks like a layer of another scene"
         share = float(off.mean()) if off.size else 0.0
         yield picture.at.judge(f"{name} again", share, bound, "of the pixels", told)
-    if subject.is_separated:
+    if picture.is_split:
         yield from _check_shadows(rebuilt, camera, picture, (stored, found), bound)
 
 

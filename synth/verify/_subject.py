@@ -39,6 +39,8 @@ class TruePicture:
     number: int
     view: View
     layers: Layers
+    is_split: bool
+    """Whether its light is told apart by source and lobe."""
 
     @property
     def camera(self) -> Camera:
@@ -87,6 +89,12 @@ class Subject:
         """Whether the renderer was one that tells the parts of the light apart."""
         return self.manifest.generator.get("variant") == LLVM_RGB
 
+    def is_split(self, view: View) -> bool:
+        """Tell whether a view holds the parts of its light; a training view may be made without."""
+        render = self.manifest.settings.get("render")
+        asked = render.get("training_layers") if isinstance(render, Mapping) else None
+        return self.is_separated and not (view.split == "train" and asked == "needed")
+
     def pictures(self) -> Iterator[TruePicture]:
         """The views one after another, so that one at a time is in memory."""
         for number in range(len(self.truth.views)):
@@ -95,7 +103,8 @@ class Subject:
     def picture(self, number: int) -> TruePicture:
         """The true layers of a view."""
         view = self.truth.views[number]
-        return TruePicture(At(self.at.scene, view.name), number, view, self.truth.layers(view))
+        at, layers = At(self.at.scene, view.name), self.truth.layers(view)
+        return TruePicture(at, number, view, layers, self.is_split(view))
 
 
 def open_subject(folder: Path) -> Subject:

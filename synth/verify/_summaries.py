@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Checks of what an index says of all views together, and of the sparse points of the capture."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Summary:
 
     def __init__(self, subject: Subject, settings: CaptureSettings) -> None:
         self._subject, self._settings = subject, settings
-        self._noise: list[float] = []
+        self._noise: dict[str, list[float]] = {"train": [], "test": []}
         self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
         self._points = subject.capture.points()
         self._near = np.zeros(len(self._points), bool)
@@ -35,7 +35,7 @@ class Summary:
         """Take a view into account whose layers are whole."""
         exposure = self._subject.truth.exposure
         noise = display_variance(picture.layers["radiance"], picture.layers["radiance.var"], exposure)
-        self._noise.append(float(noise.mean()))
+        self._noise[picture.view.split].append(float(noise.mean()))
         places = picture.layers["position"][picture.seen].astype(float)
         places = np.concatenate([places, picture.camera.position[None]])
         self._low = np.minimum(self._low, places.min(axis=0))
@@ -45,7 +45,7 @@ class Summary:
 
     def checks(self) -> Iterator[Check]:
         """The checks, where all views were added."""
-        if len(self._noise) < len(self._subject.truth.views):
+        if sum(map(len, self._noise.values())) < len(self._subject.truth.views):
             for name in ("noise ceiling", "diameter"):
                 yield self._subject.at.skip(name, "not all views are whole")
             return
@@ -57,13 +57,19 @@ class Summary:
         yield from self._check_points()
 
     def _check_ceiling(self) -> Iterator[Check]:
-        at, said = self._subject.at, self._subject.truth.noise_ceiling
-        found = float(-10 * np.log10(max(np.mean(self._noise), 1e-12)))
-        if said is None:
-            yield at.fail("noise ceiling", f"truth.json gives the noise ceiling of {found:.3f} dB, got none")
+        truth, train, test = self._subject.truth, self._noise["train"], self._noise["test"]
+        if truth.photograph_ceiling is None:
+            yield self._ceiling("noise ceiling", truth.noise_ceiling, [*train, *test])
             return
+        yield self._ceiling("noise ceiling", truth.noise_ceiling, test)
+        yield self._ceiling("noise ceiling of photographs", truth.photograph_ceiling, train)
+
+    def _ceiling(self, name: str, said: float | None, noise: Sequence[float]) -> Check:
+        at, found = self._subject.at, float(-10 * np.log10(max(np.mean(noise), 1e-12)))
+        if said is None:
+            return at.fail(name, f"truth.json gives the noise ceiling of {found:.3f} dB, got none")
         told = f"the noise of the views allows {found:.3f} dB; looks like the variance of another rendering"
-        yield at.judge("noise ceiling", abs(said - found), 1e-3, "dB", told)
+        return at.judge(name, abs(said - found), 1e-3, "dB", told)
 
     def _check_points(self) -> Iterator[Check]:
         at, points, views = self._subject.at, self._points, self._subject.capture.views

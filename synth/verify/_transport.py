@@ -80,9 +80,9 @@ def check_parts(
         lambertian: Ids of objects whose diffuse lobe is Lambertian beside another lobe; matte ones are known
             by their layers.
     """
-    if not subject.is_separated:
+    if not picture.is_split:
         for name in ("parts add up", "diffuse light"):
-            yield picture.at.skip(name, "a scene of scalar_rgb holds no parts of the light")
+            yield picture.at.skip(name, "its light is not told apart")
         return
     layers, lights = picture.layers, [light.name for light in subject.lights]
     total = layers["emitted"].astype(float)

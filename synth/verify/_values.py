@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from graycard import find_layer
+from graycard import View, find_layer
 from graycard.layers import LOBES, find_fault
 from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Subject, TruePicture
@@ -30,7 +30,7 @@ EFFECTS = tuple(f"effect.{name}" for name in ("untouched", "footprint", "shadow"
 """Only of views whose renderer tells the parts of the light apart, as are the next."""
 EMPTIED_LOBES = tuple(f"counterfactual.{lobe}" for lobe in LOBES)
 EMPTIED_SURFACE = tuple(f"counterfactual.{name}" for name in ("normal", "f0", "roughness"))
-SEPARATED = ("emitted", "shading", "shading.var", "albedo")
+SEPARATED = ("emitted", "shading", "shading.var")
 PARTS = ("direct.diffuse", "direct.specular", "indirect.diffuse", "indirect.specular")
 PER_LIGHT = (*PARTS, "visibility", "irradiance", "direct.irradiance")
 
@@ -48,21 +48,22 @@ _UNIT_RANGE = {"normal": (-1.0, 1.0), "counterfactual.normal": (-1.0, 1.0), "alb
 """Layers of unit 1 that are no share; Disney's material returns up to 1.44 of the light at grazing angles."""
 
 
-def expected_layers(subject: Subject) -> set[str]:
-    """Names of all layers that each view of a scene holds."""
-    names = {*ESTIMATES, *SURFACE}
-    if subject.is_separated:
+def expected_layers(subject: Subject, view: View) -> set[str]:
+    """Return the names of all layers that a view of a scene holds."""
+    split, separated = subject.is_split(view), subject.is_separated
+    names = {*ESTIMATES, *SURFACE, *({"albedo"} if separated else ())}
+    if split:
         names |= {*SEPARATED, *(f"{stem}.{light.name}" for stem in PER_LIGHT for light in subject.lights)}
     if subject.truth.target is not None:
-        names |= {*COUNTERFACTUAL, *EMPTIED_SURFACE}
-        names |= {*EFFECTS, *EMPTIED_LOBES} if subject.is_separated else set()
+        names |= {*COUNTERFACTUAL, *EMPTIED_SURFACE, *(EMPTIED_LOBES if separated else ())}
+        names |= {*EFFECTS} if split else set()
     return names
 
 
 def check_values(subject: Subject, picture: TruePicture) -> Iterator[Check]:
     """Presence, finiteness, range and precision of the layers of a view."""
     at, layers = picture.at, picture.layers
-    missing = sorted(expected_layers(subject) - layers.keys())
+    missing = sorted(expected_layers(subject, picture.view) - layers.keys())
     yield at.judge(
         "layers present",
         len(missing),

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Patterns, kinds of file and faults of outputs: what fits is adopted, all else is refused by name."""
 
+import gzip
 import os
 from collections.abc import Callable
 from contextlib import suppress
@@ -93,6 +94,53 @@ def test_a_star_that_fits_twice_is_refused_unless_it_is_told(
         take("base_color=ours_*/{view}.npy:linear")
     take("base_color=ours_*/{view}.npy:linear", star="7000")
     check_albedo(own, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "pattern", ["{index}.npy", "{index+1:03d}.npy", "s*_{index:04d}.npy", "{split}/{index}.npy"]
+)
+@pytest.mark.parametrize("views", ["all", "test"])
+def test_files_of_more_views_than_there_are_are_refused(
+    pattern: str, views: str, theirs: Path, take: Adopt, adopted_scene: Path
+) -> None:
+    """What numbers other views than the scene has is not cut off: 0 may be any of them."""
+    capture = open_capture(adopted_scene / "capture")
+    chosen = capture.test if views == "test" else capture.views
+
+    def write(split: str, number: int) -> Path:
+        name = pattern.replace("{split}", split).replace("*", "9")
+        name = name.replace("{index+1:03d}", f"{number + 1:03d}").replace("{index:04d}", f"{number:04d}")
+        path = theirs / name.replace("{index}", str(number))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, np.full((24, 28, 3), 0.1 * number))
+        return path
+
+    count = {"train": 0, "test": 0}
+    for number, view in enumerate(chosen):
+        write(view.split, count[view.split] if "{split}" in pattern else number)
+        count[view.split] += 1
+    assert take(f"base_color={pattern}:linear", views=views).views == len(chosen)
+    extra = write("test", count["test"] if "{split}" in pattern else len(chosen))
+    with pytest.raises(GraycardError, match=rf"got more: {extra.name} is there, too.*--order"):
+        take(f"base_color={pattern}:linear", views=views)
+
+
+def test_a_folder_of_many_files_is_read_to_its_end_and_listed_once(
+    theirs: Path, take: Adopt, adopted_scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for number in range(10_050):
+        (theirs / f"{number:05d}_x.log").touch()
+    views = open_capture(adopted_scene / "capture").views
+    for view in views:
+        np.save(theirs / f"z_{view.name}_x.npy", np.full((24, 28, 3), 0.5))
+    listed: list[Path] = []
+    iterdir = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda self: listed.append(self) or iterdir(self))
+    assert take("base_color=z_{view}_*.npy:linear", "radiance=z_{view}_*.npy:linear").views == len(views)
+    assert listed.count(theirs) == 1
+    monkeypatch.setattr("graycard.adoption._places._MOST", 10_000)
+    with pytest.raises(GraycardError, match="expected up to 10000 files in .*theirs, got more"):
+        take("base_color=z_{view}_*.npy:linear")
 
 
 def test_arrays_of_all_views_are_taken_in_order(
@@ -247,10 +295,6 @@ def test_outputs_of_strangers_stay_in_their_folder(
 @pytest.mark.parametrize(
     ("suffix", "data"),
     [
-        (
-            ".npy",
-            b"\x93NUMPY\x01\x00v\x00{'descr': '|O', 'fortran_order': False, 'shape': (1,), }" + b" " * 50,
-        ),
         (".npy", b"nothing"),
         (".npz", b"PK\x03\x04"),
         (".npy.gz", b"\x1f\x8b\x08"),
@@ -265,6 +309,47 @@ def test_broken_files_are_refused(suffix: str, data: bytes, theirs: Path, take: 
         (theirs / f"{name}{suffix}").write_bytes(data)
     with pytest.raises(GraycardError, match="expected a whole"):
         take(f"base_color={{view}}{suffix}:linear")
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".npy.gz"])
+def test_arrays_of_objects_are_refused_as_such(suffix: str, theirs: Path, take: Adopt, own: Path) -> None:
+    """They are whole, but to open one would run what it holds."""
+    for name in open_predictions(own).view_names():
+        with (
+            gzip.open(theirs / f"{name}{suffix}", "wb")
+            if suffix.endswith("gz")
+            else open(theirs / f"{name}{suffix}", "wb") as file
+        ):
+            (np.savez if suffix == ".npz" else np.save)(file, np.array([{1: 2}], dtype=object))
+    with pytest.raises(GraycardError, match="expected numbers in .*, got objects of Python"):
+        take(f"base_color={{view}}{suffix}:linear")
+
+
+@pytest.mark.parametrize(
+    ("declared", "values", "says"),
+    [
+        ("depth={view}.npy:z", np.nan, "expected values of depth in .*, got none that is finite"),
+        ("depth={view}.npy:z", -2.0, "expected depths above 0 in .*, got -2 to -2"),
+        ("depth={view}.npy:distance", 0.0, "expected depths above 0 in .*, got 0 to 0"),
+        ("depth={view}.npy:inverse", 0.0, "got none that is finite"),
+        (
+            "roughness={view}.npy:linear",
+            np.inf,
+            "expected values of roughness in .*, got none that is finite",
+        ),
+    ],
+)
+def test_a_layer_that_says_nothing_is_refused(
+    declared: str, values: float, says: str, theirs: Path, take: Adopt, own: Path, tmp_path: Path
+) -> None:
+    for name in open_predictions(own).view_names():
+        np.save(theirs / f"{name}.npy", np.full((24, 28), values))
+    with pytest.raises(GraycardError, match=says):
+        take(declared)
+    assert [path.name for path in tmp_path.iterdir()] == ["theirs"]
+    first = open_predictions(own).view_names()[0]
+    np.save(theirs / f"{first}.npy", np.full((24, 28), 1.5))  # one view may see nothing
+    assert take(declared).views == 7
 
 
 @pytest.mark.parametrize(
@@ -297,6 +382,9 @@ def test_strange_requests_are_refused(theirs: Path, adopted_scene: Path, take: A
     for maps, options, says in (
         ([], {}, "expected --layout or --map, got neither"),
         (["base_color={name}.png"], {}, r"expected \{view\}, .* got \{name\}"),
+        (["base_color={index:5d}.png"], {}, r"got \{index:5d\}. Write \{index:05d\} where zeros fill"),
+        (["base_color={index:03}.png"], {}, r"got \{index:03\}. Write \{index:03d\} where"),
+        (["base_color={index+1:4}.png"], {}, r"got \{index\+1:4\}. Write \{index\+1:04d\} where"),
         (["base_color=:srgb"], {}, "expected a pattern"),
         (["base_color=a.npy", "base_color=b.npy"], {}, "expected one --map for base_color, got 2"),
         (["base_color={view}.npy"], {"views": "held"}, "expected --views all, train or test, got held"),

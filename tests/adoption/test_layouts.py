@@ -6,10 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
-from graycard import UnknownNameError, open_capture, open_predictions
+from graycard import PredictionError, UnknownNameError, open_capture, open_predictions
 from graycard.adoption import LAYOUTS, adopt, find_layout, parse_map, request_of
+from graycard.dataset import open_held_out
 from graycard.eval import find_hints, score_predictions
+from graycard.exchange import export_capture, import_capture
 from graycard.records import ScoreSheet
 from other_outputs import (
     Writer,
@@ -17,12 +20,14 @@ from other_outputs import (
     decode,
     encode,
     rewritten,
+    save,
     write_2dgs,
     write_gs_ir,
     write_nerfstudio,
     write_r3dg,
     write_tensoir,
 )
+from real_captures import import_tiny
 
 Change = Callable[[str, np.ndarray], np.ndarray]
 
@@ -104,6 +109,56 @@ def test_a_layout_of_test_views_alone_says_what_it_lacks(
     )
 
 
+def test_an_imported_truth_does_not_bring_an_exposure(
+    tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    """Photographs of TensoIR's layout are as they were, like those that come without albedo and normals."""
+    rendered = write_tiny(tmp_path / "rendered", train=4, test=3)
+    export_capture(rendered, "tensoir", tmp_path / "away")
+    scene = import_capture(tmp_path / "away", tmp_path / "mine", "dark", "lego")
+    assert (scene / "truth").is_dir()
+    for of, exposed in ((rendered, True), (scene, False)):
+        request = request_of(tmp_path, of, (), find_layout("tensoir"))
+        light = next(declared for declared in request.maps if declared.layer == "radiance")
+        assert (light.exposed, "exposed" in light.words, request.notes == ()) == (exposed,) * 3
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_of_programs_that_open_photographs_it_is_said_where_none_are(
+    name: str, adopted_scene: Path, tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    """They render held-out views of an imported scene; of an exported one they see training views alone."""
+    says = "opens a photograph for each view"
+    exported = request_of(tmp_path, adopted_scene, (), find_layout(name)).notes
+    imported = request_of(tmp_path, import_tiny(tmp_path, write_tiny), (), find_layout(name)).notes
+    assert any(says in note for note in exported) == (name != "tensoir")
+    assert not any(says in note for note in imported)
+
+
+def test_each_eighth_photograph_of_gsplat_is_a_held_out_view(
+    tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    """Runner.eval numbers indices 0, 8, … of all photographs by name, which `graycard import` holds out."""
+    rendered = write_tiny(tmp_path / "rendered", train=17, test=0)
+    export_capture(rendered, "nerfstudio", tmp_path / "away")
+    scene = import_capture(tmp_path / "away", tmp_path / "mine", "dark", "room")
+    photographs = sorted((tmp_path / "away" / "images").iterdir())
+    for number, path in enumerate(photographs[::8]):
+        picture = np.asarray(Image.open(path))
+        save(
+            tmp_path / "r" / "renders" / f"val_step29999_{number:04d}.png",
+            np.concatenate([picture, picture], 1),
+        )
+    adopt(request_of(tmp_path / "r", scene, (), find_layout("gsplat")), tmp_path / "o")
+    held, found = open_held_out(scene), open_predictions(tmp_path / "o")
+    assert [view.name for view in held.views] == [path.stem for path in photographs[::8]]
+    for view in held.views:
+        np.testing.assert_allclose(found.layers(view.name)["radiance"], held.photograph(view), atol=1e-6)
+    save(tmp_path / "r" / "renders" / "val_step29999_0003.png", np.zeros((24, 56, 3), np.uint8))
+    with pytest.raises(PredictionError, match=r"got more: val_step29999_0003.png"):
+        adopt(request_of(tmp_path / "r", scene, (), find_layout("gsplat")), tmp_path / "o")
+
+
 def test_layers_without_files_are_left_out_by_name(adopted_scene: Path, own: Path, tmp_path: Path) -> None:
     """GS-IR without --pbr writes normals alone."""
     theirs = tmp_path / "theirs"
@@ -112,7 +167,7 @@ def test_layers_without_files_are_left_out_by_name(adopted_scene: Path, own: Pat
         path.unlink()
     made = adopt(request_of(theirs, adopted_scene, (), find_layout("gs-ir")), tmp_path / "o")
     assert [layer.layer for layer in made.layers] == ["normal"]
-    assert [note.partition(" ")[0] for note in made.left_out] == [
+    assert [note.partition(" ")[0] for note in made.left_out if "was left out" in note] == [
         "radiance", "base_color", "roughness", "metallic",
     ]  # fmt: skip
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from graycard import View, open_predictions
-from graycard.adoption import adopt, request_of
+from graycard.adoption import adopt, parse_map, request_of, times_word
+from graycard.cli import main
 from graycard.eval import find_hints
-from graycard.io import write_json
 from other_outputs import decode, encode, numbered
 
 OPENGL = np.array([1.0, -1.0, -1.0])
@@ -50,6 +50,14 @@ CASES = (
          "looks as displayed"),
     Case("exposed for not exposed", "radiance", lambda v, _: v, "linear", "linear:exposed",
          "divided by the exposure twice", "the same without exposed"),
+    Case("linear exposed for sRGB exposed", "radiance", lambda v, _: encode(v * 0.45), "srgb:exposed",
+         "linear:exposed", "sRGB-encoded, then divided by the exposure"),
+    Case("linear exposed for sRGB", "radiance", lambda v, _: encode(v), "srgb", "linear:exposed",
+         "divided by an exposure that it never had"),
+    Case("sRGB for linear exposed", "radiance", lambda v, _: v * 0.45, "linear:exposed", "srgb",
+         "decoded twice, and exposed"),
+    Case("sRGB exposed for linear", "radiance", lambda v, _: v, "linear", "srgb:exposed",
+         "decoded twice, then divided by an exposure"),
     Case("B, G, R", "base_color", lambda v, _: v[..., ::-1], "linear:bgr", "linear", "looks like B, G, R",
          "bgr, or leave it out"),
     Case("world for camera", "normal", lambda v, w: local(v, w), "camera-opencv", "world",
@@ -69,6 +77,10 @@ CASES = (
          "looks encoded as (n + 1) / 2", "coded"),
     Case("coded for not coded", "normal", lambda v, _: v, "world", "world:coded",
          "looks decoded by 2 n - 1", "the same without coded"),
+    Case("a camera's coded for not coded", "normal", lambda v, w: local(v, w), "camera-opencv",
+         "camera-opencv:coded", "by 2 n - 1 in camera axes (x right, y down)", "the same without coded"),
+    Case("OpenGL's coded for not coded", "normal", lambda v, w: local(v, w) * OPENGL, "camera-opengl",
+         "camera-opengl:coded", "by 2 n - 1 in camera axes (x right, y up)", "the same without coded"),
     Case("a camera's codes for the world", "normal", lambda v, w: (local(v, w) * OPENGL + 1) / 2,
          "camera-opengl:coded", "world", "encoded as (n + 1) / 2: write n of the world"),
     Case("z for distance", "depth", lambda v, w: v / ray_cosine(w), "distance", "z",
@@ -117,6 +129,75 @@ def test_a_wrong_declaration_is_named_and_the_right_one_is_not(
                 np.testing.assert_allclose(found.layers(view)[case.layer], was, rtol=2e-5, atol=2e-6)
 
 
+@pytest.mark.parametrize(
+    ("made", "declared"),
+    [
+        (lambda v: np.rint((v + 1) / 2 * 255).astype(np.uint8), "camera-opengl:coded:codes"),
+        (lambda v: v * 3, "world"),
+        (lambda v: v * 0.1, "world"),
+    ],
+)
+def test_normals_that_are_no_directions_are_named(
+    made: Callable[[np.ndarray], np.ndarray], declared: str, adopted_scene: Path, own: Path, tmp_path: Path
+) -> None:
+    """Whatever was mistaken, a length other than 1 shows it; scores look at directions alone."""
+    (tmp_path / "theirs").mkdir()
+    for view, _, layers, _ in numbered(own, adopted_scene):
+        np.save(tmp_path / "theirs" / f"{view.name}.npy", made(layers["normal"]))
+    adopt(request_of(tmp_path / "theirs", adopted_scene, [f"normal={{view}}.npy:{declared}"]), tmp_path / "o")
+    (hint,) = find_hints(tmp_path / "o", adopted_scene)
+    assert (hint.layer, "normals are" in hint.says, "coded" in hint.declare) == ("normal", True, True)
+
+
+@pytest.mark.parametrize(
+    ("layer", "declared", "factor", "right"),
+    [
+        ("depth", "z:times=0.01", 0.1, "times=0.001"),
+        ("depth", "z:codes:times=0.01", 0.0999993, "times=0.001"),
+        ("depth", "distance", 2.7, "times=2.7"),
+        ("depth", "inverse:times=0.5", 4.0, "times=0.125"),
+        ("depth", "z:times=0.001", 1000.0, "the same without times"),
+        ("base_color", "linear:times=2", np.pi, "times=6.28319"),
+        ("base_color", "gamma2:times=2", 4.0, "times=4"),
+        ("base_color", "srgb", np.pi, ""),
+        ("normal", "world", -1.0, "times=-1"),
+        ("normal", "world:coded", -1.0, ""),
+    ],
+)
+def test_a_factor_is_told_as_it_is_to_be_written(
+    layer: str, declared: str, factor: float, right: str
+) -> None:
+    """A factor is taken on the values as they lie in the files, and stands in the place of another one."""
+    assert times_word(parse_map(f"{layer}={{view}}.npy:{declared}"), factor) == right
+
+
+@pytest.mark.parametrize(("declared", "factor"), [("z:times=0.01", 1000.0), ("inverse:times=0.5", 1.0)])
+def test_what_a_hint_of_the_verb_says_is_right_when_it_is_written(
+    declared: str,
+    factor: float,
+    adopted_scene: Path,
+    own: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """No second hint sends back to the first declaration."""
+    (tmp_path / "theirs").mkdir()
+    for view, _, layers, _ in numbered(own, adopted_scene):
+        values = layers["depth"] if declared.startswith("z") else 1 / layers["depth"]
+        np.save(tmp_path / "theirs" / f"{view.name}.npy", values * factor)
+    args = ["adopt", str(tmp_path / "theirs"), str(adopted_scene), "--out", str(tmp_path / "o"), "--map"]
+    assert main([*args, f"depth={{view}}.npy:{declared}"]) == 0
+    said = capsys.readouterr().out
+    word = said.partition("of depth: try ")[2].split("\n")[0].split(",")[0]
+    kind = declared.partition(":")[0]
+    again = kind if word == "the same without times" else f"{kind}:{word}"
+    assert main([*args, f"depth={{view}}.npy:{again}"]) == 0
+    assert "hint 1" not in capsys.readouterr().out
+    found, mine = open_predictions(tmp_path / "o"), open_predictions(own)
+    for view in mine.view_names():
+        np.testing.assert_allclose(found.layers(view)["depth"], mine.layers(view)["depth"], rtol=2e-3)
+
+
 @pytest.mark.parametrize("layer", ["radiance", "base_color", "normal", "depth"])
 def test_views_in_another_order_are_named(layer: str, adopted_scene: Path, own: Path, tmp_path: Path) -> None:
     """Files are numbered in the reverse order of the names of views."""
@@ -145,8 +226,3 @@ def test_decoding_goes_on_beyond_white(adopted_scene: Path, own: Path, tmp_path:
     adopt(request_of(tmp_path / "theirs", adopted_scene, ["radiance={view}.npy:srgb"]), tmp_path / "ours")
     found = open_predictions(tmp_path / "ours").layers("test_001")["radiance"]
     np.testing.assert_allclose(found, decode(values), rtol=1e-6)
-
-
-def test_json_holds_the_hints(tmp_path: Path, adopted_scene: Path, own: Path) -> None:
-    write_json(tmp_path / "hints.json", find_hints(own, adopted_scene))
-    assert (tmp_path / "hints.json").read_text().strip() == "[]"

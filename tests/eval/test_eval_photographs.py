@@ -7,15 +7,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from skimage.metrics import peak_signal_noise_ratio
 
-from graycard import DatasetError, GraycardError, RecordError, View, capture_folders, open_capture
+from graycard import (
+    DatasetError,
+    GraycardError,
+    Predictions,
+    RecordError,
+    Truth,
+    View,
+    capture_folders,
+    open_capture,
+    open_truth,
+    srgb_decode,
+)
 from graycard.cli import main
 from graycard.dataset import HELD_OUT, is_imported, open_held_out
 from graycard.eval import all_metrics, find_hints, score_photographs, score_predictions
 from graycard.io import write_json
+from graycard.predictions import finish_predictions, write_view
 from graycard.records import KIND, read_photograph_sheet, read_score_sheet
-from real_captures import codes_of, encode_by_hand, import_tiny, predict_photographs
+from real_captures import codes_of, encode_by_hand, import_bracketed, import_tiny, predict_photographs
 
 Tiny = Callable[..., Path]
 
@@ -62,6 +75,55 @@ def test_psnr_is_that_of_scikit_image(cellar: Path, tmp_path: Path) -> None:
     assert found["photographs.psnr"].expected == found["photographs.psnr"].scored == 3
 
 
+FACTORS = 0.25, 1.0, 4.0, 2.0
+
+
+def test_each_photograph_is_compared_at_its_own_exposure(tmp_path: Path, write_tiny: Tiny) -> None:
+    """Light that is right is right where a long exposure was full; PSNR is that of the files' own codes."""
+    scene = import_bracketed(tmp_path, write_tiny, FACTORS)
+    held, mine = open_held_out(scene), tmp_path / "right"
+    truth = open_truth(tmp_path / "rendered" / "dark" / "tiny-0000" / "truth")
+    assert len({held.exposure(view) for view in held.views}) == 3
+    unit = float(np.median(held.photograph(held.views[0])) / np.median(true_light(truth, held.views[0])))
+    for view in (*held.capture.train, *held.views):
+        write_view(mine, view.name, {"radiance": unit * true_light(truth, view)})
+    finish_predictions(mine, Predictions("mine", "dark", "cellar"))
+    found = {score.metric: score for score in score_photographs(mine, scene).scores}
+    assert (found["photographs.psnr"].value or 0) > 45
+    assert "as_taken" not in found["photographs.psnr"].breakdown
+    off = predict_photographs(tmp_path / "off", scene, noisy)
+    levels = [held.capture.exposure * held.exposure(view) for view in held.views]
+    predicted = [
+        np.clip(encode_by_hand(np.float64(level) * noisy(view, held.photograph(view))), 0, 1)
+        for level, view in zip(levels, held.views, strict=True)
+    ]
+    codes = [np.asarray(Image.open(tmp_path / "away" / "images" / f"{v.name}.png")) / 255 for v in held.views]
+    value = peak_signal_noise_ratio(np.stack(codes), np.stack(predicted), data_range=1)
+    scored = next(s for s in score_photographs(off, scene).scores if s.metric == "photographs.psnr")
+    assert scored.value == pytest.approx(value, abs=0.01)
+
+
+def true_light(truth: Truth, view: View) -> np.ndarray:
+    return truth.layers(truth.view(view.name))["radiance"]
+
+
+def test_exposures_of_held_out_photographs_lie_beside_them(tmp_path: Path, write_tiny: Tiny) -> None:
+    """Those of training views are the capture's; a held-out one ends at its own white."""
+    scene = import_bracketed(tmp_path, write_tiny, FACTORS)
+    held = open_held_out(scene)
+    assert held.sensor is not None
+    assert {*held.sensor.exposures} == {view.name for view in held.views}
+    assert held.capture.sensor is not None
+    assert {*held.capture.sensor.exposures} == {view.name for view in held.capture.train}
+    for view in held.views:
+        white = held.photograph(view).max() * held.capture.exposure * held.exposure(view)
+        codes = np.asarray(Image.open(tmp_path / "away" / "images" / f"{view.name}.png"))
+        assert white == pytest.approx(srgb_decode(np.array(codes.max() / 255)), rel=1e-4)
+    (scene / HELD_OUT / "sensor.json").write_text('{"exposures": {"test_000": -1}}')
+    with pytest.raises(DatasetError, match=r"sensor\.json"):
+        open_held_out(scene)
+
+
 def test_a_perfect_picture_is_perfect(cellar: Path, tmp_path: Path) -> None:
     sheet = score_photographs(predict_photographs(tmp_path / "mine", cellar), cellar)
     for score in sheet.scores:
@@ -75,7 +137,7 @@ def test_no_score_can_be_taken_for_one_with_truth(cellar: Path, tmp_path: Path) 
     mine = predict_photographs(tmp_path / "mine", cellar)
     sheet = score_photographs(mine, cellar)
     assert {s.metric.partition(".")[0] for s in sheet.scores} == {"photographs"}
-    assert {s.protocol for s in sheet.scores} == {"photographs-1"}
+    assert {s.protocol for s in sheet.scores} == {"photographs-2"}
     assert not {s.metric for s in sheet.scores} & {metric.id for metric in all_metrics()}
     assert [m.id for m in sheet.metrics] == [s.metric for s in sheet.scores]
     assert sheet.kind == KIND == "photographs, no truth"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A capture as a user has one: photographs of 8 bits with cameras, some of them held out, and no truth."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,21 @@ def import_tiny(folder: Path, write_tiny: Callable[..., Path], leave_out: tuple[
             shown = np.clip(truth.layers(view)["radiance"] * capture.exposure, 0, 1)
             codes = np.rint(255 * encode_by_hand(shown)).astype(np.uint8)
             Image.fromarray(codes).save(folder / "away" / "images" / f"{view.name}.png")
+    return import_capture(folder / "away", folder / "mine", "dark", "cellar")
+
+
+def import_bracketed(folder: Path, write_tiny: Callable[..., Path], factors: Sequence[float]) -> Path:
+    """Import photographs of the tiny scene whose EXIF tells other exposures, in turn; each ends at white."""
+    scene = write_tiny(folder / "rendered", train=6, test=3)
+    export_capture(scene, "nerfstudio", folder / "away")
+    truth, capture = open_truth(scene / "truth"), open_capture(scene / "capture")
+    for number, view in enumerate(sorted(capture.views, key=lambda view: view.name)):
+        factor = factors[number % len(factors)]
+        level = np.clip(truth.layers(view)["radiance"] * capture.exposure * factor, 0, 1)
+        exif = Image.Exif()
+        exif.get_ifd(0x8769)[0x829A] = 0.01 * factor
+        codes = np.rint(255 * encode_by_hand(level)).astype(np.uint8)
+        Image.fromarray(codes).save(folder / "away" / "images" / f"{view.name}.png", exif=exif.tobytes())
     return import_capture(folder / "away", folder / "mine", "dark", "cellar")
 
 

@@ -20,6 +20,7 @@ from graycard.dataset import manifest_of
 from graycard.io import silent, write_layers, write_manifest
 from graycard.layers import LOBES, PARTS, find_fault, with_derived
 from graycard.methods._retinex import RetinexSettings, integrate_steps, split
+from graycard.methods._store import store
 
 NAMES = ("truth", "gray", "input", "retinex")
 
@@ -88,6 +89,16 @@ def test_a_damaged_save(tiny_scenes: dict[str, Path], tmp_path: Path):
         methods.load_method("gray").load(tmp_path)
     with pytest.raises(MethodError, match="expected a JSON file"):
         methods.load_method("gray").load(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("shape", [(), (1,), (2,), (4,), (3, 1), (1, 3)])
+def test_a_radiance_of_another_shape_is_a_damaged_save(
+    shape: tuple[int, ...], tiny_scenes: dict[str, Path], tmp_path: Path
+):
+    fit("gray", tiny_scenes["dark"]).save(tmp_path)
+    store(tmp_path, "gray", {"reflectance": 0.2}, {"radiance": np.zeros(shape)})
+    with pytest.raises(MethodError, match=r"got a damaged one: expected a radiance of shape \(3,\)"):
+        methods.load_method("gray").load(tmp_path)
 
 
 def test_truth_removes_its_target_and_nothing_else(tiny_scenes: dict[str, Path]):

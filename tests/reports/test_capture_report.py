@@ -10,9 +10,11 @@ import pytest
 
 from graycard import RecordError, View
 from graycard.cli import main
+from graycard.dataset import open_held_out
 from graycard.eval import score_photographs
 from graycard.reports import CaptureRow, write_capture_report
-from real_captures import import_tiny, predict_photographs
+from graycard.reports.captures._page import capture_page
+from real_captures import import_bracketed, import_tiny, predict_photographs
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +55,35 @@ def test_pictures_stand_beside_their_photograph(rows: list[CaptureRow], tmp_path
     values = [score.value for score in rows[1].sheet.scores if score.metric == "photographs.psnr"]
     assert values[0] is not None
     assert f"{values[0]:.2f}" in page
+
+
+def test_pictures_are_shown_at_the_exposure_of_each_photograph(
+    tmp_path: Path, write_tiny: Callable[..., Path]
+) -> None:
+    """Light beyond the white of a photograph is shown as white, as the photograph is, and is no error."""
+    scene = import_bracketed(tmp_path, write_tiny, (0.5, 2.0, 4.0))
+    held = open_held_out(scene)
+
+    def brighter(view: View, light: np.ndarray) -> np.ndarray:
+        if view.split == "train":
+            return light
+        white = 1 / (held.capture.exposure * held.exposure(view))
+        return np.where(light > 0.999 * white, 3 * light, light).astype(np.float32)
+
+    mine = predict_photographs(tmp_path / "mine", scene, brighter)
+    page = capture_page(scene, [CaptureRow("mine", mine, score_photographs(mine, scene))])
+    pictures = [
+        (row.truth.picture, row.predictions[0].picture, row.errors[0].picture)
+        for row in (view.picture for view in page.views)
+    ]
+    for true, predicted, error in pictures:
+        assert true is not None
+        assert predicted is not None
+        assert error is not None
+        assert true.source == predicted.source
+        assert error.source == next(e for _, _, e in pictures if e is not None).source
+    assert len({true.source for true, _, _ in pictures if true is not None}) == 3
+    assert (held.photograph(held.views[2]).max() * held.capture.exposure) < 0.5, "full far below white"
 
 
 def test_the_same_predictions_give_the_same_bytes(rows: list[CaptureRow], tmp_path: Path) -> None:

@@ -162,8 +162,11 @@ def test_held_out_views_may_be_named(folder: Path, tmp_path: Path):
         "04",
         "07",
     ]
-    with pytest.raises(UnknownNameError, match="expected a photograph that exists, got '11'"):
-        take_in(folder, tmp_path / "c", hold_out="03,11")
+    paths = f"images/02.png, images/04, {folder / 'images' / '06.png'}"
+    assert [v.name for v in take_in(folder, tmp_path / "c", hold_out=paths).test] == ["02", "04", "06"]
+    for bad in ("11", "other/03.png", "ges/03.png", "03.jpg"):
+        with pytest.raises(UnknownNameError, match=f"expected a photograph that exists, got '{bad}'"):
+            take_in(folder, tmp_path / "d", hold_out=f"03,{bad}")
 
 
 def test_photographs_become_linear(folder: Path, tmp_path: Path):

@@ -9,6 +9,7 @@ from graycard.adoption._adopt import request_of as request_of
 from graycard.adoption._declared import MEANINGS as MEANINGS
 from graycard.adoption._declared import LayerMap as LayerMap
 from graycard.adoption._declared import parse_map as parse_map
+from graycard.adoption._declared import times_word as times_word
 from graycard.adoption._layouts import LAYOUTS as LAYOUTS
 from graycard.adoption._layouts import Layout as Layout
 from graycard.adoption._layouts import Views as Views

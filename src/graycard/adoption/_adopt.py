@@ -11,11 +11,20 @@ import numpy as np
 from graycard._capture import Capture, View
 from graycard._errors import DatasetError, PredictionError
 from graycard.adoption._arrays import read_array
-from graycard.adoption._declared import LayerMap, parse_map
+from graycard.adoption._declared import DEPTH, LayerMap, parse_map
 from graycard.adoption._layouts import Layout, Views
-from graycard.adoption._places import Place, check_pattern, filled, find_file, is_stack, number_in, places_of
+from graycard.adoption._places import (
+    Files,
+    Place,
+    check_pattern,
+    filled,
+    is_stack,
+    number_in,
+    one_beyond,
+    places_of,
+)
 from graycard.adoption._values import to_layer
-from graycard.dataset import is_imported, open_capture
+from graycard.dataset import is_in_display_white, open_capture
 from graycard.io import Progress, atomic_folder, read_bytes, remove, silent
 from graycard.predictions import (
     FOLDERS,
@@ -26,8 +35,6 @@ from graycard.predictions import (
     finish_predictions,
     write_view,
 )
-
-ORDERS = ("capture", "name")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +107,7 @@ def request_of(
         UnknownNameError: There is no such layer or word.
     """
     known, notes = _of_layout(layout, Path(scene))
+    notes = (*notes, *_of_program(layout, Path(scene)))
     given = [_completed(parse_map(text), known) for text in maps]
     layers = [declared.layer for declared in given]
     if double := [layer for layer in layers if layers.count(layer) > 1]:
@@ -126,7 +134,8 @@ def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
 
     Raises:
         DatasetError: The capture is missing or broken.
-        PredictionError: A file is missing, broken, of another size or of other channels.
+        PredictionError: A file is missing, broken, of another size or of other channels, or no value of a
+            layer is one.
         OutputError: The folder holds something else, or cannot be written to.
     """
     if not request.folder.is_dir():
@@ -134,11 +143,14 @@ def adopt(request: Request, out: Path, progress: Progress = silent) -> Adopted:
     capture = open_capture(request.scene / "capture", check=False)
     places = places_of(_ordered(capture, request))
     check_room(out)
-    taken, absent = _taken(request, places)
+    files = Files(request.folder, request.star)
+    taken, absent = _taken(request, files, places)
     staging = out.parent / f".{out.name}.adopted"
     remove(staging)
     with atomic_folder(staging) as folder:
-        ranges = _write_views(folder, request, taken, places, capture.exposure, progress)
+        ranges = _write_views(folder, files, taken, places, capture.exposure, progress)
+        for declared in taken:
+            _check_range(declared, ranges[declared.layer], request.folder)
         method = request.method or request.folder.resolve().name or "adopted"
         finish_predictions(folder, Predictions(method, capture.track, capture.scene))
     _move(staging, out)
@@ -156,7 +168,7 @@ def _of_layout(layout: Layout | None, scene: Path) -> tuple[list[LayerMap], tupl
     A program that was trained on a user's own photographs knows nothing of the exposure of their capture.
     """
     known = [parse_map(text) for text in layout.maps] if layout else []
-    if not any(declared.exposed for declared in known) or not is_imported(scene):
+    if not any(declared.exposed for declared in known) or not is_in_display_white(scene):
         return known, ()
     plain = [
         replace(declared, exposed=False, words=tuple(word for word in declared.words if word != "exposed"))
@@ -165,6 +177,17 @@ def _of_layout(layout: Layout | None, scene: Path) -> tuple[list[LayerMap], tupl
     return plain, (
         "exposed was left out of the layout, as for code that was trained on the photographs themselves. For "
         "photographs of `graycard export` declare it: --map radiance=:srgb:exposed",
+    )
+
+
+def _of_program(layout: Layout | None, scene: Path) -> tuple[str, ...]:
+    """Say of which views a program renders pictures, where these are perhaps not those of the scene."""
+    if layout is None or not layout.of_photographs or is_in_display_white(scene):
+        return ()
+    return (
+        f"{layout.title.partition(':')[0]} opens a photograph for each view that it renders, and `graycard "
+        "export` writes none of held-out views: make sure that each picture is of the view that its name or "
+        "number means",
     )
 
 
@@ -211,19 +234,21 @@ def _listed(path: Path, views: Mapping[str, View]) -> list[View]:
     return [views[name] for name in names]
 
 
-def _taken(request: Request, places: Sequence[Place]) -> tuple[list[LayerMap], list[str]]:
+def _taken(request: Request, files: Files, places: Sequence[Place]) -> tuple[list[LayerMap], list[str]]:
     """Return the maps that have files, and what is said of layers without.
 
     Raises:
-        PredictionError: A layer has files for some views and not for others, or none has any.
+        PredictionError: A layer has files for some views and not for others, or for more than there are, or
+            none has any.
     """
     taken: dict[str, LayerMap] = {}
     for declared in request.maps:
         if declared.layer in taken:
             continue
-        lacking = [p for p in places if find_file(request.folder, declared.pattern, p, request.star) is None]
+        lacking = [p for p in places if files.find(declared.pattern, p) is None]
         if len(lacking) < len(places) or declared.layer not in request.optional:
             _check_none_lacks(request, declared, lacking, places)
+            _check_none_is_left(request, files, declared, places)
             taken[declared.layer] = declared
     absent = {m.layer: m.pattern for m in request.maps if m.layer not in taken}
     if not taken:
@@ -251,9 +276,25 @@ def _check_none_lacks(
     )
 
 
+def _check_none_is_left(request: Request, files: Files, declared: LayerMap, places: Sequence[Place]) -> None:
+    """Refuse numbered files of more views than are adopted: the numbers then mean other views.
+
+    Raises:
+        PredictionError: There is a file beyond the last view.
+    """
+    for place in one_beyond(declared.pattern, places):
+        if found := files.find(declared.pattern, place):
+            _, count = number_in(place, declared.pattern)
+            of = f"{place.view.split} views" if "{split}" in declared.pattern else "views"
+            raise PredictionError(
+                f"expected {declared.layer} of {count} {of} in {request.folder}, got more: {found.name} is "
+                "there, too. Number the views of the scene alone; --views and --order say which they are"
+            )
+
+
 def _write_views(
     folder: Path,
-    request: Request,
+    files: Files,
     taken: Sequence[LayerMap],
     places: Sequence[Place],
     exposure: float,
@@ -266,7 +307,7 @@ def _write_views(
         progress(number / len(places), place.view.name)
         layers = {}
         for declared in taken:
-            path = find_file(request.folder, declared.pattern, place, request.star)
+            path = files.find(declared.pattern, place)
             if path is None:
                 raise DatasetError(f"expected {declared.pattern} to stay where it was, got none. Try again")
             values = _read(path, declared, place, stacks)
@@ -302,6 +343,25 @@ def _range(
     if finite.size:
         low, high = min(low, float(finite.min())), max(high, float(finite.max()))
     return low, high, files | {path}
+
+
+def _check_range(declared: LayerMap, found: tuple[float, float, set[Path]], folder: Path) -> None:
+    """Refuse a layer that says nothing in any view.
+
+    Raises:
+        PredictionError: No value is finite, or no depth is above 0.
+    """
+    low, high, _ = found
+    if low > high:
+        raise PredictionError(
+            f"expected values of {declared.layer} in {folder}, got none that is finite by '{declared}'. Mend "
+            "the outputs, or the declaration"
+        )
+    if declared.layer == DEPTH and high <= 0:
+        raise PredictionError(
+            f"expected depths above 0 in {folder}, got {low:.4g} to {high:.4g} by '{declared}'. Where z "
+            "points backward, add times=-1"
+        )
 
 
 def _adopted(declared: LayerMap, found: tuple[float, float, set[Path]]) -> AdoptedLayer:

@@ -18,6 +18,8 @@ PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 ARRAYS = (".npy", ".npy.gz", ".npz")
 SUFFIXES = (*PICTURES, ".exr", *ARRAYS)
 _BROKEN = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, struct.error, MemoryError)
+_OBJECTS = ("Object arrays", "Python objects")
+"""Words by which NumPy says that an array holds none of numbers."""
 _ORDERS = ("RGBA", "RGB", "XYZ", "Y", "Z", "V", "R", "A", "ID")
 """Suffixes of channels that make one image of an EXR file; the first that are all there."""
 _LARGEST = 2**31
@@ -59,6 +61,10 @@ def read_array(path: Path, key: str = "") -> np.ndarray:
             return _npz(path, key)
         return _picture(path) if suffix in PICTURES else _npy(path, suffix)
     except _BROKEN as cause:
+        if any(words in str(cause) for words in _OBJECTS):
+            raise PredictionError(
+                f"expected numbers in {path}, got objects of Python, which are not opened. Write float32"
+            ) from cause
         raise PredictionError(
             f"expected a whole file at {path}, got one that breaks off or is none: {cause}. Write it again"
         ) from cause

@@ -52,6 +52,8 @@ MEANINGS = {
 """Words as a reader is told them."""
 _GAMMA = re.compile(r"gamma(\d+(?:\.\d+)?)")
 _PANEL = re.compile(r"(\d+)/(\d+)")
+_ROUND = 1e-4
+"""Share by which a factor that was found may differ from the short number that it is told as."""
 _COLON = re.compile(r":(?![^{}]*\})")
 """A colon that stands outside of braces."""
 
@@ -112,6 +114,28 @@ def parse_map(text: str) -> LayerMap:
         found = replace(found, **_meaning(word, text))
     _check_words(found)
     return found
+
+
+def times_word(declared: LayerMap, factor: float) -> str:
+    """Return the word that brings a factor to a layer as it was adopted, in the place of a ``times=`` there.
+
+    Args:
+        declared: Declaration by which it was adopted.
+        factor: On the layer's values: metres, reflectance, or components of normals.
+
+    Returns:
+        Empty where none does, as the values are decoded after they were multiplied.
+    """
+    if declared.curve.startswith("gamma"):
+        on_values = abs(factor) ** (1 / float(declared.curve.removeprefix("gamma")))
+    else:
+        on_values = 1 / factor if declared.along == "inverse" else factor
+    if declared.curve == "srgb" or declared.coded:
+        return ""
+    product = declared.times * on_values
+    short = float(f"{product:.3g}")
+    product = short if abs(short - product) < _ROUND * abs(product) else product
+    return "the same without times" if product == 1 else f"times={product:.6g}"
 
 
 def _meaning(word: str, text: str) -> Mapping[str, Any]:

@@ -2,7 +2,8 @@
 """Folders as published code writes them.
 
 Each is read off the script that its source names, at the commit that it names. Light is ``exposed``
-throughout: such code was trained on photographs of ``graycard export``, radiance times the exposure.
+throughout: such code was trained on photographs of ``graycard export``, radiance times the exposure. For
+imported captures, whose photographs were given to it as they were, the word is left out.
 """
 
 from collections.abc import Mapping
@@ -28,6 +29,8 @@ class Layout:
     """Repository, file and commit that the layout was read off."""
     views: Views = "all"
     note: str = ""
+    of_photographs: bool = True
+    """Whether the program opens a photograph for each view, which exported scenes lack for held-out views."""
 
 
 _LAYOUTS = (
@@ -95,6 +98,7 @@ _LAYOUTS = (
         ),
         "Haian-Jin/TensoIR, renderer.py, evaluation_iter_TensoIR, 0ce4aa7",
         views="test",
+        of_photographs=False,  # `graycard export --format tensoir` has pictures of held-out views
         note="where the capture had no truth, normal has three panels: --map "
         "normal=normal/*{index:03d}.png:panel=1/3:world:coded",
     ),
@@ -144,7 +148,8 @@ _LAYOUTS = (
         ("radiance=renders/val_step*_{index:04d}.png:panel=2/2:srgb:exposed",),
         "nerfstudio-project/gsplat, examples/simple_trainer.py, Runner.eval, 00877bf",
         views="test",
-        note="it evaluates at several steps: name one by --star 29999",
+        note="it evaluates at several steps: name one by --star 29999; its views are each 8th of the "
+        "photographs in its folder, as `graycard import` holds them out",
     ),
 )
 LAYOUTS: Mapping[str, Layout] = {layout.name: layout for layout in _LAYOUTS}

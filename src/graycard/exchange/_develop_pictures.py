@@ -100,6 +100,8 @@ class Developed:
     """The factor by which their 99th percentile becomes 1."""
     sensor: Sensor | None
     """The exposures of single photographs; None where all are taken as exposed alike."""
+    held_out: Sensor | None
+    """The same of those of held-out views."""
     rows: tuple[ImportRow, ...]
 
 
@@ -243,7 +245,13 @@ def develop_pictures(
     if white <= 0:
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
-    return Developed(1 / white, _sensor(found, white, bits), merge_rows([*rows, *found.rows]))
+    train, held = found.exposures.train, found.exposures.held
+    return Developed(
+        1 / white,
+        _sensor(found.shots, train, white, bits),
+        _sensor(found.held, held if train or set(held) != {1.0} else (), white, bits),
+        merge_rows([*rows, *found.rows]),
+    )
 
 
 def _in_order(work: Callable[[int], DoneT], count: int) -> Iterator[DoneT]:
@@ -268,11 +276,13 @@ def _look_through(
     return white, [_row(note, len(masks))]
 
 
-def _sensor(found: FoundPictures, white: float, bits: int) -> Sensor | None:
+def _sensor(
+    shots: Sequence[PosedPhotograph], exposures: Sequence[float], white: float, bits: int
+) -> Sensor | None:
     """Return the exposures as a capture has them: white is where radiance × exposure × factor is 1."""
-    if not found.exposures.train:
+    if not exposures:
         return None
-    factors = zip(found.shots, found.exposures.train, strict=True)
+    factors = zip(shots, exposures, strict=True)
     return Sensor(bits=bits, exposures={shot.name: factor * white for shot, factor in factors})
 
 

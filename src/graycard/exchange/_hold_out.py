@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from graycard._errors import DatasetError, UnknownNameError
@@ -101,13 +101,16 @@ def _names(wanted: str) -> list[str]:
 def _named(shots: Sequence[PosedPhotograph], names: Sequence[str]) -> list[PosedPhotograph]:
     chosen = set()
     for name in names:
-        found = [i for i, shot in enumerate(shots) if name in _known_as(shot)]
+        found = [i for i, shot in enumerate(shots) if _is_called(shot, name)]
         if not found:
             raise UnknownNameError("photograph", name, (shot.name for shot in shots))
         chosen.update(found)
     return [replace(shot, held_out=i in chosen) for i, shot in enumerate(shots)]
 
 
-def _known_as(shot: PosedPhotograph) -> set[str]:
-    """Return the names by which a photograph may be called: of its view, and of its file."""
-    return {shot.name, shot.image.name, shot.image.stem, shot.image.as_posix()}
+def _is_called(shot: PosedPhotograph, name: str) -> bool:
+    """Tell whether a name is that of a view, or of its file: with or without its suffix and its folders."""
+    parts = PurePath(name).parts
+    return name == shot.name or any(
+        parts == path.parts[-len(parts) :] for path in (shot.image, shot.image.with_suffix(""))
+    )

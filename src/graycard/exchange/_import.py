@@ -10,7 +10,7 @@ from graycard._errors import DatasetError, OutputError
 from graycard._held_out import HELD_OUT
 from graycard.dataset import IMPORTER, write_index
 from graycard.exchange._cameras import PosedPhotograph
-from graycard.exchange._develop_pictures import develop_held_out, develop_pictures
+from graycard.exchange._develop_pictures import Developed, develop_held_out, develop_pictures
 from graycard.exchange._doctor import ImportRow, merge_rows
 from graycard.exchange._given_truth import develop_given_truth, write_given_truth
 from graycard.exchange._held_out import write_held_out
@@ -139,8 +139,9 @@ def write_import(
     generator = {"name": IMPORTER, "version": version}
     manifest = Manifest("graycard-capture", FORMAT_VERSION, plan.track, scene, generator, {}, plan.settings)
     with atomic_folder(Path(dataset) / plan.track / scene) as home:
-        capture, rows = _write_capture(home / "capture", plan, manifest, progress)
-        rows += write_held_out(home / HELD_OUT, plan.pictures, manifest)
+        capture, developed = _write_capture(home / "capture", plan, manifest, progress)
+        rows = [*developed.rows]
+        rows += write_held_out(home / HELD_OUT, plan.pictures, manifest, developed.held_out)
         if plan.has_truth:
             rows += write_given_truth(plan, capture, home / "truth", generator)
         else:
@@ -150,7 +151,7 @@ def write_import(
 
 def _write_capture(
     folder: Path, plan: ImportPlan, manifest: Manifest, progress: Progress
-) -> tuple[Capture, list[ImportRow]]:
+) -> tuple[Capture, Developed]:
     def keep(shot: PosedPhotograph, light: np.ndarray) -> None:
         write_rgb(folder / f"photographs/{shot.name}.exr", light, quick=shot.keeps_pixels)
 
@@ -167,7 +168,7 @@ def _write_capture(
     capture = Capture(plan.track, manifest.scene, views, *light)
     write_index(folder, capture)
     write_manifest(folder, manifest)
-    return capture, list(developed.rows)
+    return capture, developed
 
 
 def survey_import(plan: ImportPlan, progress: Progress = silent) -> tuple[ImportRow, ...]:

@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """PLY files of any program: elements as arrays, but for those with lists."""
 
+import io
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +26,8 @@ _TYPES = {
 _ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
 """Order of bytes, by the format that the header names."""
 _LONGEST_HEADER = 2**16
+_BLOCK = 1024
+"""Rows of text that are parsed at once."""
 _MARK = b"\xef\xbb\xbf"
 """A byte order mark, which editors put before text."""
 
@@ -86,7 +92,7 @@ def read_ply(path: Path, error: type[GraycardError], what: str) -> Ply:
     try:
         elements = _elements(header.lines, _ORDERS[header.format])
         if header.format == "ascii":
-            found = _text_rows(data[header.start :], elements)
+            found = _text_rows(data, elements, header.start)
         else:
             found = _binary_rows(data, elements, header.start)
     except (ValueError, KeyError, IndexError, OverflowError) as cause:
@@ -130,6 +136,11 @@ def _count(text: str) -> int:
 
 
 def _binary_rows(data: bytes, elements: list[_Element], start: int) -> dict[str, np.ndarray]:
+    """Return rows; lists after the last element without lists are not walked through.
+
+    Raises:
+        ValueError: The file ends before the rows do, or goes on after them.
+    """
     rows = {}
     last = max((i for i, element in enumerate(elements) if element.plain), default=-1)
     for element in elements[: last + 1]:
@@ -138,6 +149,8 @@ def _binary_rows(data: bytes, elements: list[_Element], start: int) -> dict[str,
             start += element.count * element.kind.itemsize
         else:
             start = _past_lists(data, element, start)
+    if last + 1 == len(elements) and data[start:].strip(b"\0\r\n "):
+        raise ValueError(f"{len(data) - start} bytes more than the header counts")
     return rows
 
 
@@ -159,15 +172,35 @@ def _past_lists(data: bytes, element: _Element, start: int) -> int:
     return start
 
 
-def _text_rows(data: bytes, elements: list[_Element]) -> dict[str, np.ndarray]:
-    lines, rows, start = data.decode("latin-1").splitlines(), {}, 0
+def _text_rows(data: bytes, elements: list[_Element], start: int) -> dict[str, np.ndarray]:
+    """Return rows of text; they are read block by block, as numbers of Python take many times their space.
+
+    Raises:
+        ValueError: There are fewer or more lines than the header counts, or one holds other numbers.
+    """
+    file = io.BytesIO(data)
+    file.seek(start)
+    lines, rows = iter(io.TextIOWrapper(file, "latin-1")), {}
     for element in elements:
-        part = lines[start : start + element.count]
-        if len(part) < element.count and element.plain:
-            raise ValueError(f"{len(part)} of {element.count} rows of {element.name}")
-        start += element.count
         if element.plain:
-            values = np.array([line.split() for line in part], np.float64)
-            values = values.reshape(element.count, len(element.fields))
-            rows[element.name] = np.array([tuple(row) for row in values.tolist()], element.kind)
+            rows[element.name] = _parsed(lines, element)
+        else:
+            deque(islice(lines, element.count), maxlen=0)
+    if more := sum(1 for line in lines if line.strip()):
+        raise ValueError(f"{more} lines more than the header counts")
+    return rows
+
+
+def _parsed(lines: Iterator[str], element: _Element) -> np.ndarray:
+    rows = np.empty(min(element.count, _BLOCK), element.kind)
+    done = 0
+    while done < element.count:
+        block = [line.split() for line in islice(lines, min(_BLOCK, element.count - done))]
+        if not block:
+            raise ValueError(f"{done} of {element.count} rows of {element.name}")
+        if done + len(block) > len(rows):
+            rows = np.concatenate([rows, np.empty(min(len(rows), element.count - len(rows)), element.kind)])
+        values = np.array(block, np.float64).reshape(len(block), len(element.fields))
+        rows[done : done + len(block)] = np.array([tuple(row) for row in values.tolist()], element.kind)
+        done += len(block)
     return rows

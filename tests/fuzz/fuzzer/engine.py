@@ -173,8 +173,9 @@ class _Child:
 
     def _end(self) -> None:
         if self._process is not None:
-            for one in psutil.Process(self._process.pid).children(recursive=True):
-                one.kill()
+            with suppress(psutil.NoSuchProcess):
+                for one in psutil.Process(self._process.pid).children(recursive=True):
+                    one.kill()
             self._process.kill()
             self._process.wait()
             if self._process.stdin is not None:

@@ -14,7 +14,7 @@ import torch
 
 from graycard import MethodError, methods, srgb_encode
 from graycard.methods import Ask
-from graycard.methods.priors import Override, PriorSpec, weights_of
+from graycard.methods.priors import Override, PriorSpec, check_priors, weights_in, weights_of
 from graycard.methods.priors._slopes import normals_of
 
 
@@ -154,6 +154,16 @@ def test_damaged_weights_and_folders_for_other_kinds(scene, tmp_path: Path):
         scene.priors(spec, (Ask("depth"),))
     with pytest.raises(MethodError, match="expected a TorchScript file for roughness priors, got the folder"):
         scene.priors(spec, (Ask("roughness"),))
+
+
+def test_a_path_that_no_file_can_have_holds_no_weights():
+    spec = PriorSpec("pretrained", path="x" * 5000)
+    with pytest.raises(MethodError, match="expected weights"):
+        check_priors(spec, (Ask("depth"),))
+    assert weights_in(spec) == ()
+    own = PriorSpec("oracle", overrides={"depth": Override(source="pretrained", path="x" * 5000)})
+    with pytest.raises(MethodError, match="expected weights"):
+        check_priors(own, (Ask("depth"),))
 
 
 def test_weights_of_what_is_optional_may_be_missing(scene, tmp_path: Path):

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of trained splats are read as the programs that wrote them meant them, and damaged ones are named."""
 
+import tracemalloc
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -123,6 +124,29 @@ def test_properties_that_are_not_used_are_named(tmp_path: Path):
     assert read_splat(write_ply(tmp_path / "s.ply", columns)).unused == ("segment",)
 
 
+@pytest.mark.parametrize(
+    ("change", "doubt"),
+    [
+        (lambda c: c, None),
+        (lambda c: c | {"opacity": 1 / (1 + np.exp(-c["opacity"]))}, "opacities lie between 0 and 1"),
+        (lambda c: c | {f"scale_{a}": np.exp(c[f"scale_{a}"]) for a in range(3)}, "scales are above 0"),
+        (lambda c: c | {f"rot_{part}": c[f"rot_{part}"] * (np.arange(40) > 1) for part in range(4)},
+         "2 of 40 rotations have length zero"),
+    ],
+)  # fmt: skip
+def test_numbers_that_training_does_not_write_are_doubted(
+    tmp_path: Path, change: Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]], doubt: str | None
+):
+    found = read_splat(write_ply(tmp_path / "d.ply", change(inria_columns(raw(1, 40)))))
+    assert [said.startswith(doubt) for said in found.doubts if doubt] == [True] * (doubt is not None)
+    assert bool(found.doubts) == (doubt is not None)
+
+
+def test_a_few_gaussians_may_be_of_any_kind(tmp_path: Path):
+    columns = inria_columns(raw(0, 5)) | {"opacity": np.full(5, 0.5, np.float32)}
+    assert read_splat(write_ply(tmp_path / "d.ply", columns)).doubts == ()
+
+
 def test_limits_of_activations(tmp_path: Path):
     """Opaque, clear, flat, and without a direction: all of these are in files that training wrote."""
     columns = inria_columns(raw(0, 4))
@@ -181,7 +205,16 @@ def test_columns_that_cannot_be_drawn_are_named(
         (lambda data: b"", "without its header"),
         (lambda data: data.replace(b"vertex 5", b"vertex 99999999999999"), "cut off or damaged"),
         (lambda data: data.replace(b"vertex 5", b"vertex -1"), "cut off or damaged: -1 rows"),
-        (lambda data: data.replace(b"vertex 5", b"vertex 0"), "expected Gaussians in .*, got none"),
+        (
+            lambda data: data[: data.index(b"end_header\n") + 11].replace(b"vertex 5", b"vertex 0"),
+            "expected Gaussians in .*, got none",
+        ),
+        (
+            lambda data: data.replace(b"vertex 5", b"vertex 4"),
+            "damaged: 68 bytes more than the header counts",
+        ),
+        (lambda data: data.replace(b"vertex 5", b"vertex 0"), "damaged: 340 bytes more than"),
+        (lambda data: data + b"more", "damaged: 4 bytes more than the header counts"),
         (
             lambda data: data.replace(b"element vertex", b"element verses"),
             "an element vertex at .*, got verses",
@@ -198,16 +231,23 @@ def test_damaged_files_are_named(tmp_path: Path, change: Callable[[bytes], bytes
         read_splat(path)
 
 
+def _cut(data: bytes, count: int) -> bytes:
+    """Leave out bytes after the header."""
+    start = data.index(b"end_header\n") + 11
+    return data[:start] + data[start + count :]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (
-            lambda data: data.replace(b"element chunk 2", b"element chunk 1"),
+            lambda data: _cut(data.replace(b"element chunk 2", b"element chunk 1"), 18 * 4),
             "expected a chunk for each 256 of 300",
         ),
+        (lambda data: data.replace(b"element chunk 2", b"element chunk 1"), "72 bytes more than the header"),
         (lambda data: data.replace(b"uint packed_scale", b"int packed_scale"), "got none of packed_scale"),
         (lambda data: data.replace(b"min_scale_y", b"min_scale_q"), "got none of min_scale_y"),
-        (lambda data: data.replace(b"element sh 300", b"element sh 299"), "expected harmonics for 300"),
+        (lambda data: data.replace(b"element sh 300", b"element sh 299")[:-9], "expected harmonics for 300"),
         (lambda data: data[:-1], "cut off or damaged"),
     ],
 )
@@ -251,6 +291,44 @@ def test_no_byte_of_a_file_makes_another_error(
     path.write_bytes(data[:place] + value + data[place + len(value) :])
     with suppress(GraycardError):
         assert len(read_splat(path)) <= 5
+
+
+@pytest.mark.parametrize(
+    ("count", "left"), [(4, "1 lines more"), (0, "5 lines more"), (6, "5 of 6 rows of vertex")]
+)
+def test_text_with_other_rows_than_its_header_counts_is_named(tmp_path: Path, count: int, left: str):
+    path = write_ply(tmp_path / "t.ply", inria_columns(raw(0, 5)), "ascii")
+    text = path.read_text()
+    path.write_text(text + "\n \n")
+    assert len(read_splat(path)) == 5  # empty lines are none
+    path.write_text(text.replace("element vertex 5", f"element vertex {count}"))
+    with pytest.raises(DatasetError, match=f"cut off or damaged: {left}"):
+        read_splat(path)
+
+
+def test_lists_after_the_rows_are_passed_over(tmp_path: Path):
+    """Faces, which no splat needs, in both forms."""
+    for form in ("ascii", "binary_little_endian"):
+        path = write_ply(tmp_path / "t.ply", inria_columns(raw(0, 5)), form)
+        data = path.read_bytes().replace(
+            b"end_header\n", b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+        face = b"3 0 1 2\n" if form == "ascii" else b"\3" + np.arange(3, dtype="<i4").tobytes()
+        path.write_bytes(data + face)
+        assert len(read_splat(path)) == 5
+
+
+def test_text_is_read_in_a_small_multiple_of_its_size(tmp_path: Path):
+    """Lists of Python's numbers would take ten times as much."""
+    path = write_ply(tmp_path / "t.ply", inria_columns(raw(3, 8000)), "ascii")
+    tracemalloc.start()
+    try:
+        found = read_splat(path)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert_is(found, raw(3, 8000), 1e-5)
+    assert most < 4 * path.stat().st_size
 
 
 def surfels_with_colours() -> TrainedSplat:

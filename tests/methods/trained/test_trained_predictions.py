@@ -9,17 +9,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from graycard import Camera, Capture, DatasetError, GraycardError, Predictions, look_at
 from graycard.benchmarks.speed import _gsplat as peer
 from graycard.cli import main
 from graycard.dataset import open_capture, open_truth
-from graycard.eval import score_predictions
+from graycard.eval import score_photographs, score_predictions
+from graycard.exchange import ExchangeFormat, export_capture, import_capture
 from graycard.io import silent
 from graycard.methods.splat import SH_DC, Gaussians, Surfels, harmonics_basis, rotations_to
 from graycard.methods.surfels import srgb_decode_tensor, srgb_encode_tensor
 from graycard.methods.trained import (
+    Encoding,
     Frame,
     FrameKind,
     Look,
@@ -153,6 +156,56 @@ def test_what_the_pictures_hold_is_linear_radiance(tmp_path: Path, make_scene: C
             np.testing.assert_allclose(seen["radiance"] * capture.exposure, linear, rtol=1e-4)
             depth = view.camera.project(np.array([0, 0, 0.4]))[1]
             np.testing.assert_allclose(seen["depth"], depth, rtol=1e-5)
+
+
+def import_grey_wall(
+    folder: Path, write_tiny: Callable[..., Path], layout: ExchangeFormat = "nerfstudio"
+) -> Path:
+    """Import photographs of one grey, code 128, at the cameras of the tiny scene; TensoIR's have truth."""
+    scene, away = write_tiny(folder / "rendered", train=6, test=3), folder / "away"
+    export_capture(scene, layout, away)
+    for view in open_capture(scene / "capture").views:
+        grey = np.full((view.camera.height, view.camera.width, 3), 128, np.uint8)
+        if layout == "nerfstudio":
+            Image.fromarray(grey).save(away / "images" / f"{view.name}.png")
+    for path in away.glob("*/rgba.png"):
+        Image.fromarray(np.full_like(np.asarray(Image.open(path)), (128, 128, 128, 255))).save(path)
+    return import_capture(away, folder / "mine", "dark", "wall")
+
+
+def grey_wall(code: float = 128) -> TrainedSplat:
+    """A wall of one colour all around, as training on photographs of it ends."""
+    wall = plain(Gaussians, [[0, 0, 0.4]] * 4, [[1, 0, 0, 0]] * 4, [[500] * 3] * 4, [0.9999] * 4)
+    return TrainedSplat(wall, torch.full((4, 1, 3), (code / 255 - 0.5) / SH_DC), False)
+
+
+def test_a_splat_of_imported_photographs_scores_as_they_are(tmp_path: Path, write_tiny: Callable[..., Path]):
+    """Its light is that of the photographs, which the exposure of the capture has no part in."""
+    scene = import_grey_wall(tmp_path, write_tiny)
+    capture, psnr = open_capture(scene / "capture"), {}
+    assert not 0.7 < capture.exposure < 1.4  # a factor that would show
+    for exposed in (None, False, True):
+        write_splat_predictions(grey_wall(), capture, tmp_path / "p", silent, Look(exposed=exposed))
+        scores = score_photographs(tmp_path / "p", scene).scores
+        (psnr[exposed],) = (score.value for score in scores if score.metric == "photographs.psnr")
+    assert psnr[None] == psnr[False] > 50
+    assert psnr[True] < 20
+
+
+@pytest.mark.parametrize(
+    ("encoding", "code"), [("srgb", 128), ("linear", 255 * ((128 / 255 + 0.055) / 1.055) ** 2.4)]
+)
+def test_an_imported_truth_does_not_change_the_unit_of_light(
+    tmp_path: Path, write_tiny: Callable[..., Path], encoding: Encoding, code: float
+):
+    """TensoIR's layout brings albedo and normals, and photographs in display white all the same."""
+    scene = import_grey_wall(tmp_path, write_tiny, "tensoir")
+    assert (scene / "truth").is_dir()
+    capture = open_capture(scene / "capture")
+    write_splat_predictions(grey_wall(code), capture, tmp_path / "p", silent, Look(encoding))
+    photograph = capture.photograph(capture.train[0])
+    seen = open_predictions(tmp_path / "p").layers(capture.train[0].name)["radiance"]
+    np.testing.assert_allclose(seen, photograph, rtol=4e-3)  # a thousandth shines through
 
 
 def test_a_background_is_what_it_was_trained_over(make_scene: Callable[..., Path]):
@@ -298,6 +351,20 @@ def test_the_command_line(
     ]:
         assert main([*args, *wrong]) == 2
         assert message in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize("background", ["black", "white"])
+def test_views_without_anything_of_the_splat_are_named(
+    tmp_path: Path, make_scene: Callable[..., Path], capsys: pytest.CaptureFixture[str], background: str
+):
+    """The world was moved, and nobody said so: pictures of the background are written, with a word."""
+    scene, columns = make_scene(), inria_columns(raw_splat(random_gaussians(30, 5, opacities=(0.1, 0.9)), 1))
+    for shift, unseen in ((0.0, False), (1e4, True)):
+        path = write_ply(tmp_path / "t.ply", columns | {"x": columns["x"] + np.float32(shift)})
+        args = ["splat", str(path), str(scene), "--out", str(tmp_path / "o"), "--background", background]
+        assert main(args) == 0
+        said = capsys.readouterr().err.replace("\n", " ")
+        assert ("nothing of the splat is seen in 5 of 5 views" in said) == unseen
 
 
 def test_gravity_of_opengl_and_opencv_cameras(tmp_path: Path):

@@ -70,7 +70,7 @@ def floor(**changed: Any) -> TruePicture:
         "base_color": 0.5 * np.ones((SIDE, SIDE, 3)),
     }
     return TruePicture(
-        At("tabletop/made-0000", "train_000"), 0, View("train_000", "train", camera), layers | changed
+        At("tabletop/made-0000", "train_000"), 0, View("train_000", "train", camera), layers | changed, True
     )
 
 
@@ -165,7 +165,7 @@ def test_the_background_is_the_environment(turn: int, verdict: str):
     camera = Camera.from_fov(SIDE, SIDE, 50, above)
     radiance = sky_towards(sky, camera.rays().reshape(-1, 3)).reshape(SIDE, SIDE, 3)
     picture = TruePicture(
-        seen.at, 0, View("train_000", "train", camera), {**seen.layers, "radiance": radiance}
+        seen.at, 0, View("train_000", "train", camera), {**seen.layers, "radiance": radiance}, True
     )
     found = check_background(make_subject(sky=np.roll(sky, turn, axis=1)), picture)
     assert status(found) == {"background is the environment": verdict}

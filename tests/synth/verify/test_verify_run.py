@@ -185,7 +185,7 @@ def test_a_scene_of_the_slow_renderer_is_verified_too(tmp_path: Path, no_llvm: N
     render_scene(SceneSpec("tabletop", "glossy-table", 1000), settings, tmp_path)
     verdict = verify_dataset(tmp_path, views=1)
     assert [c.reason for c in verdict.checks if c.status == "failed"] == []
-    assert reasons(verdict.checks, "parts add up") == {"a scene of scalar_rgb holds no parts of the light"}
+    assert reasons(verdict.checks, "parts add up") == {"its light is not told apart"}
     assert {"radiance again: level", "object_id again"} <= {
         check.name for check in verdict.checks if check.status == "passed"
     }

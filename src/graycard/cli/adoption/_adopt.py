@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -71,10 +71,23 @@ class AdoptCommand:
         )
         with terminal.progress() as progress:
             made = adopt(request, self.out, progress)
-        hints = find_hints(made.predictions, self.scene)
+        hints = _as_written(find_hints(made.predictions, self.scene), made)
         write_optional_json(self.json, {"adopted": made, "hints": hints})
         _show_adopted(terminal, made, hints, self.scene)
         return OK
+
+
+def _as_written(hints: Sequence[Hint], made: Adopted) -> list[Hint]:
+    """Return hints with factors as they are to be written: times those that were declared."""
+    from graycard.adoption import parse_map, times_word
+
+    declared = {layer.layer: parse_map(layer.declared) for layer in made.layers}
+    return [
+        replace(hint, declare=times_word(declared[hint.layer], float(hint.declare.removeprefix("times="))))
+        if hint.declare.startswith("times=")
+        else hint
+        for hint in hints
+    ]
 
 
 def _show_adopted(terminal: Terminal, made: Adopted, hints: Sequence[Hint], scene: Path) -> None:
@@ -88,7 +101,8 @@ def _show_adopted(terminal: Terminal, made: Adopted, hints: Sequence[Hint], scen
     for number, hint in enumerate(hints, 1):
         try_ = f"try {hint.declare}" if hint.declare else "no word of --map undoes it: mend the outputs"
         terminal.say(f"hint {number}: {hint.says}", f"of {hint.layer}: {try_}")
-    told = f", {len(hints)} hint{'s' * (len(hints) != 1)} of a wrong declaration" if hints else ""
+    wrong = sum(bool(hint.declare) for hint in hints)
+    told = f", {wrong} hint{'s' * (wrong != 1)} of a wrong declaration" if wrong else ""
     terminal.out.print(
         f"adopt: {made.predictions}, {len(made.layers)} layers of {made.views} views{told}; "
         f"score: graycard score {made.predictions} {scene}"

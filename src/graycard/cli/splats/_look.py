@@ -15,10 +15,10 @@ from graycard.cli._options import optional
 from graycard.cli._terminal import OK, Terminal
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from graycard import Camera
 
+HIGHEST = 65535
+"""Port that a computer has."""
 LONGEST = 3600
 """Pictures of a film."""
 
@@ -39,12 +39,14 @@ class ViewCommand:
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Serve the page."""
         from graycard.methods.viewer import is_saved, open_fitted, serve_fitted, serve_pictures
+        from graycard.predictions import open_predictions
 
+        self._check()
         cameras = _cameras(self.scene)
         if is_saved(self.folder):
             server = serve_fitted(open_fitted(self.folder), cameras, self.port)
         else:
-            server = serve_pictures(_pictures(self.folder), cameras, self.port)
+            server = serve_pictures(open_predictions(self.folder), cameras, self.port)
         terminal.out.print(f"view: http://127.0.0.1:{server.get_port()} (Ctrl-C ends)")
         end = time.monotonic() + (self.seconds if self.seconds is not None else float("inf"))
         try:
@@ -53,6 +55,17 @@ class ViewCommand:
         finally:
             server.stop()
         return OK
+
+    def _check(self) -> None:
+        """Refuse a page that cannot be served.
+
+        Raises:
+            GraycardError: A number is out of its range.
+        """
+        if not 1 <= self.port <= HIGHEST:
+            raise GraycardError(f"expected a port from 1 to {HIGHEST}, got {self.port}. Mend --port")
+        if self.seconds is not None and not self.seconds >= 0:
+            raise GraycardError(f"expected seconds of 0 or more, got {self.seconds}. Mend --seconds")
 
 
 @dataclass(frozen=True)
@@ -115,15 +128,3 @@ def _cameras(scene: Path | None) -> dict[str, Camera]:
 
     check_scene(scene)
     return {view.name: view.camera for view in open_capture(scene / "capture", check=False).views}
-
-
-def _pictures(folder: Path) -> dict[str, dict[str, np.ndarray]]:
-    """Return all layers of predictions as pictures, by view and layer."""
-    from graycard.methods.viewer import preview
-    from graycard.predictions import open_predictions
-
-    predictions = open_predictions(folder)
-    return {
-        view: {layer: preview(layer, values) for layer, values in predictions.layers(view).items()}
-        for view in predictions.view_names()
-    }

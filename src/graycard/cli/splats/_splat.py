@@ -33,7 +33,10 @@ class SplatCommand:
     """Write the predictions to this folder; predictions that it holds are replaced."""
     encoding: Literal["srgb", "linear"] = "srgb"
     """Encoding of the colours. Training on photographs makes sRGB ones: these are blended as they are, then
-    decoded and divided by the exposure, for radiance is linear. linear: after training on linear images."""
+    decoded, for radiance is linear. linear: after training on linear images."""
+    exposed: Literal["auto", "yes", "no"] = "auto"
+    """Say if it was trained on light times the scene's exposure, which is then divided out: as photographs of
+    `graycard export` are. auto: no for a scene that was imported, and yes for any other."""
     background: Literal["black", "white"] = "black"
     """Background that it was trained over."""
     frame: Annotated[tuple[str, Path] | None, optional("KIND FILE")] = None
@@ -64,15 +67,29 @@ class SplatCommand:
         splat = read_splat(self.file, None if self.primitive == "auto" else self.primitive)
         if splat.unused:
             terminal.advise(f"properties that are not looked at: {', '.join(splat.unused)}")
+        for doubt in splat.doubts:
+            terminal.advise(doubt)
         with terminal.progress() as progress:
-            write_splat_predictions(splat, capture, self.out, progress, look, self.name)
+            drawn = write_splat_predictions(splat, capture, self.out, progress, look, self.name)
+        if drawn.unseen:
+            terminal.advise(
+                f"nothing of the splat is seen in {len(drawn.unseen)} of {len(capture.views)} views, as "
+                f"{', '.join(drawn.unseen[:3])}: is its world that of the scene? --frame tells how it was "
+                "moved"
+            )
         terminal.out.print(f"splat: {self.out}, {_described(splat)}, {len(capture.views)} views")
         return OK
 
     def _look(self) -> Look:
         from graycard.methods.trained import Look
 
-        return Look(self.encoding, BACKGROUNDS[self.background], CHOICES[self.antialiased], self._frame())
+        return Look(
+            self.encoding,
+            CHOICES[self.exposed],
+            BACKGROUNDS[self.background],
+            CHOICES[self.antialiased],
+            self._frame(),
+        )
 
     def _frame(self) -> Frame:
         """Return where the world of the splat lies.
