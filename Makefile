@@ -3,6 +3,7 @@
 #   make bench [SUITE=demo]   set up, run a suite, say where its report is
 #   make test                 set up, run the tests but for those marked slow
 #   make test-all             run every test
+#   make test-gpu             run the tests for a GPU: the back end cuda, on gsplat's kernels
 #   make coverage             run every test and ask for 90 % coverage
 #   make check                lint, format, types, and `make test`
 #   make fuzz                 hand hostile files to every reader for an hour; FUZZ_SECONDS says for how long
@@ -17,7 +18,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := help
-.PHONY: help bench test test-all coverage kernels check lint fuzz gate prior weights docs clean
+.PHONY: help bench test test-all test-gpu coverage kernels check lint fuzz gate prior weights docs clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -33,6 +34,13 @@ test: kernels
 
 test-all: kernels
 	$(PYTEST)
+
+# Only files with such tests are read: others want a renderer. `PYTHONPATH=src make test-gpu PYTEST_GPU="python3 -m pytest"`
+# takes an environment that has PyTorch for the GPU and gsplat already.
+PYTEST_GPU ?= $(BIN)/python -m pytest
+
+test-gpu: $(if $(filter $(BIN)/%,$(PYTEST_GPU)),.venv/installed-test)
+	$(PYTEST_GPU) -m gpu --durations=10 $$(grep -rl --include='test_*.py' 'pytest.mark.gpu' tests)
 
 coverage: kernels
 	$(PYTEST) --cov --cov-report=term-missing:skip-covered

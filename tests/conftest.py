@@ -4,6 +4,7 @@
 import os
 import subprocess
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from graycard import (
     TRACKS,
     Camera,
     Capture,
+    MethodError,
     PointLight,
     RenderError,
     SceneObject,
@@ -49,12 +51,32 @@ LAMP = PointLight("lamp", (0.3, -0.1, 0.0), (12.0, 10.0, 8.0), "camera")
 
 @pytest.hookimpl(tryfirst=True)  # xdist's own hook reads the marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Send tests that share a fixture to one worker of xdist: none is built twice. Begin with them."""
+    """Send tests that share a fixture to one worker of xdist: none is built twice. Begin with them.
+
+    Those for a GPU share one worker, too: it has one card. Where there is none they are skipped.
+    """
     for item in items:
+        if any(item.iter_markers("gpu")):
+            reason = without_gpu()
+            item.add_marker(pytest.mark.skipif(bool(reason), reason=reason))
+            item.add_marker(pytest.mark.xdist_group("gpu"))
+            continue
         group = shared_fixture(item)
         if group:
             item.add_marker(pytest.mark.xdist_group(group))
     items.sort(key=lambda item: not any(item.iter_markers("xdist_group")))
+
+
+@cache
+def without_gpu() -> str:
+    """Return why the back end ``cuda`` cannot run here; empty where it can."""
+    from graycard.methods.splat.gpu import gsplat_kernels  # PyTorch takes long to import
+
+    try:
+        gsplat_kernels()
+    except MethodError as cause:
+        return str(cause)
+    return ""
 
 
 def shared_fixture(item: pytest.Item) -> str:

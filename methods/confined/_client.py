@@ -19,7 +19,7 @@ import numpy as np
 from graycard import Camera, Capture, Composition, EnvironmentLight, Light, MethodError, Progress
 from graycard.io import printable, silent, to_builtins
 from graycard.methods._contract import Ask, Decomposition, Guest, Priors
-from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root
+from graycard.methods._kernel_places import SHARED_KERNELS, kernel_root, linked_gpu_kernels
 from graycard.methods._registry import BUILT_IN, module_of
 from graycard.methods.confined._kernels import keep_kernels, note_use
 from graycard.methods.confined._saved import take_files
@@ -386,8 +386,9 @@ def confined(
     try:
         kernels = str(kernel_root(os.environ.get("NUMBA_CACHE_DIR")))
         variables = {SHARED_KERNELS: kernels, "NUMBA_CACHE_DIR": str(scratch / "kernels")}
+        readable = (*places.readable, kernels, *linked_gpu_kernels(scratch / "home"))
         try:
-            process.confine(replace(places, readable=(*places.readable, kernels)), module, variables)
+            process.confine(replace(places, readable=readable), module, variables)
         except ChannelError as cause:
             raise MethodError(
                 f"expected a process for {name!r}, got {cause}. {words_of_end(process.end())}"

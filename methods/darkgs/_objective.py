@@ -12,7 +12,16 @@ from graycard.methods._priors import Lamp
 from graycard.methods.darkgs._lamp import MeasuredLamp, warming
 from graycard.methods.darkgs._model import shade
 from graycard.methods.darkgs._settings import DarkGsSettings
-from graycard.methods.splat import CENTRES, LossResult, image_radius, l1_map, rasterize, surfels_of, view_at
+from graycard.methods.splat import (
+    CENTRES,
+    LossResult,
+    image_radius,
+    l1_map,
+    no_offsets,
+    rasterize,
+    surfels_of,
+    view_at,
+)
 from graycard.methods.surfels import disagreement
 
 
@@ -52,7 +61,7 @@ class DarkGsObjective:
         settings, share = self.settings, step / self.settings.iterations
         view = self.views[view_at(step, len(self.views), self.seed)]
         shaded = shade(values, view.camera, self._lamp_at(share), self.exposure)
-        offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
+        offsets = no_offsets(values[CENTRES])
         surfels = surfels_of(values, shaded.lamp + shaded.ambient)
         drawn = rasterize(surfels, view.camera, offsets=offsets)
         loss = l1_map(drawn.features, view.exposed).mean()

@@ -4,6 +4,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from graycard.methods.splat import FitBackend
+
 Normals = Literal["own", "discs"]
 Beam = Literal["told", "measured"]
 
@@ -38,6 +40,9 @@ class DarkGsSettings:
     """When those two begin to count."""
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
+    backend: FitBackend = "cpu"
+    """Where the fit computes: ``cpu``, or ``cuda``, on a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    differ by rounding there."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -55,7 +55,7 @@ def distilled(
     views = [_pictured(parameters, camera, settings, extent) for camera in cameras_between(cameras, BETWEEN)]
     checkpoint = own_stage(saved, "distilled", (view.encoded for view in views), settings)
     rates, rules = learning_rates(extent, settings), density_rules(settings.surfels)
-    config = TrainConfig(settings.iterations, rates, extent, rules, checkpoint)
+    config = TrainConfig(settings.iterations, rates, extent, rules, checkpoint, backend=settings.backend)
     alone = replace(settings, normal_weight=0.0, distortion_weight=0.0, cover_weight=0.0)
     state = initial_state(sparse_start(capture, settings, seed), seed)
     return train(state, config, SurfelObjective(views, alone, seed), progress).parameters

@@ -130,7 +130,7 @@ def _half(level: torch.Tensor) -> torch.Tensor:
 
 def _blurred(level: torch.Tensor) -> torch.Tensor:
     channels = level.shape[1]
-    row = torch.tensor(_GAUSSIAN, dtype=level.dtype) / sum(_GAUSSIAN)
+    row = level.new_tensor(_GAUSSIAN) / sum(_GAUSSIAN)
     kernel = row[:, None] * row[None]
     edge = len(_GAUSSIAN) // 2
     padded = pad(level, (edge,) * 4, mode="replicate")

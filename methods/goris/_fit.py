@@ -105,6 +105,7 @@ def fit_colours(
         extent,
         density_rules(settings.surfels),
         saved,
+        backend=settings.backend,
     )
     known = None if flat is None else flat.depths
     state = initial_state(sparse_start(capture, settings, seed, known), seed)
@@ -149,7 +150,8 @@ def fit_light(
     if settings.light_steps == 0:
         return FittedLight(start, metal)
     rates = light_rates(extent, settings, found is not None) | {CENTRES: CENTRES_RATE.times(extent)}
-    config = TrainConfig(settings.light_steps, rates, extent, checkpoint=saved and saved.beside("light"))
+    beside = saved and saved.beside("light")
+    config = TrainConfig(settings.light_steps, rates, extent, checkpoint=beside, backend=settings.backend)
     if metal:
         rates.pop(DIFFUSE)
     objective = LightObjective(tiles_of(shots, settings.tile), settings, extent, seed)

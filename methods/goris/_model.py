@@ -108,7 +108,7 @@ def drawn_buffers(
     cover = soft.alpha[..., None].clamp(min=LEAST_COVER)
     f0, roughness, glossy, label = soft.features.split([3, 1, 1, 1], dim=-1)
     encoded = drawn.features[..., 3:] / drawn.alpha[..., None].clamp(min=LEAST_COVER)
-    rays = torch.from_numpy(camera.rays())
+    rays = torch.from_numpy(camera.rays()).to(drawn.alpha.device)
     return Buffers(
         camera,
         rays,
@@ -130,9 +130,9 @@ def _unit_normals(drawn: Maps, rays: torch.Tensor) -> torch.Tensor:
 
 
 def _points(drawn: Maps, camera: Camera, rays: torch.Tensor) -> torch.Tensor:
-    along = (rays / (rays @ torch.tensor(camera.forward))[..., None]).float()
+    along = (rays / (rays @ rays.new_tensor(camera.forward))[..., None]).float()
     depth = torch.where(drawn.alpha > 0, drawn.depth, 1.0)
-    return torch.tensor(camera.position, dtype=torch.float32) + along * depth[..., None]
+    return depth.new_tensor(camera.position, dtype=torch.float32) + along * depth[..., None]
 
 
 @dataclass(frozen=True, eq=False)

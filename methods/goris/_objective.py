@@ -16,6 +16,7 @@ from graycard.methods.splat import (
     Maps,
     depth_to_normals,
     image_radius,
+    no_offsets,
     photometric_map,
     rasterize,
     surfels_of,
@@ -47,7 +48,7 @@ class RadianceObjective:
         shot, share = self.shots[view_at(step, len(self.shots), self.seed)], step / settings.radiance_steps
         view = shot.photograph
         seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
-        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        offsets = no_offsets(seen)
         drawn = rasterize(surfels_of(values, seen), view.camera, offsets=offsets)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()

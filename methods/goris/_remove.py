@@ -155,9 +155,8 @@ def without_object(
     aims = [_removal_target(target) for target in targets]
     objective = RemovalObjective(*_tiled(shots, aims, settings), settings, extent, seed)
     looked_at = (part for aim in aims for part in aim.parts)
-    config = TrainConfig(
-        settings.second_steps, rates, extent, checkpoint=own_stage(saved, "removal", looked_at, settings)
-    )
+    stage = own_stage(saved, "removal", looked_at, settings)
+    config = TrainConfig(settings.second_steps, rates, extent, checkpoint=stage, backend=settings.backend)
     after = train(initial_state(start, seed), config, objective, progress).parameters
     return Removed(after, {one.view.name: RemovalMasks(one.doubt, one.hole) for one in behind})
 

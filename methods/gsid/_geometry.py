@@ -14,6 +14,7 @@ from graycard.methods.splat import (
     Maps,
     Parameters,
     image_radius,
+    no_offsets,
     photometric_map,
     rasterize,
     surfels_of,
@@ -53,7 +54,11 @@ def fit_geometry(task: FitTask[GsidSettings], guesses: Sequence[MaterialGuess]) 
 
 def _surfel_settings(settings: GsidSettings) -> SurfelSettings:
     return SurfelSettings(
-        iterations=settings.geometry_steps, surfels=settings.surfels, fill=settings.fill, degree=DEGREE
+        iterations=settings.geometry_steps,
+        surfels=settings.surfels,
+        fill=settings.fill,
+        degree=DEGREE,
+        backend=settings.backend,
     )
 
 
@@ -72,7 +77,7 @@ class GeometryObjective:
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view, share = self.views[number], step / settings.geometry_steps
         seen = colours(values, view.camera.position, min(DEGREE, int(share / _DEGREE_EVERY)))
-        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        offsets = no_offsets(seen)
         drawn = rasterize(surfels_of(values, seen), view.camera, offsets=offsets)
         picture = composed(drawn, view.sky, values)
         loss = photometric_map(picture, view.encoded, settings.ssim_share).mean()

@@ -4,6 +4,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from graycard.methods.splat import FitBackend
+
 Visibility = Literal["traced", "vector", "vector_half", "vector_relu", "none"]
 Shading = Literal["deferred", "forward"]
 Materials = Literal["fitted", "prior"]
@@ -88,6 +90,9 @@ class GsidSettings:
     """Share of the second stage after which no lamp is moved so, and dim ones are left out (inferred)."""
     least_share: float = 2e-2
     """Least share of the light of all lamps in the views that a lamp must give to stay (inferred)."""
+    backend: FitBackend = "cpu"
+    """Where the first stage computes: ``cpu``, or ``cuda``, on a GPU with gsplat's kernels (extra ``cuda``);
+    there two fits differ by rounding. The second stage computes on the CPU."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -107,7 +107,7 @@ def returned(
     to_eye = facing_eye(values[CENTRES][rows], directions.normals[rows], eye)[:, None]
     cos_v, cos_l = ((normals * other).sum(dim=-1).clamp(min=1e-3) for other in (to_eye, toward))
     middle = normalize(to_eye + toward, dim=-1)
-    fresnel = schlick(torch.tensor(DIELECTRIC_F0), (to_eye * middle).sum(dim=-1).clamp(0, 1))
+    fresnel = schlick(alpha.new_tensor(DIELECTRIC_F0), (to_eye * middle).sum(dim=-1).clamp(0, 1))
     facets = ggx_density(normals, middle, alpha) * smith_shadowing(cos_v, alpha)
     facets = facets * smith_shadowing(cos_l, alpha)
     # directions are as dense as cos / pi

@@ -51,7 +51,10 @@ class R3dgMethod(SceneMethod[R3dgSettings, R3dgScene]):
         """
         settings, extent = task.settings, task.extent
         surface = SurfelSettings(
-            iterations=settings.geometry_steps, surfels=settings.surfels, fill=settings.fill
+            iterations=settings.geometry_steps,
+            surfels=settings.surfels,
+            fill=settings.fill,
+            backend=settings.backend,
         )
         rules, start = density_rules(settings.surfels), sparse_start(task.capture, surface, task.seed)
         geometry = fit_surfels(METHOD, task.with_settings(surface), start=start, rules=rules)

@@ -3,6 +3,8 @@
 
 from dataclasses import dataclass
 
+from graycard.methods.splat import FitBackend
+
 
 @dataclass(frozen=True, slots=True)
 class R3dgSettings:
@@ -33,6 +35,9 @@ class R3dgSettings:
     """Of the colour of the light that arrives: it should be grey."""
     sky_weight: float = 0.01
     """Of the mean absolute difference between neighbours in the cubemap."""
+    backend: FitBackend = "cpu"
+    """Where the fit computes: ``cpu``, or ``cuda``, on a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    differ by rounding there."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -94,7 +94,7 @@ class IdentityObjective:
         number = view_at(step, len(self.masks), seed)
         loss = result.loss + mask_loss(values, self.colours.views[number].camera, self.masks[number])
         if step % settings.consistency_every == 0:
-            places = values[CENTRES].detach().numpy()
+            places = values[CENTRES].detach().cpu().numpy()
             which, others = neighbours_of_some(places, settings, (seed, step))
             scores = class_scores(values, values[IDENTITIES])
             loss = loss + settings.consistency_weight * disagreement_of(scores[which], scores[others])

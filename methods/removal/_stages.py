@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stages that all radiance-only removals share: surfels of the whole scene, then without the object."""
 
-from collections.abc import Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -18,6 +18,7 @@ from graycard.methods.splat import (
     CENTRES,
     DensityRules,
     LearningRateSchedule,
+    LossResult,
     Parameters,
     TrainConfig,
     scene_extent,
@@ -120,8 +121,20 @@ def second_stage(
     rates[CENTRES] = LearningRateSchedule(centres.start if rules else centres.end or centres.start)
     # as the last steps of a longer fit: all harmonics and weights count from the first step on
     objective = SurfelObjective(list(views), replace(settings, iterations=done + steps), task.seed)
-    config = TrainConfig(steps, rates, extent, rules)
-    return task.train(start, config, lambda values, step: objective(values, done + step))
+    config = TrainConfig(steps, rates, extent, rules, backend=settings.backend)
+    return task.train(start, config, LaterSteps(objective, done))
+
+
+@dataclass(frozen=True, eq=False)
+class LaterSteps:
+    """An objective whose steps are counted from a later one on."""
+
+    objective: SurfelObjective
+    done: int
+
+    def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
+        """What is to be lowered at a step."""
+        return self.objective(values, self.done + step)
 
 
 def shown(target: Target, weight: np.ndarray, settings: SurfelSettings) -> EncodedPhotograph:

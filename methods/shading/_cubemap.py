@@ -14,6 +14,7 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from graycard.methods._tensors import contiguous_array
+from graycard.methods.splat import CPU
 
 _FORWARD = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], dtype=np.float64)
 _RIGHT = np.array([(0, 0, 1), (0, 0, -1), (-1, 0, 0), (-1, 0, 0), (-1, 0, 0), (1, 0, 0)], dtype=np.float64)
@@ -80,13 +81,14 @@ def look_up_between(
         levels: Shape ``(...)``: number of a cubemap, or a place between two; beyond the ends those there.
 
     Returns:
-        Shape ``(..., C)``, differentiable in all, once.
+        Shape ``(..., C)``, differentiable in all, once. What lies on a GPU is looked up on the CPU.
     """
     sizes = tuple(cubemap.shape[1] for cubemap in cubemaps)
     texels = torch.cat([cubemap.reshape(-1, cubemap.shape[-1]) for cubemap in cubemaps])
     dtype = torch.promote_types(torch.promote_types(texels.dtype, directions.dtype), levels.dtype)
     toward, place = directions.reshape(-1, 3), levels.expand(directions.shape[:-1]).reshape(-1)
-    found = cast(torch.Tensor, _Seen.apply(texels.to(dtype), toward.to(dtype), place.to(dtype), sizes))
+    inputs = (values.to(CPU, dtype) for values in (texels, toward, place))
+    found = cast(torch.Tensor, _Seen.apply(*inputs, sizes)).to(directions.device)
     return found.reshape(*directions.shape[:-1], cubemaps[0].shape[-1])
 
 

@@ -71,7 +71,7 @@ def prefiltered_skies(sky: torch.Tensor) -> tuple[torch.Tensor, ...]:
 def _from_each_face(sky: torch.Tensor) -> torch.Tensor:
     """The texels of a sky with the cube turned so that each face in its turn is the first, ``(T, 6, 3)``."""
     channels = sky.shape[-1]
-    texels = sky.reshape(-1, channels).index_select(0, _order_from_each_face(sky.shape[1]))
+    texels = sky.reshape(-1, channels).index_select(0, _order_from_each_face(sky.shape[1]).to(sky.device))
     return texels.reshape(-1, 6, channels)
 
 
@@ -91,7 +91,7 @@ def _filtered(around: torch.Tensor, kernel: torch.Tensor) -> torch.Tensor:
         Shape ``(6, N, N, 3)``.
     """
     size = round(len(kernel) ** 0.5)
-    faces = kernel.to(around.dtype) @ around.flatten(1)
+    faces = kernel.to(around) @ around.flatten(1)
     return faces.reshape(size, size, *around.shape[1:]).permute(2, 0, 1, 3)
 
 
@@ -143,7 +143,7 @@ def even_sky(roughness: torch.Tensor, cosine: torch.Tensor) -> torch.Tensor:
     Returns:
         Shape ``(..., 2)``; differentiable in both.
     """
-    table = _table().to(roughness.dtype)
+    table = _table().to(roughness)
     rows, columns = table.shape[0] - 1, table.shape[1] - 1
     y = (roughness * rows).clamp(0, rows)
     x = (cosine.clamp(min=1e-6).sqrt() * columns).clamp(max=columns)

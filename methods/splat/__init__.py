@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Flat Gaussian discs (surfels, "2D Gaussian splatting"): hold, store and draw them; and ellipsoids."""
 
+from graycard.methods.splat._devices import CPU as CPU
+from graycard.methods.splat._devices import FitBackend as FitBackend
+from graycard.methods.splat._devices import device_of as device_of
+from graycard.methods.splat._devices import is_on_cpu as is_on_cpu
+from graycard.methods.splat._devices import on_device as on_device
 from graycard.methods.splat._edit import joined_surfels as joined_surfels
 from graycard.methods.splat._edit import moved_surfels as moved_surfels
 from graycard.methods.splat._gather import gather as gather
@@ -57,6 +62,7 @@ from graycard.methods.splat.fit._optimise import LearningRateSchedule as Learnin
 from graycard.methods.splat.fit._optimise import ScreenStatistics as ScreenStatistics
 from graycard.methods.splat.fit._optimise import adam_step as adam_step
 from graycard.methods.splat.fit._optimise import initial_state as initial_state
+from graycard.methods.splat.fit._optimise import state_on as state_on
 from graycard.methods.splat.fit._optimise import watch_screen as watch_screen
 from graycard.methods.splat.fit._parameters import CENTRES as CENTRES
 from graycard.methods.splat.fit._parameters import GEOMETRY as GEOMETRY
@@ -76,6 +82,7 @@ from graycard.methods.splat.fit._train import TrainConfig as TrainConfig
 from graycard.methods.splat.fit._train import train as train
 from graycard.methods.splat.fit._train import train_step as train_step
 from graycard.methods.splat.fit._views import image_radius as image_radius
+from graycard.methods.splat.fit._views import no_offsets as no_offsets
 from graycard.methods.splat.fit._views import view_at as view_at
 from graycard.methods.splat.ops._depth_normal import depth_normal_map as depth_normal_map
 from graycard.methods.splat.ops._depth_normal import depth_to_normals as depth_to_normals

@@ -17,7 +17,7 @@ def rasterize(
     surfels: Surfels,
     camera: Camera,
     features: torch.Tensor | None = None,
-    backend: Backend = "cpu",
+    backend: Backend | None = None,
     offsets: torch.Tensor | None = None,
 ) -> Maps:
     """Draw surfels: features, alpha, depth, normals and distortion.
@@ -28,7 +28,7 @@ def rasterize(
         features: shape ``(N, C)``, in the dtype of the surfels, instead of their own.
         backend: ``cpu``, the engine (float32 inside; compiled when first used, then cached), ``cuda``, on
             gsplat's kernels, with surfels on a GPU, or ``reference``, the specification (dense, in the dtype
-            of the surfels).
+            of the surfels). None: ``cuda`` for surfels on a GPU, else ``cpu``.
         offsets: shape ``(N, 2)``, in the dtype of the surfels, pixels: the picture of each surfel (disc,
             low-pass and depth) is moved on the image by this much. Their use is their gradient, at zero:
             how much the loss wants a surfel moved on the screen.
@@ -42,7 +42,7 @@ def rasterize(
             gsplat or a GPU is missing (``cuda``).
         ValueError: Features or offsets of another shape or dtype, or not finite.
     """
-    _check_name(backend)
+    backend = _chosen(surfels, backend)
     if backend == "cuda":
         from graycard.methods.splat.cuda._rasterize import rasterize_cuda
 
@@ -58,7 +58,7 @@ def rasterize_features(
     surfels: Surfels,
     camera: Camera,
     features: torch.Tensor | None = None,
-    backend: Backend = "cpu",
+    backend: Backend | None = None,
     offsets: torch.Tensor | None = None,
 ) -> FeatureMaps:
     """Draw features and alpha only, as :func:`rasterize` does and at a fraction of its cost.
@@ -79,7 +79,7 @@ def rasterize_features(
             gsplat or a GPU is missing (``cuda``).
         ValueError: Features or offsets of another shape or dtype, or not finite.
     """
-    _check_name(backend)
+    backend = _chosen(surfels, backend)
     if backend == "cuda":
         from graycard.methods.splat.cuda._rasterize import rasterize_features_cuda
 
@@ -91,7 +91,10 @@ def rasterize_features(
     return rasterize_features_reference(surfels, camera, features, offsets)
 
 
-def _check_name(name: str) -> None:
+def _chosen(surfels: Surfels, name: Backend | None) -> Backend:
+    if name is None:
+        return "cuda" if surfels.centres.device.type == "cuda" else "cpu"
     names = list(get_args(Backend))
     if name not in names:
         raise UnknownNameError("back end", name, names)
+    return name

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from graycard import UnknownNameError
+from graycard.methods.splat._devices import CPU, is_on_cpu, on_device
 from graycard.methods.splat._rasterize import Backend
 from graycard.methods.splat._rays import Rays, Traced
 from graycard.methods.splat._surfels import Surfels
@@ -34,8 +35,8 @@ def trace_rays(
     the clamp. A ray ends behind the disc after which no more than 1e-4 passes, or where it is told to.
 
     Args:
-        surfels: N surfels on the CPU.
-        rays: R rays on the CPU, in the dtype of the surfels.
+        surfels: N surfels. What lies on a GPU is traced on the CPU.
+        rays: R rays, on the device and in the dtype of the surfels.
         features: shape ``(N, C)``, in the dtype of the surfels, instead of their own; C may be zero.
         backend: ``cpu``, the engine (float32 inside; compiled when first used, then cached), or
             ``reference``, the specification (dense, in the dtype of the surfels).
@@ -54,6 +55,9 @@ def trace_rays(
     """
     features = checked_features(surfels, features)
     _check(surfels, rays, near)
+    if not is_on_cpu(features):
+        here, along = on_device(surfels, CPU), on_device(rays, CPU)
+        return on_device(trace_rays(here, along, features.cpu(), backend, bvh, near), features.device)
     if backend == "reference":
         return trace_reference(surfels, rays, features, near)
     if backend == "cpu":

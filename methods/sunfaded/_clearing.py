@@ -35,14 +35,14 @@ class Clearing:
     def __call__(self, surfels: Mapping[str, torch.Tensor]) -> torch.Tensor:
         """Return True for surfels whose centre a camera looks through, shape ``(N,)``."""
         centres = surfels[CENTRES].detach()
-        found = torch.zeros(len(centres), dtype=torch.bool)
+        found = torch.zeros(len(centres), dtype=torch.bool, device=centres.device)
         for camera, free in zip(self.cameras, self.free, strict=True):
             found |= _before(centres, camera, free)
         return found
 
 
 def _before(centres: torch.Tensor, camera: Camera, free: torch.Tensor) -> torch.Tensor:
-    pose, lens = (torch.from_numpy(m.astype(np.float32)) for m in (camera.world_to_camera, camera.K))
+    pose, lens = (centres.new_tensor(m, dtype=torch.float32) for m in (camera.world_to_camera, camera.K))
     seen = centres @ pose[:3, :3].T + pose[:3, 3]
     depth = seen[:, 2]
     column, row = (seen @ lens.T)[:, :2].T / depth.clamp(min=1e-6)

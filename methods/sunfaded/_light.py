@@ -92,5 +92,5 @@ def _layer(values: Mapping[str, torch.Tensor], number: int, inputs: torch.Tensor
 
 def _code(numbers: torch.Tensor) -> torch.Tensor:
     """Sines and cosines of numbers times 1, 2, 4, ...: shape ``(..., 2 BANDS n)`` of ``(..., n)``."""
-    scaled = numbers[..., None] * 2.0 ** torch.arange(BANDS, dtype=numbers.dtype)
+    scaled = numbers[..., None] * 2.0 ** torch.arange(BANDS, dtype=numbers.dtype, device=numbers.device)
     return torch.cat([scaled.sin(), scaled.cos()], dim=-1).flatten(start_dim=-2)

@@ -101,7 +101,7 @@ def lamp_light(
     """
     points = points_of(drawn.depth, lens)
     side = tile_side(camera.width, settings.tile)
-    normals = drawn.normal @ _to_camera(camera)
+    normals = drawn.normal @ drawn.normal.new_tensor(camera.camera_to_world[:3, :3])  # to camera axes
     return lamp_map(values, points, side, settings.light_map) * cosine_to_lamp(values, points, normals)
 
 
@@ -109,8 +109,3 @@ def _surfel_light(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.T
     """What the lamp brings to each surfel's centre, over its albedo, shape ``(N, 3)``."""
     seen = see(surfels_of(values), camera)
     return lamp_intensity(values, seen.centres) * cosine_to_lamp(values, seen.centres, seen.normals)
-
-
-def _to_camera(camera: Camera) -> torch.Tensor:
-    """Turns rows of world axes into camera axes, multiplied from the right."""
-    return torch.tensor(camera.camera_to_world[:3, :3], dtype=torch.float32)

@@ -16,6 +16,7 @@ from graycard.methods.splat import (
     depth_to_normals,
     image_radius,
     l1_map,
+    no_offsets,
     photometric_map,
     view_at,
 )
@@ -81,7 +82,7 @@ class SunFadedObjective:
         view = self.views[number]
         offsets = None
         if adds_surfels(stage, self.settings.schedule):
-            offsets = torch.zeros(len(values[CENTRES]), 2, requires_grad=True)
+            offsets = no_offsets(values[CENTRES])
         drawn = draw(values, view.camera, self.settings, offsets)
         if stage is FitStage.UNLIT and self.settings.ambient:
             loss = self._unlit_loss(values, drawn, number)

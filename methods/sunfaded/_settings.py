@@ -4,6 +4,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from graycard.methods.splat import FitBackend
+
 Space = Literal["linear", "srgb"]
 Weight = Literal["log_minmax", "linear_max", "none"]
 LightMap = Literal["nearest", "bilinear"]
@@ -87,6 +89,9 @@ class SunFadedSettings:
     ``2dgs``; of the paper we know only that it compares pictures with the light on."""
     checkpoint: str = ""
     """File that the fit is saved to ten times and goes on from; none if empty."""
+    backend: FitBackend = "cpu"
+    """Where the fit computes: ``cpu``, or ``cuda``, on a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    differ by rounding there."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -90,7 +90,7 @@ def _at_middles(points: torch.Tensor, side: int, axis: int) -> torch.Tensor:
 
     At edges of depth that mixes what is in front with what is behind, as in the released code.
     """
-    middles = tile_middles(points.shape[axis], side)
+    middles = tile_middles(points.shape[axis], side).to(points.device)
     before, after = (points.index_select(axis, end.long()) for end in (middles.floor(), middles.ceil()))
     return (before + after) / 2
 
@@ -102,7 +102,7 @@ def _repeated(light: torch.Tensor, length: int, side: int, axis: int) -> torch.T
 
 def _between(light: torch.Tensor, length: int, side: int, axis: int) -> torch.Tensor:
     """Pixels have the light between the middles of tiles around them; beyond the outermost it is even."""
-    before, after, share = _neighbours(length, side)
+    before, after, share = (part.to(light.device) for part in _neighbours(length, side))
     weight = share.reshape(-1, *(1,) * (light.ndim - 1 - axis))
     return torch.lerp(light.index_select(axis, before), light.index_select(axis, after), weight)
 

@@ -9,7 +9,7 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from graycard.methods._tensors import contiguous_array
-from graycard.methods.splat import FeatureMaps
+from graycard.methods.splat import FeatureMaps, is_on_cpu
 from graycard.methods.surfels._start import SKY
 
 
@@ -17,13 +17,15 @@ def composed(drawn: FeatureMaps, sky: torch.Tensor, values: Mapping[str, torch.T
     """The encoded picture: surfels over the sky.
 
     Args:
-        drawn: Features of three channels, encoded, and alpha; on the CPU.
+        drawn: Features of three channels, encoded, and alpha.
         sky: shape ``(H, W, K)``: harmonics of the direction of each pixel; a constant, that gets no gradient.
         values: The parameters; the sky's are of shape ``(K, 3)``.
 
     Returns:
         Shape ``(H, W, 3)``, differentiable once in features, alpha and the sky's parameters.
     """
+    if not is_on_cpu(drawn.features):
+        return drawn.features + (1 - drawn.alpha)[..., None] * (sky.detach() @ values[SKY])
     return cast(torch.Tensor, _Over.apply(drawn.features, drawn.alpha, sky.detach(), values[SKY]))
 
 

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, TypeVar, final
+from typing import Any, Generic, Protocol, TypeVar, final
 
 import torch
 
@@ -17,12 +17,14 @@ from graycard.methods._contract import Priors
 from graycard.methods.splat import (
     Checkpoint,
     DensityRules,
+    FitBackend,
     LearningRateSchedule,
     Misplaced,
     Objective,
     Parameters,
     TrainConfig,
     check_saved,
+    device_of,
     initial_state,
     scene_extent,
     train,
@@ -32,8 +34,18 @@ from graycard.methods.surfels._layered_scene import SavedScene
 SAVES = 10
 """How often a fit is saved on its way."""
 
-SettingsT = TypeVar("SettingsT")
-OtherSettingsT = TypeVar("OtherSettingsT")
+
+class FitSettings(Protocol):
+    """Settings that every fit of surfels has."""
+
+    @property
+    def backend(self) -> FitBackend:
+        """Where it computes."""
+        ...
+
+
+SettingsT = TypeVar("SettingsT", bound=FitSettings)
+OtherSettingsT = TypeVar("OtherSettingsT", bound=FitSettings)
 SceneT = TypeVar("SceneT", bound=SavedScene)
 
 
@@ -78,7 +90,9 @@ class FitTask(Generic[SettingsT]):
             checkpoint: Where the fit is saved; None: nowhere.
             misplaced: Which surfels go whenever some are taken away; None: only those that ``rules`` name.
         """
-        return TrainConfig(steps, rates, self.extent, rules, checkpoint, misplaced=misplaced)
+        return TrainConfig(
+            steps, rates, self.extent, rules, checkpoint, misplaced=misplaced, backend=self.settings.backend
+        )
 
     def train(self, start: Parameters, config: TrainConfig, objective: Objective) -> Parameters:
         """Fit parameters from their start to the end of a budget.
@@ -117,9 +131,10 @@ class SceneMethod(ABC, Generic[SettingsT, SceneT]):
 
         Raises:
             MethodError: The capture does not suit the method, an answer of a prior is missing or not sound,
-                there are too few sparse points, the checkpoint is of another fit, or the loss or a gradient
-                is not finite.
+                there are too few sparse points, the checkpoint is of another fit, the back end cannot run
+                here, or the loss or a gradient is not finite.
         """
+        device_of(settings.backend)
         for check in self.checks:
             check(capture)
         return self._fitted(FitTask(capture, priors, settings, seed, progress))

@@ -17,6 +17,7 @@ from graycard.methods.splat import (
     depth_normal_map,
     harmonics_basis,
     image_radius,
+    no_offsets,
     photometric_map,
     rasterize,
     rasterize_features,
@@ -134,7 +135,7 @@ class SurfelObjective:
         share = step / settings.iterations
         seen = colours(values, view.camera.position, min(settings.degree, int(share / DEGREE_EVERY)))
         seen = seen if self.tones is None else self.tones.shown(values, seen, number)
-        offsets = torch.zeros(len(seen), 2, requires_grad=True)
+        offsets = no_offsets(seen)
         surfels = surfels_of(values, seen)
         weighs = self._weights(share)
         if weighs == (0.0, 0.0):

@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from math import inf
 
-from graycard.methods.splat import coefficient_count
+from graycard.methods.splat import FitBackend, coefficient_count
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,9 @@ class SurfelSettings:
     """File that the fit is saved to ten times and goes on from; none if empty. With a slash at the end, a
     folder for many fits of one capture by one version of graycard: each goes on from what another has left
     there that depends on the same."""
+    backend: FitBackend = "cpu"
+    """Where the fit computes: ``cpu``, or ``cuda``, on a GPU with gsplat's kernels (extra ``cuda``). Two fits
+    differ by rounding there."""
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -22,6 +22,7 @@ from graycard.benchmarks.speed.engine._measure import TINY
 from graycard.benchmarks.speed.engine._pairs import count_pairs
 from graycard.benchmarks.speed.engine._records import flops_backward, flops_forward
 from graycard.benchmarks.speed.engine._scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard.benchmarks.speed.engine._step import measure_steps
 from graycard.cli import main
 from graycard.io import from_builtins
 from graycard.methods import splat
@@ -102,6 +103,8 @@ def test_a_run_holds_every_part(record: speed.EngineSpeed):
         ("tiny", "photometric"),
         ("tiny", "and geometry"),
     ]
+    assert {step.device for step in record.steps} == {"cpu"}
+    assert any(reason.startswith("steps of 2dgs on a GPU: expected") for reason in record.left_out)
     for step in record.steps:
         assert list(step.stages) == ["colours", "loss", "gradients", "Adam"]
         assert all(timing.ms > 0 for timing in (step.whole, *step.stages.values()))
@@ -283,7 +286,7 @@ def test_what_torch_splatting_cannot_do_is_said(monkeypatch: pytest.MonkeyPatch)
     assert "torch-splatting would need" in str(peers._torch_splatting(scene_of(WORKLOADS[0], 3)))
 
 
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA GPU")
+@pytest.mark.gpu
 def test_cuda_is_timed_where_it_is():
     scene = scene_of(TINY, 3)
     peer = peers._cuda(scene)
@@ -291,6 +294,13 @@ def test_cuda_is_timed_where_it_is():
     assert peer.scene is not None
     ours, theirs = call_forward(scene), call_forward(peer.scene, peer.draw)
     assert (theirs.features.cpu() - ours.features).abs().max() < 5e-3
+
+
+@pytest.mark.gpu
+def test_steps_are_timed_on_a_gpu():
+    costs = measure_steps(TINY, QUICK, "cuda")
+    assert {cost.device for cost in costs} == {torch.cuda.get_device_name()}
+    assert all(timing.ms > 0 for cost in costs for timing in (cost.whole, *cost.stages.values()))
 
 
 def test_peers_that_cannot_run_are_named(monkeypatch: pytest.MonkeyPatch):

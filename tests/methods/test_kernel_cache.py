@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from graycard.methods import _numba
+from graycard.methods._kernel_places import linked_gpu_kernels
 from graycard.methods._numba import KernelCacheLocator, code_digest, reached_files, remove_unused
 
 METHODS = Path(_numba.__file__).resolve().parent
@@ -108,3 +109,18 @@ def test_kernels_that_nobody_uses_are_removed(tmp_path: Path):
         os.utime(folder, (0, time.time() - 40 * 86400))
     assert remove_unused(tmp_path) == [old]
     assert sorted(tmp_path.iterdir()) == [new, other]
+
+
+def test_a_confined_process_finds_what_was_compiled_for_a_gpu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    for name in ("TORCH_EXTENSIONS_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert linked_gpu_kernels(tmp_path / "a") == ()
+    compiled = tmp_path / ".cache" / "torch_extensions"
+    (compiled / "gsplat_cuda").mkdir(parents=True)
+    assert linked_gpu_kernels(tmp_path / "b") == (str(compiled),)
+    assert (tmp_path / "b" / "torch_extensions" / "gsplat_cuda").is_dir()
+    monkeypatch.setenv("TORCH_EXTENSIONS_DIR", str(tmp_path / "elsewhere"))
+    assert linked_gpu_kernels(tmp_path / "c") == ()

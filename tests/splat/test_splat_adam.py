@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch.optim.adam import adam
 
-from graycard.methods.splat.fit._adam_kernel import Moved, move_all
+from graycard.methods.splat.fit._adam import move_all
+from graycard.methods.splat.fit._moved import Moved
 
 SHAPES = ((300, 3), (41,), (5, 2, 3), (7,), ())
 """Sizes that fill vectors and others; the last has one number."""
@@ -93,5 +94,5 @@ def test_what_has_no_gradient_yet_stays():
 )
 def test_what_the_kernel_cannot_read_is_refused(gradient: torch.Tensor):
     values, first, second = (torch.zeros(4, 3) for _ in range(3))
-    with pytest.raises(ValueError, match="expected tensors in float32 on the CPU, in C order"):
+    with pytest.raises(ValueError, match="expected tensors in float32 on the CPU or a GPU, in C order"):
         move_all([Moved(values, gradient, first, second, 0.1, 1)], EPSILON)

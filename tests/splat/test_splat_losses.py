@@ -235,14 +235,18 @@ def test_a_nan_spreads_to_its_windows_only():
             torch.zeros(4, 4),
             r"image of shape \(H, W, C\), none of them zero, got \(4, 4\)",
         ),
-        (torch.zeros(4, 4, 3), torch.zeros(4, 5, 3), r"target of shape \(4, 4, 3\), got \(4, 5, 3\)"),
+        (torch.zeros(4, 4, 3), torch.zeros(4, 5, 3), r"target of shape \(4, 4, 3\) on cpu, got \(4, 5, 3\)"),
         (torch.zeros(0, 4, 3), torch.zeros(0, 4, 3), "none of them zero"),
         (
             torch.zeros(4, 4, 3).double(),
             torch.zeros(4, 4, 3),
-            "image in float32 on the CPU, got torch.float64",
+            "image in float32 on the CPU or a GPU, got torch.float64",
         ),
-        (torch.zeros(4, 4, 3), torch.zeros(4, 4, 3, dtype=torch.uint8), "target in float32 on the CPU, got"),
+        (
+            torch.zeros(4, 4, 3),
+            torch.zeros(4, 4, 3, dtype=torch.uint8),
+            "target in float32 on the CPU or a GPU, got",
+        ),
         (torch.zeros(4, 4, 3, device="meta"), torch.zeros(4, 4, 3), "got torch.float32 on meta"),
     ],
 )
@@ -433,12 +437,15 @@ def test_gradients_of_normals_are_those_of_finite_differences():
         (lambda d, n, a: (d, n, a[..., None]), r"alpha of shape \(27, 33\), got"),
         (
             lambda d, n, a: (d, n.float(), a),
-            "normal in the dtype of the depth, torch.float64, got torch.float32",
+            "normal in the dtype of the depth, torch.float64, on its device, cpu, got torch.float32",
         ),
-        (lambda d, n, a: (d.half(), n, a), "depth in float32 or float64 on the CPU, got torch.float16"),
+        (
+            lambda d, n, a: (d.half(), n, a),
+            "depth in float32 or float64 on the CPU or a GPU, got torch.float16",
+        ),
         (
             lambda d, n, a: (d.to("meta"), n, a),
-            "depth in float32 or float64 on the CPU, got torch.float64 on meta",
+            "depth in float32 or float64 on the CPU or a GPU, got torch.float64 on meta",
         ),
     ],
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any, Literal
 
-from graycard import Progress, UnknownNameError
+from graycard import MethodError, Progress, UnknownNameError
 from graycard.benchmarks._sources import environment, package_version
 from graycard.benchmarks.speed._machine import (
     QUICK,
@@ -31,7 +31,13 @@ from graycard.benchmarks.speed.engine._records import (
     flops_forward,
 )
 from graycard.benchmarks.speed.engine._scaling import ScalingPlan, measure_scaling
-from graycard.benchmarks.speed.engine._scenes import WORKLOADS, Workload, engine_camera, engine_surfels
+from graycard.benchmarks.speed.engine._scenes import (
+    PAPER_SIZED,
+    WORKLOADS,
+    Workload,
+    engine_camera,
+    engine_surfels,
+)
 from graycard.benchmarks.speed.engine._step import measure_steps
 from graycard.io import silent
 
@@ -54,7 +60,9 @@ class SpeedPlan:
     """S is small enough for the reference."""
     loss_sizes: tuple[int, ...] = (256, 512)
     stepped: Workload = WORKLOADS[3]
-    """On which a whole step of ``2dgs`` is timed."""
+    """On which a whole step of ``2dgs`` is timed, on the CPU, and on a GPU where there is one."""
+    stepped_on_gpu: tuple[Workload, ...] = (PAPER_SIZED,)
+    """The same, on a GPU alone."""
     traced: tuple[Workload, ...] = TRACED
     incoherent: int = INCOHERENT
     """Rays beside those of the camera."""
@@ -73,6 +81,7 @@ QUICK_PLAN = SpeedPlan(
     peers=(TINY,),
     loss_sizes=(16,),
     stepped=TINY,
+    stepped_on_gpu=(),
     traced=(TINY,),
     incoherent=64,
     patience=QUICK,
@@ -143,10 +152,21 @@ def _with_part(speed: EngineSpeed, part: Part, plan: SpeedPlan, progress: Progre
             return replace(speed, losses=tuple(losses))
         case "step":
             progress(0.0, "a whole step of 2dgs")
-            return replace(speed, steps=measure_steps(plan.stepped, plan.patience))
+            return _with_steps(speed, plan)
         case "tracer":
             traced = measure_tracer(plan.traced, plan.patience, plan.incoherent, progress)
             return replace(speed, tracer=tuple(traced))
+
+
+def _with_steps(speed: EngineSpeed, plan: SpeedPlan) -> EngineSpeed:
+    steps = [*measure_steps(plan.stepped, plan.patience)]
+    try:
+        for workload in (plan.stepped, *plan.stepped_on_gpu):
+            steps += measure_steps(workload, plan.patience, "cuda")
+    except MethodError as cause:
+        left_out = f"steps of 2dgs on a GPU: {cause}"
+        return replace(speed, steps=tuple(steps), left_out=(*speed.left_out, left_out))
+    return replace(speed, steps=tuple(steps))
 
 
 def _share(progress: Progress, number: int, of: int) -> Progress:

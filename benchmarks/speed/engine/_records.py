@@ -145,6 +145,8 @@ class StepCost:
     whole: Timing
     stages: Mapping[str, Timing]
     """Each but Adam holds those before it."""
+    device: str = "cpu"
+    """Where it was: ``cpu``, or the name of the GPU."""
 
 
 @dataclass(frozen=True, slots=True)

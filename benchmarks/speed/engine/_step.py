@@ -3,13 +3,25 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import torch
 
-from graycard.benchmarks.speed._machine import Patience, time_calls
+from graycard.benchmarks.speed._machine import Patience, Timing, time_calls
 from graycard.benchmarks.speed.engine._records import StepCost
 from graycard.benchmarks.speed.engine._scenes import Workload, engine_camera, engine_surfels
-from graycard.methods.splat import FitState, TrainConfig, adam_step, initial_state, surfels_of, train_step
+from graycard.methods.splat import (
+    FitBackend,
+    FitState,
+    TrainConfig,
+    adam_step,
+    device_of,
+    initial_state,
+    on_device,
+    state_on,
+    surfels_of,
+    train_step,
+)
 from graycard.methods.surfels import (
     EncodedPhotograph,
     SurfelObjective,
@@ -29,26 +41,48 @@ LOSSES: Mapping[str, SurfelSettings] = {
 """What a step lowers, by what the table calls it: the defaults hold the depth-normal loss and distortion."""
 
 
-def measure_steps(workload: Workload, patience: Patience) -> tuple[StepCost, ...]:
+def measure_steps(
+    workload: Workload, patience: Patience, backend: FitBackend = "cpu"
+) -> tuple[StepCost, ...]:
     """Time a step for each of ``LOSSES``, and its stages.
 
     Args:
         workload: The cloud and the size of its image.
         patience: How long to measure.
+        backend: Where; a GPU is waited for after each call.
 
     Returns:
         The stages are ``colours``: surfels and their colours from the parameters; ``loss``: these, drawing,
         and the losses; ``gradients``: these, and all the way back; ``Adam``: alone. The whole is these with
         what densification remembers.
+
+    Raises:
+        MethodError: The back end cannot run here.
     """
-    return tuple(_cost(workload, name, settings, patience) for name, settings in LOSSES.items())
+    device = device_of(backend)
+    return tuple(_cost(workload, name, settings, patience, device) for name, settings in LOSSES.items())
 
 
-def _cost(workload: Workload, losses: str, settings: SurfelSettings, patience: Patience) -> StepCost:
+def _cost(
+    workload: Workload, losses: str, settings: SurfelSettings, patience: Patience, device: torch.device
+) -> StepCost:
     state, plan, objective = _fit(workload, settings)
-    stages = {name: time_calls(call, patience) for name, call in _stages(state, plan, objective)}
-    whole = time_calls(lambda: train_step(state, plan, objective), patience)
-    return StepCost(workload.name, losses, whole, stages)
+    state, objective = state_on(state, device), on_device(objective, device)
+
+    def timed(call: Callable[[], object]) -> Timing:
+        return time_calls(call if device.type == "cpu" else partial(_finished, call), patience)
+
+    stages = {name: timed(call) for name, call in _stages(state, plan, objective)}
+    whole = timed(lambda: train_step(state, plan, objective))
+    name = "cpu" if device.type == "cpu" else torch.cuda.get_device_name(device)
+    return StepCost(workload.name, losses, whole, stages, name)
+
+
+def _finished(call: Callable[[], object]) -> object:
+    """Call, and wait for the GPU, which returns before it is done."""
+    found = call()
+    torch.cuda.synchronize()
+    return found
 
 
 def _fit(workload: Workload, settings: SurfelSettings) -> tuple[FitState, TrainConfig, SurfelObjective]:

@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 from graycard.benchmarks.speed._machine import QUIET, Timing
 from graycard.benchmarks.speed._tracer import TracerCost
-from graycard.benchmarks.speed.engine._records import EngineCost, EngineSpeed, PeerCost, ScalingPoint
+from graycard.benchmarks.speed.engine._records import (
+    EngineCost,
+    EngineSpeed,
+    PeerCost,
+    ScalingPoint,
+    StepCost,
+)
 
 DISTURBED = "~"
 """Stands before a time for which the machine was never quiet."""
@@ -152,11 +158,21 @@ def _losses(speed: EngineSpeed) -> SpeedTable:
 def _steps(speed: EngineSpeed) -> SpeedTable:
     names = list(dict.fromkeys(name for step in speed.steps for name in step.stages))
     rows = (
-        (step.workload, step.losses, *(_ms(step.stages[name]) for name in names), _ms(step.whole))
+        (
+            step.workload,
+            step.losses,
+            step.device,
+            *(_ms(step.stages[name]) for name in names),
+            _ms(step.whole),
+        )
         for step in speed.steps
     )
     title = "A whole step of 2dgs, ms; each stage but Adam holds those before it"
-    return SpeedTable(title, ("workload", "losses", *names, "whole"), tuple(rows))
+    return SpeedTable(title, ("workload", "losses", "on", *names, "whole"), tuple(rows))
+
+
+def _place(step: StepCost) -> tuple[str, str, str]:
+    return step.workload, step.losses, step.device
 
 
 def _tracer(speed: EngineSpeed) -> SpeedTable:

@@ -91,20 +91,25 @@ def _intersect(
 
     Pixels are taken relative to the centre of the box, far from the image's corner, where the disc is.
     """
+
+    def of_each(values: torch.Tensor) -> torch.Tensor:
+        # not values[surfels]: the way back from that sorts all pairs
+        return values.index_select(0, surfels)
+
     cofactors, determinants = _cofactors(drawn.to_image)
     place = torch.nn.functional.pad(drawn.boxes, (0, 1), value=1.0)
     constants = (cofactors * place[:, None]).sum(dim=2)
     middle = torch.stack([pixels % camera.width, pixels // camera.width], dim=1) + 0.5
-    p = middle - drawn.boxes[surfels]
-    u, v, below = ((cofactors[:, :, :2][surfels] * p[:, None]).sum(2) + constants[surfels]).unbind(1)
-    height = determinants[surfels]
+    p = middle - of_each(drawn.boxes)
+    u, v, below = ((of_each(cofactors[:, :, :2]) * p[:, None]).sum(2) + of_each(constants)).unbind(1)
+    height = of_each(determinants)
     met = (below > 0) & (height >= NEAR * below)
     below = torch.where(met, below, 1.0)
     disc = torch.where(met, (u**2 + v**2) / below**2, torch.inf)
     low_pass = 2 * (p**2).sum(dim=1)
-    alpha = opacities.double()[surfels] * torch.exp(-0.5 * torch.minimum(disc, low_pass))
+    alpha = of_each(opacities.double()) * torch.exp(-0.5 * torch.minimum(disc, low_pass))
     alpha = torch.where(alpha >= ALPHA_MIN, alpha.clamp(max=ALPHA_MAX), 0.0)
-    depth = torch.where(disc <= low_pass, height / below, drawn.depths[surfels])
+    depth = torch.where(disc <= low_pass, height / below, of_each(drawn.depths))
     return _Hits(surfels, pixels, alpha, depth)
 
 
@@ -126,11 +131,11 @@ def _composite(hits: _Hits, values: torch.Tensor, pixels: int) -> dict[str, torc
     def total(summands: torch.Tensor) -> torch.Tensor:
         return summands.new_zeros(pixels, *summands.shape[1:]).index_add(0, hits.pixels, summands)
 
-    sums = total(weight[:, None] * values[hits.surfels])
+    sums = total(weight[:, None] * values.index_select(0, hits.surfels))
     alpha = total(weight)
     covered = torch.where(alpha > 0, alpha, 1.0)
     m = ndc_depth(hits.depth)
-    spread = m - (total(weight * m) / covered)[hits.pixels]
+    spread = m - (total(weight * m) / covered).index_select(0, hits.pixels)
     return {
         "features": sums[:, :-3],
         "alpha": alpha,
@@ -146,7 +151,8 @@ def _transmittance(hits: _Hits) -> torch.Tensor:
     fall = torch.log1p(-hits.alpha)
     before = fall.cumsum(dim=0) - fall
     _, which, counts = torch.unique_consecutive(hits.pixels, return_inverse=True, return_counts=True)
-    return torch.exp(before - before[counts.cumsum(dim=0) - counts][which])
+    firsts = before.index_select(0, counts.cumsum(dim=0) - counts)
+    return torch.exp(before - firsts.index_select(0, which))
 
 
 def _median(hits: _Hits, eligible: torch.Tensor, pixels: int) -> torch.Tensor:

@@ -2,33 +2,17 @@
 """Adam on all parameters in one parallel region, however many tensors they are."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import torch
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from graycard.methods._numba import njit
+from graycard.methods.splat.fit._moved import BETA_1, BETA_2, Moved
 from graycard.methods.splat.parallel import UNWRAPPED, run, share, task
-
-BETA_1, BETA_2 = 0.9, 0.999
-
-
-class Moved(NamedTuple):
-    """A parameter of a step: float32 tensors of one shape in C order, all but the gradient to be changed."""
-
-    values: torch.Tensor
-    gradient: torch.Tensor
-    first: torch.Tensor
-    """Running mean of the gradient."""
-    second: torch.Tensor
-    """Running mean of its square."""
-    rate: float
-    steps: int
-    """Number of its moves, this one included."""
 
 
 def _floats_at(typing: Any, address: types.Type) -> Any:
@@ -96,16 +80,8 @@ def adam_all(addresses, begins, numbers):
     run(task(move_part, (addresses, begins, numbers)))
 
 
-def move_all(parameters: Sequence[Moved], epsilon: float) -> None:
-    """Move parameters in place (Kingma and Ba 2015).
-
-    Raises:
-        ValueError: Tensors of a parameter are not float32 on the CPU, in C order and of one shape.
-    """
-    if not parameters:
-        return
-    for one in parameters:
-        _check(one)
+def move_by_kernel(parameters: Sequence[Moved], epsilon: float) -> None:
+    """Move parameters on the CPU in place; see :func:`graycard.methods.splat.fit._adam.move_all`."""
     tensors = [(one.values, one.gradient, one.first, one.second) for one in parameters]
     addresses = np.array([[tensor.data_ptr() for tensor in row] for row in tensors], np.int64)
     begins = np.cumsum([0, *(one.values.numel() for one in parameters)], dtype=np.int64)
@@ -117,13 +93,3 @@ def move_all(parameters: Sequence[Moved], epsilon: float) -> None:
         for one in parameters
     ]  # fmt: skip
     adam_all(addresses, begins, np.array(numbers, np.float32))
-
-
-def _check(one: Moved) -> None:
-    for tensor in (one.values, one.gradient, one.first, one.second):
-        sound = tensor.dtype == torch.float32 and tensor.device.type == "cpu" and tensor.is_contiguous()
-        if not sound or tensor.shape != one.values.shape:
-            raise ValueError(
-                "expected tensors in float32 on the CPU, in C order and of one shape, got "
-                f"{tensor.dtype} on {tensor.device} of shape {tuple(tensor.shape)}"
-            )

@@ -91,11 +91,11 @@ def densify(state: FitState, rules: DensityRules, extent: float) -> FitState:
     asked, sizes = _asked(state, rules), state.parameters.surfels[LOG_SCALES].exp().amax(dim=1)
     large = sizes > rules.small * extent
     cloned, split = (asked & ~large).nonzero()[:, 0], (asked & large).nonzero()[:, 0]
-    kept = torch.ones(len(sizes), dtype=torch.bool)
+    kept = torch.ones_like(large)
     kept[split] = False
     parents = split.repeat(rules.children)
     order = torch.cat([kept.nonzero()[:, 0], cloned, parents])
-    fresh = torch.arange(len(order)) >= int(kept.sum())
+    fresh = torch.arange(len(order), device=order.device) >= int(kept.sum())
     grown = _rearranged(state, order, fresh)
     return _scatter_children(grown, len(parents), rules.children)
 
@@ -121,7 +121,7 @@ def prune(state: FitState, rules: DensityRules, extent: float, bound_sizes: bool
 def keep(state: FitState, kept: torch.Tensor) -> FitState:
     """Only some surfels, with their moments and statistics; ``kept`` has shape ``(N,)``, bool."""
     order = kept.nonzero()[:, 0]
-    found = _rearranged(state, order, torch.zeros(len(order), dtype=torch.bool))
+    found = _rearranged(state, order, torch.zeros_like(order, dtype=torch.bool))
     screen = state.screen
     seen = replace(
         screen, gradient=screen.gradient[kept], views=screen.views[kept], radius=screen.radius[kept]
@@ -135,7 +135,7 @@ def reset_opacity(state: FitState, rules: DensityRules) -> FitState:
     The moments of the opacities begin anew.
     """
     surfels = dict(state.parameters.surfels)
-    bound = torch.logit(torch.tensor(rules.reset_opacity)).to(surfels[LOGITS].dtype)
+    bound = torch.logit(torch.tensor(rules.reset_opacity)).to(surfels[LOGITS])
     surfels[LOGITS] = torch.minimum(surfels[LOGITS], bound)
     old = state.moments[LOGITS]
     forgotten = AdamMoments(torch.zeros_like(old.first), torch.zeros_like(old.second), old.steps.clone())
@@ -176,8 +176,8 @@ def _scatter_children(state: FitState, count: int, children: int) -> FitState:
     surfels = {name: values.clone() for name, values in state.parameters.surfels.items()}
     axes = rotation_matrices(surfels[ROTATIONS][-count:])[:, :, :2]
     scales = surfels[LOG_SCALES][-count:].exp()
-    drawn = torch.randn(count, 2, generator=random, dtype=scales.dtype) * scales
+    drawn = torch.randn(count, 2, generator=random, dtype=scales.dtype).to(scales.device) * scales
     surfels[CENTRES][-count:] += (axes * drawn[:, None]).sum(dim=2)
-    surfels[LOG_SCALES][-count:] -= torch.log(torch.tensor(0.8 * children, dtype=scales.dtype))
+    surfels[LOG_SCALES][-count:] -= torch.log(scales.new_tensor(0.8 * children))
     parameters = replace(state.parameters, surfels=surfels)
     return replace(state, parameters=parameters, random=random.get_state())

@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 import torch
 
 from graycard import MethodError
-from graycard.methods.splat.fit._parameters import Parameters
+from graycard.methods.splat._devices import on_device
+from graycard.methods.splat.fit._adam import move_all
+from graycard.methods.splat.fit._moved import Moved
+from graycard.methods.splat.fit._parameters import CENTRES, Parameters
 
 EPSILON = 1e-15
 """Of Adam: the gradients of surfels are small numbers (Kerbl et al. 2023)."""
@@ -91,9 +94,22 @@ def initial_state(parameters: Parameters, seed: int) -> FitState:
     return FitState(0, parameters, moments, nothing_seen(parameters), random)
 
 
+def state_on(state: FitState, device: torch.device) -> FitState:
+    """Return the state with its parameters, moments and statistics on a device.
+
+    Counts of moves and the random state stay on the CPU: what is drawn there is the same for all devices.
+    """
+    moments = {
+        name: replace(m, first=m.first.to(device), second=m.second.to(device))
+        for name, m in state.moments.items()
+    }
+    parameters, screen = (on_device(part, device) for part in (state.parameters, state.screen))
+    return replace(state, parameters=parameters, moments=moments, screen=screen)
+
+
 def nothing_seen(parameters: Parameters) -> ScreenStatistics:
     """Statistics before the first view."""
-    zeros = torch.zeros(len(parameters))
+    zeros = parameters.surfels[CENTRES].new_zeros(len(parameters), dtype=torch.float32)
     return ScreenStatistics(zeros, zeros.clone(), zeros.clone())
 
 
@@ -123,13 +139,11 @@ def adam_step(
 
     Raises:
         MethodError: A gradient is not finite.
-        ValueError: A parameter is not float32 on the CPU.
+        ValueError: A parameter is not float32.
     """
-    from graycard.methods.splat.fit._adam_kernel import Moved, move_all  # Numba takes long to import
-
     everything, moved = state.parameters.all, []
+    _check_finite(gradients, state.step)
     for name, gradient in gradients.items():
-        _check_finite(gradient, name, state.step)
         m = state.moments[name]
         m.steps.add_(1)
         means, rate = (m.first, m.second), rates[name].at(share)
@@ -164,7 +178,7 @@ def watch_screen(
         size: Width and height of the image, pixels. The gradient is counted per half an image, so that the
             same threshold holds at every resolution (Kerbl et al. 2023, their code).
     """
-    lengths = (to_offsets * torch.tensor([size[0] / 2, size[1] / 2])).norm(dim=1)
+    lengths = (to_offsets * to_offsets.new_tensor([size[0] / 2, size[1] / 2])).norm(dim=1)
     seen = lengths > 0
     return ScreenStatistics(
         screen.gradient + lengths,
@@ -182,12 +196,16 @@ def _no_moments(values: torch.Tensor) -> AdamMoments:
     return AdamMoments(torch.zeros_like(values), torch.zeros_like(values), torch.zeros(()))
 
 
-def _check_finite(gradient: torch.Tensor, name: str, step: int) -> None:
-    """A sum is finite if its terms are, but for overflow: look closer only where it is not."""
-    if bool(torch.isfinite(gradient.sum())) or bool(torch.isfinite(gradient).all()):
+def _check_finite(gradients: Mapping[str, torch.Tensor], step: int) -> None:
+    """A sum is finite if its terms are, but for overflow: look closer only where one is not."""
+    sums = [gradient.sum() for gradient in gradients.values()]
+    if not sums or bool(torch.stack(sums).isfinite().all()):
         return
-    row = int((~torch.isfinite(gradient)).nonzero()[0, 0]) if gradient.ndim else 0
-    raise MethodError(
-        f"expected finite gradients, got one of {name!r} that is not at step {step} (row {row}). "
-        "Lower its learning rate"
-    )
+    for name, gradient in gradients.items():
+        if bool(torch.isfinite(gradient).all()):
+            continue
+        row = int((~torch.isfinite(gradient)).nonzero()[0, 0]) if gradient.ndim else 0
+        raise MethodError(
+            f"expected finite gradients, got one of {name!r} that is not at step {step} (row {row}). "
+            "Lower its learning rate"
+        )

@@ -10,6 +10,7 @@ import torch
 from graycard import Progress
 from graycard.io import peak_memory_mib
 from graycard.methods._resumed import add_resumed
+from graycard.methods.splat._devices import CPU, FitBackend, device_of, on_device
 from graycard.methods.splat.fit._checkpoint import NOTHING_SPENT, Checkpoint, Spent, load_saved, save_state
 from graycard.methods.splat.fit._densify import DensityRules, densify, keep, prune, reset_opacity
 from graycard.methods.splat.fit._optimise import (
@@ -18,6 +19,7 @@ from graycard.methods.splat.fit._optimise import (
     adam_step,
     check_loss,
     leaves,
+    state_on,
     watch_screen,
 )
 
@@ -66,6 +68,8 @@ class TrainConfig:
     """Stop, and save, after so many of the ``steps``; None: after all of them."""
     misplaced: Misplaced | None = None
     """Names surfels that go whenever ``rules`` take some away, besides theirs; None: no others."""
+    backend: FitBackend = "cpu"
+    """Where the fit computes, see :func:`train`."""
 
     @property
     def last(self) -> int:
@@ -81,21 +85,31 @@ def train(state: FitState, config: TrainConfig, objective: Objective, progress: 
     """Run a fit to its end, from a state or from what was saved of it.
 
     Equal states, configurations and objectives end with equal bits on one machine, however often the fit
-    was cut off and resumed.
+    was cut off and resumed; on a GPU, whose sums have no fixed order, but for rounding.
+
+    With the back end ``cuda`` parameters, and all tensors that the objective holds, lie on the GPU as long as
+    the fit lasts. The objective's own code makes its tensors on the device of the parameters.
 
     Args:
-        state: Before the first step; used up.
+        state: Before the first step, on the CPU; used up.
         config: Rates, rules and the budget.
         objective: What is to be lowered.
         progress: Called now and then.
 
+    Returns:
+        The last state, on the CPU.
+
     Raises:
-        MethodError: A loss or a gradient is not finite, or the checkpoint is damaged or of another fit.
+        MethodError: A loss or a gradient is not finite, the checkpoint is damaged or of another fit, or the
+            back end cannot run here.
         OutputError: The checkpoint cannot be written.
     """
+    device = device_of(config.backend)
     saved = None if config.checkpoint is None else load_saved(config.checkpoint)
     state, before = (state, NOTHING_SPENT) if saved is None else saved
     add_resumed(before.seconds, before.peak_mib)
+    state, objective = state_on(state, device), on_device(objective, device)
+    config = replace(config, misplaced=on_device(config.misplaced, device))
     began = time.perf_counter()
     while state.step < config.last:
         progress(state.step / config.steps, f"fitting {len(state.parameters)} surfels")
@@ -103,8 +117,12 @@ def train(state: FitState, config: TrainConfig, objective: Objective, progress: 
         ends = state.step == config.last
         if config.checkpoint is not None and (ends or state.step % config.checkpoint.every == 0):
             seconds = before.seconds + time.perf_counter() - began
-            save_state(config.checkpoint, state, Spent(seconds, max(before.peak_mib, peak_memory_mib())))
-    return state
+            save_state(
+                config.checkpoint,
+                state_on(state, CPU),
+                Spent(seconds, max(before.peak_mib, peak_memory_mib())),
+            )
+    return state_on(state, CPU)
 
 
 def train_step(state: FitState, config: TrainConfig, objective: Objective) -> FitState:

@@ -23,11 +23,16 @@ def _order(round_: int, views: int, seed: int) -> tuple[int, ...]:
     return tuple(np.random.default_rng((seed, round_)).permutation(views).tolist())
 
 
+def no_offsets(of_surfels: torch.Tensor) -> torch.Tensor:
+    """Return zeros of shape ``(N, 2)`` that require gradients, where what N surfels have lies."""
+    return torch.zeros(len(of_surfels), 2, requires_grad=True, device=of_surfels.device)
+
+
 @torch.no_grad()
 def image_radius(values: Mapping[str, torch.Tensor], camera: Camera) -> torch.Tensor:
     """Three standard deviations on the image, in shares of its width, shape ``(N,)``, if surfels faced it."""
-    forward = torch.tensor(camera.forward, dtype=torch.float32)
-    eye = torch.tensor(camera.position, dtype=torch.float32)
-    z = ((values[CENTRES] - eye) @ forward).clamp(min=1e-3)
+    centres = values[CENTRES]
+    forward, eye = (centres.new_tensor(row, dtype=torch.float32) for row in (camera.forward, camera.position))
+    z = ((centres - eye) @ forward).clamp(min=1e-3)
     largest = values[LOG_SCALES].amax(dim=1).exp()
     return 3 * largest / z * float(camera.K[0, 0] / camera.width)

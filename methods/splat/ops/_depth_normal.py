@@ -8,6 +8,8 @@ import torch
 from torch.autograd.function import once_differentiable
 
 from graycard import Camera
+from graycard.methods.splat._devices import DEVICES, is_on_cpu
+from graycard.methods.splat.ops._pytorch import normal_mismatch, normals_of_depth
 
 
 def depth_to_normals(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
@@ -17,7 +19,7 @@ def depth_to_normals(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
     (Huang et al. 2024, equation 15 and their code); the result faces the camera.
 
     Args:
-        depth: z-depth, shape ``(H, W)`` of the camera, metres, float32 or float64 on the CPU. Where it is
+        depth: z-depth, shape ``(H, W)`` of the camera, metres, float32 or float64. Where it is
             not positive, or infinite, there is no surface.
         camera: The pinhole camera.
 
@@ -26,10 +28,13 @@ def depth_to_normals(depth: torch.Tensor, camera: Camera) -> torch.Tensor:
         and where one of the four neighbours is no surface. Differentiable once in the depth.
 
     Raises:
-        ValueError: A depth of another shape or dtype, or not on the CPU.
+        ValueError: A depth of another shape or dtype, or neither on the CPU nor on a GPU.
     """
-    _check("depth", depth, (camera.height, camera.width), depth.dtype)
-    return cast(torch.Tensor, _Normals.apply(depth, _frame(camera, depth.dtype)))
+    _check("depth", depth, (camera.height, camera.width), depth)
+    frame = _frame(camera, depth.dtype)
+    if not is_on_cpu(depth):
+        return normals_of_depth(depth, frame)
+    return cast(torch.Tensor, _Normals.apply(depth, frame))
 
 
 def depth_normal_map(
@@ -41,7 +46,7 @@ def depth_normal_map(
     to agree.
 
     Args:
-        depth: z-depth, shape ``(H, W)`` of the camera, metres, float32 or float64 on the CPU.
+        depth: z-depth, shape ``(H, W)`` of the camera, metres, float32 or float64.
         normal: shape ``(H, W, 3)``, world, not unit length: the sum of weights times normals.
         alpha: shape ``(H, W)``, the sum of weights; gets no gradient.
         camera: The pinhole camera.
@@ -51,24 +56,30 @@ def depth_normal_map(
         from depth. Differentiable once in depth and normal.
 
     Raises:
-        ValueError: Images of other shapes or unequal dtypes, or not on the CPU.
+        ValueError: Images of other shapes, or unequal dtypes or devices.
     """
     size = (camera.height, camera.width)
     for name, one, tail in (("depth", depth, ()), ("normal", normal, (3,)), ("alpha", alpha, ())):
-        _check(name, one, size + tail, depth.dtype)
-    return cast(torch.Tensor, _Mismatch.apply(depth, normal, alpha.detach(), _frame(camera, depth.dtype)))
+        _check(name, one, size + tail, depth)
+    frame = _frame(camera, depth.dtype)
+    if not is_on_cpu(depth):
+        return normal_mismatch(depth, normal, alpha.detach(), frame)
+    return cast(torch.Tensor, _Mismatch.apply(depth, normal, alpha.detach(), frame))
 
 
-def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], dtype: torch.dtype) -> None:
-    """Refuse what the kernels cannot read."""
+def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], depth: torch.Tensor) -> None:
+    """Refuse what does not go with the depth, or cannot be read."""
     if tuple(image.shape) != shape:
         raise ValueError(f"expected {name} of shape {shape}, got {tuple(image.shape)}")
-    if image.dtype not in (torch.float32, torch.float64) or image.device.type != "cpu":
+    if image.dtype not in (torch.float32, torch.float64) or image.device.type not in DEVICES:
         raise ValueError(
-            f"expected {name} in float32 or float64 on the CPU, got {image.dtype} on {image.device}"
+            f"expected {name} in float32 or float64 on the CPU or a GPU, got {image.dtype} on {image.device}"
         )
-    if image.dtype != dtype:
-        raise ValueError(f"expected {name} in the dtype of the depth, {dtype}, got {image.dtype}")
+    if (image.dtype, image.device) != (depth.dtype, depth.device):
+        raise ValueError(
+            f"expected {name} in the dtype of the depth, {depth.dtype}, on its device, {depth.device}, "
+            f"got {image.dtype} on {image.device}"
+        )
 
 
 class Frame(NamedTuple):

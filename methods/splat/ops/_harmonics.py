@@ -7,7 +7,9 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from graycard.methods.splat._devices import is_on_cpu
 from graycard.methods.splat.ops._harmonics_basis import MAX_DEGREE, harmonics
+from graycard.methods.splat.ops._pytorch import harmonics_sum
 
 
 def coefficient_count(degree: int) -> int:
@@ -71,6 +73,8 @@ def spherical_harmonics_colours(
             f"got {tuple(centres.shape)} in {centres.dtype}"
         )
     origin = np.asarray(eye, dtype=np.float64)
+    if not is_on_cpu(coefficients):
+        return harmonics_sum(coefficients, centres, origin, used)
     return cast(torch.Tensor, _Colours.apply(coefficients, centres, origin, used))
 
 

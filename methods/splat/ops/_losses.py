@@ -7,6 +7,9 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
+from graycard.methods.splat._devices import DEVICES, is_on_cpu
+from graycard.methods.splat.ops._pytorch import compare_images
+
 SSIM_SHARE = 0.2
 """Weight of 1 - SSIM beside the absolute difference, as in 3D Gaussian Splatting (Kerbl et al. 2023)."""
 
@@ -15,7 +18,7 @@ def l1_map(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     """Absolute difference of each pixel and channel.
 
     Args:
-        image: shape ``(H, W, C)``, float32 on the CPU, linear or encoded.
+        image: shape ``(H, W, C)``, float32, linear or encoded.
         target: the same; a constant, that gets no gradient.
 
     Returns:
@@ -36,7 +39,7 @@ def ssim_map(image: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
     in [0, 1]: linear images of another range get another weighting of contrast, not an error.
 
     Args:
-        image: shape ``(H, W, C)``, float32 on the CPU, linear or encoded; a NaN spreads to the windows
+        image: shape ``(H, W, C)``, float32, linear or encoded; a NaN spreads to the windows
             that hold it.
         target: the same; a constant, that gets no gradient.
 
@@ -75,6 +78,8 @@ def _compare(
 ) -> torch.Tensor:
     """The kernels' map; images too narrow for a vector get columns of zeros, which lie beyond them anyway."""
     _check(image, target)
+    if not is_on_cpu(image):
+        return compare_images(image, target.detach(), (base, absolute, dissimilar))
     _, width, channels = image.shape
     wider = _columns_for_a_vector(channels) - width
     if wider > 0:
@@ -95,10 +100,15 @@ def _check(image: torch.Tensor, target: torch.Tensor) -> None:
     for name, one in (("image", image), ("target", target)):
         if one.ndim != 3 or 0 in one.shape:
             raise ValueError(f"expected {name} of shape (H, W, C), none of them zero, got {tuple(one.shape)}")
-        if one.dtype != torch.float32 or one.device.type != "cpu":
-            raise ValueError(f"expected {name} in float32 on the CPU, got {one.dtype} on {one.device}")
-    if image.shape != target.shape:
-        raise ValueError(f"expected a target of shape {tuple(image.shape)}, got {tuple(target.shape)}")
+        if one.dtype != torch.float32 or one.device.type not in DEVICES:
+            raise ValueError(
+                f"expected {name} in float32 on the CPU or a GPU, got {one.dtype} on {one.device}"
+            )
+    if (image.shape, image.device) != (target.shape, target.device):
+        raise ValueError(
+            f"expected a target of shape {tuple(image.shape)} on {image.device}, "
+            f"got {tuple(target.shape)} on {target.device}"
+        )
 
 
 def _flat(values: torch.Tensor) -> np.ndarray:

@@ -17,7 +17,8 @@ from graycard.methods.splat._surfels import Surfels
 from graycard.methods.splat._trace import build_bvh, trace_rays
 from graycard.methods.splat.ewa._gaussians import Gaussians
 from graycard.methods.splat.ewa._rasterize import rasterize_gaussians
-from graycard.methods.splat.fit._adam_kernel import Moved, move_all
+from graycard.methods.splat.fit._adam import move_all
+from graycard.methods.splat.fit._moved import Moved
 from graycard.methods.splat.ops._depth_normal import depth_normal_map
 from graycard.methods.splat.ops._harmonics import spherical_harmonics_colours
 from graycard.methods.splat.ops._losses import photometric_map

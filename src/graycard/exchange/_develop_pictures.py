@@ -246,10 +246,11 @@ def develop_pictures(
         raise DatasetError(f"expected photographs with some light, got {len(found.shots)} that are black")
     bits = depths.pop() if len(depths) == 1 else 0
     train, held = found.exposures.train, found.exposures.held
+    is_told = bool(train) or any(other != 1 for other in held)
     return Developed(
         1 / white,
         _sensor(found.shots, train, white, bits),
-        _sensor(found.held, held if train or set(held) != {1.0} else (), white, bits),
+        _sensor(found.held, held if is_told else (), white, bits),
         merge_rows([*rows, *found.rows]),
     )
 

@@ -140,8 +140,8 @@ def write_import(
     manifest = Manifest("graycard-capture", FORMAT_VERSION, plan.track, scene, generator, {}, plan.settings)
     with atomic_folder(Path(dataset) / plan.track / scene) as home:
         capture, developed = _write_capture(home / "capture", plan, manifest, progress)
-        rows = [*developed.rows]
-        rows += write_held_out(home / HELD_OUT, plan.pictures, manifest, developed.held_out)
+        held = write_held_out(home / HELD_OUT, plan.pictures, manifest, developed.held_out)
+        rows = [*developed.rows, *held]
         if plan.has_truth:
             rows += write_given_truth(plan, capture, home / "truth", generator)
         else:

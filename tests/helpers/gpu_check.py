@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the back end ``cuda`` does on a GPU, in short tables: ``gpu_check.py PART [FOLDER]``.
+
+``engine`` times drawing on the clouds of ``graycard speed engine``, ``profile`` shows where a step of 2dgs
+spends time, ``large`` fits a scene in closed form at 512 and 800 pixels, and ``scenes`` fits rendered scenes
+``FOLDER/<track>/<scene>`` on the CPU and on the GPU. A case that fails says so, and the next one follows.
+"""
+
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests"), str(ROOT / "tests" / "helpers")]
+
+from conftest import write_scene  # noqa: E402
+from graycard import MethodError, methods, open_capture, open_truth, srgb_encode  # noqa: E402
+from graycard.benchmarks.speed._machine import Patience, time_calls  # noqa: E402
+from graycard.benchmarks.speed.engine._calls import memory_of, scene_of, time_both  # noqa: E402
+from graycard.benchmarks.speed.engine._scenes import PAPER_SIZED, WORKLOADS, Workload  # noqa: E402
+from graycard.benchmarks.speed.engine._step import LOSSES, _fit, measure_steps  # noqa: E402
+from graycard.io import silent  # noqa: E402
+from graycard.methods.priors import PriorSpec, make_priors  # noqa: E402
+from graycard.methods.splat import device_of, on_device, rasterize, state_on, train_step  # noqa: E402
+from sparse_points import with_points  # noqa: E402
+
+PATIENCE = Patience(3, 0.1, 2.0)
+Row = Iterable[object]
+
+
+def say(*words: object) -> None:
+    """Write a line at once."""
+    sys.stdout.write(" ".join(map(str, words)) + "\n")
+    sys.stdout.flush()
+
+
+def tried(name: str, make: Callable[[], Row]) -> None:
+    """Write the row that a case gives, or why it gives none."""
+    try:
+        row = make()
+    except Exception as error:
+        traceback.print_exc()
+        row = ("FAILED", type(error).__name__, str(error).splitlines()[0][:100])
+    say(f"| {name} |", *(f"{cell} |" for cell in row))
+
+
+def engine() -> None:
+    """Time drawing and whole steps, forward and backward, with the memory at their peak."""
+    say("cloud | surfels | px | features ms f | f+b | MiB | all maps ms f | f+b | MiB")
+    for cloud in (*WORKLOADS, PAPER_SIZED):
+        tried(cloud.name, lambda cloud=cloud: _drawn(cloud))
+    say("cloud | losses | on | ms of each stage | whole ms")
+    for cloud in (WORKLOADS[3], PAPER_SIZED):
+        tried(f"step, {cloud.name}", lambda cloud=cloud: _steps(cloud))
+
+
+def _drawn(cloud: Workload) -> Row:
+    scene = scene_of(cloud, 3).on("cuda")
+
+    def maps(surfels: Any, camera: Any) -> Any:
+        drawn = rasterize(surfels, camera)
+        seen = drawn.depth.mean() + drawn.distortion.mean() + drawn.normal.mean()
+        return replace(drawn, alpha=drawn.alpha + 0 * seen)  # pairs that are summed up have all the gradients
+
+    cells: list[object] = [cloud.surfels, cloud.size]
+    for draw in ((), (maps,)):
+        forward, both = time_both(scene, PATIENCE, *draw)
+        cells += [f"{forward.ms:.2f}", f"{both.ms:.2f}", f"{memory_of(scene, *draw):.0f}"]
+    return cells
+
+
+def _steps(cloud: Workload) -> Row:
+    costs = measure_steps(cloud, PATIENCE, "cuda")
+    cells: list[object] = [costs[0].device]
+    for cost in costs:
+        stages = " ".join(f"{name} {timing.ms:.1f}" for name, timing in cost.stages.items())
+        cells += [cost.losses, stages, f"{cost.whole.ms:.1f}"]
+    return cells
+
+
+def profile() -> None:
+    """Profile some steps of each cloud."""
+    for cloud in (Workload("small", 5_000, 112, 0.03), WORKLOADS[3], PAPER_SIZED):
+        tried(f"profile, {cloud.name}", lambda cloud=cloud: _profiled(cloud))
+
+
+def _profiled(cloud: Workload, steps: int = 5) -> Row:
+    settings = LOSSES["and geometry"]
+    device = device_of("cuda")
+    state, plan, objective = _fit(cloud, settings)
+    state, objective = state_on(state, device), on_device(objective, device)
+
+    def step() -> None:
+        train_step(state, plan, objective)
+        torch.cuda.synchronize()
+
+    for _ in range(3):
+        step()
+    torch.cuda.reset_peak_memory_stats()
+    whole = time_calls(step, PATIENCE)
+    activities = [torch.profiler.ProfilerActivity.CPU, torch.profiler.ProfilerActivity.CUDA]
+    with torch.profiler.profile(activities=activities) as found:
+        for _ in range(steps):
+            step()
+    averages = found.key_averages()
+    for order in ("self_device_time_total", "self_cpu_time_total"):
+        say(averages.table(sort_by=order, row_limit=22, max_name_column_width=60))
+    on_gpu = [event for event in averages if event.device_type.name == "CUDA"]
+    device_ms = sum(event.self_device_time_total for event in on_gpu) / 1e3 / steps
+    calls = sum(event.count for event in averages if event.key == "cudaLaunchKernel") / steps
+    peak = torch.cuda.max_memory_allocated() / 2**20
+    spent = f"{whole.ms:.1f} ms a step", f"{device_ms:.1f} ms on the GPU"
+    return *spent, f"{calls:.0f} launches", f"{peak:.0f} MiB"
+
+
+def large() -> None:
+    """Fit a scene in closed form at 512 pixels with 60,000 surfels, and at 800 with 200,000."""
+    say("case | steps | s | ms a step | surfels | PSNR of training views | peak MiB of the GPU")
+    for name, size, count, steps in (
+        ("2dgs", 512, 60_000, 300),
+        ("2dgs", 800, 200_000, 300),
+        ("sunfaded", 512, 60_000, 300),
+    ):
+        tried(f"{name}, {size} px", lambda a=(name, size, count, steps): _large(*a))
+
+
+def _large(name: str, size: int, count: int, steps: int) -> Row:
+    scene = write_scene(Path(tempfile.mkdtemp()), train=6, test=1, size=(size, size))
+    capture = with_points(scene, spacing=max(1, round((6 * size**2 / count) ** 0.5)))
+    chosen = methods.settings_of(
+        methods.load_method(name),
+        {"iterations": steps, "surfels": count, "fill": 0.0, "backend": "cuda"},
+    )
+    torch.cuda.reset_peak_memory_stats()
+    moments: list[float] = []
+    found = methods.load_method(name).fit(
+        capture, methods.Priors(), chosen, 0, lambda done, doing: moments.append(time.perf_counter())
+    )
+    seconds = moments[-1] - moments[len(moments) // 10]
+    each = 1e3 * seconds / (len(moments) - 1 - len(moments) // 10)
+    peak = torch.cuda.max_memory_allocated() / 2**20
+    surfels = len(found.parameters)  # pyright: ignore[reportAttributeAccessIssue]
+    good = f"{_psnr(found, scene, 'train'):.2f}"
+    return steps, f"{seconds:.1f}", f"{each:.1f}", surfels, good, f"{peak:.0f}"
+
+
+def _psnr(found: methods.Decomposition, scene: Path, split: str) -> float:
+    truth = open_truth(scene / "truth", check=False)
+    errors = []
+    for view in (view for view in truth.views if view.split == split):
+        drawn = found.render(view.camera, ["radiance"])["radiance"]
+        shown = [srgb_encode(image * truth.exposure) for image in (drawn, truth.layers(view)["radiance"])]
+        errors.append(((shown[0] - shown[1]) ** 2).mean())
+    return float(-10 * np.log10(np.mean(errors)))
+
+
+METHODS = {"dark": ("2dgs", "sunfaded"), "multilight": ("gsid",), "tabletop": ("goris",)}
+BUDGET = {"2dgs": 600, "sunfaded": 600, "gsid": 400, "goris": 400}
+
+
+def scenes(folder: Path) -> None:
+    """Fit rendered scenes on both: PSNR of training and held-out views, and time."""
+    say("method | scene | back end | s | PSNR of training views | of held-out views")
+    for backend in ("cuda", "cpu"):
+        for track, names in METHODS.items():
+            for scene in sorted((folder / track).iterdir()) if (folder / track).is_dir() else ():
+                for name in names:
+                    case = f"{name}, {scene.name}, {backend}"
+                    tried(case, lambda a=(name, scene, backend): _fitted(*a))
+
+
+def _fitted(name: str, scene: Path, backend: str) -> Row:
+    method, capture = methods.load_method(name), open_capture(scene / "capture", check=False)
+    truth = open_truth(scene / "truth", check=False)
+    asks = methods.asks_of(method)
+    known = {view.name: truth.layers(view) for view in truth.views if view.split == "train"} if asks else {}
+    spec = PriorSpec("oracle", 1)
+    priors = make_priors(spec, asks, capture, known, truth.lights()) if asks else methods.Priors()
+    budget = {"iterations": BUDGET[name], "surfels": 5000, "backend": backend}
+    start = time.perf_counter()
+    found = method.fit(capture, priors, methods.settings_of(method, budget), 0, silent)
+    seconds = time.perf_counter() - start
+    return f"{seconds:.1f}", f"{_psnr(found, scene, 'train'):.2f}", f"{_psnr(found, scene, 'test'):.2f}"
+
+
+if __name__ == "__main__":
+    try:
+        say(f"# {sys.argv[1]}: {torch.cuda.get_device_name()}, PyTorch {torch.__version__}")
+        globals()[sys.argv[1]](*map(Path, sys.argv[2:]))
+    except MethodError as cause:
+        sys.exit(str(cause))
