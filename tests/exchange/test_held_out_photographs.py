@@ -94,6 +94,14 @@ def ratios(scene: Path) -> list[float]:
     return [float(np.median(held.photograph(view) / stored)) for view in held.views]
 
 
+def check_white(scene: Path) -> None:
+    """A held-out photograph ends where radiance × exposure × its factor is 1, as its file does."""
+    held = open_held_out(scene)
+    for view in held.views:
+        shown = held.photograph(view) * held.capture.exposure * held.exposure(view)
+        np.testing.assert_allclose(shown, srgb_decode(LIGHT / 255), rtol=1e-4)
+
+
 BRACKET = [0.01, 0.04, 0.01, 0.04, 0.02, 0.02, 0.02]
 """Of the training photographs: 0.02 s in the geometric mean."""
 
@@ -104,6 +112,7 @@ def test_a_held_out_photograph_without_exposure_leaves_the_others_theirs(tmp_pat
     assert sensor is not None
     assert sensor.exposure("1") / sensor.exposure("2") == pytest.approx(0.25)
     assert ratios(scene) == pytest.approx([1, 0.5], rel=1e-4)
+    check_white(scene)
     assert [(row.count, row.warns) for row in rows] == [(7, False), (1, True), (1, False)]
     assert "EXIF tells less of it than of others" in rows[1].said
 
@@ -112,6 +121,7 @@ def test_held_out_exposures_are_divided_out_where_others_are_alike(tmp_path: Pat
     scene, rows = exposures(tmp_path, [0.04, *[0.02] * 7, 0.02])
     assert open_capture(scene / "capture").sensor is None
     assert ratios(scene) == pytest.approx([0.5, 1], rel=1e-4)
+    check_white(scene)
     assert [row.count for row in rows] == [7, 1]
 
 
