@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar, final
+from typing import Any, Generic, TypeVar, final
 
 import torch
 
@@ -35,17 +35,8 @@ SAVES = 10
 """How often a fit is saved on its way."""
 
 
-class FitSettings(Protocol):
-    """Settings that every fit of surfels has."""
-
-    @property
-    def backend(self) -> FitBackend:
-        """Where it computes."""
-        ...
-
-
-SettingsT = TypeVar("SettingsT", bound=FitSettings)
-OtherSettingsT = TypeVar("OtherSettingsT", bound=FitSettings)
+SettingsT = TypeVar("SettingsT")
+OtherSettingsT = TypeVar("OtherSettingsT")
 SceneT = TypeVar("SceneT", bound=SavedScene)
 
 
@@ -90,9 +81,8 @@ class FitTask(Generic[SettingsT]):
             checkpoint: Where the fit is saved; None: nowhere.
             misplaced: Which surfels go whenever some are taken away; None: only those that ``rules`` name.
         """
-        return TrainConfig(
-            steps, rates, self.extent, rules, checkpoint, misplaced=misplaced, backend=self.settings.backend
-        )
+        backend = _backend_of(self.settings)
+        return TrainConfig(steps, rates, self.extent, rules, checkpoint, misplaced=misplaced, backend=backend)
 
     def train(self, start: Parameters, config: TrainConfig, objective: Objective) -> Parameters:
         """Fit parameters from their start to the end of a budget.
@@ -134,7 +124,7 @@ class SceneMethod(ABC, Generic[SettingsT, SceneT]):
                 there are too few sparse points, the checkpoint is of another fit, the back end cannot run
                 here, or the loss or a gradient is not finite.
         """
-        device_of(settings.backend)
+        device_of(_backend_of(settings))
         for check in self.checks:
             check(capture)
         return self._fitted(FitTask(capture, priors, settings, seed, progress))
@@ -200,3 +190,8 @@ def _chosen(method: str, settings: Any, seed: int) -> str:
 
 def _is_folder(settings: Any) -> bool:
     return settings.checkpoint.endswith("/")
+
+
+def _backend_of(settings: object) -> FitBackend:
+    """Return where a fit computes: on the CPU, unless the method has a setting for it."""
+    return getattr(settings, "backend", "cpu")
