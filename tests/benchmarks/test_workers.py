@@ -8,6 +8,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -133,6 +134,24 @@ def test_who_is_told_to_end_while_workers_end_leaves_nothing(
     monkeypatch.setattr(_pool, "end_family", interrupted_end)
     with pytest.raises(KeyboardInterrupt):
         run_all(tell_process, range(3), 2, silent, tasks_each=2)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_who_is_told_to_end_while_a_worker_starts_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start, started = _pool._start, []
+
+    def interrupted_start(*given: Any) -> Any:
+        started.append(start(*given))
+        signal.raise_signal(signal.SIGINT)
+        return started[-1]
+
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(_pool, "_start", interrupted_start)
+    with pytest.raises(KeyboardInterrupt):
+        run_all(tell_process, range(3), 2, silent)
+    assert [worker.process.is_alive() for worker in started] == [False]
     assert [*tmp_path.iterdir()] == []
 
 

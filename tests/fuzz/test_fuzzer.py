@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The fuzzer sees what it is to see: planted faults are found, and a case is made again from its number."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -11,6 +12,7 @@ from fuzzer.child import _judge
 from fuzzer.kind import WrongWordsError, check_words, cli
 from fuzzer.outcome import Outcome, Report, table
 from fuzzer.structure import attack_json, json_text
+from fuzzer.tree import seal
 from fuzzer.watch import Watch
 from graycard import DatasetError, GraycardError
 
@@ -95,6 +97,18 @@ def test_seed_and_number_make_a_case_again(tmp_path: Path):
         said = [attack_json(Random(f"1/json/{number}"), path) for number in range(5)]
         found.append((said, path.read_bytes()))
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("change", ["pipe", "folder", "gone"])
+def test_sealing_does_not_wait_for_a_manifest_that_is_none(tmp_path: Path, change: str):
+    manifest = tmp_path / "manifest.json"
+    (tmp_path / "there").write_text("x")
+    if change == "pipe":
+        os.mkfifo(manifest)
+    elif change == "folder":
+        manifest.mkdir()
+    seal(tmp_path)
+    assert not manifest.is_file()
 
 
 def test_the_table_counts_tries_and_failures():

@@ -136,6 +136,7 @@ class Trial:
             The time after which it was killed; None for one that ended by itself.
         """
         kind, time_s, killed = self.rng.choice(KINDS), self.rng.uniform(0, most_s), False
+        before = self.files_left()  # of one that was killed without warning
         with self.start() as bench:
             try:
                 bench.wait(time_s)
@@ -146,7 +147,8 @@ class Trial:
         if kind in STOPPED and bench.returncode == 128 + STOPPED[kind]:  # else it had not begun, or ended
             if "Traceback" in printed:
                 self.failures.append(f"{kind}: {printed[-800:]}")
-            self.failures += [f"right after {kind}: {left}" for left in self.left()]
+            left = [what for what in self.left() if what not in before]
+            self.failures += [f"{kind} after {time_s:.2f} s, process {bench.pid}: {what}" for what in left]
         return time_s if killed else None
 
     def left(self) -> list[str]:
@@ -154,10 +156,13 @@ class Trial:
         until = time.monotonic() + 5
         while processes(self) and time.monotonic() < until:
             time.sleep(0.05)
-        found = [f"process {name}" for name in processes(self).values()]
-        found += [f"temporary {path.name}" for path in self.temporary.iterdir()]
+        return [*(f"process {name}" for name in processes(self).values()), *self.files_left()]
+
+    def files_left(self) -> list[str]:
+        """Return the temporary files, locks and half-written files that are there."""
         names = (p for p in self.run.rglob(".*") if p.suffix == ".lock" or _is_partial_file(p))
-        return found + [str(path.relative_to(self.run)) for path in names]
+        temporary = [f"temporary {path.name}" for path in self.temporary.iterdir()]
+        return temporary + [str(path.relative_to(self.run)) for path in names]
 
     def compare(self) -> None:
         """Let the bench end, and hold it against the undisturbed one."""

@@ -164,7 +164,8 @@ class _Pool:
             if free is None and len(self.workers) >= at_a_time:
                 return
             if free is None:
-                self.workers.append(free := _start(self.work, self.limits, self.confines))
+                with uninterrupted():  # else one that was just started would be nobody's
+                    self.workers.append(free := _start(self.work, self.limits, self.confines))
             number = self.todo.popleft()
             free.give(number, self.jobs[number], self.limits.time_s)
 
