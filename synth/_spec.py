@@ -69,11 +69,6 @@ class RenderSettings:
     test_views: int = 3
     samples: int = 64
     """Light paths per pixel: 4 times a square, since they are stratified in four independent images."""
-    training_samples: int = 0
-    """The same for training views, whose noise photographs then show; 0 for as many as the others have."""
-    training_layers: TrainingLayers = "all"
-    """What is known of training views: ``all``, or what methods, gauges and priors need. Those are the
-    radiance, what is seen at the pixel centres, and the scene without its target."""
     max_depth: int = 5
     """Most segments of a light path; 2 is direct light only, 1 shows the sources alone."""
     relighting: bool = True
@@ -82,6 +77,11 @@ class RenderSettings:
     """Whether they are made with an object of another scene in them too, where lights stand still."""
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     """What is made of the rendered pictures."""
+    training_samples: int = 0
+    """Light paths per pixel of training views, whose noise photographs then show; 0 for as many as the others have."""
+    training_layers: TrainingLayers = "all"
+    """What is known of training views: ``all``, or what methods, gauges and priors need. Those are the
+    radiance, what is seen at the pixel centres, and the scene without its target."""
 
     def __post_init__(self) -> None:
         for name, low in (

@@ -61,7 +61,7 @@ def test_doctor_finds_things_and_advises(tmp_path: Path, capsys: Capture):
     assert main(["doctor", "--json", str(tmp_path / "d.json")]) == 0
     assert last_line(capsys).startswith("doctor: ")
     names = [item["name"] for item in json.loads((tmp_path / "d.json").read_text())]
-    assert names == ["renderer", "processor", "GPU", "torch", "weights", "sandbox", "trust", "disk"]
+    assert names == ["renderer", "processor", "GPU", "torch", "weights", "sandbox", "trust", "disk", "locks"]
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Training views of which no more is rendered than methods, gauges and priors need, from fewer paths."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,18 +16,32 @@ from graycard.synth.verify import verify_dataset
 ALL = RenderSettings(24, 20, train_views=3, test_views=1, samples=64)
 NEEDED = replace(ALL, training_layers="needed")
 NOISY = replace(NEEDED, training_samples=16)
-SPECS = [SceneSpec("dark", "corridor", 1000), SceneSpec("tabletop", "glossy-table", 1000)]
+SPECS = {
+    "dark": SceneSpec("dark", "corridor", 1000),
+    "tabletop": SceneSpec("tabletop", "glossy-table", 1000),
+}
 SPLIT = ("direct.", "indirect.", "irradiance.", "visibility.", "effect.")
 
 
-@pytest.fixture(scope="module", params=SPECS, ids=["dark", "tabletop"])
-def truths(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Truth]:
-    """The truth of one scene, rendered in three ways."""
-    found = {}
-    for name, settings in (("all", ALL), ("needed", NEEDED), ("noisy", NOISY)):
-        out = tmp_path_factory.mktemp(name)
-        found[name] = open_truth(render_scene(request.param, settings, out) / "truth")
-    return found
+@pytest.fixture(scope="module")
+def rendered(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], dict[str, Truth]]:
+    """``rendered(track)``: the truth of one scene, rendered in three ways on first use."""
+
+    @cache
+    def render(track: str) -> dict[str, Truth]:
+        found = {}
+        for name, settings in (("all", ALL), ("needed", NEEDED), ("noisy", NOISY)):
+            out = tmp_path_factory.mktemp(name)
+            found[name] = open_truth(render_scene(SPECS[track], settings, out) / "truth")
+        return found
+
+    return render
+
+
+@pytest.fixture(params=SPECS)
+def truths(request: pytest.FixtureRequest, rendered: Callable[[str], dict[str, Truth]]) -> dict[str, Truth]:
+    """Those of one track."""
+    return rendered(request.param)
 
 
 def of_split(truth: Truth, split: str) -> list[View]:
