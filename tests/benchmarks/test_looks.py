@@ -62,6 +62,7 @@ def judged_again(tmp_path: Path) -> bool:
     return judge_run(read_run(run), run, [str(tmp_path / "tiny-claims.toml")]) == read_ledger(run)
 
 
+@pytest.mark.slow
 def test_a_verdict_lasts_through_more_than_ten_looks(pursue: Pursue, tmp_path: Path) -> None:
     """T1 is decided after some looks; T3 is about one corridor in two, and the suite has none of them."""
     glossy = TIE.replace("T2", "T3").replace('["corridor"]', '["corridor"], knobs = { gloss = [0.2, 0.3] }')
@@ -81,6 +82,7 @@ def test_a_verdict_lasts_through_more_than_ten_looks(pursue: Pursue, tmp_path: P
     assert judged_again(tmp_path)
 
 
+@pytest.mark.slow
 def test_later_scenes_with_its_rows_do_not_turn_a_verdict(pursue: Pursue, tmp_path: Path) -> None:
     """T1 is decided at the fourth look; T3 is about one corridor in two, and the suite has none of them.
 
@@ -157,6 +159,7 @@ def test_a_claim_that_was_given_up_is_judged_by_the_scenes_that_it_has(
     assert (found.verdict, len(found.checks[0].scenes)) == ("undecided", 8)
 
 
+@pytest.mark.slow
 def test_claims_with_several_seeds_have_the_mean_of_each_scene(
     pursue: Pursue, tmp_path: Path, failing: set[tuple[str, str, int]]
 ) -> None:

@@ -89,6 +89,7 @@ def test_it_ends_with_the_reserve(pursue: Callable[..., RunRecord]) -> None:
     assert len(record.scenes) == 5
 
 
+@pytest.mark.slow
 def test_a_claim_keeps_the_verdict_of_the_look_that_decided_it(
     pursue: Callable[..., RunRecord], tmp_path: Path
 ) -> None:
@@ -103,6 +104,7 @@ def test_a_claim_keeps_the_verdict_of_the_look_that_decided_it(
     assert judge_run(read_run(run), run, [str(tmp_path / "tiny-claims.toml")]) == read_ledger(run)
 
 
+@pytest.mark.slow
 def test_the_result_is_valid_and_what_is_wrong_is_found(
     pursue: Callable[..., RunRecord], tmp_path: Path
 ) -> None:

@@ -220,7 +220,14 @@ def computed(tests: Path = Path(__file__).parent) -> dict[str, Callable[[], Pair
     return found
 
 
-@pytest.mark.parametrize("reference", ge.references(), ids=lambda r: r.name)
+LONG = {"bootstrap-t interval", "test of the mean"}
+"""References that take more than ten seconds."""
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [pytest.param(r, id=r.name, marks=pytest.mark.slow if r.name in LONG else ()) for r in ge.references()],
+)
 def test_a_metric_agrees_with_its_reference(reference: ge.Reference) -> None:
     ours, other = computed()[reference.name]()
     assert np.abs(np.asarray(ours) - np.asarray(other)).max() <= reference.tolerance

@@ -33,6 +33,8 @@ TRACKS = {
     "removal": "tabletop",
 }
 """Methods that fit surfels, and a track of each."""
+FEW = ("2dgs", "goris")
+"""Those that CI has time for."""
 PAPERS = ("2dgs", "sunfaded", "gsid", "goris")
 DRAWN = {"sunfaded": "radiance", "gsid": "radiance", "goris": "radiance"}
 
@@ -79,7 +81,7 @@ def gpu(monkeypatch: pytest.MonkeyPatch) -> Iterator[torch.device]:
         yield device
 
 
-@pytest.mark.parametrize("name", TRACKS)
+@pytest.mark.parametrize("name", [n if n in FEW else pytest.param(n, marks=pytest.mark.slow) for n in TRACKS])
 def test_a_fit_on_a_gpu_goes_as_on_the_cpu(name: str, make_scene: Callable[..., Path], gpu: torch.device):
     """All tensors lie where they should, and pictures differ by what rounding grows to."""
     scene = make_scene(track=TRACKS[name], train=4, test=1)

@@ -29,7 +29,7 @@ def seen(count: int = 500) -> torch.Tensor:
     return torch.cat([aside, ahead], dim=1)
 
 
-@pytest.mark.parametrize("lamp", [SPOT, BULB])
+@pytest.mark.parametrize("lamp", [pytest.param(SPOT, marks=pytest.mark.slow), BULB])
 def test_a_measured_lamp_is_close_to_the_true_one_and_is_not_it(lamp: SpotLight | PointLight):
     profile = fit_profile(lamp, photograph_board(lamp))
     true, found = irradiance(lamp, seen()), irradiance(MeasuredLamp(lamp, profile), seen())
