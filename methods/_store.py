@@ -8,15 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
-from graycard import MethodError
+from graycard import GraycardError, MethodError
 from graycard.io import read_bytes, read_json, write_bytes, write_json
 
 INDEX, ARRAYS = "decomposition.json", "arrays.safetensors"
 _DAMAGE = (OSError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
-"""Errors of code that is handed facts and arrays of a stranger; PyTorch's are RuntimeErrors."""
+"""Errors of code that is handed facts and arrays of a stranger, also where they are graycard's own."""
 
 
 def store(folder: Path, method: str, facts: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
@@ -63,6 +62,8 @@ def whole_decomposition(folder: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (*_DAMAGE, SafetensorError) as cause:
-        what = f"no {cause}" if isinstance(cause, KeyError) else str(cause)
+    except Exception as cause:
+        if isinstance(cause, GraycardError) and not isinstance(cause, _DAMAGE):
+            raise
+        what = f"no {cause}" if isinstance(cause, KeyError) else str(cause).partition("\n")[0]
         raise MethodError(f"expected a whole decomposition in {folder}, got a damaged one: {what}") from cause

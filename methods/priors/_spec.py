@@ -115,6 +115,10 @@ class KindSpec:
     """Name in :data:`ALGORITHMS`; empty where a source has no choice for the kind."""
 
 
+_LONGEST = 4096
+"""Characters of a word or path, the longest that a path has on Linux."""
+
+
 def parse_priors(text: str) -> PriorSpec:
     """A spec in a word, as on a command line.
 
@@ -126,6 +130,8 @@ def parse_priors(text: str) -> PriorSpec:
         RecordError: It is none of these, or the file is broken.
         UnknownNameError: A source, a kind or a parameter that does not exist.
     """
+    if len(text) > _LONGEST:
+        raise RecordError(f"expected priors in a word or a path to a TOML file, got {len(text)} characters")
     if text.endswith(".toml"):
         return from_builtins(PriorSpec, read_toml(Path(text)), RecordError, text)
     source, _, more = text.partition(":")

@@ -5,6 +5,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from tokenize import TokenError
 from typing import Literal, get_args
 
 import numpy as np
@@ -106,7 +107,7 @@ def _of_matrix(path: Path) -> np.ndarray:
         values = json.loads(text) if text.lstrip().startswith("[") else text.replace(",", " ").split()
     except OSError as cause:
         raise DatasetError(f"expected a matrix at {path}, got {cause.strerror or cause}") from cause
-    except (ValueError, EOFError, RecursionError) as cause:
+    except (ValueError, EOFError, RecursionError, SyntaxError, TokenError) as cause:
         raise DatasetError(f"expected a matrix at {path}, got a file that is none: {cause}") from cause
     return _numbers(values, path, (4, 4))
 

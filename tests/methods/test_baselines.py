@@ -20,7 +20,7 @@ from graycard.dataset import manifest_of
 from graycard.io import silent, write_layers, write_manifest
 from graycard.layers import LOBES, PARTS, find_fault, with_derived
 from graycard.methods._retinex import RetinexSettings, integrate_steps, split
-from graycard.methods._store import store
+from graycard.methods._store import store, whole_decomposition
 
 NAMES = ("truth", "gray", "input", "retinex")
 
@@ -91,6 +91,10 @@ def test_a_damaged_save(tiny_scenes: dict[str, Path], tmp_path: Path):
         methods.load_method("gray").load(tmp_path / "nowhere")
 
 
+class KernelError(Exception):
+    """As Numba's about arrays of other dimensions, which is none of Python's kinds."""
+
+
 @pytest.mark.parametrize("shape", [(), (1,), (2,), (4,), (3, 1), (1, 3)])
 def test_a_radiance_of_another_shape_is_a_damaged_save(
     shape: tuple[int, ...], tiny_scenes: dict[str, Path], tmp_path: Path
@@ -99,6 +103,22 @@ def test_a_radiance_of_another_shape_is_a_damaged_save(
     store(tmp_path, "gray", {"reflectance": 0.2}, {"radiance": np.zeros(shape)})
     with pytest.raises(MethodError, match=r"got a damaged one: expected a radiance of shape \(3,\)"):
         methods.load_method("gray").load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "error", [KernelError("no such types\nmany lines more"), SystemError("no such types")]
+)
+def test_any_error_of_a_stranger_s_arrays_is_damage(error: Exception, tmp_path: Path):
+    with (
+        pytest.raises(MethodError, match=r"got a damaged one: no such types$"),
+        whole_decomposition(tmp_path),
+    ):
+        raise error
+
+
+def test_words_about_a_decomposition_stay_as_they_are(tmp_path: Path):
+    with pytest.raises(MethodError, match="^expected another method$"), whole_decomposition(tmp_path):
+        raise MethodError("expected another method")
 
 
 def test_truth_removes_its_target_and_nothing_else(tiny_scenes: dict[str, Path]):

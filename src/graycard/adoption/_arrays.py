@@ -4,6 +4,7 @@
 import gzip
 import io
 import struct
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -17,7 +18,12 @@ from graycard.io import read_bytes, read_planes
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 ARRAYS = (".npy", ".npy.gz", ".npz")
 SUFFIXES = (*PICTURES, ".exr", *ARRAYS)
-_BROKEN = (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, zlib.error, struct.error, MemoryError)
+_HEADERS = (SyntaxError, tokenize.TokenError)
+"""Errors of NumPy about headers that are no Python."""
+_BROKEN = (
+    *(OSError, ValueError, EOFError, KeyError, MemoryError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, *_HEADERS),
+)
 _OBJECTS = ("Object arrays", "Python objects")
 """Words by which NumPy says that an array holds none of numbers."""
 _ORDERS = ("RGBA", "RGB", "XYZ", "Y", "Z", "V", "R", "A", "ID")

@@ -12,9 +12,16 @@ import numpy as np
 import pytest
 import torch
 
-from graycard import MethodError, methods, srgb_encode
+from graycard import MethodError, RecordError, methods, srgb_encode
 from graycard.methods import Ask
-from graycard.methods.priors import Override, PriorSpec, check_priors, weights_in, weights_of
+from graycard.methods.priors import (
+    Override,
+    PriorSpec,
+    check_priors,
+    parse_priors,
+    weights_in,
+    weights_of,
+)
 from graycard.methods.priors._slopes import normals_of
 
 
@@ -164,6 +171,11 @@ def test_a_path_that_no_file_can_have_holds_no_weights():
     own = PriorSpec("oracle", overrides={"depth": Override(source="pretrained", path="x" * 5000)})
     with pytest.raises(MethodError, match="expected weights"):
         check_priors(own, (Ask("depth"),))
+
+
+def test_a_word_that_is_no_word_is_not_read():
+    with pytest.raises(RecordError, match="expected priors in a word or a path .*, got 100000 characters"):
+        parse_priors("x" * 100_000)
 
 
 def test_weights_of_what_is_optional_may_be_missing(scene, tmp_path: Path):
