@@ -78,7 +78,7 @@ class RenderSettings:
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     """What is made of the rendered pictures."""
     training_samples: int = 0
-    """Light paths per pixel of training views, whose noise photographs show; 0 for as many as all others have."""
+    """Light paths per pixel of training views, whose noise photographs show; 0 for as many as of others."""
     training_layers: TrainingLayers = "all"
     """What is known of training views: ``all``, or what methods, gauges and priors need. Those are the
     radiance, what is seen at the pixel centres, and the scene without its target."""
