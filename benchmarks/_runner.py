@@ -120,7 +120,7 @@ class Bench:
 
     @property
     def run_all(self) -> Callable[..., list[Outcome]]:
-        """What does jobs: :func:`graycard.processes.run_all`, or that of the machines."""
+        """Function that does jobs: :func:`graycard.processes.run_all`, or that of the machines."""
         return self.terms.machines.run_all if self.terms.machines else run_all
 
     def elapsed_s(self) -> float:

@@ -80,7 +80,7 @@ class RenderSettings:
     training_samples: int = 0
     """Light paths per pixel of training views, whose noise photographs show; 0 for as many as of others."""
     training_layers: TrainingLayers = "all"
-    """What is known of training views: ``all``, or what methods, gauges and priors need. Those are the
+    """Layers of training views: ``all``, or what methods, gauges and priors need. Those are the
     radiance, what is seen at the pixel centres, and the scene without its target."""
 
     def __post_init__(self) -> None:

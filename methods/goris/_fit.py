@@ -178,7 +178,7 @@ def reserved(settings: GorisSettings) -> int:
 
 
 def light_density_rules(settings: GorisSettings) -> DensityRules:
-    """When surfels come and go in the steps with light transport: as before, and from the first on."""
+    """Return when surfels come and go in the steps with light transport: as before, and from the first on."""
     return replace(density_rules(settings.surfels), start=0.0, until=settings.light_density)
 
 

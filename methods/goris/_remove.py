@@ -169,7 +169,7 @@ def without_object(
 
 
 def removal_density_rules(settings: GorisSettings) -> DensityRules:
-    """When surfels come in the removal; none goes, as in the released code."""
+    """Return when surfels come in the removal; none goes, as in the released code."""
     rules = density_rules(settings.surfels)
     return replace(rules, start=_FIRST_DENSIFIED, until=settings.removal_density, least_opacity=0.0)
 

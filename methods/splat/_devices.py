@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a fit computes: tensors lie on the device of its back end, and the device of a tensor decides."""
+"""Choose the device of a fit: tensors lie on that of its back end, and a tensor's device decides."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace

@@ -22,7 +22,7 @@ class _Enlarged(Capture):
     """A capture in smaller units."""
 
     factor: float = 1.0
-    """Of them in one of the capture's."""
+    """Number of them in one unit of the capture."""
 
     def points(self) -> Points:
         """Return the sparse points in these units."""

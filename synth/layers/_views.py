@@ -32,7 +32,7 @@ _CENTRE_SEEDS = range(SUB_BUFFERS, 2 * SUB_BUFFERS + 1)
 """Numbers of the seeds of what is estimated at the pixel centres."""
 
 _TRAINING_DIRECTIONS = 64
-"""Of the albedo of a training view: gauges are means over many pixels."""
+"""Directions for the albedo of a training view: gauges are means over many pixels."""
 
 _BLOCK = 16
 """Pixels along the side of a render block; the automatic size depends on the number of threads."""
@@ -81,7 +81,7 @@ def render_view(
 def render_training_view(
     scene: Scene, number: int, seed: int, settings: RenderSettings
 ) -> dict[str, np.ndarray]:
-    """What methods, gauges and priors need of a training view; a pure function of its arguments.
+    """Return what methods, gauges and priors need of a training view; a pure function of its arguments.
 
     Its values are those of :func:`render_view`, but that fewer directions tell the albedo. Light is not split
     by source, so that neither parts, nor irradiance, visibility or effects of the target are there.

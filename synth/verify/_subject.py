@@ -40,7 +40,7 @@ class TruePicture:
     view: View
     layers: Layers
     is_split: bool
-    """Whether its light is told apart by source and lobe."""
+    """True where its light is told apart by source and lobe."""
 
     @property
     def camera(self) -> Camera:

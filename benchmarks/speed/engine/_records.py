@@ -146,7 +146,7 @@ class StepCost:
     stages: Mapping[str, Timing]
     """Each but Adam holds those before it."""
     device: str = "cpu"
-    """Where it was: ``cpu``, or the name of the GPU."""
+    """Device: ``cpu``, or the name of the GPU."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ WORKLOADS = (
 )
 """A to D are shallow (about ten surfels a pixel); E is dense, so that what lies behind is not drawn."""
 PAPER_SIZED = Workload("P", 200_000, 800, 0.0046)
-"""As large as the papers' scenes, as shallow as D: for a GPU."""
+"""Cloud of the size of the papers' scenes, as shallow as D: for a GPU."""
 
 
 def engine_camera(workload: Workload) -> Camera:

@@ -69,7 +69,7 @@ class TrainConfig:
     misplaced: Misplaced | None = None
     """Names surfels that go whenever ``rules`` take some away, besides theirs; None: no others."""
     backend: FitBackend = "cpu"
-    """Where the fit computes, see :func:`train`."""
+    """Device of the fit, see :func:`train`."""
 
     @property
     def last(self) -> int:

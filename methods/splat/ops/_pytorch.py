@@ -14,7 +14,7 @@ from graycard.methods.splat.ops._harmonics_basis import harmonics
 
 
 class PixelFrame(Protocol):
-    """How pixels lie in the world: fields of ``_depth_normal.Frame``."""
+    """Rays of pixels in the world: fields of ``_depth_normal.Frame``."""
 
     @property
     def rays(self) -> np.ndarray: ...

@@ -30,7 +30,7 @@ class Layout:
     views: Views = "all"
     note: str = ""
     of_photographs: bool = True
-    """Whether the program opens a photograph for each view, which exported scenes lack for held-out views."""
+    """True where it opens a photograph for each view, which exported scenes lack for held-out views."""
 
 
 _LAYOUTS = (

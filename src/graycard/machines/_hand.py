@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a Dask worker runs: it hands one job to a worker process of its own, as a bench on one machine does.
+"""Run on a Dask worker: hand one job to a worker process of its own, as a bench on one machine does.
 
 A Dask worker never does a job itself. So a crash ends its process alone, limits hold, and code of others
 stays in the confined processes of that process. Each thread of a Dask worker has one such process, which
@@ -51,7 +51,7 @@ class Errand:
 _here = threading.local()
 """``errand`` and ``worker`` of this thread."""
 _workers: list[StandingWorker] = []
-"""Those of all threads; they end with the process."""
+"""Workers of all threads; they end with the process."""
 
 
 def do_errand(errand: Errand, job: Any, origin: Mapping[str, str]) -> Outcome:
