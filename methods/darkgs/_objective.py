@@ -57,7 +57,7 @@ class DarkGsObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         settings, share = self.settings, step / self.settings.iterations
         view = self.views[view_at(step, len(self.views), self.seed)]
         shaded = shade(values, view.camera, self._lamp_at(share), self.exposure)

@@ -73,7 +73,7 @@ class GeometryObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view, share = self.views[number], step / settings.geometry_steps
         seen = colours(values, view.camera.position, min(DEGREE, int(share / _DEGREE_EVERY)))

@@ -99,7 +99,7 @@ class GsidObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         return LossResult(self.loss(values, view_at(step, len(self.shots), self.seed)))
 
     @torch.no_grad()

@@ -64,7 +64,7 @@ class R3dgObjective:
     seed: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         settings = self.settings
         shot = self.shots[view_at(step + self.first, len(self.shots), self.seed)]
         sky = values[SKY].exp()

@@ -89,7 +89,7 @@ class IdentityObjective:
     settings: GroupingSettings
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         result, seed, settings = self.colours(values, step), self.colours.seed, self.settings
         number = view_at(step, len(self.masks), seed)
         loss = result.loss + mask_loss(values, self.colours.views[number].camera, self.masks[number])

@@ -133,7 +133,7 @@ class LaterSteps:
     done: int
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         return self.objective(values, self.done + step)
 
 

@@ -73,7 +73,7 @@ class SunFadedObjective:
     """What was drawn of surfels that stand still, by the number of the view."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         share = step / self.settings.iterations
         number = view_at(step, len(self.views), self.seed)
         stage = stage_at(share, self.settings.schedule)

@@ -129,7 +129,7 @@ class SurfelObjective:
     """None: surfels have the same colours in all photographs."""
 
     def __call__(self, values: Mapping[str, torch.Tensor], step: int) -> LossResult:
-        """What is to be lowered at a step."""
+        """Return the loss of a step, with what else the fit is told."""
         number, settings = view_at(step, len(self.views), self.seed), self.settings
         view = self.views[number]
         share = step / settings.iterations

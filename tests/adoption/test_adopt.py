@@ -103,7 +103,7 @@ def test_a_star_that_fits_twice_is_refused_unless_it_is_told(
 def test_files_of_more_views_than_there_are_are_refused(
     pattern: str, views: str, theirs: Path, take: Adopt, adopted_scene: Path
 ) -> None:
-    """What numbers other views than the scene has is not cut off: 0 may be any of them."""
+    """Numbers of other views than the scene has are refused, not cut off: 0 may be any of them."""
     capture = open_capture(adopted_scene / "capture")
     chosen = capture.test if views == "test" else capture.views
 

@@ -103,7 +103,7 @@ def check_white(scene: Path) -> None:
 
 
 BRACKET = [0.01, 0.04, 0.01, 0.04, 0.02, 0.02, 0.02]
-"""Of the training photographs: 0.02 s in the geometric mean."""
+"""Seconds of the training photographs, 0.02 in the geometric mean."""
 
 
 def test_a_held_out_photograph_without_exposure_leaves_the_others_theirs(tmp_path: Path):
@@ -127,7 +127,7 @@ def test_held_out_exposures_are_divided_out_where_others_are_alike(tmp_path: Pat
 
 @pytest.mark.parametrize(("seconds", "exposure"), [(0.0, "exif"), (0.02, "alike")])
 def test_held_out_exposures_follow_the_others(seconds: float, exposure: str, tmp_path: Path):
-    """Where a training photograph tells none, or none are asked for, all are taken as exposed alike."""
+    """All are taken as exposed alike if a training photograph tells none, or none are asked for."""
     scene, _ = exposures(tmp_path, [0.04, seconds, *[0.02] * 6, 0.01], exposures=exposure)
     assert open_capture(scene / "capture").sensor is None
     assert ratios(scene) == pytest.approx([1, 1], rel=1e-4)

@@ -90,7 +90,7 @@ def test_points_far_away_are_told(last: str, count: int, folder: Path):
 
 
 def test_frames_of_no_list_are_left_out_where_training_frames_are_listed(folder: Path):
-    """As nerfstudio does; a list of test frames alone leaves the others to train on."""
+    """Follow nerfstudio: a list of test frames alone leaves the others to train on."""
     change(folder, lambda i: i.update(train_filenames=NAMES[:6], test_filenames=NAMES[6:8]))
     plan = plan_import(folder, "dark")
     assert [(s.name, s.held_out) for s in plan.shots] == [(str(i), i > 5) for i in range(8)]

@@ -17,7 +17,7 @@ from fuzzer.corpus import build
 from fuzzer.kinds import DEAR, KINDS
 
 CASES = 60
-"""As many as CI has time for."""
+"""Number of cases that CI has time for."""
 
 
 def test_hostile_files_meet_words(

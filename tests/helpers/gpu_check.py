@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the back end ``cuda`` does on a GPU, in short tables: ``gpu_check.py PART [FOLDER]``.
+"""Measure the back end ``cuda`` on a GPU, in short tables.
+
+Run ``PYTHONPATH=src:tests python tests/helpers/gpu_check.py PART [FOLDER]``.
 
 ``engine`` times drawing on the clouds of ``graycard speed engine``, ``profile`` shows where a step of 2dgs
 spends time, ``large`` fits a scene in closed form at 512 and 800 pixels, and ``scenes`` fits rendered scenes
@@ -18,19 +20,16 @@ from typing import Any
 import numpy as np
 import torch
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests"), str(ROOT / "tests" / "helpers")]
-
-from conftest import write_scene  # noqa: E402
-from graycard import MethodError, methods, open_capture, open_truth, srgb_encode  # noqa: E402
-from graycard.benchmarks.speed._machine import Patience, time_calls  # noqa: E402
-from graycard.benchmarks.speed.engine._calls import memory_of, scene_of, time_both  # noqa: E402
-from graycard.benchmarks.speed.engine._scenes import PAPER_SIZED, WORKLOADS, Workload  # noqa: E402
-from graycard.benchmarks.speed.engine._step import LOSSES, _fit, measure_steps  # noqa: E402
-from graycard.io import silent  # noqa: E402
-from graycard.methods.priors import PriorSpec, make_priors  # noqa: E402
-from graycard.methods.splat import device_of, on_device, rasterize, state_on, train_step  # noqa: E402
-from sparse_points import with_points  # noqa: E402
+from conftest import write_scene
+from graycard import MethodError, methods, open_capture, open_truth, srgb_encode
+from graycard.benchmarks.speed._machine import Patience, time_calls
+from graycard.benchmarks.speed.engine._calls import memory_of, scene_of, time_both
+from graycard.benchmarks.speed.engine._scenes import PAPER_SIZED, WORKLOADS, Workload
+from graycard.benchmarks.speed.engine._step import LOSSES, _fit, measure_steps
+from graycard.io import silent
+from graycard.methods.priors import PriorSpec, make_priors
+from graycard.methods.splat import device_of, on_device, rasterize, state_on, train_step
+from sparse_points import with_points
 
 PATIENCE = Patience(3, 0.1, 2.0)
 Row = Iterable[object]
@@ -191,9 +190,21 @@ def _fitted(name: str, scene: Path, backend: str) -> Row:
     return f"{seconds:.1f}", f"{_psnr(found, scene, 'train'):.2f}", f"{_psnr(found, scene, 'test'):.2f}"
 
 
+PARTS: dict[str, Callable[..., None]] = {
+    "engine": engine,
+    "profile": profile,
+    "large": large,
+    "scenes": scenes,
+}
+
 if __name__ == "__main__":
+    part, *folders = sys.argv[1:] or [""]
+    if part not in PARTS:
+        sys.exit(f"expected one of {', '.join(PARTS)}, got {part!r}")
+    if not torch.cuda.is_available():
+        sys.exit("expected a GPU that PyTorch can use, got none")
+    say(f"# {part}: {torch.cuda.get_device_name()}, PyTorch {torch.__version__}")
     try:
-        say(f"# {sys.argv[1]}: {torch.cuda.get_device_name()}, PyTorch {torch.__version__}")
-        globals()[sys.argv[1]](*map(Path, sys.argv[2:]))
+        PARTS[part](*map(Path, folders))
     except MethodError as cause:
         sys.exit(str(cause))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands in for gsplat's kernels where there is no GPU: its own PyTorch code, and its rules for pixels.
+"""Stand in for gsplat's kernels without a GPU, by its own PyTorch code and its rules for pixels.
 
 It is written from the CUDA sources of gsplat 1.5.3, its rules for ending a pixel included.
 """
@@ -13,7 +13,7 @@ from graycard.benchmarks.speed import _gsplat as peer
 from graycard.methods.splat.cuda._footprints import Kernels
 
 ALPHA_MIN, ALPHA_MAX, TRANSMITTANCE_MIN = 1 / 255, 0.999, 1e-4
-"""Of gsplat's kernels."""
+"""Limits of gsplat's kernels."""
 
 
 def indices_in_range(

@@ -25,11 +25,7 @@ from pathlib import Path
 from typing import Any
 
 MARK = "GRAYCARD_KILLED_BENCH"
-SUITE = """
-name = "killed"
-version = 1
-title = "As small as can be, with fits that go on from stages"
-[render]
+TINY = """[render]
 width = 64
 height = 64
 train_views = 6
@@ -39,15 +35,21 @@ samples = 16
 track = "tabletop"
 family = "glossy-table"
 seed = 1000
-[[methods]]
+"""
+"""Part of a suite: one scene, as small as can be."""
+SUITE = f"""
+name = "killed"
+version = 1
+title = "As small as can be, with fits that go on from stages"
+{TINY}[[methods]]
 name = "gray"
 [[methods]]
 name = "do-nothing"
-settings = { iterations = 40, surfels = 200 }
+settings = {{ iterations = 40, surfels = 200 }}
 [[methods]]
 name = "removal"
-settings = { iterations = 40, surfels = 200 }
-priors = { source = "oracle", severity = 2 }
+settings = {{ iterations = 40, surfels = 200 }}
+priors = {{ source = "oracle", severity = 2 }}
 """
 STOPPED = {"SIGTERM": signal.SIGTERM, "SIGINT": signal.SIGINT}
 KINDS = ("all", "bench", "worker", *STOPPED)

@@ -23,24 +23,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from kill_bench import Trial, fingerprint, say
+from kill_bench import TINY, Trial, fingerprint, say
 
-SUITE = """
+SUITE = f"""
 name = "killed"
 version = 1
 title = "Forty small jobs"
 seeds = [0, 1, 2, 3, 4]
-[render]
-width = 64
-height = 64
-train_views = 6
-test_views = 2
-samples = 16
-[[scenes]]
-track = "tabletop"
-family = "glossy-table"
-seed = 1000
-[[scenes]]
+{TINY}[[scenes]]
 track = "dark"
 family = "corridor"
 seed = 1000
@@ -53,7 +43,7 @@ name = "retinex"
 [[methods]]
 name = "gray"
 label = "gray-dark"
-settings = { reflectance = 0.09 }
+settings = {{ reflectance = 0.09 }}
 """
 _LOOK_S = 0.2
 _MOST_WAIT_S = 6.0

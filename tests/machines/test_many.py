@@ -13,7 +13,7 @@ from typing import cast
 
 import pytest
 
-from kill_bench import Trial
+from kill_bench import TINY, Trial
 from kill_cluster import Cluster, differences, forget, kept, kill_while_running, reference_of
 from slurm_nodes import NODES, lacking, slurm
 
@@ -24,26 +24,16 @@ pytestmark = [
 ]
 
 KILLS = int(os.environ.get("GRAYCARD_KILLS", "6"))
-SUITE = """
+SUITE = f"""
 name = "tiny"
 version = 1
 title = "As small as can be"
 seeds = [0, 1]
-[render]
-width = 64
-height = 64
-train_views = 6
-test_views = 2
-samples = 16
-[[scenes]]
-track = "tabletop"
-family = "glossy-table"
-seed = 1000
-[[methods]]
+{TINY}[[methods]]
 name = "gray"
 [[methods]]
 name = "do-nothing"
-settings = { iterations = 40, surfels = 200 }
+settings = {{ iterations = 40, surfels = 200 }}
 """
 
 

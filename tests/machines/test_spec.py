@@ -115,7 +115,7 @@ def test_without_dask_it_says_what_to_install(
 @pytest.mark.skipif(importlib.util.find_spec("dask_jobqueue") is None, reason="needs dask-jobqueue")
 @pytest.mark.parametrize("kind", ["slurm", "pbs", "lsf"])
 def test_the_batch_script_asks_for_cores_and_memory(written: Written, kind: str) -> None:
-    """As dask-jobqueue writes it; nothing is submitted."""
+    """Text is that which dask-jobqueue writes; nothing is submitted."""
     asked = {
         "slurm": ["--cpus-per-task=3", "--mem=4G"],
         "pbs": ["select=1:ncpus=3:mem=4096mb"],

@@ -92,7 +92,7 @@ def test_a_damaged_save(tiny_scenes: dict[str, Path], tmp_path: Path):
 
 
 class KernelError(Exception):
-    """As Numba's about arrays of other dimensions, which is none of Python's kinds."""
+    """An error that is none of Python's kinds, as Numba's about arrays of other dimensions."""
 
 
 @pytest.mark.parametrize("shape", [(), (1,), (2,), (4,), (3, 1), (1, 3)])

@@ -57,7 +57,7 @@ def told(name: str, scene: Path, capture: Capture) -> methods.Priors:
 
 
 def pictures(found: methods.Decomposition, scene: Path) -> np.ndarray:
-    """What it shows of all views, encoded."""
+    """Draw all views of a fit, encoded."""
     truth = open_truth(scene / "truth", check=False)
     drawn = [found.render(view.camera, ["radiance"])["radiance"] for view in truth.views]
     return np.stack([srgb_encode(image * truth.exposure) for image in drawn])
@@ -134,7 +134,7 @@ def confined_fit(make_scene: Callable[..., Path]) -> FitSpec:
 
 def test_a_confined_fit_without_a_gpu_says_so(make_scene: Callable[..., Path], tmp_path: Path):
     if torch.cuda.is_available():
-        pytest.skip("there is a GPU")
+        pytest.skip("needs a machine without a GPU")
     with pytest.raises(GraycardError, match="for the back end 'cuda'"):
         fit_scene(confined_fit(make_scene), tmp_path / "predictions", silent)
 

@@ -88,7 +88,7 @@ def test_surfels_come_while_light_is_fitted(world: GlossyWorld):
 
 
 def test_the_first_steps_leave_room(scene: Path):
-    """As many surfels as settings allow in the end, but not before light is fitted."""
+    """Surfels reach the number that settings allow in the end, not before light is fitted."""
     capture = open_capture(scene / "capture", check=False)
     priors = told(scene, PriorSpec("oracle", 1, overrides=UNTOLD))
     counts = []

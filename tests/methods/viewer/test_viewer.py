@@ -173,7 +173,7 @@ def ring(
 
 
 COLMAP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""Where z was up, minus y is, as after a reconstruction from upright photographs."""
+"""Turn z into minus y, as a reconstruction from upright photographs has it."""
 
 
 @pytest.mark.parametrize("seed", [None, 0, 1, 2])
