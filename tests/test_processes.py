@@ -3,6 +3,7 @@
 
 import json
 import os
+import platform
 import socket
 import struct
 import subprocess
@@ -256,3 +257,40 @@ def test_landlock_opens_what_rules_say(tmp_path: Path):
     assert json.loads(run.stdout.replace("'", '"').lower()) == {
         "read": True, "other": False, "write": False, "list": False, "own": True, "thread": False,
     }  # fmt: skip
+
+
+UNIX_SOCKETS = """
+import json, os, socket
+from graycard.processes._seccomp import refuse_calls
+outside = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM); outside.bind("\\0graycard-%d" % os.getpid())
+there = outside.getsockname()
+assert refuse_calls(unix_sockets=True)
+ours, theirs = socket.socketpair()
+def can(work):
+    try:
+        work()
+    except PermissionError:
+        return False
+    return True
+def made(family, kind=socket.SOCK_STREAM): return socket.socket(family, kind)
+listening = made(socket.AF_UNIX); listening.bind("\\0graycard-own-%d" % os.getpid()); listening.listen()
+letters = made(socket.AF_UNIX, socket.SOCK_DGRAM)
+print(json.dumps({
+    "internet": can(lambda: made(socket.AF_INET)), "netlink": can(lambda: made(socket.AF_NETLINK)),
+    "connect": can(lambda: letters.connect(there)), "send to": can(lambda: letters.sendto(b"x", there)),
+    "message": can(lambda: letters.sendmsg([b"x"], [], 0, there)), "accept": can(listening.accept),
+    "pair": can(lambda: ours.sendall(b"x")) and theirs.recv(1) == b"x",
+}))
+"""
+
+
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux") or platform.machine() not in ("x86_64", "aarch64"),
+    reason="no filter of system calls here",
+)
+def test_unix_sockets_that_cuda_needs_reach_nobody():
+    command = [sys.executable, "-c", UNIX_SOCKETS]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    found = json.loads(ended.stdout)
+    assert {name for name, can in found.items() if can} == {"pair"}
+    assert len(found) == 7

@@ -35,7 +35,8 @@ WITHOUT_LANDLOCK = frozenset(
         # other processes, the network, and folders that are not data
         "memory_of_parent_by_native_code", "trace_of_parent", "parent_memory", "parent_environment",
         "parent_command", "parent_folder", "parent_signal", "end_of_parent", "network", "listening",
-        "listening_without_address", "fast_open", "datagram", "socket_with_a_path", "system_v_memory",
+        "listening_without_address", "fast_open", "datagram", "socket_with_a_path", "letter_to_a_path",
+        "message_to_a_path", "system_v_memory",
         "shared_memory", "write_beside_code", "write_home", "kernel_cache",
     }
 )  # fmt: skip
@@ -75,10 +76,15 @@ def scene(make_scene: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.M
         (scene / "truth" / "victims" / name).write_text("victim")
     (scene / "capture" / "victim").write_text("victim")
     write_manifest(scene / "capture", manifest_of(open_capture(scene / "capture", check=False)))
-    with socket.create_server(("127.0.0.1", 0)) as server, socket.socket(socket.AF_UNIX) as named:
+    with (
+        socket.create_server(("127.0.0.1", 0)) as server,
+        socket.socket(socket.AF_UNIX) as named,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as letters,
+    ):
         with monkeypatch.context() as inside:
             inside.chdir(run)  # such a path may have 107 bytes
             named.bind("socket")
+            letters.bind("letters")
         named.listen()
         for name, value in {
             "ROUTES_SCENE": scene, "ROUTES_ASIDE": run, "ROUTES_HOME": tmp_path / "home",
@@ -112,6 +118,20 @@ def test_landlock_closes_every_way(scene: Path, tmp_path: Path):
     assert "+seccomp-1+" in guard or platform.machine() not in ("x86_64", "aarch64")
     after = {name: hashed for name, hashed in sha256_of_files(tmp_path).items() if not name.startswith("p/")}
     assert after == before
+
+
+NVIDIA = """
+import graycard.processes._inside as inside
+import graycard.processes._places as places
+inside.has_nvidia = places.has_nvidia = lambda: True
+"""
+
+
+@pytest.mark.skipif(not landlock_version(), reason="this kernel has no Landlock")
+def test_no_way_leads_further_where_a_gpu_is(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    start_children_with(NVIDIA, tmp_path / "site", monkeypatch)
+    found, _ = found_by(scene, tmp_path)
+    assert found == set()
 
 
 OFF = """

@@ -462,6 +462,20 @@ def socket_with_a_path() -> Any:
 
 
 @route
+def letter_to_a_path() -> Any:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        LIBC.chdir(bytes(ASIDE))
+        return str(connection.sendto(b"x", "letters"))
+
+
+@route
+def message_to_a_path() -> Any:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as connection:
+        LIBC.chdir(bytes(ASIDE))
+        return str(connection.sendmsg([b"x"], [], 0, "letters"))
+
+
+@route
 def system_v_memory() -> Any:
     """Memory that another fit finds by its number, and that outlives this one."""
     number = LIBC.shmget(0, 4096, 0o600)

@@ -27,7 +27,7 @@ from graycard.processes._channel import Channel, ChannelError, Message
 from graycard.processes._family import MARK, adopt_orphans, end_adopted, lead_family
 from graycard.processes._guard import Guard
 from graycard.processes._landlock import restrict
-from graycard.processes._places import Places, is_inside, open_code, rules_of
+from graycard.processes._places import Places, has_nvidia, is_inside, open_code, rules_of
 from graycard.processes._seccomp import refuse_calls
 
 NUMBER = struct.Struct(">i")
@@ -107,7 +107,7 @@ def _run(work: Callable[[Channel], None], channel: Channel, told: dict[str, Any]
         os.chdir(places.scratch)  # its name may be that of the scene
     _fix_memory()
     version = restrict([*rules_of(places, code), *rules])
-    filtered = refuse_calls()
+    filtered = refuse_calls(unix_sockets=has_nvidia())
     _limit_threads()
     Guard(places.closed, places.opened, notes).install()
     told.clear()  # code of others finds what stands in frames above it

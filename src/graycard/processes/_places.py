@@ -51,6 +51,11 @@ class Places:
     """Folders in what is closed that are open nonetheless."""
 
 
+def has_nvidia() -> bool:
+    """Tell whether this machine has a GPU of NVIDIA with its driver."""
+    return os.path.exists("/dev/nvidiactl")
+
+
 def is_inside(path: str, folder: str) -> bool:
     """Tell whether a real path is a folder or lies below it."""
     return path == folder or path.startswith(folder.rstrip(os.sep) + os.sep)
@@ -70,6 +75,8 @@ def rules_of(places: Places, code: Sequence[str]) -> Iterator[tuple[str, int]]:
         yield from ((part, TO_READ) for part in open_parts(path, closed))
     for pattern in _DEVICES:
         yield from ((path, OF_DEVICES) for path in glob.glob(pattern))
+    if has_nvidia():
+        yield os.path.realpath("/proc/self/task"), TO_WRITE  # CUDA names its threads, or does not start
     for path in _each([places.scratch, *places.writable, *places.opened]):
         yield path, TO_WRITE
 
