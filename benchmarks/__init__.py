@@ -10,6 +10,7 @@ from graycard.benchmarks._fit import fit_scene as fit_scene
 from graycard.benchmarks._foreground import ask_apart as ask_apart
 from graycard.benchmarks._foreground import fit_apart as fit_apart
 from graycard.benchmarks._gate import Baseline as Baseline
+from graycard.benchmarks._gate import Change as Change
 from graycard.benchmarks._gate import Expected as Expected
 from graycard.benchmarks._gate import GateVerdict as GateVerdict
 from graycard.benchmarks._gate import judge as judge

@@ -81,6 +81,8 @@ class GateVerdict:
     missing: tuple[Change, ...]
     better: tuple[Change, ...]
     compared: int
+    kept: tuple[Change, ...] = ()
+    """Those that changed by no more than their tolerance."""
 
     @property
     def exit_code(self) -> int:
@@ -166,6 +168,7 @@ def judge(run: RunRecord, baseline: Baseline) -> GateVerdict:
         missing=tuple(c for c in changes if c.found is None),
         better=tuple(c for c in measured if c.loss < -c.expected.tolerance),
         compared=len(measured),
+        kept=tuple(c for c in measured if abs(c.loss) <= c.expected.tolerance),
     )
 
 

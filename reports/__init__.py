@@ -18,3 +18,11 @@ from graycard.reports.history._republish import republish_claims as republish_cl
 from graycard.reports.history._republish import republish_tables as republish_tables
 from graycard.reports.pictures._contact_sheet import contact_sheet as contact_sheet
 from graycard.reports.pictures._contact_sheet import write_contact_sheets as write_contact_sheets
+from graycard.reports.summary._gate import GateCheck as GateCheck
+from graycard.reports.summary._gate import GateStatus as GateStatus
+from graycard.reports.summary._gate import GateSummary as GateSummary
+from graycard.reports.summary._summary import RunSummary as RunSummary
+from graycard.reports.summary._summary import headline_ids as headline_ids
+from graycard.reports.summary._summary import summarise as summarise
+from graycard.reports.summary._write import SummaryFormat as SummaryFormat
+from graycard.reports.summary._write import summary_text as summary_text

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that ask how far a run can be trusted, show it, and make salts of secret scenes."""
+"""The verbs that ask how far a run can be trusted, publish it, and make salts of secret scenes."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from rich.table import Table
 
-from graycard._errors import GraycardError, OutputError, RecordError
+from graycard._errors import OutputError, RecordError
 from graycard.cli._options import Json, SaltFile, optional
 from graycard.cli._terminal import OK, Terminal, new_table, write_optional_json
-from graycard.cli.adoption._captures import report_captured
 from graycard.io import write_json
 from graycard.records import (
     COMPARISON,
@@ -157,51 +156,6 @@ class PublishCommand:
         part = f", {found.part}" if found.part else ""
         terminal.out.print(f"publish: {self.out}, {size:.1f} MiB, {found.results} fits{part}")
         return OK
-
-
-@dataclass(frozen=True)
-class ReportCommand:
-    """Write the report of a run, or of predictions of an imported capture, as one HTML file that opens
-    offline.
-    """
-
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|SCENE")]
-    """The run folder; or an imported capture, DATASET/<track>/<scene>."""
-    out: Annotated[Path | None, optional("FILE")] = None
-    """Write to this file; RUN/report/index.html or SCENE/report/index.html by default."""
-    predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
-    """With SCENE: predictions that are held against its photographs, a column each."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Write the report; claims that are not of this run are told, and warned of."""
-        from graycard.dataset import is_scene
-        from graycard.reports import ledger_of_run
-
-        if is_scene(self.run_folder):
-            return report_captured(terminal, self.run_folder, self.predictions, self.out)
-        if self.predictions:
-            raise GraycardError(
-                f"expected --predictions with an imported capture, got {self.run_folder}. Rows of a run come "
-                "from `graycard bench SUITE --predictions`"
-            )
-        path = self._written()
-        try:
-            ledger_of_run(self.run_folder)
-        except RecordError as fault:
-            terminal.err.print(f"claims: {fault}")
-        terminal.out.print(f"report: {path.resolve()}")
-        return OK
-
-    def _written(self) -> Path:
-        """Write the report, and say what to do where the run cannot be written to."""
-        from graycard.reports import write_report
-
-        try:
-            return write_report(self.run_folder, out=self.out)
-        except OutputError as cause:
-            if self.out is not None:
-                raise
-            raise OutputError(f"{cause}; --out FILE writes the report elsewhere") from cause
 
 
 @dataclass(frozen=True)

@@ -156,9 +156,9 @@ VERBS = (
     Verb(
         name="report",
         group="runs",
-        module="_checks",
+        module="pages._report",
         command="ReportCommand",
-        help="Write the report of a run, or of a capture: one HTML file",
+        help="Write the report of a run or capture: HTML, or a summary for CI",
         example="graycard report runs/demo",
     ),
     Verb(

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The verb that shows a run: as one HTML file, or in brief as Markdown, JUnit XML or JSON."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+
+from graycard._errors import GraycardError, OutputError, RecordError
+from graycard.cli._options import optional
+from graycard.cli._terminal import OK, Terminal
+from graycard.cli.adoption._captures import report_captured
+from graycard.io import write_bytes
+from graycard.records import RunRecord, read_run
+
+if TYPE_CHECKING:
+    from graycard.benchmarks import Change
+    from graycard.reports import GateSummary
+
+Form = Literal["md", "junit", "json"]
+
+
+@dataclass(frozen=True)
+class ReportCommand:
+    """Write the report of a run, or of predictions of an imported capture, as one HTML file that opens
+    offline; or the summary of a run for pull requests and continuous integration.
+    """
+
+    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN|SCENE")]
+    """The run folder; or an imported capture, DATASET/<track>/<scene>."""
+    out: Annotated[Path | None, optional("FILE")] = None
+    """Write to this file; RUN/report/index.html or SCENE/report/index.html by default.
+    A summary is printed by default."""
+    predictions: Annotated[tuple[str, ...], optional("NAME=FOLDER ...")] = ()
+    """With SCENE: predictions that are held against its photographs, a column each."""
+    summary: Annotated[Form | None, optional("md|junit|json")] = None
+    """Write this instead of the page. md fits a comment of a pull request. junit has a test case for each
+    job, for each score of --baseline, and for each claim. json is for programs.
+    The exit code is 0 whatever the run says: `graycard gate` fails."""
+    baseline: Annotated[Path | None, optional("FILE")] = None
+    """With --summary: also hold the scores against these, as `graycard gate` does."""
+
+    def run(self, terminal: Terminal, rest: list[str]) -> int:
+        """Write the report; claims that are not of this run are told, and warned of."""
+        from graycard.dataset import is_scene
+        from graycard.reports import ledger_of_run
+
+        if self.summary is not None:
+            return self._summarise(self.summary, terminal)
+        if self.baseline is not None:
+            raise GraycardError("expected --baseline with --summary md, junit or json, got none of them")
+        if is_scene(self.run_folder):
+            return report_captured(terminal, self.run_folder, self.predictions, self.out)
+        if self.predictions:
+            raise GraycardError(
+                f"expected --predictions with an imported capture, got {self.run_folder}. Rows of a run come "
+                "from `graycard bench SUITE --predictions`"
+            )
+        path = self._written()
+        try:
+            ledger_of_run(self.run_folder)
+        except RecordError as fault:
+            terminal.err.print(f"claims: {fault}")
+        terminal.out.print(f"report: {path.resolve()}")
+        return OK
+
+    def _written(self) -> Path:
+        """Write the report, and say what to do where the run cannot be written to."""
+        from graycard.reports import write_report
+
+        try:
+            return write_report(self.run_folder, out=self.out)
+        except OutputError as cause:
+            if self.out is not None:
+                raise
+            raise OutputError(f"{cause}; --out FILE writes the report elsewhere") from cause
+
+    def _summarise(self, form: Form, terminal: Terminal) -> int:
+        """Write or print a summary, and warn of what is not told in it.
+
+        Raises:
+            GraycardError: The folder is no run, or the baseline is of another suite.
+        """
+        from graycard.eval.statistics import Question, compare_run
+        from graycard.reports import headline_ids, summarise, summary_text
+
+        if self.predictions:
+            raise GraycardError(
+                "expected --summary of a run, without --predictions, got both. Leave out one of them"
+            )
+        record = read_run(self.run_folder)
+        comparison = compare_run(record, Question(headline_ids(record)))
+        gate = None if self.baseline is None else gate_summary(record, self.baseline)
+        summary = summarise(self.run_folder, record, comparison, gate)
+        for warning in summary.warnings:
+            terminal.err.print(warning)
+        text = summary_text(summary, form)
+        if self.out is None:
+            sys.stdout.write(text)  # as it is: a console would wrap and escape it
+        else:
+            write_bytes(self.out, text.encode())
+            terminal.out.print(f"summary: {self.out.resolve()}")
+        return OK
+
+
+def gate_summary(record: RunRecord, baseline: Path) -> GateSummary:
+    """Return the scores of a run against a baseline.
+
+    Raises:
+        RecordError: The baseline is missing, damaged, or of another suite.
+    """
+    from graycard.benchmarks import judge, read_baseline
+    from graycard.reports import GateCheck, GateStatus, GateSummary
+
+    verdict = judge(record, read_baseline(baseline))
+    groups: dict[GateStatus, tuple[Change, ...]] = {
+        "worse": verdict.worse, "missing": verdict.missing, "better": verdict.better, "kept": verdict.kept
+    }  # fmt: skip
+    checks = (
+        GateCheck(
+            *change.expected.key[:5], status, change.expected.value, change.found, change.expected.tolerance,
+            change.unit, change.loss, change.reason,
+        )
+        for status, changes in groups.items()
+        for change in changes
+    )  # fmt: skip
+    return GateSummary(baseline.name, tuple(checks))
