@@ -17,7 +17,6 @@ from graycard.benchmarks._gate import judge as judge
 from graycard.benchmarks._gate import make_baseline as make_baseline
 from graycard.benchmarks._gate import read_baseline as read_baseline
 from graycard.benchmarks._gate import write_baseline as write_baseline
-from graycard.benchmarks._plotting import check_plotting as check_plotting
 from graycard.benchmarks._run_record import RunError as RunError
 from graycard.benchmarks._runner import Terms as Terms
 from graycard.benchmarks._runner import run_bench as run_bench

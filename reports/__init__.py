@@ -11,6 +11,8 @@ from graycard.reports._publish import publish_run as publish_run
 from graycard.reports._write import write_report as write_report
 from graycard.reports.captures._page import CaptureRow as CaptureRow
 from graycard.reports.captures._write import write_capture_report as write_capture_report
+from graycard.reports.figures._content import FigureSpec as FigureSpec
+from graycard.reports.figures._write import write_figure as write_figure
 from graycard.reports.history._changes import Change as Change
 from graycard.reports.history._keep import HISTORY_PAGE as HISTORY_PAGE
 from graycard.reports.history._keep import verdict_changes as verdict_changes

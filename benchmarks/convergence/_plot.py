@@ -4,8 +4,8 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from graycard.benchmarks._plotting import COLOURS, new_figure, svg_of
 from graycard.benchmarks.convergence._curves import Curve
+from graycard.plotting import COLOURS, new_figure, svg_of
 from graycard.records import MetricRecord
 
 if TYPE_CHECKING:

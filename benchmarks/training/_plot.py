@@ -3,9 +3,9 @@
 
 from typing import TYPE_CHECKING
 
-from graycard.benchmarks._plotting import COLOURS, new_figure, svg_of
 from graycard.benchmarks.training._looks import Look
 from graycard.benchmarks.training._train import TrainRecord
+from graycard.plotting import COLOURS, new_figure, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

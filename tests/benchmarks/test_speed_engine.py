@@ -209,7 +209,7 @@ def test_a_picture_of_a_part(record: speed.EngineSpeed):
 def test_a_picture_needs_matplotlib(
     record: speed.EngineSpeed, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr("graycard.benchmarks._plotting.find_spec", lambda name: None)
+    monkeypatch.setattr("graycard.plotting._figure.find_spec", lambda name: None)
     with pytest.raises(GraycardError, match="expected matplotlib .*, got none. Run `pip install matplotlib`"):
         speed.engine_plot(record)
     assert main(["speed", "engine", "--plot", "a.svg"]) == 2

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from graycard.benchmarks._plotting import COLOURS, new_figure, svg_of
 from graycard.benchmarks.speed.engine._records import EngineCost, EngineSpeed, ScalingPoint
+from graycard.plotting import COLOURS, new_figure, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -39,8 +39,8 @@ class ConvergenceCommand:
         Raises:
             GraycardError: The run has no curve, or a picture cannot be drawn.
         """
-        from graycard.benchmarks import check_plotting
         from graycard.benchmarks.convergence import convergence_plot, curves_of
+        from graycard.plotting import check_plotting
 
         if self.plot is not None:
             check_plotting()

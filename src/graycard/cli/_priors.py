@@ -51,7 +51,6 @@ class TrainPriorCommand:
         Raises:
             GraycardError: Seeds are not of the range that trains.
         """
-        from graycard.benchmarks import check_plotting
         from graycard.benchmarks.training import (
             TRAINING,
             VALIDATION,
@@ -63,6 +62,7 @@ class TrainPriorCommand:
             train,
             training_plot,
         )
+        from graycard.plotting import check_plotting
 
         if self.plot is not None:
             check_plotting()

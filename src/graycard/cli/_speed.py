@@ -141,8 +141,8 @@ class SpeedCommand:
         return OK
 
     def _engine(self, terminal: Terminal) -> int:
-        from graycard.benchmarks import check_plotting
         from graycard.benchmarks.speed import disturbed_note, engine_plot, engine_tables, measure_engine
+        from graycard.plotting import check_plotting
 
         if self.plot is not None:
             check_plotting()

@@ -162,6 +162,14 @@ VERBS = (
         example="graycard report runs/demo",
     ),
     Verb(
+        name="figure",
+        group="runs",
+        module="pages._figure",
+        command="FigureCommand",
+        help="Draw rows of a run side by side for a paper, as SVG or PDF",
+        example="graycard figure runs/demo --scene corridor-0000 --rows gray --out f.pdf",
+    ),
+    Verb(
         name="publish",
         group="runs",
         module="_checks",
