@@ -2,20 +2,47 @@
 """Hooks of mkdocs: add the pages that exist in the site alone (see mkdocs.yml)."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[2]
 
 
+SECTIONS = {
+    "tutorials": "Tutorials",
+    "how-to": "How-to",
+    "methods": "Methods",
+    "reference": "Reference",
+    "explanation": "Explanation",
+    "results": "Results",
+    "lab-notes": "Lab notes",
+}
+"""Section of the navigation for each folder of docs."""
+
+
 def on_config(config: Any) -> Any:
-    """Put a page for each public module into the navigation."""
+    """Put a page for each public module into the navigation, and pages that it does not list to the end."""
     sys.path[:0] = [str(ROOT / "src"), str(ROOT / "tests/helpers")]  # mkdocs forgets what a hook's head adds
     from docs_of_reference import API
 
+    listed = set(_pages(config.nav))
+    for path in sorted(Path(config.docs_dir).rglob("*.md")):
+        name = path.relative_to(config.docs_dir).as_posix()
+        if name not in listed:
+            _section(config.nav, SECTIONS[name.partition("/")[0]]).append(name)
     pages = [{title: f"reference/python/{module}.md"} for module, title in API.items()]
     _section(_section(config.nav, "Reference"), "Python", pages)
     return config
+
+
+def _pages(nav: Any) -> Iterator[str]:
+    """Yield the pages of a navigation, at any depth."""
+    if isinstance(nav, str):
+        yield nav
+    else:
+        for entry in nav.values() if isinstance(nav, dict) else nav:
+            yield from _pages(entry)
 
 
 def on_files(files: Any, config: Any) -> Any:
