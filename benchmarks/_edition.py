@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sealed scenes: rendered only by code and claims that were tagged before anybody could see them."""
 
-import base64
 from collections.abc import Iterable, Mapping
 from functools import cache
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
+from graycard.benchmarks._installed import hashes_of
 from graycard.benchmarks._ranges import SceneRange
 from graycard.benchmarks._run_record import RunError
 from graycard.benchmarks._sources import checkout, git, is_changed, unknown_code
@@ -119,20 +119,11 @@ def edition_of_release(files: Mapping[str, Path]) -> tuple[str, str]:
         raise _refusal("a tagged checkout or a release", "neither", "Install a release") from cause
     if found.read_text("direct_url.json") is not None:
         raise _refusal("a release of a package index", "an install from elsewhere", "Install a release")
-    listed = _listed(found)
+    listed = hashes_of(found)
     for name, path in files.items():
         if listed.get(path.resolve()) != sha256(path):
             raise _refusal(f"{name} of the release", f"another at {path}", "Install the release again")
     return f"v{found.version}", ""
-
-
-def _listed(found: Distribution) -> dict[Path, str]:
-    """Return SHA-256 of the files of an installed distribution."""
-    return {
-        Path(str(file.locate())).resolve(): base64.urlsafe_b64decode(f"{file.hash.value}==").hex()
-        for file in found.files or ()
-        if file.hash is not None and file.hash.mode == "sha256"
-    }
 
 
 def _refusal(expected: str, got: str, mend: str) -> RunError:

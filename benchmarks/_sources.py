@@ -14,7 +14,8 @@ from typing import Any
 import psutil
 
 import graycard
-from graycard.io import code_hash
+from graycard.benchmarks._installed import find_installed
+from graycard.io import code_hash, to_builtins
 from graycard.synth import find_llvm
 
 PACKAGES = (
@@ -43,12 +44,14 @@ def scoring_fingerprint() -> str:
 
 
 def environment() -> dict[str, Any]:
-    """Versions, commit and hardware, for the run record."""
+    """Versions, commit or wheel, and hardware, for the run record."""
+    installed = None if checkout() else find_installed()
     return {
         "packages": {name: package_version(name) for name in RECORDED},
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "git_commit": git_commit(),
+        "git_commit": git_commit() or (installed.commit[:12] or None if installed else None),
+        **({"installed": to_builtins(installed)} if installed else {}),
         **hardware(),
         "llvm": _llvm(),
     }
@@ -113,6 +116,11 @@ def unknown_code(root: Path) -> list[str]:
         return []
     found = git(root, "ls-files", "--others", "-z", "--", *map(str, folders)).split("\0")
     return [name for name in found if name.endswith(tuple(SOURCE_SUFFIXES + EXTENSION_SUFFIXES))]
+
+
+def commit_at(folder: Path) -> str:
+    """Return the commit of the repository around a folder; empty without one."""
+    return git(folder, "rev-parse", "HEAD") if shutil.which("git") else ""
 
 
 def git(root: Path, *words: str) -> str:

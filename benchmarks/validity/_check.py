@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Validity: whether a run is a valid result: one that another could trust, repeat, and not have made up by
-mistake.
-"""
+"""Whether a run is a valid result: one that another could trust, repeat, and not have made up by mistake."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -40,8 +38,8 @@ RULES: dict[str, str] = {
     "hashes": "truth, captures, predictions and scores are the very files that were fitted and scored",
     "seeds": "the seeds of scenes are those that the scenes were made from; those of secret scenes "
     "follow from the salt that the suite is committed to (--salt)",
-    "origin": "package versions, hardware and the git commit of unchanged code are recorded, and of sealed "
-    "scenes the tag of that commit, whose claims judge the run",
+    "origin": "package versions, hardware and the git commit of unchanged code, or the hash of its wheel, "
+    "are recorded, and of sealed scenes the tag of that commit, whose claims judge the run",
     "finite": "no score is infinite or no number, but the optimum of a row that is handed truth",
     "gauge": "gauges are those that the training views give",
     "truth": "truth was closed to every fit, and what was handed is what the method declares",
@@ -49,20 +47,20 @@ RULES: dict[str, str] = {
     "comparison": "comparison.json follows from run.json",
     "scores": "scoring the predictions again gives the same scores (only with --rescore)",
 }
-"""Meaning of each rule, in words."""
+"""What each rule asks for, in words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Validity:
-    """Breaches of a run."""
+    """What is wrong with a run."""
 
     breaches: tuple[Breach, ...]
     rules: tuple[str, ...]
     """The rules that were looked at."""
     suite: str
-    """Suite that suite the run was held against, and how that is known."""
+    """Which suite the run was held against, and how that is known."""
     part: str
-    """Part of the suite, in words; empty for all of it."""
+    """What of the suite the run is, in words; empty for all of it."""
     results: int
     """Number of fits that were looked at."""
     closed: Mapping[str, int] = field(default_factory=dict)
@@ -70,6 +68,8 @@ class Validity:
 
     tellers: tuple[str, ...] = ()
     """Rows with code of others that are handed truth beside other rows."""
+    submitted: tuple[str, ...] = ()
+    """Rows of predictions that other code has made, and nobody watched."""
 
     @property
     def exit_code(self) -> Literal[0, 1, 2]:
@@ -117,7 +117,7 @@ def check_result(
         found += look(record, run)
     rules = tuple(rule for rule in RULES if rescore or rule != "scores")
     part = part_of(record, standard.suite)
-    seen = len(record.results), ways_of(record), tellers_of(record)
+    seen = len(record.results), ways_of(record), tellers_of(record), record.submitted
     return Validity(tuple(dict.fromkeys(found)), rules, standard.says, part, *seen)
 
 

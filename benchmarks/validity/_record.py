@@ -2,6 +2,7 @@
 """Rules for a valid result that ``run.json`` alone can break."""
 
 import math
+import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ from graycard.methods import BUILT_IN
 from graycard.records import JobResult, RunRecord, Score, read_comparison
 
 _ORIGINS = ("python", "platform", "cpu", "cores")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_NAMED = 3
+"""Files that are named, of what may be hundreds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +31,9 @@ class Breach:
     rule: str
     where: str
     what: str
-    """Expectation and finding."""
+    """What was expected and what came."""
     unknown: bool = False
-    """True if evidence is missing, rather than against the run."""
+    """Whether evidence is missing, rather than against the run."""
 
     def __str__(self) -> str:
         """One line."""
@@ -37,7 +41,7 @@ class Breach:
 
 
 def place_of(result: JobResult) -> str:
-    """Return which fit, in words."""
+    """Which fit, in words."""
     job = result.job
     return f"{job.track}/{job.scene} {job.method}, seed {job.seed}"
 
@@ -84,7 +88,7 @@ def _failed_fits(run: RunRecord) -> Iterator[Breach]:
 
 
 def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
-    """Return faults of one scene: methods without scores that others have, or over other views."""
+    """Of one scene: what one method has scores of, every method has, over the same views."""
     sheets = [
         (result, {score.metric: score for score in result.sheet.scores}) for result in results if result.sheet
     ]
@@ -99,7 +103,7 @@ def _missing_scores(results: Sequence[JobResult]) -> Iterator[Breach]:
 
 
 def _score_fault(score: Score | None, views: set[str], expected: int) -> str:
-    """Return what is wrong with the counts of a score; empty if nothing."""
+    """What is wrong with the counts of a score; empty if nothing."""
     if score is None:
         return "expected a score, as others have on this scene, got none"
     if score.status == "failed":
@@ -164,21 +168,40 @@ def origin_breaches(run: RunRecord) -> list[Breach]:
         for name in _ORIGINS
         if not run.environment.get(name)
     ]
-    commit = run.environment.get("git_commit")
-    if not commit:
-        what = "expected the git commit of the code, got none. Run from a git checkout"
-        found.append(Breach("origin", "environment", what))
-    elif str(commit).endswith("+"):
-        what = f"expected the code of a commit, got {commit}: files were changed. Commit them and run again"
+    if what := _code_fault(run.environment):
         found.append(Breach("origin", "environment", what))
     return found
 
 
+def _code_fault(environment: Mapping[str, Any]) -> str:
+    """Return what is wrong with the identity of the code, a commit or a wheel; empty if nothing."""
+    commit, installed = environment.get("git_commit"), environment.get("installed")
+    if isinstance(installed, Mapping) and _SHA256.fullmatch(str(installed.get("sha256"))):
+        changed = installed.get("changed")
+        if not isinstance(changed, Sequence):
+            return "expected the files that differ from the wheel, got no list of them"
+        if changed:
+            named = ", ".join(map(str, changed[:_NAMED])) + ", …" * (len(changed) > _NAMED)
+            return f"expected the files of the wheel, got others: {named}. Install graycard again"
+        return ""
+    if not commit:
+        return (
+            "expected the git commit of the code or the hash of its wheel, got neither. Run from a git "
+            "checkout, or from an installed wheel"
+        )
+    if str(commit).endswith("+"):
+        return f"expected the code of a commit, got {commit}: files were changed. Commit them and run again"
+    return ""
+
+
 def access_breaches(run: RunRecord) -> list[Breach]:
-    """Fits to which truth was open, that reached for it, or were handed what their row does not declare."""
+    """Fits to which truth was open, that reached for it, or were handed what their row does not declare.
+
+    Submitted predictions are no fits: the row bears a badge instead.
+    """
     declared = {method.name: set(method.sees) for method in run.methods}
     found = []
-    for result in (r for r in run.results if r.status == "done"):
+    for result in (r for r in run.results if r.status == "done" and not _is_submitted(r, run)):
         where, access = place_of(result), result.access
         if access is None or not GUARDS.fullmatch(access.guard):
             what = f"expected a record of how truth was closed, got {_evidence(result)}"
@@ -194,6 +217,10 @@ def access_breaches(run: RunRecord) -> list[Breach]:
     return found
 
 
+def _is_submitted(result: JobResult, run: RunRecord) -> bool:
+    return not result.job.entry and result.job.method in run.submitted
+
+
 def ways_of(run: RunRecord) -> dict[str, int]:
     """Return in how many fits truth was closed in which way; fits without a record of one are left out."""
     ways = (result.access.guard for result in run.results if result.access is not None)
@@ -207,16 +234,14 @@ def tellers_of(run: RunRecord) -> tuple[str, ...]:
 
 
 def _evidence(result: JobResult) -> str:
-    """Return what a fit has of the guard's, where that is not enough, and what to do."""
+    """What a fit has of the guard's, where that is not enough, and what to do."""
     if result.access is not None:
         return f"{result.access.guard}. Fit it again"
-    if not result.job.entry:
-        return "predictions of other code, which nobody watched. `graycard bench` without them drops the row"
     return "no record. Fit it again"
 
 
 def _is_declared(name: str, declared: set[str]) -> bool:
-    """Return whether a layer is one of those declared, or that of a light where those of all lights are."""
+    """Whether a layer is one of those declared, or that of a light where those of all lights are."""
     stems = (layer.removesuffix("<light>") for layer in declared if layer.endswith(".<light>"))
     return name in declared or any(name.startswith(stem) for stem in stems)
 
@@ -255,7 +280,7 @@ def comparison_breaches(run: RunRecord, folder: Path) -> list[Breach]:
 
 
 def difference(one: Any, other: Any, where: str = "", tolerance: float = 1e-6) -> str | None:
-    """Return where two JSON values differ, numbers by more than a share ``tolerance``; None if nowhere."""
+    """Where two JSON values differ, numbers by more than a share ``tolerance``; None if nowhere."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         if one.keys() != other.keys():
             return f"{where}: {', '.join(sorted(map(str, one.keys() ^ other.keys())))}"

@@ -24,6 +24,8 @@ from graycard.processes import AUDIT_HOOK, SECCOMP, landlock_version
 from graycard.records import COMPARISON, read_comparison
 from valid_runs import METHODS, breaches, change, score_in
 
+WHEEL = {"version": "0.1.0", "sha256": "0123456789abcdef" * 4, "changed": [], "commit": ""}
+
 
 def test_an_honest_run_is_valid(made_run: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["check-result", str(made_run), "--rescore"]) == 0
@@ -59,7 +61,10 @@ def test_what_is_broken_is_listed(run: Path, tmp_path: Path, capsys: pytest.Capt
     change(run, lambda data: data["environment"].update(git_commit=None))
     assert main(["check-result", str(run), "--json", str(tmp_path / "v.json")]) == 1
     found = capsys.readouterr()
-    assert "broken: origin: environment: expected the git commit of the code, got none" in found.out
+    assert (
+        "broken: origin: environment: expected the git commit of the code or the hash of its wheel"
+        in found.out
+    )
     assert "rule origin: package versions, hardware and the git commit" in found.err
     assert found.out.splitlines()[-1].startswith("check-result: invalid (6 fits by 10 rules, 1 broken")
     written = read_json(tmp_path / "v.json")
@@ -272,7 +277,17 @@ def test_a_scene_of_another_seed(run: Path):
     ("edit", "words"),
     [
         ({"packages": {}}, "expected the version of numpy, got none"),
-        ({"git_commit": None}, "expected the git commit of the code, got none"),
+        ({"git_commit": None}, "expected the git commit of the code or the hash of its wheel, got neither"),
+        (
+            {"git_commit": None, "installed": WHEEL | {"changed": ["eval/_x.py", "a.py", "b.py", "c.py"]}},
+            "expected the files of the wheel, got others: eval/_x.py, a.py, b.py, …. Install graycard again",
+        ),
+        ({"installed": WHEEL | {"changed": None}}, "expected the files that differ from the wheel, got no"),
+        (
+            {"git_commit": None, "installed": WHEEL | {"sha256": "none"}},
+            "or the hash of its wheel, got neither",
+        ),
+        ({"git_commit": None, "installed": [1]}, "or the hash of its wheel, got neither"),
         (
             {"git_commit": "0123456789ab+"},
             "expected the code of a commit, got 0123456789ab+: files were changed",
@@ -285,6 +300,11 @@ def test_where_numbers_come_from_is_known(run: Path, edit: dict[str, Any], words
     found = breaches(run)
     assert set(found) == {"origin"}
     assert any(words in line for line in found["origin"])
+
+
+def test_an_installed_wheel_vouches_for_its_code(run: Path):
+    change(run, lambda data: data["environment"].update(git_commit=None, installed=WHEEL))
+    assert "origin" not in breaches(run)
 
 
 def not_finite(data: Any) -> None:

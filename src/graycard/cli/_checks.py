@@ -115,6 +115,8 @@ class CheckResultCommand:
             terminal.out.print(
                 f"note: row {row!r} runs code of others and is handed truth: it could tell other rows"
             )
+        for row in found.submitted:
+            terminal.out.print(f"note: row {row!r} is submitted: nobody watched the code that made it")
         part = f", {found.part}" if found.part else ""
         terminal.out.print(
             f"check-result: {says[found.exit_code]}{part} ({found.results} fits by {len(found.rules)} rules, "
