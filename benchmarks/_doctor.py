@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State of this machine, and what to do for the rest."""
+"""What this machine offers, and what to do for the rest."""
 
 import os
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ from pathlib import Path
 
 import psutil
 
-from graycard.benchmarks._sources import cpu_model, gpu_name, package_version, usable_cores
+from graycard import __version__, absent_packages, install_command
+from graycard.benchmarks._installed import find_installed
+from graycard.benchmarks._sources import cpu_model, git_commit, gpu_name, package_version, usable_cores
 from graycard.io import free_mib, lock_words
 from graycard.networks import LPIPS_VARIABLE, SETS, state_of, weights_home
 from graycard.processes import landlock_version
@@ -33,7 +35,7 @@ class Finding:
     name: str
     found: str
     advice: str = ""
-    """Advice; empty if all is well."""
+    """What to do; empty if all is well."""
 
 
 def findings(folder: Path) -> list[Finding]:
@@ -43,6 +45,7 @@ def findings(folder: Path) -> list[Finding]:
         folder: Where runs would go.
     """
     return [
+        _packages(),
         _renderer(),
         Finding("processor", f"{cpu_model()}, {usable_cores()} cores, {_memory_gib():.0f} GiB"),
         Finding("GPU", gpu_name() or "none; everything runs on the CPU"),
@@ -55,7 +58,20 @@ def findings(folder: Path) -> list[Finding]:
     ]
 
 
+def _packages() -> Finding:
+    """Return the version and origin of graycard, and what of its packages is missing."""
+    installed = find_installed()
+    origin = f"wheel {installed.sha256[:12]}" if installed else git_commit() or "no checkout and no wheel"
+    changed = f", {len(installed.changed)} files changed" if installed and installed.changed else ""
+    absent = absent_packages()
+    lacks = f", without {', '.join(absent)}" if absent else ""
+    advice = f"a light installation; for all verbs run {install_command(absent[0])}" if absent else ""
+    return Finding("graycard", f"{__version__}, {origin}{changed}{lacks}", advice)
+
+
 def _renderer() -> Finding:
+    if package_version("mitsuba") is None:
+        return Finding("renderer", "none: Mitsuba is not installed")
     llvm = find_llvm()
     found = f"LLVM {llvm.version} {_SOURCES.get(str(llvm.source), '')}, {llvm.path}"
     variant = f"llvm_ad_rgb ({found})" if llvm.usable else "scalar_rgb"

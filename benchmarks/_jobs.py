@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from graycard import GraycardError, OutputError, open_predictions
+from graycard import GraycardError, OutputError, missing_package, open_predictions
 from graycard.benchmarks._fit import FitSpec, Fitted, fit_scene
 from graycard.benchmarks._sources import scoring_fingerprint
 from graycard.benchmarks._submitted import Given, take_predictions
@@ -28,7 +28,6 @@ from graycard.io import (
     read_json,
     remove,
     sha256,
-    silent,
     writable_folder,
     write_bytes,
     write_json,
@@ -38,7 +37,7 @@ from graycard.methods.priors import PriorSpec
 from graycard.predictions import predictions_hash
 from graycard.processes import Outcome, worker_progress
 from graycard.records import Access, Cost, Job, ScoreSheet
-from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene
+from graycard.synth import RenderSettings, SceneSpec, find_scene, render_scene, scene_name
 
 R = TypeVar("R")
 
@@ -59,6 +58,11 @@ class RenderJob:
     dataset: Path
     threads: int
 
+    @property
+    def words(self) -> str:
+        """Return which scene it renders."""
+        return f"{self.spec.track}/{scene_name(self.spec)}"
+
 
 @dataclass(frozen=True, slots=True)
 class FitJob:
@@ -74,11 +78,17 @@ class FitJob:
     donor: Path | None = None
     """The scene whose object is put in; None: none is."""
     stages: Path | None = None
-    """Folder in which fits of the same code leave stages for others."""
+    """Where fits of the same code leave stages that others go on from."""
     given: Given | None = None
     """Predictions of other code, taken in place of a fit."""
     allowed: tuple[Path, ...] = ()
     """Files and folders that the method may read and change besides."""
+
+    @property
+    def words(self) -> str:
+        """Return what it fits on which scene."""
+        seed = f", seed {self.job.seed}" if self.job.seed else ""
+        return f"{self.job.track}/{self.job.scene} {self.job.method}{seed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +103,7 @@ class Done:
 
     @property
     def fitted(self) -> Fitted | None:
-        """Record; None where nothing was fitted."""
+        """What is to be recorded; None where nothing was fitted."""
         return Fitted(self.cost, self.access) if self.cost and self.access else None
 
 
@@ -107,9 +117,11 @@ class Scored:
 
 def run_render(job: RenderJob) -> Outcome:
     """Render a scene; the renderer keeps what is there and intact."""
-    return guarded(
-        lambda: Outcome(value=render_scene(job.spec, job.settings, job.dataset, silent, job.threads)), None
-    )
+    return guarded(lambda: Outcome(value=_rendered(job)), None)
+
+
+def _rendered(job: RenderJob) -> Path:
+    return render_scene(job.spec, job.settings, job.dataset, worker_progress(), job.threads)
 
 
 def run_fit(job: FitJob) -> Outcome:
@@ -140,7 +152,7 @@ def _made(job: FitJob) -> tuple[Cost, Access] | tuple[None, None]:
     asked = (made.entry, made.settings, made.seed, job.scene, made.method, priors)
     spec = FitSpec(*asked, donor=job.donor, stages=job.stages, allowed=job.allowed)
     with _threads(job.threads):
-        fitted = fit_scene(spec, predictions, silent, jobs=job.jobs)
+        fitted = fit_scene(spec, predictions, worker_progress(), jobs=job.jobs)
     return fitted.cost, fitted.access
 
 
@@ -190,7 +202,7 @@ def find_scores(job: FitJob) -> Outcome | None:
 
 
 def _score_key(job: FitJob) -> tuple[str, ...]:
-    """Inputs of scores: the code that makes them, the predictions, the truth, the protocols."""
+    """What scores depend on: the code that makes them, the predictions, the truth, the protocols."""
     truth = sha256(job.scene / "truth" / "manifest.json")
     return scoring_fingerprint(), predictions_hash(job.folder / "predictions"), truth, PROTOCOLS
 
@@ -226,6 +238,8 @@ def guarded(work: Callable[[], Outcome], log: Path | None) -> Outcome:
         words = printable(words_of(error)) or type(error).__name__
         return Outcome(reason=f"{words}{_logged(log, error)}")
     except BaseException as error:  # Ctrl+C does not reach a worker: whoever raised it here is the job
+        if missing := missing_package(error):
+            return Outcome(reason=str(missing))
         return Outcome(reason=f"{type(error).__name__}: {printable(words_of(error))}{_logged(log, error)}")
 
 

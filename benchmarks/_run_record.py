@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``run.json``: records of a bench, and of an earlier bench in the same folder."""
+"""What ``run.json`` says of a bench, and what an earlier bench has said there."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -49,15 +49,7 @@ def method_record(method: SuiteMethod, known: Introduction) -> MethodRecord:
     changes += [f"priors: {method.priors}"] if known.asks else []
     changed = ", ".join(changes)
     summary = f"{known.summary} ({changed})" if changed else known.summary
-    return MethodRecord(
-        name=method.row,
-        summary=summary,
-        sees=known.needs,
-        entry=method.entry,
-        slack=method.slack,
-        predictions=method.predictions,
-        tracks=method.tracks,
-    )
+    return MethodRecord(method.row, summary, known.needs, method.entry, method.slack, method.predictions)
 
 
 def scene_record(spec: SceneSpec, folder: Path, run: Path) -> SceneRecord:
@@ -82,7 +74,7 @@ def commitment_of(suite: Suite) -> str:
 
 
 def result_of(fit: FitJob, fitted: Outcome, scored: Outcome | None, run: Path) -> JobResult:
-    """End of a job: its scores and its cost, or why there are none."""
+    """How a job ended: its scores and its cost, or why there are none."""
     reason = fitted.reason or (scored.reason if scored else "not scored")
     return JobResult(
         job=fit.job,
@@ -129,7 +121,7 @@ def of_machines(machines: Machines | None) -> dict[str, Any]:
 def record_before(
     run: Path, suite: Suite, budget: float = 1.0, edition: Edition | None = None
 ) -> RunRecord | None:
-    """Return what an earlier bench left in this folder.
+    """What an earlier bench left in this folder.
 
     Raises:
         RunError: It was of another suite, at another budget, or of another edition.
@@ -201,8 +193,7 @@ def joined(record: RunRecord, before: RunRecord, suite: Suite) -> RunRecord:
 
 
 def measures_nothing_new(record: RunRecord, before: RunRecord) -> bool:
-    """Return whether each fit of a record is in the earlier one by its hash: made by the same code from the
-    same.
+    """Whether each fit of a record is in the earlier one by its hash: made by the same code from the same.
 
     That its results lay in the folder is not enough: a bench that was killed leaves results there which
     no record tells of, and the environment of the record before is not theirs.

@@ -53,13 +53,13 @@ from graycard.benchmarks._submitted import check_folder
 from graycard.benchmarks._suites import KEPT, Suite, public, scaled_iterations
 from graycard.benchmarks.claims import claims_of_suite, judge_run
 from graycard.benchmarks.planning._parts import Part
-from graycard.benchmarks.planning._plan import STAGES, part_of_plan, plan_fits
+from graycard.benchmarks.planning._plan import STAGES, plan_fits
 from graycard.eval import all_metrics
 from graycard.eval.statistics import compare_run
 from graycard.io import sha256, write_json
 from graycard.machines import Machines
 from graycard.methods.confined import SERVE, Introduction
-from graycard.processes import USUAL, Limits, Outcome, run_all
+from graycard.processes import USUAL, Limits, Outcome, part_of, run_all
 from graycard.records import CLAIMS, COMPARISON, Edition, JobResult, RunRecord
 from graycard.synth import SceneSpec, donor_scene, scene_name
 
@@ -129,7 +129,7 @@ class Bench:
 
     def part(self, stage: int, doing: str) -> Progress:
         """Return the progress of one of the three stages in that of the run."""
-        return lambda done, what: self.progress((stage + done) / 3, f"{doing} {what}")
+        return part_of(self.progress, stage, 3, doing)
 
 
 def run_bench(
@@ -216,11 +216,14 @@ def run_part(
         GraycardError: As of :func:`run_bench`.
     """
     bench, known = _begun(Bench(suite, run, dataset or run / "dataset", jobs, progress, limits, None, terms))
-    scenes, own = part_of_plan(bench.suite, part)
-    if scenes.start == scenes.stop:
+    each = len(suite.methods) * len(suite.seeds)
+    own = part.share(len(suite.scenes) * each)
+    if not own:
         return ()
+    first = own.start // each
     with tidied(bench.run, bench.dataset):
-        plan = _planned(bench, known, _render(bench, bench.suite.scenes[scenes]))[own]
+        scenes = _render(bench, bench.suite.scenes[first : (own.stop - 1) // each + 1])
+        plan = _planned(bench, known, scenes)[own.start - first * each : own.stop - first * each]
         fitted = _fit(bench, plan)
         return _results(fitted, _score(bench, fitted), run)
 

@@ -18,7 +18,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from graycard import MethodError, UnknownNameError, __version__, find_layer
+from graycard import (
+    MethodError,
+    MissingPackageError,
+    UnknownNameError,
+    __version__,
+    find_layer,
+    missing_package,
+)
 from graycard.io import code_hash, from_builtins, to_builtins
 from graycard.methods._contract import COMPOSITION, LIGHTS, RELIGHTING, Ask, Method
 
@@ -69,6 +76,8 @@ class Listing:
     """None if it could not be loaded."""
     reason: str = ""
     """Why it could not be loaded."""
+    mend: str = ""
+    """The command that installs what it needs, where a package is missing."""
 
 
 def offers() -> dict[str, list[EntryPoint]]:
@@ -95,12 +104,15 @@ def load_method(name: str) -> Method:
     Raises:
         UnknownNameError: No method has this name.
         MethodError: It fails to import, is offered twice, or does not follow the contract.
+        MissingPackageError: It needs a package of graycard's that is not installed.
     """
     point = _find(name)
     try:
         found = point.load()
         method = found() if inspect.isclass(found) else found
     except (Exception, SystemExit) as cause:  # a plug-in may raise anything at all
+        if missing := missing_package(cause):
+            raise missing from None
         raise MethodError(
             f"expected method {name!r} ({point.value}, {origin(point)}) to import, got "
             f"{type(cause).__name__}: {cause}. Mend it; other methods are not affected"
@@ -251,5 +263,7 @@ def _listing(name: str, points: list[EntryPoint]) -> Listing:
     where = ", ".join(origin(p) for p in points)
     try:
         return Listing(name, where, load_method(name).summary)
+    except MissingPackageError as error:
+        return Listing(name, where, None, f"needs {error.package}", error.command)
     except (MethodError, UnknownNameError) as error:
         return Listing(name, where, None, str(error))

@@ -86,6 +86,16 @@ def test_constraints_pin_every_dependency():
     assert names <= {pin.split("==")[0].lower().replace("_", "-") for pin in pins}
 
 
+def test_a_light_installation_has_the_ranges_of_a_whole_one():
+    """And leaves out what no verb imports that scores, compares, gates or reports."""
+    lines = (ROOT / "requirements-light.txt").read_text().splitlines()
+    light = {line for line in lines if line and not line.startswith("#")}
+    whole = {*read_project()["project"]["dependencies"]}
+    assert light < whole
+    left_out = {Requirement(line).name for line in whole - light}
+    assert left_out == {"colour-science", "karellen-llvm-core", "mitsuba", "numba", "torch"}
+
+
 def test_each_pin_is_one_that_all_installed_packages_allow():
     """An extra that the pins shut out would never be tested."""
     lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line]

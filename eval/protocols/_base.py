@@ -54,7 +54,7 @@ class Protocol(ABC):
     summary: str
     """One line: whose protocol it is."""
     source: str
-    """Source of its definition."""
+    """Where its definition stands."""
 
     @property
     def id(self) -> str:

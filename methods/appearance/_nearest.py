@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Similarity: which photograph a new view is most like: told from the cameras alone."""
+"""Which photograph a new view is most like: told from the cameras alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,14 +12,14 @@ from graycard.methods.splat import scene_extent
 
 @dataclass(frozen=True, eq=False)
 class Eyes:
-    """Places of the cameras."""
+    """Where the photographs were taken."""
 
     positions: np.ndarray
     """Shape ``(M, 3)``, world, metres."""
     directions: np.ndarray
     """Shape ``(M, 3)``: of the optical axes, world, unit length."""
     extent: float
-    """Extent of the cameras, metres."""
+    """Of the cameras, metres."""
 
     def nearest(self, camera: Camera) -> int:
         """The number of the photograph that was taken from nearest to where a camera is and looks.

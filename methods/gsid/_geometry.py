@@ -34,7 +34,7 @@ from graycard.methods.surfels import (
 )
 
 DEGREE = 2
-"""Degree of the harmonics of the surfels' colours: highlights must not become holes."""
+"""Of the harmonics of the surfels' colours: highlights must not become holes."""
 _DEGREE_EVERY = 1 / 10
 
 

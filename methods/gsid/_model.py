@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shading: surfels are drawn as layers, and pixels are shaded (deferred shading)."""
+"""How a picture comes about: surfels are drawn as layers, and pixels are shaded (deferred shading)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -37,20 +37,18 @@ BASE_COLOR, ROUGHNESS, METALLIC, SHADOW = "base colour", "roughness", "metallic"
 """Names of the parameters of surfels: logits of shapes ``(N, 3)``, ``(N, 1)`` and ``(N, 1)``, and a vector of
 any length ``(N, 3)``, world."""
 OPEN = "open sky"
-"""Occlusion of each surfel, ``(N,)``: share of the sky's light that arrives, were it even. It is found
-once."""
+"""Of each surfel, ``(N,)``: share of the sky's light that arrives, were it even. It is found once."""
 SIDE = "lit side"
-"""Side of each surfel, ``(N,)``: 1 if its third axis points to the side that is lit, else -1. It is found
-once."""
+"""Of each surfel, ``(N,)``: 1 if its third axis points to the side that is lit, else -1. It is found once."""
 LEAST_COVER = 1e-3
-"""Least cover of a pixel, by surfels: with less its layers are no longer divided by it."""
+"""Of a pixel, by surfels: with less its layers are no longer divided by it."""
 SOFTEN = 0.02
 """Shares of the extent, see :func:`graycard.methods.shading.arriving`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """View of surfels."""
+    """What a camera sees of surfels."""
 
     camera: Camera
     drawn: Maps
@@ -72,7 +70,7 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """Ground: pixels of a view, in any arrangement ``(...)``; differentiable."""
+    """What light falls on: pixels of a view, in any arrangement ``(...)``; differentiable."""
 
     material: Material
     shadow: torch.Tensor
@@ -81,7 +79,7 @@ class Pixels:
     normal: torch.Tensor
     eye: torch.Tensor
     open: torch.Tensor
-    """See :class:`Ground`."""
+    """As in :class:`Ground`."""
     cover: torch.Tensor
     """Shape ``(...)``: share of the pixel that surfels cover."""
 
@@ -160,7 +158,7 @@ def _covered(features: torch.Tensor, drawn: Maps) -> torch.Tensor:
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Light that to pixels ``(...)`` of a view while lights stand still; no gradient."""
+    """What gets to pixels ``(...)`` of a view while lights stand still; no gradient."""
 
     shadows: torch.Tensor | None = None
     """Shape ``(..., K)``: share of each lamp's light that arrives along rays; None: all of it."""
@@ -171,7 +169,7 @@ class Reach:
     """Shape ``(K,)``, bool: the lamps that vectors know; None: all."""
 
     def at(self, window: Window) -> "Reach":
-        """Light on a part of the view."""
+        """What gets to a part of the view."""
         shadows, bounced = (None if x is None else window.of(x) for x in (self.shadows, self.bounced))
         return Reach(shadows, bounced, self.known)
 
@@ -201,13 +199,13 @@ class LitPicture:
     """Exposed radiance of pixels, each of shape ``(..., 3)``, or ``(..., K, 3)`` by lamp."""
 
     by_lamp: torch.Tensor
-    """Light that surfaces return of each lamp."""
+    """What surfaces return of each lamp."""
     by_sky: torch.Tensor
-    """Light that they return of the surroundings, and the surroundings where nothing is in front."""
+    """What they return of the surroundings, and the surroundings where nothing is in front."""
     by_way: torch.Tensor
-    """Light that they return, which that came by way of other surfaces, ``(..., B, 3)``."""
+    """What they return of light that came by way of other surfaces, ``(..., B, 3)``."""
     irradiance: torch.Tensor
-    """Irradiance of the lamps on surfaces that face them, blocked light left out."""
+    """Of the lamps on surfaces that face them, blocked light left out."""
 
     @property
     def given(self) -> torch.Tensor:
@@ -222,7 +220,7 @@ class LitPicture:
 
     @property
     def whole(self) -> torch.Tensor:
-        """Photographed picture."""
+        """What a photograph shows."""
         return self.by_lamp.sum(dim=-2) + self.by_sky + self.by_way.sum(dim=-2)
 
 

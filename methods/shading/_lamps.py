@@ -101,7 +101,7 @@ class Shining(Protocol):
 
 
 def arriving(lamps: Shining, points: torch.Tensor, soften: float = 0.0) -> Arrival:
-    """Light of lamps at points.
+    """What lamps send to points.
 
     Args:
         lamps: K of them, :class:`Lamps` or others.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Smoothness: what regularisers lower."""
+"""How uneven images are: what regularisers lower."""
 
 import torch
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weights of pixels: how much a pixel says about the scene without the lamp: the less, the more the lamp
-lights it.
-"""
+"""How much a pixel says about the scene without the lamp: the less, the more the lamp lights it."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -9,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from graycard.methods.sunfaded._settings import SunFadedSettings
 
 FAINT = 1 / 255
-"""Offset, a share of white; added before the logarithm and before the quotient, as in the released code."""
+"""Of white; added before the logarithm and before the quotient, as in the released code."""
 
 
 def unlit_weight(picture: np.ndarray, settings: SunFadedSettings) -> np.ndarray:

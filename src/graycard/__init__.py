@@ -26,6 +26,10 @@ from graycard._errors import RecordError as RecordError
 from graycard._errors import RenderError as RenderError
 from graycard._errors import UnknownNameError as UnknownNameError
 from graycard._errors import WeightsError as WeightsError
+from graycard._missing import MissingPackageError as MissingPackageError
+from graycard._missing import absent_packages as absent_packages
+from graycard._missing import install_command as install_command
+from graycard._missing import missing_package as missing_package
 from graycard._sensor import Sensor as Sensor
 from graycard._truth import SceneObject as SceneObject
 from graycard._truth import Truth as Truth

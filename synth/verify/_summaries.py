@@ -12,18 +12,17 @@ from graycard.synth.verify._check import Check
 from graycard.synth.verify._subject import Subject, TruePicture
 
 _NOISES = 3.0
-"""Bound of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian
-noise."""
+"""Of a point in a photograph: the median distance to where it projects to is below 1 in Gaussian noise."""
 
 _SHALLOW = 0.2
 """Share of points, beside the wrong matches, that may lie on no surface: rays meet at few degrees."""
 
 _NEAR = 0.2
-"""Tolerance of a distance: what a pixel of noise makes of a depth where rays meet at a few degrees."""
+"""Of a distance: what a pixel of noise makes of a depth where rays meet at a few degrees."""
 
 
 class Summary:
-    """Sums: what is added up over the views, one after another, so that one at a time is in memory."""
+    """What is added up over the views, one after another, so that one at a time is in memory."""
 
     def __init__(self, subject: Subject, settings: CaptureSettings) -> None:
         self._subject, self._settings = subject, settings
@@ -92,7 +91,7 @@ class Summary:
 
 
 def _on_surface(points: Points, picture: TruePicture, noise: float) -> np.ndarray:
-    """Return whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
+    """Whether each point lies near the surface that is seen around its pixel, ``(N,)``, bool."""
     near = np.zeros(len(points), bool)
     here = points.view == picture.number
     number = points.point[here]

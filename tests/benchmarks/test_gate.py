@@ -91,7 +91,7 @@ def test_a_baseline_of_another_suite_is_refused():
 
 def test_both_values_are_named():
     verdict = judge(make_run(20.0, 10.0), make_baseline(make_run()))
-    assert str(verdict.worse[0]) == "dark/s m psnr: expected 30 dB (tolerance 0.5), got 20"
+    assert str(verdict.worse[0]) == "dark/s m psnr: expected 30 dB (tolerance 0.5), got 20, -10 dB"
 
 
 def test_round_trip_and_bad_baselines(tmp_path: Path):

@@ -4,6 +4,7 @@
 import io
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -99,7 +100,11 @@ def test_a_verb_is_imported_alone():
     code = "import sys; from graycard.cli._table import VERBS; VERBS[-5].load(); print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     modules = {verb.module for verb in VERBS}
-    assert {m for m in modules if f"graycard.cli.{m}" in shown.split()} == {VERBS[-5].module} == {"_doctor"}
+    assert (
+        {m for m in modules if f"graycard.cli.{m}" in shown.split()}
+        == {VERBS[-5].module}
+        == {"machine._doctor"}
+    )
 
 
 @pytest.mark.parametrize("verb", VERBS, ids=NAMES)
@@ -173,12 +178,54 @@ def test_the_help_of_a_rendering_shows_the_settings_of_a_track_alone(capsys: Cap
     assert "--capture.bits" not in capsys.readouterr().out
 
 
+def test_the_readme_groups_the_verbs_as_the_help_does():
+    block = re.findall(r"```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    groups: dict[str, set[str]] = {}
+    for line in block.splitlines():
+        if line.startswith("# "):
+            groups[line.removeprefix("# ")] = found = set()
+        elif line:
+            found.add(line.split()[1])  # pyright: ignore[reportPossiblyUnboundVariable]
+    assert [*groups] == [*get_args(Group)]
+    assert groups == {group: {v.name for v in VERBS if v.group == group} for group in groups}
+
+
 def test_a_completion_knows_every_verb(capsys: Capture):
     with pytest.raises(SystemExit) as ended:
         main(["--tyro-print-completion", "bash"])
     assert not ended.value.code
     shown = capsys.readouterr().out
     assert all(name in shown for name in NAMES)
+
+
+COMPLETE = """
+source "$1"
+COMP_WORDS=({words}) COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
+"$(complete -p graycard | sed 's/.*-F \\([^ ]*\\).*/\\1/')" graycard "${{COMP_WORDS[$COMP_CWORD]}}" ""
+printf '%s\n' "${{COMPREPLY[@]}}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [("graycard gat", "gate"), ("graycard gate --basel", "--baseline"), ("graycard compl", "completion")],
+)
+def test_bash_completes_verbs_options_and_values(words: str, found: str, tmp_path: Path, capsys: Capture):
+    if shutil.which("bash") is None:
+        pytest.skip("no bash on this machine")
+    assert main(["completion", "bash"]) == 0
+    (tmp_path / "graycard.bash").write_text(capsys.readouterr().out)
+    command = ["bash", "-c", COMPLETE.format(words=words), "complete", str(tmp_path / "graycard.bash")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found in done.stdout.split(), done.stderr
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_each_shell_has_its_completion(shell: str, capsys: Capture):
+    assert main(["completion", shell]) == 0
+    shown = capsys.readouterr()
+    assert all(name in shown.out for name in NAMES)
+    assert shown.err == ""
 
 
 def test_what_a_method_says_of_its_progress_is_no_markup():

@@ -124,7 +124,7 @@ FREE = {
 """Fields that are no checked type, each with why."""
 _READ = re.compile(
     r"graycard\.(records|edits|lights|predictions|_sensor|_capture|_truth|io\._manifest|synth\._spec|"
-    r"benchmarks\.(_suites|_ranges|_gate))\b"
+    r"benchmarks\.(_suites|_ranges|gates\._(gate|history)))\b"
 )
 """Modules with records that are read from files."""
 _WORDS = re.compile(r"(^|_)(name|track|scene|view|family|image|folder|file|files|path|row|rows|suite)$")

@@ -22,7 +22,7 @@ FORMAT = {"format": "graycard-fit", "version": "1"}
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """Checkpoints: where a fit is saved, and how often.
+    """Where a fit is saved, and how often.
 
     Raises:
         ValueError: The interval is not positive.
@@ -34,11 +34,11 @@ class Checkpoint:
     identity: str
     """Says what the fit depends on: method, settings, seed, photographs. A state of another is refused."""
     shared: bool = False
-    """True if the path is a folder of fits, each in a file that its identity names: whoever has the same
-    goes on from it."""
+    """Whether the path is a folder of fits, each in a file that its identity names: whoever has the same goes
+    on from it."""
     anew: bool = False
-    """True if a file that is damaged or of another fit is written anew instead of refused; so is one that
-    is ``shared``."""
+    """Whether a file that is damaged or of another fit is written anew instead of refused; so is one that is
+    ``shared``."""
 
     def __post_init__(self) -> None:
         if self.every < 1:
@@ -46,13 +46,13 @@ class Checkpoint:
 
     @property
     def file(self) -> Path:
-        """File of the state."""
+        """Where the state is."""
         if not self.shared:
             return self.path
         return self.path / f"{hashlib.sha256(self.identity.encode()).hexdigest()[:20]}.safetensors"
 
     def beside(self, stage: str, looked_at: Iterable[torch.Tensor] = (), chosen: str = "") -> "Checkpoint":
-        """File where another stage of the same fit is saved: a file of its own, next to this one.
+        """Where another stage of the same fit is saved: a file of its own, next to this one.
 
         The stage is begun anew where the file is of another one: the first file has shown whose it is.
 
@@ -70,7 +70,7 @@ class Checkpoint:
 
 
 class Spent(NamedTuple):
-    """Cost of a fit up to some step."""
+    """What a fit took up to some step."""
 
     seconds: float = 0.0
     peak_mib: float = 0.0
@@ -113,14 +113,14 @@ def load_state(checkpoint: Checkpoint) -> FitState | None:
 
 
 class Saved(NamedTuple):
-    """Contents of a checkpoint."""
+    """What a checkpoint holds."""
 
     state: FitState
     spent: Spent
 
 
 def load_saved(checkpoint: Checkpoint) -> Saved | None:
-    """Return the same as :func:`load_state`, with what it took."""
+    """As :func:`load_state`, with what it took."""
     path = checkpoint.file
     if not path.exists():
         return None
@@ -172,7 +172,7 @@ _BROKEN = (OSError, SafetensorError, KeyError, TypeError, ValueError)
 
 
 def _facts(metadata: Mapping[str, str] | None) -> dict[str, Any]:
-    """Facts about the fit in the header.
+    """What the header says of the fit.
 
     Raises:
         ValueError: It is no header of a saved fit.

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Consistency: whether the normals of surfels are those of the surface that their depth draws (Huang et
-al. 2024).
-"""
+"""Whether the normals of surfels are those of the surface that their depth draws (Huang et al. 2024)."""
 
 from typing import Any, NamedTuple, cast
 
@@ -85,7 +83,7 @@ def _check(name: str, image: torch.Tensor, shape: tuple[int, ...], depth: torch.
 
 
 class Frame(NamedTuple):
-    """Places where pixels lie in the world, in the dtype of the images."""
+    """How pixels lie in the world, in the dtype of the images."""
 
     rays: np.ndarray
     """Shape ``(3, max(H, W))``: x by column, what a row adds to it, y by row."""
@@ -123,7 +121,7 @@ class _Normals(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, depth: torch.Tensor, frame: Frame) -> torch.Tensor:
-        """See :func:`depth_to_normals`."""
+        """As :func:`depth_to_normals`."""
         from graycard.methods.splat.ops._depth_normal_forward import (
             normals_forward,  # Numba takes long to import
         )
@@ -157,7 +155,7 @@ class _Mismatch(torch.autograd.Function):
     def forward(
         ctx: Any, depth: torch.Tensor, normal: torch.Tensor, alpha: torch.Tensor, frame: Frame
     ) -> torch.Tensor:
-        """See :func:`depth_normal_map`."""
+        """As :func:`depth_normal_map`."""
         values = _mismatch(_numbers(depth), _numbers(normal), _numbers(alpha), frame)
         ctx.save_for_backward(depth, normal, alpha)
         ctx.frame = frame
@@ -175,7 +173,7 @@ class _Mismatch(torch.autograd.Function):
 
 
 def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame) -> np.ndarray:
-    """See :func:`depth_normal_map`."""
+    """As :func:`depth_normal_map`."""
     if _by_lines(depth):
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_forward
 
@@ -194,7 +192,7 @@ def _mismatch(depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: F
 def _mismatch_gradients(
     depth: np.ndarray, normal: np.ndarray, alpha: np.ndarray, frame: Frame, upstream: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gradients of depth and normal."""
+    """Of depth and normal."""
     to_depth = np.empty_like(depth)
     if _by_lines(depth):
         from graycard.methods.splat.ops._depth_normal_kernels import mismatch_lines_backward
@@ -213,7 +211,7 @@ def _mismatch_gradients(
 
 
 def _by_lines(depth: np.ndarray) -> bool:
-    """Return whether the faster kernels can take it."""
+    """Whether the faster kernels can take it."""
     from graycard.methods.splat.ops._depth_normal_kernels import LEAST_WIDTH  # Numba takes long to import
 
     return depth.dtype == np.float32 and depth.shape[1] >= LEAST_WIDTH

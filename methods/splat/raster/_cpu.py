@@ -82,7 +82,7 @@ def _draw(
 
 
 class _View(NamedTuple):
-    """Arrays without gradients."""
+    """What no gradient passes."""
 
     camera: Camera
     shaped: bool

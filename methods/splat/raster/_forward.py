@@ -50,7 +50,7 @@ class Room(NamedTuple):
     staged: np.ndarray
     """Rows of a batch."""
     touching: np.ndarray
-    """Bit masks: which of them touch each column and each row of blocks, a word each."""
+    """Which of them touch each column and each row of blocks, a word each."""
     weights: np.ndarray
     """A vector for each surfel of a batch that is drawn on a block."""
     hits: np.ndarray
@@ -67,7 +67,7 @@ class Deep(NamedTuple):
     normals: np.ndarray
     """Float32, flat, three a surfel."""
     depths: np.ndarray
-    """See ``Room.weights``."""
+    """As ``Room.weights``."""
     sums: np.ndarray
     """``SHAPE_SUMS`` vectors a block."""
     medians: np.ndarray
@@ -78,15 +78,15 @@ class Batch(NamedTuple):
     """Surfels of a batch that are drawn on a block, and their weights."""
 
     found: int
-    """Number of them."""
+    """How many."""
     first: int
-    """Start of the batch in the list."""
+    """Where the batch begins in the list."""
     listed: np.ndarray
     """See ``TileLists.surfels``."""
     hits: np.ndarray
-    """See in ``Room``."""
+    """As in ``Room``."""
     weights: np.ndarray
-    """See there."""
+    """As there."""
 
 
 @njit(**UNWRAPPED)

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Intersections of rays with discs: sixteen rays and one disc, or one ray and sixteen discs, are the same
-arithmetic.
-"""
+"""Where rays meet discs: sixteen rays and one disc, or one ray and sixteen discs, are the same arithmetic."""
 
 from math import log2
 
@@ -64,7 +62,7 @@ def dot(a, b):
 
 @njit(**INLINED, **BORROWING)
 def meet(record, ray):
-    """Intersections of rays with the planes of discs.
+    """Where rays meet the planes of discs.
 
     The point is found from the disc's centre, with one rounding of the sum: what remains of distances that
     are large beside the disc is as exact as they are.

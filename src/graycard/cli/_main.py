@@ -4,6 +4,7 @@
 import errno
 import io
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -13,10 +14,11 @@ from contextlib import contextmanager
 from importlib.metadata import version
 
 from graycard._errors import GraycardError, MethodError
+from graycard._missing import missing_package
 from graycard.cli._overview import overview
-from graycard.cli._table import HELP, find_verb
+from graycard.cli._table import HELP, VERBS, find_verb
 from graycard.cli._terminal import OK, Terminal
-from graycard.io import is_text, keep_freed_memory
+from graycard.io import is_text, keep_freed_memory, printable
 
 ERROR = 2
 CUT_OFF = 141
@@ -48,6 +50,11 @@ def main(args: Sequence[str] | None = None) -> int:
             terminal.err.print("".join(traceback.format_exception(error.__cause__)))  # for whoever writes it
         terminal.err.print(f"graycard: {error}")
         return ERROR
+    except ModuleNotFoundError as error:
+        if (missing := missing_package(error)) is None:
+            raise
+        terminal.err.print(f"graycard: {missing}")
+        return ERROR
     except BrokenPipeError:  # whoever reads has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return CUT_OFF
@@ -61,8 +68,17 @@ def main(args: Sequence[str] | None = None) -> int:
         )
         return ERROR
     except KeyboardInterrupt as stopped:
-        terminal.err.print("graycard: stopped; the same command goes on where it stopped")
+        terminal.err.print(f"graycard: stopped; {_way_on(sys.argv[1:] if args is None else args)}")
         return 128 + (signal.SIGTERM if isinstance(stopped, _Ended) else signal.SIGINT)
+
+
+def _way_on(args: Sequence[str]) -> str:
+    """Return how to go on with a command that was stopped."""
+    verb = next((verb for verb in VERBS if args and verb.name == args[0]), None)
+    command = printable(shlex.join(["graycard", *args]))
+    if verb is not None and verb.resumes:
+        return f"the same command goes on where it stopped:\n  {command}"
+    return f"to begin again:\n  {command}"
 
 
 _TOO_MANY = "Allow more open files, as by `ulimit -n 1024`"

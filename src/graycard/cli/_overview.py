@@ -11,7 +11,7 @@ EXIT_CODES = {
     1: "a job, a score, a check or the gate failed",
     2: "something for you to mend, and the message says what;\n"
     "gate: scores are missing; check-result: evidence is missing",
-    130: "stopped by Ctrl-C; the same command goes on where it stopped",
+    130: "stopped by Ctrl-C; the last line says how to go on",
     141: "nobody read the output to its end, as with `| head`",
     143: "told to end (SIGTERM); what was begun is cleared away",
 }

@@ -40,6 +40,8 @@ class MethodsCommand:
             table.add_row(row.name, row.origin, row.summary or f"cannot be loaded: {row.reason}")
         terminal.out.print(table)
         write_optional_json(self.json, found)
+        for mend in dict.fromkeys(row.mend for row in found if row.mend):
+            terminal.advise(f"run {mend}")
         broken = sum(row.summary is None for row in found)
         terminal.out.print(f"methods: {len(found) - broken} work, {broken} cannot be loaded")
         return OK

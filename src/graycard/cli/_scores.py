@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs that score predictions, and hold a run's scores against expected ones."""
+"""The verb that scores predictions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from graycard.cli._options import Json
 from graycard.cli._terminal import FAILED, OK, Terminal, new_table, write_optional_json
 from graycard.cli._warnings import Warned, warned
 from graycard.cli.adoption._captures import score_captured
-from graycard.records import Score, ScoreSheet, read_run
+from graycard.records import Score, ScoreSheet
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class ScoreCommand:
     """
 
     predictions: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PREDICTIONS")]
-    """The folder: docs/reference/formats.md says what is in it."""
+    """The folder: docs/formats.md says what is in it."""
     scene: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="SCENE")]
     """DATASET/<track>/<scene>."""
     protocol: Annotated[str, tyro.conf.arg(metavar="NAME")] = "graycard"
@@ -86,7 +86,7 @@ def _conclude(sheet: ScoreSheet, terminal: Terminal) -> int:
         terminal.err.print(f"failed: {reason}")
     scored = sum(score.status == "scored" for score in scores)
     if not scored and not failed:
-        terminal.err.print("nothing was scored: docs/reference/formats.md lists the layers that are")
+        terminal.err.print("nothing was scored: docs/formats.md lists the layers that are")
     terminal.out.print(
         f"score: {sheet.method} on {sheet.track}/{sheet.scene}: {scored} scored, {len(failed)} failed, "
         f"{len(scores) - scored - len(failed)} not provided"
@@ -181,38 +181,3 @@ def _by_protocols(sheet: ScoreSheet) -> Iterator[Score]:
     own = (score for score in sheet.scores if score.unit == "dB")
     yield from (score for score in own if find_metric(score.metric).layer == "base_color")
     yield from sheet.protocols
-
-
-@dataclass(frozen=True)
-class GateCommand:
-    """Fail if a run is worse than a baseline (1), or measured less than it expects (2)."""
-
-    run_folder: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """The run folder."""
-    baseline: Annotated[Path, tyro.conf.arg(metavar="FILE")]
-    """The expected scores with their tolerances."""
-    write: bool = False
-    """Write the baseline from the run instead of comparing."""
-    json: Json = None
-    """Also write the verdict to this file."""
-
-    def run(self, terminal: Terminal, rest: list[str]) -> int:
-        """Compare."""
-        from graycard.benchmarks import judge, make_baseline, read_baseline, write_baseline
-
-        if self.write:
-            made = make_baseline(read_run(self.run_folder))
-            write_baseline(self.baseline, made)
-            terminal.out.print(f"gate: wrote {len(made.scores)} expected scores to {self.baseline}")
-            return OK
-        verdict = judge(read_run(self.run_folder), read_baseline(self.baseline))
-        for label in ("worse", "missing", "better"):
-            for change in getattr(verdict, label):
-                terminal.out.print(f"{label}: {change}")
-        write_optional_json(self.json, verdict)
-        says = {0: "passed", 1: "failed: accuracy dropped", 2: "failed: scores are missing"}
-        terminal.out.print(
-            f"gate: {says[verdict.exit_code]} ({verdict.compared} compared, {len(verdict.worse)} worse, "
-            f"{len(verdict.missing)} missing, {len(verdict.better)} better)"
-        )
-        return verdict.exit_code

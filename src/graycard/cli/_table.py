@@ -34,6 +34,8 @@ class Verb:
     """One line for ``graycard --help``, at most 64 characters."""
     example: str
     """A whole command that works once the commands before it in README.md have run."""
+    resumes: bool = False
+    """True if the same command goes on where it was stopped."""
 
     def load(self) -> type[Any]:
         """Import the command of this verb."""
@@ -48,6 +50,7 @@ VERBS = (
         command="RenderCommand",
         help="Render the scenes of a suite, or one scene of a track",
         example="graycard render dark --seed 1234 --out data",
+        resumes=True,
     ),
     Verb(
         name="verify",
@@ -104,11 +107,12 @@ VERBS = (
         command="BenchCommand",
         help="Run a suite from scenes to report; continue a run cut off",
         example="graycard bench demo --out runs/demo",
+        resumes=True,
     ),
     Verb(
         name="gate",
         group="runs",
-        module="_scores",
+        module="gates._gate",
         command="GateCommand",
         help="Fail if a run is worse than a baseline",
         example="graycard gate runs/demo --baseline base.json",
@@ -228,15 +232,23 @@ VERBS = (
     Verb(
         name="weights",
         group="this machine",
-        module="_weights",
+        module="machine._weights",
         command="WeightsCommand",
         help="Fetch weights of networks that LPIPS, FID and KID need",
         example="graycard weights lpips",
     ),
     Verb(
+        name="completion",
+        group="this machine",
+        module="machine._completion",
+        command="CompletionCommand",
+        help="Print what lets a shell complete verbs and options",
+        example="graycard completion bash",
+    ),
+    Verb(
         name="doctor",
         group="this machine",
-        module="_doctor",
+        module="machine._doctor",
         command="DoctorCommand",
         help="Show the renderer, GPU, weights and disk, and what to mend",
         example="graycard doctor",
@@ -264,6 +276,7 @@ VERBS = (
         command="TrainPriorCommand",
         help="Train graycard's own network for geometry and material",
         example="graycard train-prior --out runs/prior --minutes 9",
+        resumes=True,
     ),
     Verb(
         name="prior-errors",

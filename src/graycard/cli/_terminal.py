@@ -11,11 +11,12 @@ from textwrap import fill
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from graycard.cli._log import logged
 from graycard.io import Progress, printable, write_json
 
 OK, FAILED = 0, 1
@@ -67,15 +68,33 @@ class Terminal:
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
-        """Show a progress bar for the length of a block."""
-        columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn()
-        with ProgressBar(*columns, console=self.err, transient=True, disable=not self.err.is_terminal) as bar:
-            task = bar.add_task("", total=1.0)
+        """Show what is done, how far and how long, by a bar or by lines of a log, while a block runs."""
+        if self.err.is_terminal:
+            with _bar(self.err) as report:
+                yield report
+        else:
+            with logged(self.err) as report:
+                yield report
 
-            def report(done: float, doing: str, /) -> None:
-                bar.update(task, completed=done, description=printable(doing))
 
-            yield report
+@contextmanager
+def _bar(console: Console) -> Iterator[Progress]:
+    """Show a bar for the length of a block: what, how far, since when and for how long still."""
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left", style="dim"),
+        TimeRemainingColumn(),
+    )
+    with ProgressBar(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("starting", total=1.0)
+
+        def report(done: float, doing: str, /) -> None:
+            bar.update(task, completed=done, description=printable(doing))
+
+        yield report
 
 
 def new_table(*heads: str) -> Table:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Progress of work, reported through a callback."""
+"""How long work says how far it is, without knowing who listens."""
 
 from typing import Protocol, runtime_checkable
 

@@ -43,19 +43,19 @@ class Part:
     mentions: frozenset[str] = frozenset()
     """Strings that may name a module, as in a table of plug-ins."""
     loads: bool = False
-    """True if it imports modules whose names are not written in it."""
+    """Whether it imports modules whose names are not written in it."""
     reads: bool = False
-    """True if it looks for files beside it."""
+    """Whether it looks for files beside it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Facts about one file."""
+    """What there is to know of one file."""
 
     whole: Part
     own: Part
-    """Source of a door, without its docstring and the imports of its top level: empty where it only
-    re-exports. Of any other module, the whole."""
+    """Of a door, without its docstring and the imports of its top level: empty where it only re-exports. Of
+    any other module, the whole."""
     bound: Mapping[str, tuple[Import, ...]]
     """Imports by the name that they bind."""
 

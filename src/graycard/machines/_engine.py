@@ -14,7 +14,7 @@ from graycard import Progress
 from graycard.machines._hand import Errand, Placed, do_errand
 from graycard.machines._origin import origin
 from graycard.machines._spec import ClusterSpec, MachineError
-from graycard.processes import USUAL, Limits, Outcome
+from graycard.processes import USUAL, Ended, Limits, Outcome
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -250,7 +250,8 @@ class _Course:
         if outcome.fatal:
             raise MachineError(outcome.reason)
         self.outcomes[number] = outcome
-        self.progress(len(self.outcomes) / len(self.jobs), f"{len(self.outcomes)} of {len(self.jobs)}")
+        words = f"{len(self.outcomes)} of {len(self.jobs)}: {getattr(self.jobs[number], 'words', '')}"
+        self.progress(len(self.outcomes) / len(self.jobs), Ended(words + " failed" * bool(outcome.reason)))
 
     def _note_error(self, number: int, future: "Future") -> None:
         from distributed import KilledWorker

@@ -4,6 +4,34 @@
 from dataclasses import dataclass
 from typing import Any
 
+from graycard import Progress
+
+
+class Ended(str):
+    """Words of a progress that say what has just ended: where there is no terminal, they get a line."""
+
+    __slots__ = ()
+
+    def after(self, words: str) -> "Ended":
+        """Return the same behind other words."""
+        return Ended(f"{words} {self}")
+
+
+def part_of(progress: Progress, number: int, of: int, doing: str) -> Progress:
+    """Return the progress of one of several equal parts, in words that begin with what it is.
+
+    Args:
+        progress: That of the whole.
+        number: Of the part, from 0.
+        of: Number of parts.
+        doing: What the part is, as in ``fitting``.
+    """
+
+    def report(done: float, what: str, /) -> None:
+        progress((number + done) / of, what.after(doing) if isinstance(what, Ended) else f"{doing} {what}")
+
+    return report
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:

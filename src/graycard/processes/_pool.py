@@ -23,7 +23,7 @@ from graycard.io import output_error, printable
 from graycard.processes._confined import words_of_end
 from graycard.processes._family import end_family, end_orphans, marked, temporary_folder
 from graycard.processes._interrupts import uninterrupted
-from graycard.processes._outcome import Outcome
+from graycard.processes._outcome import Ended, Outcome
 from graycard.processes._worker import Step, serve
 
 J = TypeVar("J")
@@ -72,6 +72,10 @@ class _Worker:
     job: int | None = None
     """Number of the job that it is at."""
     deadline: float | None = None
+    started: float = 0.0
+    """Time at which it was given its job."""
+    done: float = 0.0
+    """Share of its job that is done, as the job says."""
     silent: bool = False
     """True once its output has ended."""
 
@@ -83,7 +87,8 @@ class _Worker:
     def give(self, number: int, job: Any, timeout_s: float | None) -> None:
         """Give it a job."""
         self.job, self.tasks = number, self.tasks + 1
-        self.deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        self.started, self.done = time.monotonic(), 0.0
+        self.deadline = None if timeout_s is None else self.started + timeout_s
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):  # its death is met below
             self.pipe.send((job,))
 
@@ -188,7 +193,8 @@ class _Pool:
         """Take a message of a worker, or note its death."""
         message = worker.heard()
         if isinstance(message, Step):
-            self.progress((len(self.outcomes) + message.done) / len(self.jobs), message.doing)
+            worker.done = message.done
+            self.tell(f"{self.counted}: {message.doing}" if self.counted else message.doing)
         elif message is None:
             _await_end(worker.process)
             self._close(worker, Outcome(reason=words_of_end(worker.process.exitcode)))
@@ -210,8 +216,30 @@ class _Pool:
         if outcome.fatal:
             raise OutputError(outcome.reason)
         self.outcomes[worker.job] = outcome
+        told = words_of_job(self.jobs[worker.job], outcome, time.monotonic() - worker.started)
         worker.job = worker.deadline = None
-        self.progress(len(self.outcomes) / len(self.jobs), f"{len(self.outcomes)} of {len(self.jobs)}")
+        if self.counted:
+            self.tell(Ended(f"{self.counted}{told}"))
+
+    @property
+    def counted(self) -> str:
+        """Return how many jobs have ended, as in ``3 of 12``; empty for a single one without a name."""
+        if len(self.jobs) == 1 and not hasattr(self.jobs[0], "words"):
+            return ""
+        return f"{len(self.outcomes)} of {len(self.jobs)}"
+
+    def tell(self, doing: str) -> None:
+        """Report the share of all jobs that is done."""
+        begun = sum(min(max(w.done, 0.0), 1.0) for w in self.workers if w.job is not None)
+        self.progress((len(self.outcomes) + begun) / len(self.jobs), doing)
+
+
+def words_of_job(job: object, outcome: Outcome, seconds: float) -> str:
+    """Return how a job ended, to follow a count; the job may say what it is by ``words``."""
+    named = getattr(job, "words", "")
+    if outcome.reason:
+        return f": {named} failed" if named else ", the last one failed"
+    return f": {named}, {seconds:.1f} s" if named else ""
 
 
 def run_all(
@@ -251,7 +279,9 @@ def run_all(
     todo = deque(number for number in range(len(jobs)) if number not in outcomes)
     end_orphans()
     if todo:
-        _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines).run(at_a_time)
+        pool = _Pool(work, jobs, todo, outcomes, progress, limits, tasks_each, confines)
+        pool.tell(pool.counted or "starting")
+        pool.run(at_a_time)
     return [outcomes[number] for number in range(len(jobs))]
 
 

@@ -9,11 +9,10 @@ import numpy as np
 from graycard.synth._mesh import Mesh, box, lathe, turn_about_z
 
 HEIGHT = 0.75
-"""Height of the highest point of each surface, metres."""
+"""Of the highest point of each surface, metres."""
 
 _SOLE = 0.004
-"""Tolerance: what lies no higher above an object's lowest point belongs to the sole that it stands on,
-metres."""
+"""What lies no higher above an object's lowest point belongs to the sole that it stands on, metres."""
 
 
 class Surface(Protocol):
@@ -24,7 +23,7 @@ class Surface(Protocol):
         ...
 
     def foot(self) -> Mesh:
-        """Support of the board."""
+        """What carries the board."""
         ...
 
     def stand(self, shape: Mesh, x: float, y: float, turn: float) -> Mesh:

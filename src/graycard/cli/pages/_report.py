@@ -43,6 +43,8 @@ class ReportCommand:
     The exit code is 0 whatever the run says: `graycard gate` fails."""
     baseline: Annotated[Path | None, optional("FILE")] = None
     """With --summary: also hold the scores against these, as `graycard gate` does."""
+    tolerance: Annotated[float, tyro.conf.arg(metavar="FACTOR")] = 1.0
+    """With --baseline: multiply all tolerances."""
 
     def run(self, terminal: Terminal, rest: list[str]) -> int:
         """Write the report; claims that are not of this run are told, and warned of."""
@@ -94,7 +96,7 @@ class ReportCommand:
             )
         record = read_run(self.run_folder)
         comparison = compare_run(record, Question(headline_ids(record)))
-        gate = None if self.baseline is None else gate_summary(record, self.baseline)
+        gate = None if self.baseline is None else gate_summary(record, self.baseline, self.tolerance)
         summary = summarise(self.run_folder, record, comparison, gate)
         for warning in summary.warnings:
             terminal.err.print(warning)
@@ -107,8 +109,8 @@ class ReportCommand:
         return OK
 
 
-def gate_summary(record: RunRecord, baseline: Path) -> GateSummary:
-    """Return the scores of a run against a baseline.
+def gate_summary(record: RunRecord, baseline: Path, tolerance: float = 1.0) -> GateSummary:
+    """Return the scores of a run against a baseline, all tolerances times a factor.
 
     Raises:
         RecordError: The baseline is missing, damaged, or of another suite.
@@ -116,7 +118,7 @@ def gate_summary(record: RunRecord, baseline: Path) -> GateSummary:
     from graycard.benchmarks import judge, read_baseline
     from graycard.reports import GateCheck, GateStatus, GateSummary
 
-    verdict = judge(record, read_baseline(baseline))
+    verdict = judge(record, read_baseline(baseline), slack=tolerance)
     groups: dict[GateStatus, tuple[Change, ...]] = {
         "worse": verdict.worse, "missing": verdict.missing, "better": verdict.better, "kept": verdict.kept
     }  # fmt: skip

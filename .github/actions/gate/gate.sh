@@ -1,0 +1,118 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Gate a method in continuous integration: the steps of action.yml, for any other service as well.
+#
+#   gate.sh key        print key=NAME: what a cache of GATE_CACHE and ~/.cache/graycard is good for
+#   gate.sh install    make an environment with graycard, if the cache has none, and install your code into it
+#   gate.sh bench      render the scenes that the cache lacks, fit the methods and score them
+#   gate.sh gate       compare with the baseline of the branch; 1: worse, 2: scores are missing
+#
+# Variables (docs/how-to/gate-your-ci.md):
+#   GATE_METHOD, GATE_PREDICTIONS, GATE_SUITE, GATE_TRACKS, GATE_BASELINE, GATE_BRANCH, GATE_TOLERANCE, GATE_INSTALL,
+#   GATE_TORCH_INDEX, GATE_HISTORY, and GATE_CACHE (~/.cache/graycard-gate), GATE_RUN (graycard-gate).
+set -euo pipefail
+
+home=$(cd "$(dirname "${BASH_SOURCE[0]}")/../../.." && pwd) # graycard's own files
+cache=${GATE_CACHE:-$HOME/.cache/graycard-gate}
+run=${GATE_RUN:-graycard-gate}
+suite=${GATE_SUITE:-ci}
+python=${PYTHON:-python3}
+
+# A cache is good for one state of graycard, one Python and one suite.
+key() {
+  local files=(src benchmarks eval methods reports synth pyproject.toml constraints.txt)
+  [ -f "$suite" ] && local own=("$PWD/$suite") || local own=()
+  local digest
+  digest=$(cd "$home" && find -L "${files[@]}" "${own[@]}" -type f \( -name '*.py' -o -name '*.toml' -o -name '*.txt' \) -print0 |
+    LC_ALL=C sort -z | xargs -0 sha256sum | sha256sum | cut -c1-16)
+  echo "key=graycard-$(uname -s)-$(uname -m)-$("$python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')-$(basename "$suite" .toml)-$digest"
+}
+
+install() {
+  local env=$cache/env state
+  state=$(key)
+  if [ "$(cat "$env/whole" 2>/dev/null)" != "$state" ]; then
+    rm -rf "$env"
+    "$python" -m venv "$env"
+    local pip=("$env/bin/pip" install --quiet --disable-pip-version-check --constraint "$home/constraints.txt")
+    "${pip[@]}" torch ${GATE_TORCH_INDEX:+--index-url "$GATE_TORCH_INDEX"}
+    # From a copy: building in place would leave files in a checkout that others use.
+    local copy
+    copy=$(mktemp -d)
+    cp -R "$home"/{LICENSE,README.md,pyproject.toml,src,benchmarks,eval,methods,reports,synth} "$copy"
+    "${pip[@]}" "$copy"
+    rm -rf "$copy"
+    echo "$state" >"$env/whole"
+  fi
+  # shellcheck disable=SC2086 # several arguments are meant
+  [ -z "${GATE_INSTALL:-}" ] || "$env/bin/pip" install --quiet --disable-pip-version-check $GATE_INSTALL
+  "$env/bin/graycard" --version
+}
+
+bench() {
+  local options=(--dataset "$cache/scenes" --out "$run")
+  # shellcheck disable=SC2206 # several words are meant
+  [ -z "${GATE_METHOD:-}" ] || options+=(--methods $GATE_METHOD)
+  # shellcheck disable=SC2206
+  [ -z "${GATE_PREDICTIONS:-}" ] || options+=(--predictions $GATE_PREDICTIONS)
+  # shellcheck disable=SC2206
+  [ -z "${GATE_TRACKS:-}" ] || options+=(--tracks $GATE_TRACKS)
+  "$cache/env/bin/graycard" bench "$suite" "${options[@]}"
+}
+
+# The baseline is that of the branch, not of the change: who makes it worse cannot lower the bar in one go.
+gate() {
+  local graycard=$cache/env/bin/graycard baseline=${GATE_BASELINE:-graycard-baseline.json} branch=${GATE_BRANCH:-main}
+  local expected=$run/expected.json summary=${GITHUB_STEP_SUMMARY:-$run/summary.md}
+  [ -z "${GITHUB_OUTPUT:-}" ] || echo "run=$run" >>"$GITHUB_OUTPUT"
+  "$graycard" gate "$run" --baseline "$run/baseline.json" --write
+  rm -f "$expected"
+  if git fetch --quiet --depth=1 origin "$branch" && git show "FETCH_HEAD:$baseline" >"$expected.partial" 2>/dev/null; then
+    mv "$expected.partial" "$expected"
+  else
+    rm -f "$expected.partial"
+    echo "::notice title=graycard gate::no $baseline on $branch yet: commit baseline.json of this run under that name"
+    printf '### graycard gate: nothing to compare with\n\nThere is no `%s` on `%s` yet. Commit `baseline.json` of this run under that name.\n' \
+      "$baseline" "$branch" >>"$summary"
+    return 0
+  fi
+  local options=(--baseline "$expected" --tolerance "${GATE_TOLERANCE:-1}")
+  "$graycard" report "$run" --summary md "${options[@]}" >>"$summary"
+  "$graycard" report "$run" --summary junit "${options[@]}" --out "$run/gate.xml"
+  options+=(--json "$run/gate.json")
+  [ -z "${GITHUB_ACTIONS:-}" ] || options+=(--annotate)
+  local code=0
+  if [ -n "${GATE_HISTORY:-}" ] && [ "${GITHUB_REF_NAME:-$branch}" = "$branch" ]; then
+    with_history "$graycard" "${options[@]}" || code=$?
+  else
+    "$graycard" gate "$run" "${options[@]}" || code=$?
+  fi
+  return "$code"
+}
+
+# Add the commit to the history, on a branch of its own that shares nothing with your code.
+with_history() {
+  local graycard=$1 place=$run/history code=0
+  shift
+  rm -rf "$place"
+  if ! git clone --quiet --depth=1 --single-branch --branch "$GATE_HISTORY" "$(git remote get-url origin)" "$place" 2>/dev/null; then
+    git init --quiet --initial-branch "$GATE_HISTORY" "$place"
+    git -C "$place" remote add origin "$(git remote get-url origin)"
+  fi
+  "$graycard" gate "$run" "$@" --history "$place" --commit "$(git rev-parse HEAD)" || code=$?
+  git -C "$place" add gate-history.json README.md
+  # actions/checkout keeps its token in the configuration of the checkout
+  local header
+  header=$(git config --get http.https://github.com/.extraheader || true)
+  git -C "$place" -c user.name=graycard -c user.email=graycard@localhost commit --quiet -m "Record $(git rev-parse --short HEAD)" || true
+  git -C "$place" ${header:+-c "http.https://github.com/.extraheader=$header"} push --quiet origin "$GATE_HISTORY"
+  return "$code"
+}
+
+case ${1:-} in
+  key | install | bench | gate) "$1" ;;
+  *)
+    sed -n '3,14s/^# \{0,1\}//p' "${BASH_SOURCE[0]}" >&2
+    exit 2
+    ;;
+esac

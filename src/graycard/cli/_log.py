@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Progress where there is no terminal: a line for each job that ends, and one now and then between."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from rich.console import Console
+
+from graycard.io import Progress, printable
+from graycard.processes import Ended
+
+FIRST_S = 1.0
+"""Time after which work is worth a first line: what is quicker says nothing."""
+EACH_S = 30.0
+"""Longest time without a line."""
+
+
+@dataclass(eq=False)
+class _Log:
+    """The lines of one piece of work."""
+
+    console: Console
+    each_s: float
+    started: float = field(default_factory=time.monotonic)
+    due: float = 0.0
+    done: float = 0.0
+    doing: str = "starting"
+    ended: threading.Event = field(default_factory=threading.Event)
+    lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def report(self, done: float, doing: str, /) -> None:
+        """Note how far the work is; say it if something has ended, or if nothing was said for long."""
+        with self.lock:
+            self.done, self.doing = done, doing
+            if isinstance(doing, Ended) or time.monotonic() >= self.due:
+                self.say()
+
+    def say(self) -> None:
+        """Write a line."""
+        now = time.monotonic()
+        self.due = now + self.each_s
+        times = _clock(now - self.started)
+        if 0.02 <= self.done < 1:
+            times += f", about {_clock((now - self.started) * (1 / self.done - 1))} left"
+        share = f"{min(max(self.done, 0.0), 1.0):.0%}" if math.isfinite(self.done) else "?"
+        self.console.print(f"[{share}, {times}] {printable(self.doing)}")
+
+    def watch(self) -> None:
+        """Write a line whenever the work has said nothing for long."""
+        while not self.ended.wait(max(0.05, self.due - time.monotonic())):
+            with self.lock:
+                if time.monotonic() >= self.due and not self.ended.is_set():
+                    self.say()
+
+
+@contextmanager
+def logged(console: Console, first_s: float = FIRST_S, each_s: float = EACH_S) -> Iterator[Progress]:
+    """Write lines on how work goes for the length of a block.
+
+    Args:
+        console: Where to.
+        first_s: Time after which work is worth a line.
+        each_s: Longest time without a line.
+    """
+    log = _Log(console, each_s)
+    log.due = log.started + first_s
+    watch = threading.Thread(target=log.watch, daemon=True)
+    watch.start()
+    try:
+        yield log.report
+    finally:
+        log.ended.set()
+        watch.join()
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Progress says what, how far and how long, with and without a terminal."""
+
+import io
+import re
+import threading
+from dataclasses import dataclass
+
+import pytest
+from rich.console import Console
+
+from graycard.cli._log import _clock, logged
+from graycard.cli._terminal import Terminal
+from graycard.processes import Ended, Outcome, part_of, run_all
+from graycard.processes._pool import words_of_job
+
+
+def console() -> tuple[Console, io.StringIO]:
+    shown = io.StringIO()
+    return Console(file=shown, width=1000), shown
+
+
+def test_each_end_has_a_line_where_there_is_no_terminal():
+    err, shown = console()
+    with logged(err, first_s=1e6, each_s=1e6) as report:
+        report(0.1, "fitting")
+        report(0.25, Ended("1 of 4: dark/a gray, 1.0 s"))
+        report(0.3, "fitting more")
+        report(1.0, Ended("4 of 4"))
+    first, last = shown.getvalue().splitlines()
+    assert re.fullmatch(r"\[25%, 0:0\d, about 0:0\d left\] 1 of 4: dark/a gray, 1.0 s", first)
+    assert re.fullmatch(r"\[100%, 0:0\d\] 4 of 4", last)
+
+
+def test_quick_work_says_nothing():
+    err, shown = console()
+    with logged(err) as report:
+        report(0.5, "checking")
+    assert shown.getvalue() == ""
+
+
+def test_work_that_says_nothing_is_said_to_go_on():
+    err, shown = console()
+    with logged(err, first_s=0.0, each_s=0.02) as report:
+        report(0.5, "fitting 400 surfels")
+        threading.Event().wait(0.5)
+    lines = shown.getvalue().splitlines()
+    assert len(lines) >= 2
+    assert {line.partition("] ")[2] for line in lines} <= {"starting", "fitting 400 surfels"}
+
+
+def test_control_characters_and_numbers_that_are_none_hurt_nothing():
+    err, shown = console()
+    with logged(err, first_s=1e6, each_s=1e6) as report:
+        report(float("nan"), Ended("\x1b[31mred"))
+    assert shown.getvalue() == "[?, 0:00] \\x1b[31mred\n"
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(0.4, "0:00"), (64.0, "1:04"), (3725.0, "1:02:05")])
+def test_times_are_said_as_a_clock_does(seconds: float, told: str):
+    assert _clock(seconds) == told
+
+
+def test_a_terminal_shows_share_and_time_from_the_start():
+    shown = io.StringIO()
+    terminal = Terminal(err=Console(file=shown, force_terminal=True, width=100))
+    with terminal.progress() as report:
+        report(0.5, "fitting 1 of 2")
+    assert re.search(r"starting.* 0%.*0:00:00", shown.getvalue())
+    assert re.search(r"fitting 1 of 2.* 50%", shown.getvalue())
+
+
+def test_a_part_keeps_what_is_an_end():
+    told: list[tuple[float, str]] = []
+    report = part_of(lambda done, doing: told.append((done, doing)), 1, 4, "fitting")
+    report(0.5, "surfels")
+    report(1.0, Ended("3 of 3"))
+    assert told == [(0.375, "fitting surfels"), (0.5, "fitting 3 of 3")]
+    assert [isinstance(doing, Ended) for _, doing in told] == [False, True]
+
+
+@dataclass(frozen=True)
+class Named:
+    """A job that says what it is."""
+
+    words: str
+
+
+def ends(job: Named) -> Outcome:
+    """Fail where the job is called so."""
+    return Outcome(reason="as asked") if job.words == "bad" else Outcome()
+
+
+def test_jobs_are_named_as_they_end():
+    told: list[tuple[float, str]] = []
+    run_all(ends, [Named("good"), Named("bad")], 1, lambda done, doing: told.append((done, doing)))
+    assert told[0] == (0.0, "0 of 2")
+    assert re.fullmatch(r"1 of 2: good, \d+\.\d s", told[1][1])
+    assert told[2] == (1.0, "2 of 2: bad failed")
+    assert [isinstance(doing, Ended) for _, doing in told] == [False, True, True]
+
+
+def test_a_job_without_a_name_is_counted():
+    assert words_of_job(object(), Outcome(), 1.0) == ""
+    assert words_of_job(object(), Outcome(reason="x"), 1.0) == ", the last one failed"
